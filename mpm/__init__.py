@@ -1,0 +1,39 @@
+"""The field: grains as a continuum, by the material point method. Knows no robot, no file, no learning."""
+
+from mpm.backend import init
+from mpm.body import Body
+from mpm.collider import Collider
+from mpm.errors import BackendError, InvalidValue, MpmError, SimulationDiverged, TimeStepTooLarge, UnknownName
+from mpm.features import Features
+from mpm.grid import Grid
+from mpm.materials import DruckerPrager, Elastic
+from mpm.motion import Pose, Twist, Wrench
+from mpm.sampling import sample_box, sample_cylinder, sample_mesh
+from mpm.sdf import Sdf
+from mpm.solver import Solver
+from mpm.walls import Walls
+
+__all__ = [
+    "BackendError",
+    "Body",
+    "Collider",
+    "DruckerPrager",
+    "Elastic",
+    "Features",
+    "Grid",
+    "InvalidValue",
+    "MpmError",
+    "Pose",
+    "Sdf",
+    "SimulationDiverged",
+    "Solver",
+    "TimeStepTooLarge",
+    "Twist",
+    "UnknownName",
+    "Walls",
+    "Wrench",
+    "init",
+    "sample_box",
+    "sample_cylinder",
+    "sample_mesh",
+]

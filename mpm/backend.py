@@ -1,0 +1,87 @@
+"""The one place where taichi is imported and started, so that a maintained fork can take its place."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from typing import NamedTuple
+
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+import taichi as ti  # noqa: E402  (the variable above must be set before)
+
+from mpm.errors import BackendError, UnknownName  # noqa: E402
+
+__all__ = ["ti", "init", "default_precision", "real_type", "session_precision", "PRECISIONS"]
+
+ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
+PRECISIONS = ("f32", "f64")
+
+
+class Session(NamedTuple):
+    """What the process was started with."""
+
+    arch: str
+    precision: str
+    threads: int
+    fast_math: bool
+
+
+_session: Session | None = None
+
+
+def init(
+    *, arch: str = "cpu", precision: str = "f32", threads: int = 1, fast_math: bool = True
+) -> None:
+    """Start the field's backend; the only `ti.init` of the process.
+
+    A second identical call does nothing, a different one raises BackendError: it would invalidate every field
+    that exists. `fast_math=False` keeps IEEE order, for tests that compare bits.
+    """
+    global _session
+    if arch not in ARCHITECTURES:
+        raise UnknownName("arch", arch, ARCHITECTURES)
+    if precision not in PRECISIONS:
+        raise UnknownName("precision", precision, PRECISIONS)
+    wanted = Session(arch, precision, int(threads), bool(fast_math))
+    if _session is not None:
+        if wanted != _session:
+            raise BackendError(f"mpm.init was called with {_session}; a process has one backend, not also {wanted}")
+        return
+    ti.init(
+        arch=ARCHITECTURES[arch],
+        cpu_max_num_threads=wanted.threads,
+        default_fp=real_type(precision),
+        fast_math=wanted.fast_math,
+        log_level=ti.ERROR,
+        offline_cache=True,
+        random_seed=0,
+    )
+    _session = wanted
+
+
+def session_precision() -> str:
+    """Precision given to `init`, which is called with its defaults if nobody did."""
+    if _session is None:
+        init()
+    assert _session is not None
+    return _session.precision
+
+
+def real_type(precision: str):  # noqa: ANN201  (a taichi type object)
+    """Taichi's type for "f32" or "f64"."""
+    return ti.f64 if precision == "f64" else ti.f32
+
+
+@contextlib.contextmanager
+def default_precision(precision: str) -> Iterator[None]:
+    """Compile what is launched inside with literals of this precision.
+
+    Taichi gives a literal such as 1/3 the session's precision, so that a double-precision solver in a
+    single-precision session would compute with constants good to 1e-8.
+    """
+    runtime = ti.lang.impl.get_runtime()
+    before = runtime.default_fp
+    runtime.default_fp = real_type(precision)
+    try:
+        yield
+    finally:
+        runtime.default_fp = before

@@ -1,0 +1,25 @@
+"""Rigid bodies that grains meet."""
+
+from dataclasses import dataclass, field
+
+from mpm.errors import InvalidValue
+from mpm.motion import Pose
+from mpm.sdf import Box, Capsule, Lattice, Plane, Sphere
+
+Shape = Box | Capsule | Lattice | Plane | Sphere
+
+
+@dataclass(frozen=True, eq=False)
+class Collider:
+    """A solid with Coulomb friction. A static one never moves, and costs a lookup per node instead of a distance."""
+
+    sdf: Shape
+    friction: float = 0.5
+    """Coulomb coefficient against grains."""
+    pose: Pose = field(default_factory=Pose.identity)
+    """Where it starts."""
+    static: bool = False
+
+    def __post_init__(self) -> None:
+        if self.friction < 0:
+            raise InvalidValue(f"Collider: friction = {self.friction}; accepted: 0 or more")

@@ -1,0 +1,125 @@
+"""Contact of grid nodes and grains with colliders: Coulomb friction, and a backstop behind it."""
+
+from mpm.backend import ti
+from mpm.grid import BLOCK
+from mpm.strain import keep
+from mpm.transfer import clamped
+from mpm.walls import credit, position
+
+BACKSTOP_TRAVEL = 0.005
+"""Way out of a wall in one substep, in cells, for a grain that is inside: it is led out, not shot."""
+
+
+@ti.func
+def coulomb(v, surface, normal, friction):
+    """Velocity after contact with a surface that moves with `surface`: no approach, friction up to sticking.
+
+    Stomakhin et al. 2013, ACM TOG 32(4):102, section 8.
+    """
+    relative = v - surface
+    approach = relative.dot(normal)
+    result = v
+    if approach < 0:
+        slide = relative - approach * normal
+        speed = slide.norm(1e-12)
+        result = surface + slide * ti.max(0.0, 1.0 + friction * approach / speed)
+    return result
+
+
+@ti.func
+def tool_frame(motion: ti.template(), k: ti.i32, s: ti.i32):
+    """Origin, rotation matrix, linear and angular velocity of moving collider k in substep s."""
+    m = [keep(motion[k, s, c]) for c in range(18)]
+    return (ti.Vector([m[0], m[1], m[2]]),
+            ti.Matrix([[m[3], m[4], m[5]], [m[6], m[7], m[8]], [m[9], m[10], m[11]]]),
+            ti.Vector([m[12], m[13], m[14]]), ti.Vector([m[15], m[16], m[17]]))
+
+
+@ti.kernel
+def cache_static(node_contact: ti.template(), node_owner: ti.template(), shape: ti.template(), owner: ti.i32,
+                 pose: ti.types.ndarray(), corner: ti.types.vector(3, ti.f64), cell: ti.f64):
+    """Store normal and distance (n, phi) of a collider that never moves at the nodes inside it."""
+    ti.loop_config(serialize=True)
+    for I in ti.grouped(node_contact):
+        c = ti.Vector([pose[0], pose[1], pose[2]])
+        R = ti.Matrix([[pose[3], pose[4], pose[5]], [pose[6], pose[7], pose[8]], [pose[9], pose[10], pose[11]]])
+        n, phi = shape.at(R.transpose() @ (ti.cast(I, ti.f64) * cell + corner - c))
+        if phi < 0 and (node_owner[I] == 0 or phi < node_contact[I][3]):
+            world = R @ n
+            node_contact[I] = ti.Vector([world[0], world[1], world[2], phi])
+            node_owner[I] = owner + 1
+
+
+@ti.func
+def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(), frictions: ti.template(),
+                 s: ti.i32, dt, gravity, origin, cell, out: ti.template()):
+    """Momentum to velocity, gravity, then contact with static and with moving colliders."""
+    weight = ti.cast(0.0, ti.f64)
+    first_moment = ti.Vector.zero(ti.f64, 3)
+    for n in range(grid.count[None]):
+        block = grid.active[n] * BLOCK
+        for a, b in ti.ndrange(BLOCK, BLOCK):
+            for c in range(BLOCK):
+                I = block + ti.Vector([a, b, c])
+                q = grid.nodes[I]
+                if q[3] > 0:
+                    v = ti.Vector([q[0], q[1], q[2]]) / q[3] + dt * gravity
+                    place = position(I, origin, cell)
+                    weight += ti.cast(q[3], ti.f64)
+                    first_moment += ti.cast(q[3], ti.f64) * place
+                    if ti.static(len(scene.features.static_colliders) > 0):
+                        owner = scene.node_owner[I]
+                        if owner > 0:
+                            contact = scene.node_contact[I]
+                            normal = ti.Vector([contact[0], contact[1], contact[2]])
+                            new = coulomb(v, v * 0.0, normal, frictions[owner - 1])
+                            credit(out, scene.first_collider_row + owner - 1, place, q[3] * (new - v))
+                            v = new
+                    for k, index in ti.static(enumerate(scene.features.moving_colliders)):
+                        c_t, R, linear, angular = tool_frame(motion, k, s)
+                        r = ti.cast(place, grid.nodes.dtype) - c_t
+                        if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
+                            n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
+                            if phi < 0:
+                                new = coulomb(v, linear + angular.cross(r), R @ n_t, frictions[index])
+                                credit(out, scene.first_collider_row + index, place, q[3] * (new - v))
+                                v = new
+                    grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
+    for d in ti.static(range(3)):
+        g = ti.cast(gravity[d], ti.f64) * dt
+        out[0, d] = out[0, d] + weight * g
+    moment = first_moment.cross(ti.cast(gravity, ti.f64)) * dt
+    for d in ti.static(range(3)):
+        out[0, 3 + d] = out[0, 3 + d] + moment[d]
+
+
+@ti.func
+def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
+             dt, origin, cell, densities: ti.template(), body: ti.template(), out: ti.template()):
+    """Correct the velocity of every grain whose next position would lie inside a collider; credit the collider."""
+    for q in range(particles.ranges[body][0], particles.ranges[body][1]):
+        for k, index in ti.static(enumerate(scene.features.moving_colliders)):
+            c_t, R, linear, angular = tool_frame(motion, k, s)
+            d2 = q * 0 + (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
+                + (particles.x[2][q] + origin[2] - c_t[2]) ** 2
+            for lane in ti.static(range(4)):
+                if d2[lane] < ti.static(scene.colliders[index].sdf.radius ** 2):
+                    r = ti.Vector([particles.x[d][q][lane] + origin[d] - c_t[d] for d in range(3)])
+                    n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
+                    if phi < 0:
+                        normal = R @ n_t
+                        velocity = ti.Vector([particles.v[d][q][lane] for d in range(3)])
+                        leave = ti.min(-phi, BACKSTOP_TRAVEL * cell) / dt
+                        approach = (velocity - linear - angular.cross(r)).dot(normal)
+                        dv = normal * ti.max(leave - approach, 0.0)
+                        mass = densities[body] * particles.volume[q][lane]
+                        # the grain acts where it was before the move: x - dt v
+                        place = ti.Vector([ti.cast(particles.x[d][q][lane] - dt * particles.v[d][q][lane], ti.f64)
+                                           + origin[d] for d in range(3)])
+                        credit(out, scene.first_collider_row + index, place, mass * dv)
+                        for d in ti.static(range(3)):
+                            particles.v[d][q][lane] = particles.v[d][q][lane] + dv[d]
+                            particles.x[d][q][lane] = particles.x[d][q][lane] + dt * dv[d]
+
+
+__all__ = ["backstop", "cache_static", "clamped", "coulomb", "update_nodes"]

@@ -1,0 +1,49 @@
+"""Errors of the field: each says what was given, where, and what would be accepted."""
+
+from collections.abc import Iterable
+
+
+class MpmError(Exception):
+    """Base of every error that `mpm` raises on purpose."""
+
+
+class BackendError(MpmError):
+    """The backend cannot be started as asked."""
+
+
+class InvalidValue(MpmError, ValueError):
+    """A number or shape that the field cannot work with."""
+
+
+class UnknownName(MpmError, ValueError):
+    """A name outside a closed list."""
+
+    def __init__(self, what: str, given: object, valid: Iterable[str]) -> None:
+        self.given, self.valid = given, sorted(valid)
+        super().__init__(f"unknown {what} {given!r}; valid: {', '.join(self.valid)}")
+
+
+class TimeStepTooLarge(InvalidValue):
+    """The time step asked for exceeds the stability bound."""
+
+    def __init__(self, dt: float, bound: float, reason: str) -> None:
+        self.dt, self.bound = dt, bound
+        super().__init__(f"time step {dt:.4g} s is above the bound {bound:.4g} s ({reason}); give dt <= {bound:.4g} or None")
+
+
+class SimulationDiverged(MpmError):
+    """A non-finite or absurd state, with where and when it was found.
+
+    Attributes: time [s], step (substeps since the start), particle (index), position [m] (3,), speed [m/s],
+    cfl (speed * dt / cell).
+    """
+
+    def __init__(
+        self, *, time: float, step: int, particle: int, position: tuple[float, ...], speed: float, cfl: float
+    ) -> None:
+        self.time, self.step, self.particle = time, step, particle
+        self.position, self.speed, self.cfl = position, speed, cfl
+        super().__init__(
+            f"diverged at t = {time:.6g} s, substep {step}: particle {particle} at {position} m, "
+            f"speed {speed:.4g} m/s, CFL number {cfl:.3g}"
+        )

@@ -1,0 +1,82 @@
+"""Particle state in packs of four, the layout that vector units are fast on."""
+
+import numpy as np
+
+from mpm.backend import real_type, ti
+from mpm.body import Body
+from mpm.features import Features
+from mpm.grid import Grid
+
+LANES = 4
+"""Particles in a pack. Four fills the registers of common processors; eight spills them."""
+
+
+class ParticleFields:
+    """Fields of all particles; entry q, lane l is particle LANES q + l. Positions are relative to the grid's corner."""
+
+    def __init__(self, bodies: list[Body], grid: Grid, features: Features) -> None:
+        real = real_type(features.precision)
+        self.counts = [len(body.positions) for body in bodies]
+        packs = [-(-count // LANES) for count in self.counts]
+        ends = np.cumsum(packs)
+        self.ranges = [(int(end - n), int(end)) for n, end in zip(packs, ends)]
+        """First and last + 1 pack of each body: a pack never mixes materials."""
+        self.n_packs = int(ends[-1])
+
+        def pack_field():  # noqa: ANN202
+            return ti.Vector.field(LANES, real, self.n_packs)
+
+        self.x = [pack_field() for _ in range(3)]
+        """Position relative to the grid's node (0, 0, 0) [m]."""
+        self.v = [pack_field() for _ in range(3)]
+        """Velocity [m/s]."""
+        self.C = [pack_field() for _ in range(9)]
+        """Affine velocity [1/s], row by row."""
+        self.e = [pack_field() for _ in range(6)]
+        """b - I, with b the elastic left Cauchy-Green tensor."""
+        self.vc = pack_field() if features.volume_correction else None
+        """Volume correction: logarithmic expansion to be taken back."""
+        self.volume = pack_field()
+        """Initial volume V0 [m^3]; zero in the lanes that fill up a pack."""
+        self.index = self._order(bodies, grid)
+        self._dtype = np.float64 if features.precision == "f64" else np.float32
+        volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
+        velocities = [np.zeros((n, 3)) if body.velocities is None else body.velocities
+                      for body, n in zip(bodies, self.counts)]
+        self.total_volume = float(sum(v.sum() for v in volumes))
+        self.write(self.x, np.concatenate([body.positions for body in bodies]) - grid.origin)
+        self.write(self.v, np.concatenate(velocities))
+        self.write([self.volume], np.concatenate(volumes)[:, None], padding=0.0)
+
+    def _order(self, bodies: list[Body], grid: Grid) -> np.ndarray:
+        """Slots (n_particles,) of the particles in the packs: sorted by cell, so that neighbours share cache lines."""
+        slots, first = [], 0
+        for body, (begin, _) in zip(bodies, self.ranges):
+            cells = np.floor((np.asarray(body.positions) - grid.origin) / grid.cell - 0.5).astype(int)
+            order = np.lexsort(cells.T[::-1])
+            slot = np.empty(len(order), int)
+            slot[order] = begin * LANES + np.arange(len(order))
+            slots.append(slot)
+            first += len(order)
+        return np.concatenate(slots)
+
+    def write(self, fields: list, values: np.ndarray, padding: float | None = None) -> None:
+        """Store values (n_particles, k) into k pack fields; padding lanes repeat the last particle of their body."""
+        first = 0
+        packed = np.zeros((self.n_packs * LANES, values.shape[1]), self._dtype)
+        packed[self.index] = values
+        for count, (begin, end) in zip(self.counts, self.ranges):
+            used = begin * LANES + count
+            packed[used : end * LANES] = packed[used - 1] if padding is None else padding
+            first += count
+        for field, column in zip(fields, packed.T):
+            field.from_numpy(np.ascontiguousarray(column).reshape(self.n_packs, LANES))
+
+    def read(self, fields: list) -> np.ndarray:
+        """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
+        return np.stack([field.to_numpy().reshape(-1)[self.index] for field in fields], -1)
+
+    def named_fields(self) -> dict[str, list]:
+        """The fields of a snapshot."""
+        named = {"x": self.x, "v": self.v, "C": self.C, "e": self.e}
+        return named | ({"vc": [self.vc]} if self.vc is not None else {})

@@ -1,0 +1,46 @@
+"""Where the grains of a body start: jittered lattices inside a box, a cylinder or a mesh."""
+
+import numpy as np
+import trimesh
+
+from mpm.errors import InvalidValue
+
+JITTER = 0.25
+"""Largest displacement of a grain from its lattice site, in spacings: breaks the lattice without making gaps."""
+
+
+def _lattice(lower: np.ndarray, upper: np.ndarray, spacing: float, rng: np.random.Generator | None) -> np.ndarray:
+    lower, upper = np.asarray(lower, float), np.asarray(upper, float)
+    if spacing <= 0 or np.any(upper - lower < spacing):
+        raise InvalidValue(f"spacing {spacing} m does not fit into the box {lower} .. {upper} m")
+    # the spacing per axis that fills the box exactly: no half-empty layer at the upper faces
+    counts = np.maximum(np.round((upper - lower) / spacing).astype(int), 1)
+    axes = [low + (np.arange(n) + 0.5) * (high - low) / n for low, high, n in zip(lower, upper, counts)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    if rng is not None:
+        points += rng.uniform(-JITTER, JITTER, points.shape) * (upper - lower) / counts
+    return points
+
+
+def sample_box(
+    lower: np.ndarray, upper: np.ndarray, spacing: float, rng: np.random.Generator | None = None
+) -> np.ndarray:
+    """Positions [m] (n, 3) that fill the box [lower, upper] m about `spacing` apart, jittered when rng is given."""
+    return _lattice(lower, upper, spacing, rng)
+
+
+def sample_cylinder(
+    centre: np.ndarray, radius: float, height: float, spacing: float, rng: np.random.Generator | None = None
+) -> np.ndarray:
+    """Positions [m] (n, 3) in an upright cylinder that stands on `centre` [m] (3,)."""
+    centre = np.asarray(centre, float)
+    points = _lattice(centre - [radius, radius, 0.0], centre + [radius, radius, height], spacing, rng)
+    return points[np.hypot(*(points - centre)[:, :2].T) <= radius]
+
+
+def sample_mesh(mesh: trimesh.Trimesh, spacing: float, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Positions [m] (n, 3) inside a watertight mesh."""
+    if not mesh.is_watertight:
+        raise InvalidValue("a body is sampled from a watertight mesh; this one has open edges")
+    points = _lattice(mesh.bounds[0], mesh.bounds[1], spacing, rng)
+    return points[mesh.contains(points)]

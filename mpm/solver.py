@@ -1,0 +1,225 @@
+"""The solver: bodies, colliders and walls on one grid, advanced by explicit MLS-MPM."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mpm.backend import PRECISIONS, default_precision, real_type, session_precision, ti
+from mpm.body import Body
+from mpm.collider import Collider
+from mpm.contact import cache_static
+from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
+from mpm.features import Features
+from mpm.grid import Grid, GridFields
+from mpm.motion import Pose, ScrewSamples, Wrench, screw
+from mpm.particles import ParticleFields
+from mpm.sdf import Lattice
+from mpm.strain import INTEGRATORS
+from mpm.substep import SPEED_LIMIT, Substeps
+from mpm.timestep import COURANT_FRACTION, isolated_particle_bound, travel_bound
+from mpm.walls import Walls
+
+MAX_SUBSTEPS = 64
+"""Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
+
+
+class Momentum(NamedTuple):
+    """Linear [N s] (3,) and angular [N m s] (3,) momentum, the latter about the world's origin, affine part included."""
+
+    linear: np.ndarray
+    angular: np.ndarray
+
+
+class Energy(NamedTuple):
+    """Kinetic (affine part included), potential (against z = 0) and elastic energy [J]."""
+
+    kinetic: float
+    potential: float
+    elastic: float
+
+
+class Solver:
+    """Advances grains; see the package's README for the conventions.
+
+    dt: substep [s], or None for `COURANT_FRACTION` of the bound; a dt above the bound raises TimeStepTooLarge.
+    max_speed: largest speed [m/s] of a collider's surface, for the bound. precision: "f32", "f64" or None (init's).
+    integrator: "series", "exact" or None (series in single, exact in double precision).
+    """
+
+    def __init__(
+        self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
+        gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
+        dt: float | None = None, max_speed: float = 0.0, precision: str | None = None, integrator: str | None = None,
+    ) -> None:
+        session = session_precision()
+        self.precision = precision or session
+        if self.precision not in PRECISIONS:
+            raise UnknownName("precision", precision, PRECISIONS)
+        integrator = integrator or ("series" if self.precision == "f32" else "exact")
+        if integrator not in INTEGRATORS:
+            raise UnknownName("integrator", integrator, INTEGRATORS)
+        if not bodies:
+            raise InvalidValue("Solver: bodies is empty; give at least one Body")
+        for body in bodies:
+            grid.check_inside(np.asarray(body.positions, float))
+        self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
+        self.walls = walls or Walls()
+        self.gravity = np.asarray(gravity, float)
+        self.bound = min([isolated_particle_bound(grid.cell, b.material.density, b.material.mu, b.material.lam)
+                          for b in bodies] + [travel_bound(grid.cell, max_speed)])
+        if dt is not None and dt > self.bound:
+            raise TimeStepTooLarge(dt, self.bound, "isolated particle or tool speed")
+        self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
+        self.time, self.steps = 0.0, 0
+        self.features = Features(
+            precision=self.precision, integrator=integrator,
+            volume_correction=any(b.material.has_volume_correction for b in bodies),
+            moving_colliders=tuple(i for i, c in enumerate(self.colliders) if not c.static),
+            static_colliders=tuple(i for i, c in enumerate(self.colliders) if c.static),
+            wall_friction=self.walls.friction > 0,
+        )
+        self._poses = [collider.pose for collider in self.colliders]
+        self._motion: dict[int, tuple[Pose, Pose]] = {}
+        self._dtype = np.float64 if self.precision == "f64" else np.float32
+        self._build()
+
+    def _build(self) -> None:
+        """Allocate the fields that the features ask for and the kernels that read them."""
+        with default_precision(self.precision):
+            self.particles = ParticleFields(self.bodies, self.grid, self.features)
+            self.fields = GridFields(self.grid, self.precision)
+            for collider in self.colliders:
+                if isinstance(collider.sdf, Lattice):
+                    collider.sdf.allocate()
+            self.node_contact = self.node_owner = None
+            if self.features.static_colliders:
+                self.node_contact = ti.Vector.field(4, real_type(self.precision), self.grid.shape)
+                self.node_owner = ti.field(ti.i32, self.grid.shape)
+                corner, cell = ti.Vector(self.grid.origin, ti.f64), self.grid.cell
+                for i in self.features.static_colliders:
+                    pose = self.colliders[i].pose
+                    numbers = np.concatenate([pose.position, pose.matrix.ravel()])
+                    cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
+            self._substeps = Substeps(self)
+        self._parameters = np.zeros((len(self.bodies), 8), self._dtype)
+        for row, body in zip(self._parameters, self.bodies):
+            row[: len(body.material.parameters)] = body.material.parameters
+        self._densities = np.array([body.material.density for body in self.bodies], self._dtype)
+        self._frictions = np.array([c.friction for c in self.colliders] or [0.0], self._dtype)
+        self._out = np.zeros((self._substeps.rows, 6))
+        self.ledger = np.zeros((self._substeps.rows, 6))
+        """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
+
+    # motion of colliders -------------------------------------------------------------------------------------------
+    def set_collider_motion(self, index: int, begin: Pose, end: Pose) -> None:
+        """Move a collider along the screw from begin to end during the next advance."""
+        if index not in self.features.moving_colliders:
+            raise InvalidValue(f"collider {index} cannot move; movable: {self.features.moving_colliders}")
+        self._motion[index] = (begin, end)
+
+    def _screws(self, duration: float, n: int) -> list[ScrewSamples]:
+        screws = []
+        for index in self.features.moving_colliders:
+            begin, end = self._motion.pop(index, (self._poses[index], self._poses[index]))
+            screws.append(screw(begin, end, duration, n))
+            self._poses[index] = end
+        return screws
+
+    # time ----------------------------------------------------------------------------------------------------------
+    def advance(self, duration: float) -> None:
+        """Advance by `duration` [s] in equal substeps of at most `dt`.
+
+        Raises SimulationDiverged when a state is not finite or faster than `SPEED_LIMIT` cells a substep.
+        """
+        if duration <= 0:
+            raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
+        total = max(1, math.ceil(duration / self.dt - 1e-9))
+        dt = duration / total
+        screws = self._screws(duration, total)
+        self.ledger[:] = 0.0
+        for first in range(0, total, MAX_SUBSTEPS):
+            n = min(MAX_SUBSTEPS, total - first)
+            motion = np.zeros((max(len(screws), 1), n, 18), self._dtype)
+            for row, s in zip(motion, screws):
+                chosen = slice(first, first + n)
+                row[:] = np.concatenate([s.positions[chosen], s.matrices[chosen].reshape(n, 9),
+                                         s.linear[chosen], s.angular[chosen]], axis=1)
+            self._out[:] = 0.0
+            with default_precision(self.precision):
+                self._substeps.run(n, self.steps + 1, dt, self.gravity.astype(self._dtype), self.walls.friction, motion,
+                                   self._parameters, self._densities, self._frictions, self._out)
+            self.ledger += self._out
+            self.steps += n
+            self.time += n * dt
+            squares, fastest = self._out[self._substeps.status, :2]
+            if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.grid.cell:
+                raise self._diverged(dt)
+
+    def _diverged(self, dt: float) -> SimulationDiverged:
+        velocities = self.velocities()
+        speeds = np.linalg.norm(velocities, axis=1)
+        worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
+        return SimulationDiverged(
+            time=self.time, step=self.steps, particle=worst, position=tuple(self.positions()[worst]),
+            speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / self.grid.cell),
+        )
+
+    # readings ------------------------------------------------------------------------------------------------------
+    def positions(self) -> np.ndarray:
+        """[m], shape (n_particles, 3), float64, in the order of the bodies."""
+        return self.particles.read(self.particles.x).astype(float) + self.grid.origin
+
+    def velocities(self) -> np.ndarray:
+        """[m/s], shape (n_particles, 3), float64."""
+        return self.particles.read(self.particles.v).astype(float)
+
+    def masses(self) -> np.ndarray:
+        """[kg], shape (n_particles,)."""
+        volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
+        return volume * np.repeat([b.material.density for b in self.bodies], self.particles.counts)
+
+    def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
+        """Impulse [N s], [N m s] that the collider received during the last advance, about a point [m] (3,), or its
+        origin at the end of that advance."""
+        linear, angular = -self.ledger[self._substeps.first_collider_row + index].reshape(2, 3)
+        point = self._poses[index].position if about is None else np.asarray(about)
+        return Wrench(linear, angular - np.cross(point, linear))
+
+    def momentum(self) -> Momentum:
+        """Momentum of all grains, summed in float64."""
+        m, x, v = self.masses()[:, None], self.positions(), self.velocities()
+        C = self.particles.read(self.particles.C).astype(float).reshape(-1, 3, 3)
+        spin = np.stack([C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], -1)
+        angular = m * (np.cross(x, v) + self.grid.cell**2 / 4.0 * spin)
+        return Momentum((m * v).sum(0), angular.sum(0))
+
+    def energy(self) -> Energy:
+        """Energy of all grains, summed in float64."""
+        m, x, v = self.masses(), self.positions(), self.velocities()
+        C = self.particles.read(self.particles.C).astype(float)
+        kinetic = 0.5 * m @ ((v**2).sum(1) + self.grid.cell**2 / 4.0 * (C**2).sum(1))
+        volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
+        e = self.particles.read(self.particles.e).astype(float)
+        b = np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        h = 0.5 * np.log(np.maximum(np.linalg.eigvalsh(b), 1e-30))
+        mu = np.repeat([body.material.mu for body in self.bodies], self.particles.counts)
+        lam = np.repeat([body.material.lam for body in self.bodies], self.particles.counts)
+        elastic = volume @ (mu * (h**2).sum(1) + 0.5 * lam * h.sum(1) ** 2)
+        return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ self.gravity), float(elastic))
+
+    # snapshots -----------------------------------------------------------------------------------------------------
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything that the future depends on, exact to the bit."""
+        named = self.particles.named_fields()
+        arrays = {name: self.particles.read(fields) for name, fields in named.items()}
+        return arrays | {"time": np.array(self.time), "steps": np.array(self.steps)}
+
+    def load(self, state: dict[str, np.ndarray]) -> None:
+        """Return to a state of this solver or of one built from the same scene."""
+        for name, fields in self.particles.named_fields().items():
+            if state[name].shape != (sum(self.particles.counts), len(fields)):
+                raise InvalidValue(f"load: {name} has shape {state[name].shape}; the scene has "
+                                   f"{(sum(self.particles.counts), len(fields))}")
+            self.particles.write(fields, state[name])
+        self.time = float(state["time"])

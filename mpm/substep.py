@@ -1,0 +1,149 @@
+"""One launch of the field: all substeps of a host step in one serial kernel, touching only blocks with material."""
+
+from mpm.backend import ti
+from mpm.contact import backstop, update_nodes
+from mpm.grid import GHOST, mark_pack
+from mpm.strain import INTEGRATORS, advance_e, keep
+from mpm.transfer import clamped, first_node, gather_lane, scatter_lane, weights
+from mpm.walls import fold, unfold, wall_table
+
+SPEED_LIMIT = 1.0
+"""Cells that a grain may travel in a substep before the run counts as diverged."""
+FULL = (0, 3, 4, 3, 1, 5, 4, 5, 2)
+"""Entry of a symmetric tensor's list for each of the nine places of the matrix, row by row."""
+
+
+@ti.data_oriented
+class Substeps:
+    """The kernel of one solver; reads the solver's fields and features, both fixed."""
+
+    first_collider_row = 2
+    """Ledger rows: gravity, walls, then the colliders, then the status."""
+
+    def __init__(self, scene) -> None:  # noqa: ANN001  (a Solver; importing it here would be a cycle)
+        self.particles, self.grid = scene.particles, scene.fields
+        self.features, self.colliders = scene.features, scene.colliders
+        self.node_contact, self.node_owner = scene.node_contact, scene.node_owner
+        self.laws = [body.material for body in scene.bodies]
+        table = wall_table(scene.walls, scene.grid)
+        self.walls = ti.field(ti.i32, table.shape)
+        self.walls.from_numpy(table)
+        self.cell = scene.grid.cell
+        self.origin = tuple(float(c) for c in scene.grid.origin)
+        self.span = tuple(float(c) * self.cell for c in scene.grid.cells)
+        self.corner = GHOST * self.cell
+        self.logarithm, self.exponential = INTEGRATORS[scene.features.integrator]
+        self.rows = self.first_collider_row + len(scene.colliders) + 1
+        self.status = self.rows - 1
+
+    @ti.kernel
+    def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, gravity_w: ti.types.ndarray(),
+            wall_friction: float, motion: ti.types.ndarray(), parameters: ti.types.ndarray(),
+            densities: ti.types.ndarray(), frictions: ti.types.ndarray(), out: ti.types.ndarray()):
+        ti.loop_config(serialize=True)
+        for s in range(substeps):
+            gravity = ti.Vector([gravity_w[0], gravity_w[1], gravity_w[2]])
+            self.activate(first_stamp + s)
+            for body in ti.static(range(len(self.laws))):
+                self.to_grid(self.particles, self.laws[body], body, dt, parameters, densities)
+            corner = ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
+                                ti.cast(self.origin[2], ti.f64)])
+            fold(self.grid, self.walls, first_stamp + s, dt, gravity)
+            update_nodes(self.grid, self, motion, frictions, s, dt, gravity, corner, self.cell, out)
+            unfold(self.grid, self.walls, first_stamp + s, wall_friction, corner, self.cell, out)
+            for body in ti.static(range(len(self.laws))):
+                self.to_particles(self.particles, body, dt)
+                if ti.static(len(self.features.moving_colliders) > 0):
+                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, self.cell, densities,
+                             body, out)
+            if s == substeps - 1:
+                self.take_status(out)
+
+    @ti.func
+    def activate(self, stamp: ti.i32):
+        """List and clear the blocks that this substep touches."""
+        self.grid.count[None] = 0
+        for q in range(self.particles.n_packs):
+            mark_pack(self.grid, [self.particles.x[d][q] for d in range(3)], 1.0 / self.cell, stamp)
+
+    @ti.func
+    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt,
+                parameters: ti.template(), densities: ti.template()):
+        """Strain, plastic flow, stress; then momentum, mass and the stress's push to the grid."""
+        p = [keep(parameters[body, i]) for i in range(8)]
+        force = -dt * 4.0 / (self.cell * self.cell)
+        for q in range(P.ranges[body][0], P.ranges[body][1]):
+            C = [keep(P.C[i][q]) for i in range(9)]
+            trial = self.logarithm(advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)]))
+            remembered = C[0] * 0.0
+            if ti.static(law.has_volume_correction):
+                remembered = P.vc[q]
+            h, expansion = law.return_mapping(trial, remembered, p)
+            if ti.static(law.has_volume_correction):
+                P.vc[q] = expansion
+            e = self.exponential(h)
+            for i in ti.static(range(6)):
+                P.e[i][q] = e[i]
+            tau = law.stress(h, p)
+            volume = P.volume[q]
+            mass = densities[body] * volume
+            self.spread(P, q, mass, force * volume, C, tau)
+
+    @ti.func
+    def spread(self, P: ti.template(), q, mass, force, C: ti.template(), tau: ti.template()):
+        """Scatter a pack: affine momentum Q = force tau + mass C, per cell."""
+        Q = [keep((force * tau[FULL[i]] + mass * C[i]) * self.cell) for i in range(9)]
+        node_x, fx = first_node(P.x[0][q], 1.0 / self.cell)
+        node_y, fy = first_node(P.x[1][q], 1.0 / self.cell)
+        node_z, fz = first_node(P.x[2][q], 1.0 / self.cell)
+        px = mass * P.v[0][q] - Q[0] * fx - Q[1] * fy - Q[2] * fz
+        py = mass * P.v[1][q] - Q[3] * fx - Q[4] * fy - Q[5] * fz
+        pz = mass * P.v[2][q] - Q[6] * fx - Q[7] * fy - Q[8] * fz
+        wx, wy, wz = weights(fx), weights(fy), weights(fz)
+        for l in ti.static(range(4)):
+            scatter_lane(
+                self.grid.nodes, clamped([node_x, node_y, node_z], l, self.grid.nodes),
+                ti.Vector([px[l], py[l], pz[l], mass[l]]),
+                ti.Vector([Q[0][l], Q[3][l], Q[6][l], 0.0]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], 0.0]),
+                ti.Vector([Q[2][l], Q[5][l], Q[8][l], 0.0]),
+                [keep(wx[i][l]) for i in range(3)], [keep(wy[i][l]) for i in range(3)], [keep(wz[i][l]) for i in range(3)])
+
+    @ti.func
+    def to_particles(self, P: ti.template(), body: ti.template(), dt):
+        """Velocity, affine velocity and position of every pack of a body."""
+        for q in range(P.ranges[body][0], P.ranges[body][1]):
+            node_x, fx = first_node(P.x[0][q], 1.0 / self.cell)
+            node_y, fy = first_node(P.x[1][q], 1.0 / self.cell)
+            node_z, fz = first_node(P.x[2][q], 1.0 / self.cell)
+            wx, wy, wz = weights(fx), weights(fy), weights(fz)
+            v = [keep(fx * 0.0) for _ in range(3)]
+            B = [keep(fx * 0.0) for _ in range(9)]
+            for l in ti.static(range(4)):
+                value, moment_i, moment_j, moment_k = gather_lane(
+                    self.grid.nodes, clamped([node_x, node_y, node_z], l, self.grid.nodes),
+                    [keep(wx[i][l]) for i in range(3)], [keep(wy[i][l]) for i in range(3)], [keep(wz[i][l]) for i in range(3)])
+                for r in ti.static(range(3)):
+                    v[r][l] = value[r]
+                    B[3 * r][l] = moment_i[r]
+                    B[3 * r + 1][l] = moment_j[r]
+                    B[3 * r + 2][l] = moment_k[r]
+            gradient = 4.0 / self.cell
+            f = [fx, fy, fz]
+            for r in ti.static(range(3)):
+                P.v[r][q] = v[r]
+                # the clamp holds a grain that an inaccurate step would carry through a wall
+                P.x[r][q] = ti.max(ti.min(P.x[r][q] + dt * v[r], self.corner + self.span[r]), self.corner)
+                for c in ti.static(range(3)):
+                    P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
+
+    @ti.func
+    def take_status(self, out: ti.template()):
+        """Sum of squared velocities (not finite if anything is not) and the largest component."""
+        total = ti.cast(0.0, ti.f64)
+        fastest = ti.cast(0.0, ti.f64)
+        for q in range(self.particles.n_packs):
+            v2 = self.particles.v[0][q] ** 2 + self.particles.v[1][q] ** 2 + self.particles.v[2][q] ** 2
+            total += ti.cast(v2.sum(), ti.f64)
+            fastest = ti.max(fastest, ti.cast(v2.max(), ti.f64))
+        out[self.status, 0] = total
+        out[self.status, 1] = ti.sqrt(fastest)
