@@ -3,7 +3,6 @@
 from mpm.backend import ti
 from mpm.grid import BLOCK
 from mpm.strain import keep
-from mpm.transfer import clamped
 from mpm.walls import credit, position
 
 BACKSTOP_TRAVEL = 0.005
@@ -102,24 +101,22 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
             c_t, R, linear, angular = tool_frame(motion, k, s)
             d2 = q * 0 + (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
                 + (particles.x[2][q] + origin[2] - c_t[2]) ** 2
-            for lane in ti.static(range(4)):
-                if d2[lane] < ti.static(scene.colliders[index].sdf.radius ** 2):
-                    r = ti.Vector([particles.x[d][q][lane] + origin[d] - c_t[d] for d in range(3)])
+            for lane in range(4):
+                hot = ti.Vector([ti.cast(lane == l, grid.nodes.dtype) for l in range(4)])
+                if d2.dot(hot) < ti.static(scene.colliders[index].sdf.radius ** 2):
+                    x = ti.Vector([keep(particles.x[d][q].dot(hot)) for d in range(3)])
+                    v = ti.Vector([keep(particles.v[d][q].dot(hot)) for d in range(3)])
+                    r = ti.Vector([x[d] + origin[d] - c_t[d] for d in range(3)])
                     n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
                     if phi < 0:
                         normal = R @ n_t
-                        velocity = ti.Vector([particles.v[d][q][lane] for d in range(3)])
                         leave = ti.min(-phi, BACKSTOP_TRAVEL * cell) / dt
-                        approach = (velocity - linear - angular.cross(r)).dot(normal)
+                        approach = (v - linear - angular.cross(r)).dot(normal)
                         dv = normal * ti.max(leave - approach, 0.0)
-                        mass = densities[body] * particles.volume[q][lane]
+                        mass = densities[body] * particles.volume[q].dot(hot)
                         # the grain acts where it was before the move: x - dt v
-                        place = ti.Vector([ti.cast(particles.x[d][q][lane] - dt * particles.v[d][q][lane], ti.f64)
-                                           + origin[d] for d in range(3)])
+                        place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + origin[d] for d in range(3)])
                         credit(out, scene.first_collider_row + index, place, mass * dv)
                         for d in ti.static(range(3)):
-                            particles.v[d][q][lane] = particles.v[d][q][lane] + dv[d]
-                            particles.x[d][q][lane] = particles.x[d][q][lane] + dt * dv[d]
-
-
-__all__ = ["backstop", "cache_static", "clamped", "coulomb", "update_nodes"]
+                            particles.v[d][q] = particles.v[d][q] + dv[d] * hot
+                            particles.x[d][q] = particles.x[d][q] + dt * dv[d] * hot

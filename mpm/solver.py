@@ -152,6 +152,7 @@ class Solver:
             self.ledger += self._out
             self.steps += n
             self.time += n * dt
+            self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
             squares, fastest = self._out[self._substeps.status, :2]
             if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise self._diverged(dt)
@@ -185,6 +186,10 @@ class Solver:
         linear, angular = -self.ledger[self._substeps.first_collider_row + index].reshape(2, 3)
         point = self._poses[index].position if about is None else np.asarray(about)
         return Wrench(linear, angular - np.cross(point, linear))
+
+    def momentum_after_advance(self) -> Momentum:
+        """Momentum of all grains as the last advance left them, summed in its launch: no copy of the state."""
+        return self._momentum
 
     def momentum(self) -> Momentum:
         """Momentum of all grains, summed in float64."""

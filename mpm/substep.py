@@ -18,7 +18,7 @@ class Substeps:
     """The kernel of one solver; reads the solver's fields and features, both fixed."""
 
     first_collider_row = 2
-    """Ledger rows: gravity, walls, then the colliders, then the status."""
+    """Ledger rows: gravity, walls, then the colliders, then momentum and status."""
 
     def __init__(self, scene) -> None:  # noqa: ANN001  (a Solver; importing it here would be a cycle)
         self.particles, self.grid = scene.particles, scene.fields
@@ -33,8 +33,8 @@ class Substeps:
         self.span = tuple(float(c) * self.cell for c in scene.grid.cells)
         self.corner = GHOST * self.cell
         self.logarithm, self.exponential = INTEGRATORS[scene.features.integrator]
-        self.rows = self.first_collider_row + len(scene.colliders) + 1
-        self.status = self.rows - 1
+        self.rows = self.first_collider_row + len(scene.colliders) + 2
+        self.momentum, self.status = self.rows - 2, self.rows - 1
 
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, gravity_w: ti.types.ndarray(),
@@ -57,6 +57,8 @@ class Substeps:
                     backstop(self.particles, self.grid, self, motion, s, dt, self.origin, self.cell, densities,
                              body, out)
             if s == substeps - 1:
+                for body in ti.static(range(len(self.laws))):
+                    self.take_momentum(self.particles, body, densities, corner, out)
                 self.take_status(out)
 
     @ti.func
@@ -135,6 +137,23 @@ class Substeps:
                 P.x[r][q] = ti.max(ti.min(P.x[r][q] + dt * v[r], self.corner + self.span[r]), self.corner)
                 for c in ti.static(range(3)):
                     P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
+
+    @ti.func
+    def take_momentum(self, P: ti.template(), body: ti.template(), densities: ti.template(), corner,
+                      out: ti.template()):
+        """Momentum of a body's grains about the world's origin, affine part included."""
+        quarter = 0.25 * self.cell * self.cell
+        for q in range(P.ranges[body][0], P.ranges[body][1]):
+            spin = [keep(quarter * (P.C[7][q] - P.C[5][q])), keep(quarter * (P.C[2][q] - P.C[6][q])),
+                    keep(quarter * (P.C[3][q] - P.C[1][q]))]
+            for l in ti.static(range(4)):
+                m = ti.cast(densities[body] * P.volume[q][l], ti.f64)
+                x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) for d in range(3)]) + corner
+                p = m * ti.Vector([ti.cast(P.v[d][q][l], ti.f64) for d in range(3)])
+                moment = x.cross(p) + m * ti.Vector([ti.cast(spin[d][l], ti.f64) for d in range(3)])
+                for d in ti.static(range(3)):
+                    out[self.momentum, d] = out[self.momentum, d] + p[d]
+                    out[self.momentum, 3 + d] = out[self.momentum, 3 + d] + moment[d]
 
     @ti.func
     def take_status(self, out: ti.template()):

@@ -1,0 +1,60 @@
+# make rehearse: install into .venv and run the whole spoon task, with pictures where OpenGL can be had.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= out/spoon
+GL_PACKAGES := libegl1 libgl1
+APT_LINE := apt-get install -y --no-install-recommends $(GL_PACKAGES)
+# True when both libraries can be loaded; asked of the dynamic linker, as PyOpenGL does.
+HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.so.1', 'libGL.so.1')]" 2>/dev/null
+
+export MUJOCO_GL ?= egl
+
+.PHONY: rehearse test test-slow lint meshes clean gl
+.DEFAULT_GOAL := rehearse
+
+rehearse: $(VENV)/.run gl
+	@video=--no-video; if $(HAS_GL); then video=; fi; \
+	set -x; $(BIN)/robosim rehearse spoon --out $(OUT) $$video
+
+test: $(VENV)/.test
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(VENV)/.test
+	$(BIN)/python -m pytest -m slow
+
+lint: $(VENV)/.test
+	$(BIN)/ruff check .
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+meshes: $(VENV)/.test
+	$(BIN)/python models/make_meshes.py
+
+clean:
+	rm -rf $(VENV) build dist out *.egg-info .pytest_cache .ruff_cache
+
+gl:
+	@if $(HAS_GL); then exit 0; fi; \
+	sudo=; if [ "$$(id -u)" != 0 ]; then sudo="sudo -n"; fi; \
+	if command -v apt-get >/dev/null && $$sudo true 2>/dev/null; then \
+		$$sudo apt-get update -qq; $$sudo $(APT_LINE) || true; \
+	fi; \
+	if ! $(HAS_GL); then \
+		echo "No headless OpenGL: no video will be made. For a video, run: sudo $(APT_LINE)"; \
+	fi
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+# One stamp per kind of install. The plain one copies the sources, hence its list of prerequisites; the editable one
+# serves for running too, and each removes the other's stamp, for they replace each other in the environment.
+SOURCES := $(shell find robosim mpm policies configs models -type f ! -name '*.pyc' 2>/dev/null)
+
+$(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
+	$(BIN)/python -m pip install -c constraints.txt .
+	@rm -f $(VENV)/.test; touch $@
+
+$(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(BIN)/python -m pip install -c constraints.txt -e ".[test]"
+	@rm -f $(VENV)/.run; touch $@

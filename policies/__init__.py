@@ -1,0 +1,1 @@
+"""Learning on the robosim environments: demonstrations, training and evaluation."""

@@ -1,0 +1,50 @@
+"""The command line: `robosim rehearse` and, from other packages, the commands of the group robosim.commands."""
+
+import argparse
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import mpm
+from robosim.errors import RobosimError
+from robosim.film import CAMERAS
+from robosim.resources import config_names
+from robosim.session import rehearse
+
+EXAMPLE = "example:\n  robosim rehearse spoon --material sugar --camera close --out out/sugar"
+
+
+def parser() -> argparse.ArgumentParser:
+    """The commands and their options."""
+    top = argparse.ArgumentParser(prog="robosim", description="Rehearse, evaluate and report robots in granular media.")
+    commands = top.add_subparsers(dest="command", required=True)
+    run = commands.add_parser("rehearse", help="carry a whole-arm motion out and report it", epilog=EXAMPLE,
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("rehearsal", help=f"one of: {', '.join(config_names('rehearsals'))}; or a .yaml file of your own")
+    run.add_argument("--out", type=Path, required=True, help="folder for video, pictures, report and data")
+    run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
+    run.add_argument("--camera", default="close", help=f"one of: {', '.join(CAMERAS)} (default: close)")
+    run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
+    run.add_argument("--seed", type=int, default=0, help="of the grains' places (default: 0)")
+    run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material,
+                                            camera=None if a.no_video else a.camera, seed=a.seed))
+    for entry in entry_points(group="robosim.commands"):
+        entry.load()(commands)
+    return top
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; 0 when all is well, 1 for a run that failed, 2 for wrong input, 130 for Ctrl-C."""
+    options = parser().parse_args(arguments)
+    try:
+        return options.run(options)
+    except (RobosimError, mpm.MpmError) as error:
+        print(f"robosim {options.command}: {error}", file=sys.stderr)
+        return 1 if isinstance(error, mpm.SimulationDiverged) else 2
+    except KeyboardInterrupt:
+        print(f"robosim {options.command}: stopped by Ctrl-C; what was finished is in the output folder", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,228 @@
+"""Configurations: frozen, typed, checked once, before any work."""
+
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import pydantic
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+
+from robosim.errors import ConfigError, UnknownName
+from robosim.resources import config_path
+
+Vector3 = tuple[float, float, float]
+Vector7 = Annotated[tuple[PositiveFloat, ...], Field(min_length=7, max_length=7)]
+
+
+class Table(BaseModel):
+    """Base of all configuration tables."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Quantity(Table):
+    """A number with its unit and where it is from."""
+
+    value: float
+    unit: str
+    source: str
+    """Literature, or "assumed: ..." with the reason."""
+
+
+class MaterialConfig(Table):
+    """A granular material."""
+
+    description: str
+    density: Quantity
+    E: Quantity
+    nu: Quantity
+    friction_angle: Quantity
+    cohesion: Quantity
+    colour: tuple[float, float, float, float] = (0.95, 0.95, 0.93, 1.0)
+
+    UNITS: ClassVar[dict[str, str]] = {"density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa"}
+
+    @pydantic.model_validator(mode="after")
+    def _check_units(self) -> "MaterialConfig":
+        for name, unit in self.UNITS.items():
+            if getattr(self, name).unit != unit:
+                raise ValueError(f"{name}: unit {getattr(self, name).unit!r}; accepted: {unit!r}")
+        return self
+
+
+class ContainerConfig(Table):
+    """A container of models/containers."""
+
+    position: Vector3
+    """Centre of the inner floor [m]."""
+    yaw_deg: float = 0.0
+    fill_height: float = Field(0.0, ge=0.0)
+    """Height of the material in it at the start [m]."""
+
+
+class FieldConfig(Table):
+    """The grains' numerics."""
+
+    cell: PositiveFloat
+    """[m]"""
+    grains_per_cell: PositiveFloat
+    tool_friction: float = Field(ge=0.0)
+    container_friction: float = Field(ge=0.0)
+    floor_friction: float = Field(ge=0.0)
+    region_lower: Vector3
+    """Corner of the region that the material can reach [m]."""
+    region_upper: Vector3
+    dt: PositiveFloat | None = None
+    """Substep [s]; null: from the stability bound."""
+
+
+class LimitsConfig(Table):
+    """Joint limits of the smoothed motion; speeds are the data sheet's, scaled."""
+
+    velocity_fraction: float = Field(gt=0.0, le=1.0)
+    acceleration: Vector7
+    """[rad/s^2]"""
+    jerk: Vector7
+    """[rad/s^3]"""
+
+
+class ServoConfig(Table):
+    """Impedance servo of the joints."""
+
+    stiffness: Vector7
+    """[N m/rad]"""
+    damping: Vector7
+    """[N m s/rad]"""
+
+
+class PathConfig(Table):
+    """How the tool rounds the corners between waypoints."""
+
+    acceleration: PositiveFloat
+    """[m/s^2]"""
+    angular_acceleration: PositiveFloat
+    """[rad/s^2]"""
+    corner_tolerance: PositiveFloat = 1.5e-3
+    """Largest distance [m] between the smoothed path and the commanded screws inside a container."""
+
+
+class WaypointConfig(Table):
+    """A pose of the tool, reached along a screw from the one before."""
+
+    name: str
+    frame: str
+    """"world" or a container: where position and rotation are given."""
+    position: Vector3
+    """Of the tool's frame [m]."""
+    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
+    """Rotations about the frame's x, then y, then z axis."""
+    speed: PositiveFloat
+    """[m/s] on the way to this waypoint."""
+    angular_speed: PositiveFloat = 1.5
+    """[rad/s] on the way to this waypoint; the slower of the two decides."""
+    stop: bool = False
+    dwell: float = Field(0.0, ge=0.0)
+    """Time at rest [s] after a stop."""
+
+
+class RehearsalConfig(Table):
+    """A whole-arm rehearsal."""
+
+    description: str
+    tool: Literal["spoon"]
+    material: str
+    grasp: Literal["weld"]
+    host_dt: float = Field(gt=0.0, le=1e-3)
+    """MuJoCo step [s]."""
+    coupling: Literal["one_way", "lagged"] = "lagged"
+    collision_thickness: PositiveFloat
+    """Thickness [m] of the tool's wall as the grains see it, grown outward with the bowl's volume kept."""
+    grasp_time: PositiveFloat
+    """Time [s] for the fingers to close before the arm moves."""
+    containers: dict[Literal["source", "target"], ContainerConfig]
+    field: FieldConfig
+    limits: LimitsConfig
+    servo: ServoConfig
+    path: PathConfig
+    waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2)]
+    weigh_at: str
+    """Waypoint with a dwell at which the load is weighed with the wrist sensor: it counts as scooped there."""
+    pour_from: str
+    """Waypoint after which grains leave the spoon on purpose."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_names(self) -> "RehearsalConfig":
+        names = [w.name for w in self.waypoints]
+        if len(set(names)) != len(names):
+            raise ValueError(f"waypoints: names repeat: {sorted({n for n in names if names.count(n) > 1})}")
+        for key in ("weigh_at", "pour_from"):
+            if getattr(self, key) not in names:
+                raise ValueError(f"{key}: unknown waypoint {getattr(self, key)!r}; valid: {', '.join(names)}")
+        for w in self.waypoints:
+            if w.frame not in ("world", *self.containers):
+                raise ValueError(f"waypoint {w.name!r}: unknown frame {w.frame!r}; "
+                                 f"valid: world, {', '.join(self.containers)}")
+            if w.dwell and not w.stop:
+                raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
+        if not self.waypoints[0].stop or not self.waypoints[-1].stop:
+            raise ValueError("waypoints: the first and the last need stop: true")
+        if next(w for w in self.waypoints if w.name == self.weigh_at).dwell < 0.2:
+            raise ValueError(f"weigh_at: waypoint {self.weigh_at!r} needs a dwell of 0.2 s or more")
+        return self
+
+
+def load(path: Path, kind: type[Table], overrides: dict | None = None):  # noqa: ANN201  (an instance of kind)
+    """Read a YAML file into a configuration; raises ConfigError with file, key, value and what is accepted."""
+    try:
+        data = yaml.safe_load(path.read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read as YAML: {error}") from error
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of {', '.join(kind.model_fields)}")
+    try:
+        return kind.model_validate(data | (overrides or {}))
+    except pydantic.ValidationError as error:
+        raise ConfigError(f"{path}: " + "; ".join(_describe(e, kind) for e in error.errors())) from None
+
+
+def _describe(error: dict, kind: type[Table]) -> str:
+    """One pydantic error in a line: key, value, reason, and the keys that the table knows."""
+    place = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        table: object = kind
+        for part in error["loc"][:-1]:
+            table = _child(table, part)
+        known = ", ".join(table.model_fields) if isinstance(table, type) and issubclass(table, Table) else "none"
+        return f"unknown key {place!r}; valid: {known}"
+    given = "" if error["type"] in ("missing", "value_error") else f" (given: {error['input']!r})"
+    return f"{place or 'file'}: {error['msg']}{given}"
+
+
+def _child(table: object, part: int | str) -> object:
+    """Table class of a key, looking through containers of tables."""
+    if isinstance(part, int) or not (isinstance(table, type) and issubclass(table, Table)):
+        return table
+    field = table.model_fields.get(part)
+    pending = [field.annotation] if field else []
+    while pending:
+        candidate = pending.pop()
+        if isinstance(candidate, type) and issubclass(candidate, Table):
+            return candidate
+        pending.extend(getattr(candidate, "__args__", ()))
+    return table
+
+
+def load_material(name: str) -> MaterialConfig:
+    """Material by name (configs/materials) or by path."""
+    return load(config_path("materials", name, "material"), MaterialConfig)
+
+
+def load_rehearsal(name: str, overrides: dict | None = None) -> RehearsalConfig:
+    """Rehearsal by name (configs/rehearsals) or by path."""
+    config = load(config_path("rehearsals", name, "rehearsal"), RehearsalConfig, overrides)
+    load_material(config.material)
+    return config
+
+
+__all__ = ["ContainerConfig", "FieldConfig", "MaterialConfig", "RehearsalConfig", "UnknownName", "WaypointConfig",
+           "load", "load_material", "load_rehearsal"]

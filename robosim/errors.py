@@ -1,0 +1,35 @@
+"""Errors of the scene and the robot: what was given, where, and what would be accepted."""
+
+from collections.abc import Iterable
+
+
+class RobosimError(Exception):
+    """Base of every error that `robosim` raises on purpose."""
+
+
+class ConfigError(RobosimError, ValueError):
+    """A configuration that cannot be used."""
+
+
+class UnknownName(ConfigError):
+    """A name outside a closed list."""
+
+    def __init__(self, what: str, given: object, valid: Iterable[str], where: str = "") -> None:
+        self.given, self.valid = given, sorted(valid)
+        place = f" in {where}" if where else ""
+        super().__init__(f"unknown {what} {given!r}{place}; valid: {', '.join(self.valid)}")
+
+
+class UnreachableWaypoint(ConfigError):
+    """A waypoint that the arm cannot reach."""
+
+    def __init__(self, name: str, position_error: float, angle_error_deg: float, beyond_reach: float) -> None:
+        self.name, self.position_error = name, position_error
+        reach = (f"it lies {beyond_reach * 1e3:.0f} mm beyond the arm's reach" if beyond_reach > 0 else
+                 "its place is within reach, its orientation is not, or joint limits stand in the way")
+        super().__init__(f"waypoint {name!r} cannot be reached: the best posture found misses it by "
+                         f"{position_error * 1e3:.1f} mm and {angle_error_deg:.2f} deg; {reach}")
+
+
+class RuntimeStop(RobosimError):
+    """A run that ended early, with what is left of it in `--out`."""

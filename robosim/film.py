@@ -1,0 +1,81 @@
+"""The film of a rehearsal: frames at a fixed rate, nine of them kept for a sheet."""
+
+import mujoco
+import numpy as np
+
+from robosim.config import MaterialConfig, RehearsalConfig
+from robosim.errors import UnknownName
+from robosim.output import OutputFolder
+from robosim.rehearsal import Rehearsal
+from robosim.rendering import SceneRenderer, add_grain_skin, apply_quality
+from robosim.scene import scene_spec
+from robosim.video import Mp4Writer, contact_sheet
+
+CAMERAS = ("overview", "close", "wrist")
+FRAME_RATE = 30
+GRAIN_RADIUS = 0.62
+"""Radius of a drawn grain, in spacings of the grains: neighbours touch, so that a heap is closed."""
+SHEET_MOMENTS = 9
+
+
+def check_camera(name: str) -> None:
+    """Raise UnknownName unless the work cell has this camera."""
+    if name not in CAMERAS:
+        raise UnknownName("camera", name, CAMERAS)
+
+
+class Film:
+    """Draws the state of a rehearsal on a model of its own: the simulated one carries nothing for pictures."""
+
+    def __init__(self, rehearsal: Rehearsal, out: OutputFolder, camera: str) -> None:
+        check_camera(camera)
+        self._rehearsal, self._out, self._camera = rehearsal, out, camera
+        self._model = self._drawn_model(rehearsal.config, rehearsal.material)
+        self._data = mujoco.MjData(self._model)
+        self._renderer = SceneRenderer(self._model, len(rehearsal.solver.positions()))
+        self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=FRAME_RATE)
+        self._next_frame = 0.0
+        self._moments = list(_moments(rehearsal))
+        self._kept: list[np.ndarray] = []
+        self._captions: list[str] = []
+
+    def _drawn_model(self, config: RehearsalConfig, material: MaterialConfig) -> mujoco.MjModel:
+        spec = scene_spec(config)
+        apply_quality(spec)
+        radius = GRAIN_RADIUS * self._rehearsal.grains.grain_volume ** (1 / 3)
+        add_grain_skin(spec, len(self._rehearsal.solver.positions()), radius, material.colour)
+        return spec.compile()
+
+    def look(self) -> None:
+        """Add a frame when its time has come."""
+        time = self._rehearsal.time
+        if time + 1e-9 < self._next_frame:
+            return
+        self._next_frame += 1.0 / FRAME_RATE
+        frame = self.frame()
+        self._writer.add(frame)
+        if self._moments and time >= self._moments[0][0]:
+            self._kept.append(frame)
+            self._captions.append(f"{self._moments.pop(0)[1]}, {time:.1f} s")
+
+    def frame(self) -> np.ndarray:
+        """Picture (height, width, 3) of the present state."""
+        self._data.qpos[:] = self._rehearsal.data.qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        return self._renderer.frame(self._data, self._rehearsal.solver.positions(), self._camera)
+
+    def close(self) -> None:
+        """Finish the film, also after a stop: what was drawn can be watched."""
+        self._writer.close()
+        if self._kept:
+            self._out.write("frames.png", lambda path: contact_sheet(self._kept, self._captions, path))
+        self._renderer.close()
+
+
+def _moments(rehearsal: Rehearsal) -> list[tuple[float, str]]:
+    """Nine waypoints, spread over the rehearsal, with the times [s] at which they are passed."""
+    times = sorted((rehearsal.waypoint_time(name), name) for name in rehearsal.plan.path.times)
+    chosen = np.unique(np.round(np.linspace(0, len(times) - 1, SHEET_MOMENTS)).astype(int))
+    return [times[i] for i in chosen]

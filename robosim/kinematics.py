@@ -1,0 +1,127 @@
+"""Inverse kinematics by damped least squares, under joint limits, with restarts."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio
+
+from mpm import Pose
+from robosim.arm import REACH, SPEED_LIMITS, Arm
+from robosim.errors import UnreachableWaypoint
+
+TOLERANCE = 1e-7
+"""Position [m] and rotation [rad] error at which a solution counts."""
+RESTARTS = 60
+"""Random postures tried for the first waypoint."""
+SHOULDER = np.array([0.0, 0.0, 0.36])
+HOME = np.radians([0.0, 45.0, 0.0, -95.0, 0.0, -50.0, 0.0])
+"""Posture that free motion of the elbow is drawn to: elbow up, hand forward."""
+
+
+class Solution(NamedTuple):
+    """Joint angles [rad] (7,) and the remaining errors [m], [rad]."""
+
+    q: np.ndarray
+    position_error: float
+    angle_error: float
+
+    @property
+    def converged(self) -> bool:
+        return self.position_error < 10 * TOLERANCE and self.angle_error < 10 * TOLERANCE
+
+
+def _error(arm: Arm, q: np.ndarray, target: pinocchio.SE3) -> np.ndarray:
+    """Twist (6,) in the tool's axes that carries the tool to the target in unit time."""
+    pose = arm.tool_pose(q)
+    current = pinocchio.SE3(pose.matrix, pose.position)
+    return pinocchio.log6(current.actInv(target)).vector
+
+
+def solve(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOME, iterations: int = 200) -> Solution:
+    """Closest joint angles to `start` that put the tool at `target`, by Levenberg-Marquardt steps.
+
+    The free motion of the elbow is spent on drawing the posture towards `rest`.
+    """
+    goal = pinocchio.SE3(target.matrix, np.asarray(target.position, float))
+    q, margin = start.copy(), 1e-4
+    error = _error(arm, q, goal)
+    for _ in range(iterations):
+        size = np.linalg.norm(error)
+        if size < TOLERANCE:
+            break
+        J = arm.jacobian(q)
+        damping = 1e-8 + 1e-3 * size**2  # vanishes at the goal: convergence stays quadratic
+        pinv = J.T @ np.linalg.inv(J @ J.T + damping * np.eye(6))
+        step = pinv @ error + (np.eye(7) - pinv @ J) @ (0.05 * (rest - q)) * min(1.0, size * 10)
+        step *= min(1.0, 0.3 / np.abs(step).max())
+        trial = np.clip(q + step, arm.lower + margin, arm.upper - margin)
+        error = _error(arm, trial, goal)
+        q = trial
+    return Solution(q, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])))
+
+
+def follow(arm: Arm, targets: list[Pose], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Joint angles (n, 7) along a densely sampled path and the errors (n, 2) [m], [rad], each solved from the last."""
+    angles, errors, q = [], [], start
+    for target in targets:
+        solution = solve(arm, target, q)
+        q = solution.q
+        angles.append(q)
+        errors.append((solution.position_error, solution.angle_error))
+    return np.array(angles), np.array(errors)
+
+
+class PathSolution(NamedTuple):
+    """Joint path (n, 7) [rad] and its quality: errors (n, 2), smallest distance to a joint limit [rad]."""
+
+    q: np.ndarray
+    errors: np.ndarray
+    margin: float
+
+
+def solve_path(arm: Arm, targets: list[Pose], names: list[tuple[int, str]], seed: int = 0) -> PathSolution:
+    """Best joint path through the targets among restarts from random postures.
+
+    names: (index into targets, waypoint name), for the error when no posture works. Among the paths that follow all
+    targets without a jump, the one with the highest elbow, the most room to joint limits and the least travel is taken.
+    """
+    rng = np.random.default_rng(seed)
+    coarse = sorted({*range(0, len(targets), max(1, len(targets) // 60)), *[i for i, _ in names]})
+    best, furthest, closest = None, -1, Solution(HOME, np.inf, np.inf)
+    for attempt in range(RESTARTS):
+        guess = HOME if attempt == 0 else rng.uniform(0.8 * arm.lower, 0.8 * arm.upper)
+        first = solve(arm, targets[0], guess)
+        if not first.converged:
+            if furthest < 0 and first.position_error + first.angle_error < closest.position_error + closest.angle_error:
+                closest = first
+            continue
+        q, errors = follow(arm, [targets[i] for i in coarse], first.q)
+        bad = np.flatnonzero(errors.max(1) > 10 * TOLERANCE)
+        if len(bad):
+            if coarse[bad[0]] > furthest:
+                furthest, closest = coarse[bad[0]], Solution(q[bad[0]], *errors[bad[0]])
+            continue
+        margin = float(np.minimum(q - arm.lower, arm.upper - q).min())
+        travel = np.abs(np.diff(q, axis=0)) / SPEED_LIMITS
+        elbow = np.mean([arm.elbow_height(x) for x in q[:: max(1, len(q) // 8)]])
+        score = elbow + min(margin, 0.3) - 0.02 * travel.max(1).sum() - (10.0 if travel.max() > 0.6 else 0.0)
+        if best is None or score > best[0]:
+            best = (score, first.q, margin)
+        if attempt >= 12 and best is not None:
+            break
+    if best is None:
+        index = max(furthest, 0)
+        name = next((n for i, n in names if i >= index), names[-1][1])
+        beyond = _beyond_reach(targets[index])
+        raise UnreachableWaypoint(name, closest.position_error, np.degrees(closest.angle_error), beyond)
+    q, errors = follow(arm, targets, best[1])
+    return PathSolution(q, errors, float(np.minimum(q - arm.lower, arm.upper - q).min()))
+
+
+TOOL_TO_WRIST = 0.36
+"""Distance [m] from the tool's frame to the wrist centre at most: flange 0.126, grip 0.160 and handle aslant."""
+
+
+def _beyond_reach(target: Pose) -> float:
+    """How far [m] the target lies outside the ball that the tool can reach; negative inside."""
+    return float(np.linalg.norm(target.position - SHOULDER)) - (REACH + TOOL_TO_WRIST)

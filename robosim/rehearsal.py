@@ -1,0 +1,155 @@
+"""A whole-arm rehearsal: plan the motion, then carry it out in the coupled scene."""
+
+import time as clock
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim import grains as grain_field
+from robosim.arm import Arm
+from robosim.clearance import Contacts
+from robosim.config import MaterialConfig, RehearsalConfig, load_material
+from robosim.counting import in_spoon
+from robosim.coupling import GranularPlugin
+from robosim.frames import body_pose
+from robosim.kinematics import PathSolution, solve_path
+from robosim.path import CommandedPath
+from robosim.recording import Recording, Sample, Step
+from robosim.scene import FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, scene_spec
+from robosim.servo import Servo
+from robosim.smoothing import JointState, SmoothMotion
+
+PATH_SAMPLING = 0.01
+"""[s] between the poses at which the path is solved for joint angles."""
+SAMPLE_EVERY = 10
+"""Steps between readings that need all particles."""
+KEEP_EVERY = 250
+"""Steps between states kept in memory, to be written when the run diverges."""
+
+
+class Plan(NamedTuple):
+    """A motion, found before anything is simulated."""
+
+    path: CommandedPath
+    solution: PathSolution
+    motion: SmoothMotion
+    arm: Arm
+
+
+def plan(config: RehearsalConfig) -> Plan:
+    """Solve the path and smooth it; raises ConfigError or UnreachableWaypoint."""
+    arm = Arm(config.tool)
+    path = CommandedPath(config)
+    times = np.linspace(0.0, path.duration, int(np.ceil(path.duration / PATH_SAMPLING)) + 1)
+    marks = [(int(np.searchsorted(times, t)), name) for name, t in path.times.items()]
+    solution = solve_path(arm, [path.pose(t) for t in times], [(min(i, len(times) - 1), n) for i, n in marks])
+    return Plan(path, solution, SmoothMotion(times, solution.q, config.limits, path.times), arm)
+
+
+class Rehearsal:
+    """The coupled scene of a planned motion; `run` carries it out."""
+
+    def __init__(self, config: RehearsalConfig, planned: Plan, seed: int = 0) -> None:
+        self.config, self.plan = config, planned
+        self.material: MaterialConfig = load_material(config.material)
+        self.scene: Scene = compile_scene(scene_spec(config), config.tool)
+        self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
+        self.data.qpos[self.scene.arm_qpos] = planned.motion.state(0.0).q
+        mujoco.mj_forward(self.model, self.data)
+        law = grain_field.material(self.material)
+        self.grains = grain_field.build(config, law, self.scene, self.tool_pose(), seed)
+        self.solver = self.grains.solver
+        self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
+                                     coupling=config.coupling)
+        self.servo = Servo(planned.arm, config.servo)
+        self.recording = Recording()
+        self.duration = config.grasp_time + planned.motion.duration
+        self.contacts = Contacts(self.model, self.data, config)
+        self._grain_mass = float(self.solver.masses()[0])
+        self.wall_time = 0.0
+        self._keep_good_state()
+
+    def tool_pose(self) -> mpm.Pose:
+        """World pose of the tool's frame."""
+        return body_pose(self.data, self.scene.tool)
+
+    @property
+    def time(self) -> float:
+        return float(self.data.time)
+
+    def waypoint_time(self, name: str) -> float:
+        """Simulated time [s] at which a waypoint is passed."""
+        return self.config.grasp_time + self.plan.path.times[name]
+
+    def run(self, each_step: Callable[[], None]) -> None:
+        """Carry the motion out; `each_step` is called after every step. Raises mpm.SimulationDiverged."""
+        begin = clock.perf_counter()
+        steps = round(self.duration / self.config.host_dt)
+        for index in range(steps):
+            self.step(index)
+            each_step()
+        self.wall_time = clock.perf_counter() - begin
+
+    def step(self, index: int) -> None:
+        """One host step.
+
+        1. Command fingers and arm.
+        2. Step robot and grains together.
+        3. Write down what happened.
+        """
+        wanted = self.plan.motion.state(self.time - self.config.grasp_time)
+        torque = self._command(wanted)
+        self.plugin.step()
+        self.contacts.count()
+        self.recording.steps.append(self._read(wanted, torque))
+        if index % SAMPLE_EVERY == 0:
+            self.recording.samples.append(self._sample())
+        if index % KEEP_EVERY == 0:
+            self._keep_good_state()
+
+    def _command(self, wanted: JointState) -> np.ndarray:
+        """Set the motor torques and finger commands; returns the torques [N m] (7,)."""
+        closing = min(self.time / (0.6 * self.config.grasp_time), 1.0)
+        self.data.ctrl[self.scene.finger_actuators] = FINGERS_OPEN + closing * (FINGERS_CLOSED - FINGERS_OPEN)
+        q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
+        torque = self.servo.torque(wanted, q, qd)
+        self.data.ctrl[self.scene.arm_actuators] = torque
+        return torque
+
+    def _read(self, wanted: JointState, torque: np.ndarray) -> Step:
+        s, data, ledger = self.scene, self.data, self.plugin.ledger
+        wrench = self.plugin.wrench(self.config.tool)
+        end = self.tool_pose()
+        commanded = self.plan.arm.tool_pose(wanted.q)
+        parts = [ledger.gravity, ledger.walls, ledger.static, *ledger.bodies.values()]
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, s.tool, velocity, 0)
+        power = wrench.force @ velocity[3:] + wrench.torque @ velocity[:3]
+        return Step(
+            self.time, data.qpos[s.arm_qpos].copy(), data.qvel[s.arm_dofs].copy(), data.qacc[s.arm_dofs].copy(), torque,
+            np.concatenate(commanded), np.concatenate(end), self._wrist(), np.concatenate(wrench),
+            np.concatenate(ledger.residual),
+            np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)]),
+            -power * self.config.host_dt,
+        )
+
+    def _wrist(self) -> np.ndarray:
+        """Force and torque of the wrist sensor in world axes (6,)."""
+        site = self.model.site("wrist_sensor").id
+        R = self.data.site_xmat[site].reshape(3, 3)
+        return np.concatenate([R @ self.data.sensor("wrist_force").data, R @ self.data.sensor("wrist_torque").data])
+
+    def _sample(self) -> Sample:
+        mass = self._grain_mass * in_spoon(self.solver.positions(), self.tool_pose()).sum()
+        return Sample(self.time, float(mass), *self.solver.energy())
+
+    def save_last_good_state(self, path: Path) -> None:
+        """The last sampled state whose numbers were finite: grains, joints, time."""
+        np.savez_compressed(path, **self._last_good)
+
+    def _keep_good_state(self) -> None:
+        self._last_good = self.solver.state() | {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}

@@ -1,0 +1,26 @@
+"""Where configs/ and models/ lie: inside an installed wheel, or beside the package in a checkout."""
+
+from importlib.resources import files
+from pathlib import Path
+
+from robosim.errors import UnknownName
+
+
+def folder(name: str) -> Path:
+    """Folder "configs" or "models"."""
+    installed = Path(str(files("robosim"))) / name
+    return installed if installed.is_dir() else Path(__file__).resolve().parent.parent / name
+
+
+def config_names(kind: str) -> list[str]:
+    """Stems of configs/<kind>/*.yaml, sorted."""
+    return sorted(path.stem for path in (folder("configs") / kind).glob("*.yaml"))
+
+
+def config_path(kind: str, name: str, what: str) -> Path:
+    """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
+    if name.endswith((".yaml", ".yml")) and Path(name).is_file():
+        return Path(name)
+    if name not in config_names(kind):
+        raise UnknownName(what, name, [*config_names(kind), "a path that ends in .yaml"])
+    return folder("configs") / kind / f"{name}.yaml"

@@ -1,0 +1,114 @@
+"""The rigid scene: work cell, arm, hand, tool and containers, assembled from models/."""
+
+import warnings
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from mpm import Pose
+from robosim.config import ContainerConfig, RehearsalConfig
+from robosim.errors import ConfigError
+from robosim.frames import container_pose
+from robosim.resources import folder
+
+ARM_JOINTS = tuple(f"A{i}" for i in range(1, 8))
+FINGERS = ("f1", "f2", "fm")
+FINGERS_OPEN, FINGERS_CLOSED = 0.0, 0.9
+"""Finger commands [rad]: closed presses the pads on a handle of 11 mm radius with 28 N a finger, 56 N the thumb."""
+
+
+def load_spec(*parts: str) -> mujoco.MjSpec:
+    """Specification of a file below models/."""
+    path = folder("models").joinpath(*parts)
+    if not path.is_file():
+        raise ConfigError(f"model file {path} is missing; the installation is incomplete")
+    return mujoco.MjSpec.from_file(str(path))
+
+
+def _quiet_prefixes() -> None:
+    """Attach with empty prefixes on purpose: every name of models/ is unique, and readings use them plainly."""
+    mujoco.set_mju_user_warning(lambda text: None)
+    warnings.filterwarnings("ignore", message=".*prefix.*")
+
+
+def robot_spec(tool: str) -> mujoco.MjSpec:
+    """Arm, hand and the tool fixed in the hand where the fingers close round its handle."""
+    _quiet_prefixes()
+    arm = load_spec("robots", "iiwa14", "iiwa14.xml")
+    hand = load_spec("grippers", "robotiq_3f", "robotiq_3f.xml")
+    part = load_spec("tools", tool, f"{tool}.xml")
+    T_grip = _site_in_body(hand, "grip", "palm")
+    T_handle = _site_in_body(part, f"{tool}_grip", tool)
+    X = T_grip @ T_handle.inverse()
+    arm.attach(hand, site=arm.site("flange"), prefix="")
+    frame = arm.body("palm").add_frame(pos=X.position, quat=X.quaternion)
+    frame.attach_body(part.body(tool), "", "")
+    return arm
+
+
+def _site_in_body(spec: mujoco.MjSpec, site: str, body: str) -> Pose:
+    """Pose of a site in a body's frame, from the compiled zero posture."""
+    model = spec.copy().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    T_ws = Pose.from_matrix(data.site(site).xpos, data.site(site).xmat.reshape(3, 3))
+    return Pose(data.body(body).xpos.copy(), data.body(body).xquat.copy()).inverse() @ T_ws
+
+
+class Scene(NamedTuple):
+    """A compiled scene and the indices that its users read it by."""
+
+    model: mujoco.MjModel
+    arm_qpos: np.ndarray
+    """Places of A1..A7 in qpos (7,)."""
+    arm_dofs: np.ndarray
+    """Places of A1..A7 in qvel (7,)."""
+    arm_actuators: np.ndarray
+    finger_actuators: np.ndarray
+    tool: int
+    """Body of the tool."""
+
+    def inner_size(self, container: str) -> np.ndarray:
+        """Inside of a container (3,) [m], from the box-shaped site that marks it."""
+        return 2.0 * self.model.site(f"{container}_inside").size
+
+
+def scene_spec(config: RehearsalConfig) -> mujoco.MjSpec:
+    """Specification of the whole rigid scene."""
+    spec = load_spec("workcell", "workcell.xml")
+    robot = robot_spec(config.tool)
+    spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
+    for name, container in config.containers.items():
+        add_container(spec, name, container)
+    add_wrist_sensor(spec)
+    spec.option.timestep = config.host_dt
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    return spec
+
+
+def add_container(spec: mujoco.MjSpec, name: str, container: ContainerConfig) -> None:
+    """Stand a container of models/containers on its place."""
+    pose = container_pose(container)
+    frame = spec.worldbody.add_frame(pos=pose.position, quat=pose.quaternion)
+    frame.attach_body(load_spec("containers", f"{name}.xml").body(name), "", "")
+
+
+def add_wrist_sensor(spec: mujoco.MjSpec) -> None:
+    """Force and torque between the arm's flange and the hand, in the axes of a site at the flange."""
+    spec.body("palm").add_site(name="wrist_sensor", group=4)
+    for name, kind in (("wrist_force", mujoco.mjtSensor.mjSENS_FORCE), ("wrist_torque", mujoco.mjtSensor.mjSENS_TORQUE)):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrist_sensor")
+
+
+def compile_scene(spec: mujoco.MjSpec, tool: str) -> Scene:
+    """Compile and look the indices up."""
+    model = spec.compile()
+    joints = [model.joint(name) for name in ARM_JOINTS]
+    return Scene(
+        model,
+        np.array([j.qposadr[0] for j in joints]), np.array([j.dofadr[0] for j in joints]),
+        np.array([model.actuator(name).id for name in ARM_JOINTS]),
+        np.array([model.actuator(name).id for name in FINGERS]),
+        model.body(tool).id,
+    )

@@ -1,0 +1,84 @@
+"""One rehearsal from the command line: check everything, run, write everything."""
+
+import sys
+from pathlib import Path
+
+import yaml
+from tqdm import tqdm
+
+import mpm
+from robosim.config import load_rehearsal
+from robosim.film import Film, check_camera
+from robosim.output import OutputFolder
+from robosim.plots import plot_report
+from robosim.rehearsal import Rehearsal, plan
+from robosim.rendering import RenderingUnavailable
+from robosim.report import figures, missed
+
+
+def rehearse(name: str, out: Path, *, material: str | None = None, camera: str | None = "close", seed: int = 0) -> int:
+    """Run a rehearsal and fill `out`; returns 0. camera None: no video.
+
+    Input is checked before any work. Whatever ends the run, what was written is whole.
+    """
+    config = load_rehearsal(name, {"material": material} if material else None)
+    if camera is not None:
+        check_camera(camera)
+    folder = OutputFolder(out)
+    folder.write("config.yaml", lambda path: path.write_text(yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)))
+    print("planning the motion ...", file=sys.stderr)
+    planned = plan(config)
+    print("preparing grains and robot ...", file=sys.stderr)
+    mpm.init()
+    run = Rehearsal(config, planned, seed=seed)
+    film = _film(run, folder, camera)
+    try:
+        _carry_out(run, film)
+    except mpm.SimulationDiverged:
+        folder.write("last_good_state.npz", run.save_last_good_state)
+        raise
+    finally:
+        if film is not None:
+            film.close()
+        if run.recording.steps:
+            folder.write("trajectory.csv", run.recording.write_csv)
+    values = figures(run)
+    folder.write_json("report.json", values)
+    folder.write("report.png", lambda path: plot_report(run, path))
+    _tell(values, folder)
+    return 0
+
+
+def _film(run: Rehearsal, folder: OutputFolder, camera: str | None) -> Film | None:
+    """The film, or None with a word on why."""
+    if camera is None:
+        return None
+    try:
+        return Film(run, folder, camera)
+    except RenderingUnavailable as error:
+        print(f"no video: {error}", file=sys.stderr)
+        return None
+
+
+def _carry_out(run: Rehearsal, film: Film | None) -> None:
+    """Run with a progress bar: simulated time, real-time factor, time left."""
+    bar_format = "{l_bar}{bar}| {n:.2f}/{total:.2f} s simulated [{elapsed}<{remaining}{postfix}]"
+    with tqdm(total=round(run.duration, 3), bar_format=bar_format, mininterval=0.5, file=sys.stderr) as bar:
+        def each_step() -> None:
+            if film is not None:
+                film.look()
+            bar.update(min(run.config.host_dt, bar.total - bar.n))
+            elapsed = bar.format_dict["elapsed"]
+            bar.set_postfix_str(f"real-time factor {run.time / max(elapsed, 1e-9):.4f}", refresh=False)
+
+        run.run(each_step)
+
+
+def _tell(values: dict, folder: OutputFolder) -> None:
+    """The figures that matter, and what missed its bound."""
+    for key in ("scooped_mass", "delivered_fraction", "spilled_fraction", "wrist_payload_relative_error",
+                "momentum_residual_linear", "realtime_factor"):
+        print(f"{key:32s} {values[key]}")
+    for line in missed(values):
+        print(f"outside its bound: {line}")
+    print(f"written to {folder.path}")
