@@ -9,13 +9,12 @@ APT_LINE := apt-get install -y --no-install-recommends $(GL_PACKAGES)
 # True when both libraries can be loaded; asked of the dynamic linker, as PyOpenGL does.
 HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.so.1', 'libGL.so.1')]" 2>/dev/null
 
-export MUJOCO_GL ?= egl
-
 .PHONY: rehearse test test-slow lint meshes clean gl
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
-	@video=--no-video; if $(HAS_GL); then video=; fi; \
+	@# Without the libraries MuJoCo can be imported only when told to leave OpenGL alone.
+	@if $(HAS_GL); then video=; else video=--no-video; export MUJOCO_GL=disable; fi; \
 	set -x; $(BIN)/robosim rehearse spoon --out $(OUT) $$video
 
 test: $(VENV)/.test
@@ -47,11 +46,12 @@ gl:
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
-# One stamp per kind of install. The plain one copies the sources, hence its list of prerequisites; the editable one
-# serves for running too, and each removes the other's stamp, for they replace each other in the environment.
+# One stamp per kind of install. The plain one copies the sources, hence its list of prerequisites. The two replace
+# each other in the environment, so each removes the other's stamp.
 SOURCES := $(shell find robosim mpm policies configs models -type f ! -name '*.pyc' 2>/dev/null)
 
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
+	@rm -rf build  # a stale one would put deleted files back into the install
 	$(BIN)/python -m pip install -c constraints.txt .
 	@rm -f $(VENV)/.test; touch $@
 

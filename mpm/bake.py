@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 BAND = 4.0
 """Half width, in lattice spacings, of the band in which distances are exact."""
-NEIGHBOURS = 16
+NEIGHBOURS = 8
 """Surface samples per lattice point whose triangles are measured."""
 MAX_SAMPLES = 400_000
 RAY_OFFSET = np.array([1.234567e-5, 7.654321e-6])
@@ -32,22 +32,24 @@ def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, s
     steps, nearest = distance_transform_edt(~touched, return_indices=True)
     band = np.argwhere(steps < BAND)
     exact = np.zeros(shape)
-    exact[tuple(band.T)] = _distance_to_neighbour_faces(mesh, band * spacing + lower, samples, faces)
+    exact[tuple(band.T)] = _distance_to_neighbour_faces(mesh, band * spacing + lower, samples, faces, spacing)
     far = steps >= BAND
     exact[far] = steps[far] * spacing + exact[tuple(axis[far] for axis in nearest)]
     return np.where(parity(mesh, lower, spacing, shape), -exact, exact)
 
 
 def _distance_to_neighbour_faces(
-    mesh: trimesh.Trimesh, points: np.ndarray, samples: np.ndarray, faces: np.ndarray
+    mesh: trimesh.Trimesh, points: np.ndarray, samples: np.ndarray, faces: np.ndarray, spacing: float
 ) -> np.ndarray:
     """Exact distance (n,) to the triangles of the closest samples: with several per point the closest is among them."""
     _, candidates = cKDTree(samples).query(points, k=NEIGHBOURS)
     best = np.full(len(points), np.inf)
+    # in units of the spacing: trimesh 5 compares with absolute tolerances, which millimetre triangles fall under
+    triangles, scaled = mesh.triangles / spacing, points / spacing
     for column in faces[candidates].T:
-        closest = trimesh.triangles.closest_point(mesh.triangles[column], points)
-        best = np.minimum(best, np.linalg.norm(closest - points, axis=1))
-    return best
+        closest = trimesh.triangles.closest_point(triangles[column], scaled)
+        best = np.minimum(best, np.linalg.norm(closest - scaled, axis=1))
+    return best * spacing
 
 
 def parity(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import math
 
-COURANT_FRACTION = 0.6
+COURANT_FRACTION = 0.75
 """Default share of the isolated-particle bound: leaves room for compression, which stiffens the logarithmic strain."""
 TRAVEL_FRACTION = 0.25
 """Largest share of a cell that a tool may travel in a substep, so that contact is seen before it is passed."""

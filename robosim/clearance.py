@@ -43,7 +43,10 @@ class Contacts:
 
     def _points_in_walls(self) -> int:
         world = body_pose(self._data, self._tool).apply(self._points)
+        rim = max(self._data.xpos[body][2] + 2 * half[2] for body, half in self._containers)
         total = 0
+        if world[:, 2].min() > rim:  # most of the time the tool is above everything
+            return total
         for body, half in self._containers:
             y = body_pose(self._data, body).inverse().apply(world)
             outer = np.all(np.abs(y[:, :2]) < half[:2] + CONTAINER_WALL, axis=1) \

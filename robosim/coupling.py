@@ -51,7 +51,7 @@ class GranularPlugin:
         movable = solver.features.moving_colliders
         for name, collider in bodies.items():
             if name not in names:
-                raise UnknownName("body", name, names, "the MuJoCo model")
+                raise UnknownName("body of the MuJoCo model", name, names)
             if collider not in movable:
                 raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")
         if len(set(bodies.values())) != len(bodies):

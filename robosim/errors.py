@@ -14,10 +14,9 @@ class ConfigError(RobosimError, ValueError):
 class UnknownName(ConfigError):
     """A name outside a closed list."""
 
-    def __init__(self, what: str, given: object, valid: Iterable[str], where: str = "") -> None:
+    def __init__(self, what: str, given: object, valid: Iterable[str], also: str = "") -> None:
         self.given, self.valid = given, sorted(valid)
-        place = f" in {where}" if where else ""
-        super().__init__(f"unknown {what} {given!r}{place}; valid: {', '.join(self.valid)}")
+        super().__init__(f"unknown {what} {given!r}; valid: {', '.join(self.valid)}{', ' if also else ''}{also}")
 
 
 class UnreachableWaypoint(ConfigError):

@@ -75,7 +75,9 @@ class Film:
 
 
 def _moments(rehearsal: Rehearsal) -> list[tuple[float, str]]:
-    """Nine waypoints, spread over the rehearsal, with the times [s] at which they are passed."""
+    """Nine waypoints with the times [s] at which they are passed: those that follow closest on another are left out."""
     times = sorted((rehearsal.waypoint_time(name), name) for name in rehearsal.plan.path.times)
-    chosen = np.unique(np.round(np.linspace(0, len(times) - 1, SHEET_MOMENTS)).astype(int))
-    return [times[i] for i in chosen]
+    while len(times) > SHEET_MOMENTS:
+        gaps = [b[0] - a[0] for a, b in zip(times, times[1:])]
+        del times[int(np.argmin(gaps)) + 1]
+    return times

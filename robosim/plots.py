@@ -37,11 +37,11 @@ def plot_report(run: Rehearsal, path: Path) -> None:
     relative = np.stack([drift[:, :3].max(1) / scale[:, 0], drift[:, 3:].max(1) / scale[:, 1]], -1)
     _lines(axes[2, 0], t, relative + 1e-12, ["linear", "angular"], "momentum residual / exchanged")
     axes[2, 0].set_yscale("log")
-    energies = np.stack([rec.sampled("kinetic"), rec.sampled("potential") - rec.sampled("potential")[0],
-                         rec.sampled("elastic")], -1)
-    work = np.cumsum(rec.array("tool_work"))[:: max(len(t) // max(len(ts), 1), 1)][: len(ts)]
+    te = np.array([e.time for e in rec.energies])
+    energies = np.array([[e.kinetic, e.potential - rec.energies[0].potential, e.elastic] for e in rec.energies])
+    work = np.interp(te, t, np.cumsum(rec.array("tool_work")))
     dissipated = work - (energies.sum(1) - energies.sum(1)[0])
-    _lines(axes[2, 1], ts, np.column_stack([energies, work, dissipated]) * 1e3,
+    _lines(axes[2, 1], te, np.column_stack([energies, work, dissipated]) * 1e3,
            ["kinetic", "potential", "elastic", "work of the tool", "dissipated"], "energy [mJ]")
     for axis in axes.flat:
         for name, time in run.plan.path.times.items():

@@ -37,15 +37,20 @@ class Step(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Readings that need all particles; taken every few steps."""
+    """Readings that need all particles' places; taken every few steps."""
 
     time: float
     in_tool: float
     """[kg]"""
+
+
+class EnergySample(NamedTuple):
+    """The grains' energies [J], which need all particles' strains; taken now and then."""
+
+    time: float
     kinetic: float
     potential: float
     elastic: float
-    """[J]"""
 
 
 class Recording:
@@ -54,6 +59,7 @@ class Recording:
     def __init__(self) -> None:
         self.steps: list[Step] = []
         self.samples: list[Sample] = []
+        self.energies: list[EnergySample] = []
 
     def array(self, name: str) -> np.ndarray:
         """Values of one field of `Step` over all steps (n, ...)."""

@@ -18,7 +18,7 @@ from robosim.coupling import GranularPlugin
 from robosim.frames import body_pose
 from robosim.kinematics import PathSolution, solve_path
 from robosim.path import CommandedPath
-from robosim.recording import Recording, Sample, Step
+from robosim.recording import EnergySample, Recording, Sample, Step
 from robosim.scene import FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, scene_spec
 from robosim.servo import Servo
 from robosim.smoothing import JointState, SmoothMotion
@@ -27,6 +27,8 @@ PATH_SAMPLING = 0.01
 """[s] between the poses at which the path is solved for joint angles."""
 SAMPLE_EVERY = 10
 """Steps between readings that need all particles."""
+ENERGY_EVERY = 100
+"""Steps between readings of the grains' energies."""
 KEEP_EVERY = 250
 """Steps between states kept in memory, to be written when the run diverges."""
 
@@ -108,6 +110,8 @@ class Rehearsal:
         self.recording.steps.append(self._read(wanted, torque))
         if index % SAMPLE_EVERY == 0:
             self.recording.samples.append(self._sample())
+        if index % ENERGY_EVERY == 0:
+            self.recording.energies.append(EnergySample(self.time, *self.solver.energy()))
         if index % KEEP_EVERY == 0:
             self._keep_good_state()
 
@@ -145,7 +149,7 @@ class Rehearsal:
 
     def _sample(self) -> Sample:
         mass = self._grain_mass * in_spoon(self.solver.positions(), self.tool_pose()).sum()
-        return Sample(self.time, float(mass), *self.solver.energy())
+        return Sample(self.time, float(mass))
 
     def save_last_good_state(self, path: Path) -> None:
         """The last sampled state whose numbers were finite: grains, joints, time."""

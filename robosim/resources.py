@@ -22,5 +22,5 @@ def config_path(kind: str, name: str, what: str) -> Path:
     if name.endswith((".yaml", ".yml")) and Path(name).is_file():
         return Path(name)
     if name not in config_names(kind):
-        raise UnknownName(what, name, [*config_names(kind), "a path that ends in .yaml"])
+        raise UnknownName(what, name, config_names(kind), "or the path of a .yaml file of your own")
     return folder("configs") / kind / f"{name}.yaml"

@@ -77,13 +77,13 @@ class Scene(NamedTuple):
 def scene_spec(config: RehearsalConfig) -> mujoco.MjSpec:
     """Specification of the whole rigid scene."""
     spec = load_spec("workcell", "workcell.xml")
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     robot = robot_spec(config.tool)
     spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
     for name, container in config.containers.items():
         add_container(spec, name, container)
     add_wrist_sensor(spec)
     spec.option.timestep = config.host_dt
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     return spec
 
 

@@ -12,6 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 Frame = NDArray[np.uint8]  # (height, width, 3), RGB
 
 KEYFRAME_SECONDS = 2
+FRAGMENTED = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
 SHEET_COLUMNS = 3
 SHEET_WIDTH = 640  # pixels of one picture on the sheet
 
@@ -25,9 +26,9 @@ def beside(path: Path) -> Path:
 class Mp4Writer:
     """Writes frames to an H.264 film that every player opens (yuv420p).
 
-    Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the .part of
-    a killed run plays up to its last seconds; close() rewrites it with its index in front (faststart), without
-    encoding anything again.
+    Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the
+    .part of a killed run plays up to its last seconds; close() rewrites it with its index in front
+    (faststart), without encoding anything again.
     """
 
     def __init__(self, path: str | Path, fps: int = 30) -> None:
@@ -37,9 +38,7 @@ class Mp4Writer:
         self._part = beside(self.path)
         self._fps = fps
         self._stream: av.VideoStream | None = None
-        self._file = av.open(
-            str(self._part), "w", format="mp4", options={"movflags": "frag_keyframe+empty_moov+default_base_moof"}
-        )
+        self._file = av.open(str(self._part), "w", format="mp4", options=FRAGMENTED)
 
     def add(self, frame: Frame) -> None:
         """Append one frame (height, width, 3); all frames have the size of the first, with even sides."""
@@ -85,7 +84,7 @@ class Mp4Writer:
 
 
 def index_in_front(source: Path, target: Path) -> None:
-    """Copy the packets of a fragmented film into a plain one whose index comes first, under its final name."""
+    """Copy the packets of a fragmented film into one whose index comes first, under its final name."""
     finished = target.with_name(target.name + ".done")
     with av.open(str(source)) as old, av.open(
         str(finished), "w", format="mp4", options={"movflags": "faststart"}
@@ -99,9 +98,11 @@ def index_in_front(source: Path, target: Path) -> None:
 
 
 def contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
-    """Write up to nine frames (height, width, 3) of one size with their captions as one PNG, three in a row."""
+    """Write one to nine frames (height, width, 3) of one size and their captions as one PNG, three in a row."""
     if not 1 <= len(frames) <= SHEET_COLUMNS**2 or len(captions) != len(frames):
-        raise ValueError(f"contact sheet: {len(frames)} frames, {len(captions)} captions; 1 to 9 and as many wanted")
+        raise ValueError(
+            f"contact sheet: {len(frames)} frames and {len(captions)} captions, but 1 to 9 and as many are wanted"
+        )
     height = round(SHEET_WIDTH * frames[0].shape[0] / frames[0].shape[1])
     rows = -(-len(frames) // SHEET_COLUMNS)
     sheet = Image.new("RGB", (SHEET_COLUMNS * SHEET_WIDTH, rows * height), "white")

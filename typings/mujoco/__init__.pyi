@@ -1,0 +1,4 @@
+# MuJoCo's bindings are compiled and ship no types: every name is Any, and robosim's own types are still checked.
+from typing import Any
+
+def __getattr__(name: str) -> Any: ...
