@@ -10,7 +10,7 @@ import taichi as ti  # noqa: E402  (the variable above must be set before)
 
 from mpm.errors import BackendError, UnknownName  # noqa: E402
 
-__all__ = ["ti", "init", "default_precision", "real_type", "session_precision", "PRECISIONS"]
+__all__ = ["PRECISIONS", "default_precision", "init", "real_type", "session_precision", "ti"]
 
 ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
 PRECISIONS = ("f32", "f64")

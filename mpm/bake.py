@@ -21,7 +21,7 @@ def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, s
     from the closest point of the band, good to a spacing.
     """
     count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
-    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)
+    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
     # small triangles may get no sample of their own
     samples = np.concatenate([samples, mesh.triangles_center])
     faces = np.concatenate([faces, np.arange(len(mesh.faces))])

@@ -28,7 +28,9 @@ class TimeStepTooLarge(InvalidValue):
 
     def __init__(self, dt: float, bound: float, reason: str) -> None:
         self.dt, self.bound = dt, bound
-        super().__init__(f"time step {dt:.4g} s is above the bound {bound:.4g} s ({reason}); give dt <= {bound:.4g} or None")
+        super().__init__(
+            f"time step {dt:.4g} s is above the bound {bound:.4g} s ({reason}); give dt <= {bound:.4g} or None"
+        )
 
 
 class SimulationDiverged(MpmError):

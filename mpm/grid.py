@@ -28,8 +28,9 @@ class Grid:
     def __post_init__(self) -> None:
         if self.cell <= 0:
             raise InvalidValue(f"Grid: cell = {self.cell} m; accepted: a positive length")
-        if len(self.lower) != 3 or len(self.upper) != 3 or np.any(np.subtract(self.upper, self.lower) < 3 * self.cell):
-            raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is not a box of at least 3 cells of {self.cell} m")
+        span = np.subtract(self.upper, self.lower)
+        if span.shape != (3,) or np.any(span < 3 * self.cell):
+            raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is not a box of 3 cells of {self.cell} m or more")
 
     @property
     def cells(self) -> np.ndarray:

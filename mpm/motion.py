@@ -71,7 +71,7 @@ def skew(vectors: np.ndarray) -> np.ndarray:
 
 
 def left_jacobian(rotation: np.ndarray) -> np.ndarray:
-    """V of SE(3): the translation of exp(rho, phi) is V(phi) rho; phi = rotation [rad] (3,). (Barfoot 2017, eq. 7.77)"""
+    """V of SE(3): exp(rho, phi) translates by V(phi) rho; phi = rotation [rad] (3,). (Barfoot 2017, eq. 7.77)"""
     angle = float(np.linalg.norm(rotation))
     K = skew(rotation)
     if angle < 1e-6:

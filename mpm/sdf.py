@@ -79,7 +79,7 @@ class Box:
         out = ti.Vector([ti.abs(y[d]) - self.half[d] for d in ti.static(range(3))])
         side = ti.Vector([ti.select(y[d] < 0, -1.0, 1.0) for d in ti.static(range(3))])
         deepest = out.max()
-        n = ti.Vector.zero(y.n and ti.f32, 3)
+        n = side * 0.0
         phi = deepest
         if deepest < 0:
             for d in ti.static(range(3)):
@@ -123,7 +123,8 @@ class Lattice:
         if u.min() >= 0 and u[0] < shape[0] - 1 and u[1] < shape[1] - 1 and u[2] < shape[2] - 1:
             c = ti.cast(u, ti.i32)
             f = u - c
-            s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+            s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)]
+                 for i in range(2)]
             z00 = s[0][0][0] + f[2] * (s[0][0][1] - s[0][0][0])
             z01 = s[0][1][0] + f[2] * (s[0][1][1] - s[0][1][0])
             z10 = s[1][0][0] + f[2] * (s[1][0][1] - s[1][0][0])

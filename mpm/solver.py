@@ -25,7 +25,7 @@ MAX_SUBSTEPS = 64
 
 
 class Momentum(NamedTuple):
-    """Linear [N s] (3,) and angular [N m s] (3,) momentum, the latter about the world's origin, affine part included."""
+    """Linear [N s] (3,) and angular [N m s] (3,) momentum, about the world's origin, with the affine part."""
 
     linear: np.ndarray
     angular: np.ndarray

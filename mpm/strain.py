@@ -85,7 +85,7 @@ def advance_e(e: ti.template(), a: ti.template()):
 
 @ti.func
 def hencky_series(e: ti.template()):
-    """h = log(I + e) / 2 = Y + Y^3/3 + Y^5/5 + Y^7/7 with Y = e (2 I + e)^-1; relative error below 3e-7 for |h| < 0.2."""
+    """h = log(I + e) / 2 = Y + Y^3/3 + Y^5/5 + Y^7/7, Y = e (2 I + e)^-1; relative error below 3e-7 for |h| < 0.2."""
     y = product(e, inverse(combine(1.0, 2.0, e)))
     z = product(y, y)
     fifth = combine(1.0 / 7.0, 1.0 / 5.0, z)

@@ -4,7 +4,7 @@ from mpm.backend import ti
 from mpm.contact import backstop, update_nodes
 from mpm.grid import GHOST, mark_pack
 from mpm.strain import INTEGRATORS, advance_e, keep
-from mpm.transfer import clamped, first_node, gather_lane, scatter_lane, weights
+from mpm.transfer import clamped, first_node, gather_lane, lane, scatter_lane, weights
 from mpm.walls import fold, unfold, wall_table
 
 SPEED_LIMIT = 1.0
@@ -108,7 +108,7 @@ class Substeps:
                 ti.Vector([px[l], py[l], pz[l], mass[l]]),
                 ti.Vector([Q[0][l], Q[3][l], Q[6][l], 0.0]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], 0.0]),
                 ti.Vector([Q[2][l], Q[5][l], Q[8][l], 0.0]),
-                [keep(wx[i][l]) for i in range(3)], [keep(wy[i][l]) for i in range(3)], [keep(wz[i][l]) for i in range(3)])
+                lane(wx, l), lane(wy, l), lane(wz, l))
 
     @ti.func
     def to_particles(self, P: ti.template(), body: ti.template(), dt):
@@ -123,7 +123,7 @@ class Substeps:
             for l in ti.static(range(4)):
                 value, moment_i, moment_j, moment_k = gather_lane(
                     self.grid.nodes, clamped([node_x, node_y, node_z], l, self.grid.nodes),
-                    [keep(wx[i][l]) for i in range(3)], [keep(wy[i][l]) for i in range(3)], [keep(wz[i][l]) for i in range(3)])
+                    lane(wx, l), lane(wy, l), lane(wz, l))
                 for r in ti.static(range(3)):
                     v[r][l] = value[r]
                     B[3 * r][l] = moment_i[r]

@@ -27,9 +27,15 @@ def weights(f):
 
 
 @ti.func
-def clamped(first: ti.template(), lane: ti.template(), nodes: ti.template()):
+def lane(packs: ti.template(), l: ti.template()):
+    """One particle's three weights."""
+    return [keep(packs[i][l]) for i in range(3)]
+
+
+@ti.func
+def clamped(first: ti.template(), l: ti.template(), nodes: ti.template()):
     """Integer index of a lane's first node, kept inside the array even when a position is not finite."""
-    return [keep(ti.math.clamp(ti.cast(first[d][lane], ti.i32), 0, nodes.shape[d] - 3)) for d in range(3)]
+    return [keep(ti.math.clamp(ti.cast(first[d][l], ti.i32), 0, nodes.shape[d] - 3)) for d in range(3)]
 
 
 @ti.func

@@ -1,9 +1,8 @@
 """The scene, the robot, the coupling of grains and rigid bodies, rehearsals and their reports."""
 
-import os
+from robosim.graphics import choose_graphics
 
-# MuJoCo chooses its OpenGL library when it is imported; without a display only EGL or OSMesa work
-os.environ.setdefault("MUJOCO_GL", "egl")
+choose_graphics()
 
 from robosim.coupling import GranularPlugin  # noqa: E402
 from robosim.errors import ConfigError, RobosimError, UnknownName, UnreachableWaypoint  # noqa: E402

@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, mpm.SimulationDiverged) else 2
     except KeyboardInterrupt:
-        print(f"robosim {options.command}: stopped by Ctrl-C; what was finished is in the output folder", file=sys.stderr)
+        print(f"robosim {options.command}: stopped by Ctrl-C; what was finished is in --out", file=sys.stderr)
         return 130
 
 

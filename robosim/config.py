@@ -1,7 +1,7 @@
 """Configurations: frozen, typed, checked once, before any work."""
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import pydantic
 import yaml
@@ -29,6 +29,9 @@ class Quantity(Table):
     """Literature, or "assumed: ..." with the reason."""
 
 
+Kind = TypeVar("Kind", bound=Table)
+
+
 class MaterialConfig(Table):
     """A granular material."""
 
@@ -40,7 +43,9 @@ class MaterialConfig(Table):
     cohesion: Quantity
     colour: tuple[float, float, float, float] = (0.95, 0.95, 0.93, 1.0)
 
-    UNITS: ClassVar[dict[str, str]] = {"density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa"}
+    UNITS: ClassVar[dict[str, str]] = {
+        "density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa",
+    }
 
     @pydantic.model_validator(mode="after")
     def _check_units(self) -> "MaterialConfig":
@@ -139,7 +144,8 @@ class RehearsalConfig(Table):
     """Thickness [m] of the tool's wall as the grains see it, grown outward with the bowl's volume kept."""
     grasp_time: PositiveFloat
     """Time [s] for the fingers to close before the arm moves."""
-    containers: dict[Literal["source", "target"], ContainerConfig]
+    containers: dict[str, ContainerConfig]
+    """By name: the containers of models/containers, "source" and "target"."""
     field: FieldConfig
     limits: LimitsConfig
     servo: ServoConfig
@@ -158,6 +164,8 @@ class RehearsalConfig(Table):
         for key in ("weigh_at", "pour_from"):
             if getattr(self, key) not in names:
                 raise ValueError(f"{key}: unknown waypoint {getattr(self, key)!r}; valid: {', '.join(names)}")
+        if set(self.containers) != {"source", "target"}:
+            raise ValueError(f"containers: {', '.join(self.containers)}; accepted: source, target")
         for w in self.waypoints:
             if w.frame not in ("world", *self.containers):
                 raise ValueError(f"waypoint {w.name!r}: unknown frame {w.frame!r}; "
@@ -171,7 +179,7 @@ class RehearsalConfig(Table):
         return self
 
 
-def load(path: Path, kind: type[Table], overrides: dict | None = None):  # noqa: ANN201  (an instance of kind)
+def load(path: Path, kind: type[Kind], overrides: dict | None = None) -> Kind:
     """Read a YAML file into a configuration; raises ConfigError with file, key, value and what is accepted."""
     try:
         data = yaml.safe_load(path.read_text())
@@ -185,7 +193,7 @@ def load(path: Path, kind: type[Table], overrides: dict | None = None):  # noqa:
         raise ConfigError(f"{path}: " + "; ".join(_describe(e, kind) for e in error.errors())) from None
 
 
-def _describe(error: dict, kind: type[Table]) -> str:
+def _describe(error: Any, kind: type[Table]) -> str:
     """One pydantic error in a line: key, value, reason, and the keys that the table knows."""
     place = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":

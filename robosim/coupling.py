@@ -110,7 +110,7 @@ class GranularPlugin:
 
     def _empty_ledger(self) -> Ledger:
         zero = Impulse(np.zeros(3), np.zeros(3))
-        return Ledger(zero, zero, zero, {name: zero for name in self._bodies}, zero, zero)
+        return Ledger(zero, zero, zero, dict.fromkeys(self._bodies, zero), zero, zero)
 
     def _close_ledger(self) -> Ledger:
         before, self._momentum = self._momentum, self.solver.momentum_after_advance()

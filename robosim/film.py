@@ -1,5 +1,7 @@
 """The film of a rehearsal: frames at a fixed rate, nine of them kept for a sheet."""
 
+import itertools
+
 import mujoco
 import numpy as np
 
@@ -78,6 +80,6 @@ def _moments(rehearsal: Rehearsal) -> list[tuple[float, str]]:
     """Nine waypoints with the times [s] at which they are passed: those that follow closest on another are left out."""
     times = sorted((rehearsal.waypoint_time(name), name) for name in rehearsal.plan.path.times)
     while len(times) > SHEET_MOMENTS:
-        gaps = [b[0] - a[0] for a, b in zip(times, times[1:])]
+        gaps = [b[0] - a[0] for a, b in itertools.pairwise(times)]
         del times[int(np.argmin(gaps)) + 1]
     return times

@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 import mpm
+from mpm.sdf import Lattice
 from robosim.config import MaterialConfig, RehearsalConfig
 from robosim.frames import container_pose
 from robosim.scene import Scene
 from robosim.tool_shapes import container_shell, spoon_components
 
 TOOL_SPACING = 1e-3
-"""Lattice spacing [m] of the tool's signed distance: a fifth of a wall, so that trilinear values stay exact to 0.1 mm."""
+"""Lattice spacing [m] of the tool's signed distance: a sixth of a wall keeps trilinear values exact to 0.1 mm."""
 CONTAINER_SPACING = 2e-3
 CONTAINER_WALL = 3.0
 """Thickness of a container's walls as the grains see them, in cells, grown outward."""
@@ -37,7 +38,7 @@ def material(config: MaterialConfig) -> mpm.DruckerPrager:
                              friction_angle_deg=config.friction_angle.value, cohesion=config.cohesion.value)
 
 
-def tool_sdf(tool: str, thickness: float) -> mpm.sdf.Lattice:
+def tool_sdf(tool: str, thickness: float) -> Lattice:
     """Signed distance of a tool in its own frame, with a wall of `thickness` [m]."""
     shapes = {"spoon": spoon_components}
     return mpm.Sdf.from_mesh(shapes[tool](thickness), spacing=TOOL_SPACING)

@@ -19,7 +19,7 @@ class OutputFolder:
             probe.write_text("")
             probe.unlink()
         except OSError as error:
-            raise ConfigError(f"--out {path}: cannot be written: {error.strerror}; give a folder of your own") from error
+            raise ConfigError(f"--out {path}: cannot be written ({error.strerror}); give another folder") from None
 
     def write(self, name: str, writer: Callable[[Path], object]) -> Path:
         """Let `writer` write a file beside its place, then rename it; a failure leaves the old file as it was."""

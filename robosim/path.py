@@ -45,7 +45,8 @@ class CommandedPath:
         self._legs = [_leg(a, b, w.speed, w.angular_speed)
                       for a, b, w in zip(self.poses, self.poses[1:], config.waypoints[1:])]
         self._corners = self._place_corners(config)
-        self.times = {corner.name: corner.time for corner in self._corners if corner.before or corner is self._corners[0]}
+        arrivals = [self._corners[0], *[c for c in self._corners if c.before is not None]]
+        self.times = {corner.name: corner.time for corner in arrivals}
         self.duration = self._corners[-1].time + self._corners[-1].blend / 2
         self._check_corners(config)
 

@@ -47,7 +47,8 @@ def plot_report(run: Rehearsal, path: Path) -> None:
         for name, time in run.plan.path.times.items():
             axis.axvline(time + run.config.grasp_time, color="0.85", lw=0.6, zorder=0)
             if axis is axes[0, 0]:
-                axis.text(time + run.config.grasp_time, axis.get_ylim()[1], f" {name}", rotation=90, fontsize=7, va="top")
+                place = (time + run.config.grasp_time, axis.get_ylim()[1])
+                axis.text(*place, f" {name}", rotation=90, fontsize=7, va="top")
     for axis in axes[2]:
         axis.set_xlabel("time [s]")
     figure.savefig(path, dpi=110)

@@ -138,7 +138,7 @@ class Rehearsal:
             np.concatenate(commanded), np.concatenate(end), self._wrist(), np.concatenate(wrench),
             np.concatenate(ledger.residual),
             np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)]),
-            -power * self.config.host_dt,
+            float(-power) * self.config.host_dt,
         )
 
     def _wrist(self) -> np.ndarray:
@@ -153,7 +153,7 @@ class Rehearsal:
 
     def save_last_good_state(self, path: Path) -> None:
         """The last sampled state whose numbers were finite: grains, joints, time."""
-        np.savez_compressed(path, **self._last_good)
+        np.savez_compressed(path, **self._last_good)  # pyright: ignore[reportArgumentType]
 
     def _keep_good_state(self) -> None:
         self._last_good = self.solver.state() | {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}

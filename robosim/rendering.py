@@ -31,7 +31,7 @@ class RenderingUnavailable(RuntimeError):
 
 
 def crystals(count: int, radius: float, seed: int = 0) -> Array:
-    """Return the facets (count, 24, 3) in m of `count` octahedra about the origin, each of mean radius `radius`.
+    """Return the facets (count, 24, 3) in m of octahedra about the origin with the given mean radius.
 
     Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are uniform.
     """
@@ -67,7 +67,7 @@ def facet_normals(facets: Array) -> Array:
 
 
 def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLike) -> None:
-    """Add a skin of `count` grains, mean radius in m, colour rgba (4,), on a static body at the world's origin."""
+    """Add a skin of grains, mean radius in m, colour rgba (4,), on a static body at the world's origin."""
     if count < 1 or radius <= 0.0:
         raise ValueError(f"grain skin: count {count} and radius {radius} m must both be positive")
     vertices = count * GRAIN_VERTICES
@@ -123,7 +123,7 @@ class SceneRenderer:
         self._option.sitegroup[:] = 0
 
     def frame(self, data: mujoco.MjData, positions: Array | None, camera: str) -> NDArray[np.uint8]:
-        """Return the picture (height, width, 3) seen by the named camera, with grains at positions (n, 3) in m.
+        """Return the picture (height, width, 3) from the named camera, with grains at positions (n, 3) in m.
 
         n may be smaller than the skin's count; the grains left over are not drawn. None draws no grain.
         """

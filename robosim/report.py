@@ -58,7 +58,7 @@ def figures(run: Rehearsal) -> dict[str, object]:
     residual, exchanged = rec.array("residual"), rec.array("exchanged").sum(0)
     payload = wrist_payload(run)
     return {
-        "material": config.material, "grains": int(len(positions)), "cell": config.field.cell,
+        "material": config.material, "grains": len(positions), "cell": config.field.cell,
         "substep": run.solver.dt, "host_dt": config.host_dt, "coupling": config.coupling,
         "simulated_time": run.time, "wall_time": run.wall_time, "realtime_factor": run.time / max(run.wall_time, 1e-9),
         "scooped_mass": scooped,

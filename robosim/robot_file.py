@@ -6,7 +6,6 @@ Pinocchio reads only the first body, drops <frame> elements, and MuJoCo's own wr
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from robosim.scene import robot_spec

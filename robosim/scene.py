@@ -97,7 +97,8 @@ def add_container(spec: mujoco.MjSpec, name: str, container: ContainerConfig) ->
 def add_wrist_sensor(spec: mujoco.MjSpec) -> None:
     """Force and torque between the arm's flange and the hand, in the axes of a site at the flange."""
     spec.body("palm").add_site(name="wrist_sensor", group=4)
-    for name, kind in (("wrist_force", mujoco.mjtSensor.mjSENS_FORCE), ("wrist_torque", mujoco.mjtSensor.mjSENS_TORQUE)):
+    kinds = {"wrist_force": mujoco.mjtSensor.mjSENS_FORCE, "wrist_torque": mujoco.mjtSensor.mjSENS_TORQUE}
+    for name, kind in kinds.items():
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrist_sensor")
 
 

@@ -25,7 +25,8 @@ def rehearse(name: str, out: Path, *, material: str | None = None, camera: str |
     if camera is not None:
         check_camera(camera)
     folder = OutputFolder(out)
-    folder.write("config.yaml", lambda path: path.write_text(yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)))
+    resolved = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
+    folder.write("config.yaml", lambda path: path.write_text(resolved))
     print("planning the motion ...", file=sys.stderr)
     planned = plan(config)
     print("preparing grains and robot ...", file=sys.stderr)

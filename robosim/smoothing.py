@@ -32,7 +32,9 @@ class SmoothMotion:
     path's timing, the segment takes longer and everything after it is later (`delay`).
     """
 
-    def __init__(self, times: np.ndarray, q: np.ndarray, limits: LimitsConfig, waypoint_times: dict[str, float]) -> None:
+    def __init__(
+        self, times: np.ndarray, q: np.ndarray, limits: LimitsConfig, waypoint_times: dict[str, float]
+    ) -> None:
         spline = make_interp_spline(times, q, k=5)
         speed, acceleration = spline.derivative(1), spline.derivative(2)
         n = max(int(np.ceil((times[-1] - times[0]) / KNOT_SPACING)), 1)

@@ -1,4 +1,4 @@
-"""Films and sheets of pictures on disk; written beside their final name and renamed when they are complete."""
+"""Films and sheets of pictures on disk, written beside their final name and renamed when complete."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -46,7 +46,8 @@ class Mp4Writer:
             self._stream = self._open_stream(frame)
         expected = (self._stream.height, self._stream.width, 3)
         if frame.shape != expected or frame.dtype != np.uint8:
-            raise ValueError(f"film {self.path}: frame {frame.shape} {frame.dtype}, expected {expected} uint8")
+            given = f"{frame.shape} {frame.dtype}"
+            raise ValueError(f"film {self.path}: frame {given}, expected {expected} uint8")
         self._file.mux(self._stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
 
     def _open_stream(self, frame: Frame) -> av.VideoStream:
@@ -60,7 +61,7 @@ class Mp4Writer:
         return stream
 
     def close(self) -> None:
-        """Finish the film and give it its final name; a film without frames leaves no file. Harmless twice."""
+        """Finish the film under its final name; without frames no file is left. Harmless twice."""
         if not self._part.exists():
             return
         if self._stream is not None:
@@ -98,10 +99,10 @@ def index_in_front(source: Path, target: Path) -> None:
 
 
 def contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
-    """Write one to nine frames (height, width, 3) of one size and their captions as one PNG, three in a row."""
+    """Write one to nine frames (height, width, 3) of one size with captions as one PNG, three in a row."""
     if not 1 <= len(frames) <= SHEET_COLUMNS**2 or len(captions) != len(frames):
         raise ValueError(
-            f"contact sheet: {len(frames)} frames and {len(captions)} captions, but 1 to 9 and as many are wanted"
+            f"contact sheet: {len(frames)} frames, {len(captions)} captions; wanted: 1 to 9, as many of each"
         )
     height = round(SHEET_WIDTH * frames[0].shape[0] / frames[0].shape[1])
     rows = -(-len(frames) // SHEET_COLUMNS)

@@ -34,7 +34,7 @@ class Element:
         self.b, self.vc = np.eye(3), 0.0
 
     def apply(self, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Singular values of the elastic F afterwards (3,), descending, and eigenvalues of tau [Pa] (3,), descending."""
+        """Singular values of the elastic F afterwards (3,) and eigenvalues of tau [Pa] (3,), both descending."""
         b = F @ self.b @ F.T
         e = (b - np.eye(3))[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].astype(self.dtype)
         out = np.zeros((4, 6), self.dtype)

@@ -1,0 +1,87 @@
+"""Action = reaction between grains and bodies of a MuJoCo scene that is not ours."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import mpm
+from robosim import ConfigError, GranularPlugin, UnknownName
+
+BOX = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="box" pos="0.06 0.06 0.075" quat="0.98 0.12 0.05 0">
+      <freejoint/>
+      <geom type="box" size="0.02 0.02 0.02" mass="{mass}" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+CELL = 0.008
+
+
+def tray(mass: float, coupling: str = "lagged") -> GranularPlugin:
+    """A free box just above a tray of sand."""
+    model = mujoco.MjModel.from_xml_string(BOX.format(mass=mass))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+    positions = mpm.sample_box((0, 0, 0), (0.12, 0.12, 0.032), CELL / 2, np.random.default_rng(0))
+    solver = mpm.Solver(
+        grid=mpm.Grid((0, 0, 0), (0.12, 0.12, 0.12), CELL),
+        bodies=[mpm.Body(sand, positions, volume=0.12 * 0.12 * 0.032 / len(positions))],
+        colliders=[mpm.Collider(mpm.Sdf.box((0.02, 0.02, 0.02)), friction=0.3)],
+        walls=mpm.Walls(friction=0.5), max_speed=1.0,
+    )
+    return GranularPlugin(model, data, solver, bodies={"box": 0}, coupling=coupling)
+
+
+def test_box_comes_to_rest_on_its_weight_and_the_ledger_closes() -> None:
+    plugin = tray(0.2)
+    residual, exchanged, reaction = np.zeros(6), np.zeros(2), []
+    for step in range(350):
+        before = plugin.data.qvel[:3].copy()
+        plugin.step()
+        given = plugin.ledger.bodies["box"]
+        # what the grains gained the box lost, besides its own weight, in every single step
+        change = 0.2 * (plugin.data.qvel[:3] - before) - 0.2 * plugin.model.opt.gravity * 0.002
+        assert change == pytest.approx(-given.linear, abs=1e-9)
+        residual += np.concatenate(plugin.ledger.residual)
+        parts = [plugin.ledger.gravity, plugin.ledger.walls, given]
+        exchanged += [sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)]
+        if step >= 250:
+            reaction.append(plugin.wrench("box").force)
+    assert np.linalg.norm(residual[:3]) <= 1e-5 * exchanged[0]
+    assert np.linalg.norm(residual[3:]) <= 1e-5 * exchanged[1]
+    assert np.mean(reaction, axis=0) == pytest.approx([0, 0, 0.2 * 9.81], abs=0.02 * 0.2 * 9.81)
+    assert np.linalg.norm(plugin.data.qvel[:3]) < 0.01
+
+
+def test_user_forces_are_added_to_not_overwritten() -> None:
+    plugin = tray(0.2)
+    own = np.array([0.0, 0.0, 0.2 * 9.81, 0.0, 0.0, 0.0])
+    plugin.data.xfrc_applied[1] = own
+    for _ in range(5):
+        plugin.step()
+    assert (plugin.data.xfrc_applied[1] == own).all()
+    assert np.abs(plugin.data.qvel).max() < 1e-9  # the user's force carries the weight; nothing else touches yet
+
+
+def test_one_way_leaves_the_robot_alone() -> None:
+    plugin = tray(0.2, coupling="one_way")
+    for _ in range(50):
+        plugin.step()
+    # free fall of the symplectic Euler rule, right through the sand
+    n, h = 50, 0.002
+    assert plugin.data.qpos[2] == pytest.approx(0.075 - 9.81 * h * h * n * (n + 1) / 2, abs=1e-9)
+
+
+def test_wrong_names_are_told() -> None:
+    plugin = tray(0.2)
+    with pytest.raises(UnknownName, match="'bux'; valid: box, world"):
+        GranularPlugin(plugin.model, plugin.data, plugin.solver, bodies={"bux": 0})
+    with pytest.raises(UnknownName, match="'strong'; valid: lagged, one_way"):
+        GranularPlugin(plugin.model, plugin.data, plugin.solver, bodies={"box": 0}, coupling="strong")  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="collider 3 .* cannot move"):
+        GranularPlugin(plugin.model, plugin.data, plugin.solver, bodies={"box": 3})
