@@ -128,6 +128,8 @@ class WaypointConfig(Table):
     stop: bool = False
     dwell: float = Field(0.0, ge=0.0)
     """Time at rest [s] after a stop."""
+    acceleration: PositiveFloat | None = None
+    """[m/s^2] with which its corner is taken, or the stop left and reached; null: path.acceleration."""
 
 
 class RehearsalConfig(Table):

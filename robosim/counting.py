@@ -12,8 +12,9 @@ HEAP = 0.04
 """Height [m] above the bowl's rim plane up to which a heap counts as in the spoon."""
 BOWL = np.array([0.035, 0.025, 0.030])
 """Semi-axes [m] of the spoon's bowl."""
-OVERHANG = 1.3
-"""A heap may overhang the rim: grains count within this multiple of the rim's ellipse, in squared radius."""
+OVERHANG = 3.0
+"""Squared radius, in those of the rim's ellipse, within which grains count: the thickened wall's rim carries some, and
+cohesive heaps overhang it. Once the spoon is in the air nothing else is there."""
 
 
 def in_spoon(positions: np.ndarray, tool_pose: Pose) -> np.ndarray:

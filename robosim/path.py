@@ -60,17 +60,17 @@ class CommandedPath:
                 time += before.duration
             if waypoint.stop:
                 if before is not None:
-                    blend = _blend(before, None, config.path)
+                    blend = _blend(before, None, config.path, waypoint.acceleration)
                     corners.append(Corner(time, blend, before, None, self.poses[i], waypoint.name))
                     time += blend / 2 + waypoint.dwell
                 if after is not None:
-                    blend = _blend(None, after, config.path)
+                    blend = _blend(None, after, config.path, waypoint.acceleration)
                     time += blend / 2
                     corners.append(Corner(time, blend, None, after, self.poses[i],
                                           waypoint.name if before is None else f"{waypoint.name} (start)"))
             else:
-                corners.append(Corner(time, _blend(before, after, config.path), before, after, self.poses[i],
-                                      waypoint.name))
+                blend = _blend(before, after, config.path, waypoint.acceleration)
+                corners.append(Corner(time, blend, before, after, self.poses[i], waypoint.name))
         return corners
 
     def _check_corners(self, config: RehearsalConfig) -> None:
@@ -126,11 +126,11 @@ def _turned(leg: Leg, pose: Pose) -> Twist:
     return Twist(R @ leg.twist.linear, R @ leg.twist.angular)
 
 
-def _blend(before: Leg | None, after: Leg | None, path: PathConfig) -> float:
+def _blend(before: Leg | None, after: Leg | None, path: PathConfig, acceleration: float | None) -> float:
     """Time [s] that a change of twist takes within the acceleration limits."""
     zero = Twist(np.zeros(3), np.zeros(3))
     a, b = (before.twist if before else zero), (after.twist if after else zero)
-    linear = np.linalg.norm(np.subtract(b.linear, a.linear)) / path.acceleration
+    linear = np.linalg.norm(np.subtract(b.linear, a.linear)) / (acceleration or path.acceleration)
     angular = np.linalg.norm(np.subtract(b.angular, a.angular)) / path.angular_acceleration
     return float(max(SMOOTHSTEP_SLOPE * max(linear, angular), 0.02))
 
