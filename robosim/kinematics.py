@@ -11,8 +11,10 @@ from robosim.errors import UnreachableWaypoint
 
 TOLERANCE = 1e-7
 """Position [m] and rotation [rad] error at which a solution counts."""
-RESTARTS = 60
-"""Random postures tried for the first waypoint."""
+RESTARTS, ENOUGH_RESTARTS = 60, 12
+"""Postures that the path is followed from at most, and those after which the best one found is taken."""
+WAYPOINT_RESTARTS = 25
+"""Postures tried before a waypoint counts as unreachable."""
 SHOULDER = np.array([0.0, 0.0, 0.36])
 HOME = np.radians([0.0, 45.0, 0.0, -95.0, 0.0, -50.0, 0.0])
 """Posture that free motion of the elbow is drawn to: elbow up, hand forward."""
@@ -86,14 +88,13 @@ def solve_path(arm: Arm, targets: list[Pose], names: list[tuple[int, str]], seed
     targets without a jump, the one with the highest elbow, the most room to joint limits and the least travel is taken.
     """
     rng = np.random.default_rng(seed)
+    for index, name in names:
+        _check_reachable(arm, targets[index], name, rng)
     coarse = sorted({*range(0, len(targets), max(1, len(targets) // 60)), *[i for i, _ in names]})
     best, furthest, closest = None, -1, Solution(HOME, np.inf, np.inf)
     for attempt in range(RESTARTS):
-        guess = HOME if attempt == 0 else rng.uniform(0.8 * arm.lower, 0.8 * arm.upper)
-        first = solve(arm, targets[0], guess)
+        first = solve(arm, targets[0], HOME if attempt == 0 else _random_posture(arm, rng))
         if not first.converged:
-            if furthest < 0 and first.position_error + first.angle_error < closest.position_error + closest.angle_error:
-                closest = first
             continue
         q, errors = follow(arm, [targets[i] for i in coarse], first.q)
         bad = np.flatnonzero(errors.max(1) > 10 * TOLERANCE)
@@ -106,16 +107,33 @@ def solve_path(arm: Arm, targets: list[Pose], names: list[tuple[int, str]], seed
         elbow = np.mean([arm.elbow_height(x) for x in q[:: max(1, len(q) // 8)]])
         score = elbow + min(margin, 0.3) - 0.02 * travel.max(1).sum() - (10.0 if travel.max() > 0.6 else 0.0)
         if best is None or score > best[0]:
-            best = (score, first.q, margin)
-        if attempt >= 12 and best is not None:
+            best = (score, first.q)
+        if attempt >= ENOUGH_RESTARTS:
             break
     if best is None:
         index = max(furthest, 0)
         name = next((n for i, n in names if i >= index), names[-1][1])
-        beyond = _beyond_reach(targets[index])
-        raise UnreachableWaypoint(name, closest.position_error, np.degrees(closest.angle_error), beyond)
+        raise UnreachableWaypoint(name, closest.position_error, np.degrees(closest.angle_error),
+                                  _beyond_reach(targets[index]))
     q, errors = follow(arm, targets, best[1])
     return PathSolution(q, errors, float(np.minimum(q - arm.lower, arm.upper - q).min()))
+
+
+def _check_reachable(arm: Arm, target: Pose, name: str, rng: np.random.Generator) -> None:
+    """Raise UnreachableWaypoint when no start leads to a waypoint's pose."""
+    best = Solution(HOME, np.inf, np.inf)
+    for attempt in range(WAYPOINT_RESTARTS):
+        found = solve(arm, target, HOME if attempt == 0 else _random_posture(arm, rng))
+        if found.converged:
+            return
+        if found.position_error + found.angle_error < best.position_error + best.angle_error:
+            best = found
+    raise UnreachableWaypoint(name, best.position_error, np.degrees(best.angle_error), _beyond_reach(target))
+
+
+def _random_posture(arm: Arm, rng: np.random.Generator) -> np.ndarray:
+    """Joint angles (7,) away from the limits."""
+    return rng.uniform(0.8 * arm.lower, 0.8 * arm.upper)
 
 
 TOOL_TO_WRIST = 0.36

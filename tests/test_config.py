@@ -77,10 +77,7 @@ def test_unreachable_waypoint_says_how_far(tmp_path: Path, spoon: dict) -> None:
 
 
 def test_a_speed_that_joints_cannot_follow_is_refused(tmp_path: Path, spoon: dict) -> None:
-    for waypoint in spoon["waypoints"]:
-        if waypoint["name"] == "across":
-            waypoint["speed"] = 3.0
-    spoon["path"]["acceleration"] = 50.0
+    next(w for w in spoon["waypoints"] if w["name"] == "tilt")["angular_speed"] = 2.6
     with pytest.raises(ConfigError, match=r"joint A\d would need"):
         plan(load_rehearsal(written(tmp_path, spoon)))
 
