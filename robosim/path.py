@@ -47,6 +47,9 @@ class CommandedPath:
         self._corners = self._place_corners(config)
         arrivals = [self._corners[0], *[c for c in self._corners if c.before is not None]]
         self.times = {corner.name: corner.time for corner in arrivals}
+        self.rests = {c.name: (c.time + c.blend / 2, c.time + c.blend / 2 + w.dwell)
+                      for c in arrivals for w in config.waypoints if w.name == c.name and w.stop}
+        """Waypoint -> first and last instant [s] at rest there."""
         self.duration = self._corners[-1].time + self._corners[-1].blend / 2
         self._check_corners(config)
 

@@ -46,7 +46,7 @@ def figures(run: Rehearsal) -> dict[str, object]:
     """The report's figures as JSON values; SI units, fractions of the scooped mass."""
     positions, config = run.solver.positions(), run.config
     mass = run.solver.masses()
-    weigh, pour = run.waypoint_time(config.weigh_at), run.waypoint_time(config.pour_from)
+    weigh, pour = weighing(run)[0], run.waypoint_time(config.pour_from)
     scooped = _mean_in_tool(run, weigh, pour)
     in_target = mass[in_container(positions, config.containers["target"], run.scene.inner_size("target"))].sum()
     in_source = mass[in_container(positions, config.containers["source"], run.scene.inner_size("source"))].sum()
@@ -112,11 +112,16 @@ def _outside(run: Rehearsal, positions: np.ndarray) -> int:
                       | (positions[:, 2] >= upper[2] - close)))
 
 
+def weighing(run: Rehearsal) -> tuple[float, float]:
+    """First and last instant [s] at which the load hangs still at the wrist."""
+    begin, end = run.plan.path.rests[run.config.weigh_at]
+    return begin + run.config.grasp_time + WEIGH_MARGIN, end + run.config.grasp_time
+
+
 def wrist_payload(run: Rehearsal) -> float:
     """Load [kg] from the wrist sensor at rest: force along gravity less the weight of hand and tool."""
-    waypoint = next(w for w in run.config.waypoints if w.name == run.config.weigh_at)
-    begin = run.waypoint_time(waypoint.name) + WEIGH_MARGIN
-    window = run.recording.between(begin, begin + waypoint.dwell - WEIGH_MARGIN)
+    begin, end = weighing(run)
+    window = run.recording.between(begin, end)
     hand = run.model.body("palm").subtreemass[0]
     # the sensor's sign is that of the child on the parent; at rest only its magnitude along gravity matters
     return float(abs(run.recording.array("wrist")[window, 2].mean()) / G - hand)
