@@ -41,6 +41,9 @@ def main(arguments: list[str] | None = None) -> int:
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, mpm.SimulationDiverged) else 2
+    except OSError as error:  # a full disk, a folder taken away: what was renamed into place is whole
+        print(f"robosim {options.command}: {error}", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         print(f"robosim {options.command}: stopped by Ctrl-C; what was finished is in --out", file=sys.stderr)
         return 130

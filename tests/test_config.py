@@ -120,6 +120,16 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["report.json"]
 
 
+def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFixture,
+                                       monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: OutputFolder, name: str, writer: object) -> Path:
+        raise OSError(28, "No space left on device", str(self.path / name))
+
+    monkeypatch.setattr(OutputFolder, "write", full)
+    assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
+    assert "No space left on device" in capsys.readouterr().err
+
+
 def test_unknown_names_list_the_valid_ones() -> None:
     with pytest.raises(UnknownName, match="valid: flour, paper, salt, sand, sugar"):
         load_material("pepper")
