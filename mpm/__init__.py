@@ -3,11 +3,13 @@
 from mpm.backend import init
 from mpm.body import Body
 from mpm.collider import Collider
+from mpm.elasticity import Elastic
 from mpm.errors import BackendError, InvalidValue, MpmError, SimulationDiverged, TimeStepTooLarge, UnknownName
 from mpm.features import Features
+from mpm.fluid import NewtonianFluid
 from mpm.grid import Grid
-from mpm.materials import DruckerPrager, Elastic
 from mpm.motion import Pose, Twist, Wrench
+from mpm.plasticity import DruckerPrager, VonMises
 from mpm.sampling import sample_box, sample_cylinder, sample_mesh
 from mpm.sdf import Sdf
 from mpm.solver import Solver
@@ -23,6 +25,7 @@ __all__ = [
     "Grid",
     "InvalidValue",
     "MpmError",
+    "NewtonianFluid",
     "Pose",
     "Sdf",
     "SimulationDiverged",
@@ -30,6 +33,7 @@ __all__ = [
     "TimeStepTooLarge",
     "Twist",
     "UnknownName",
+    "VonMises",
     "Walls",
     "Wrench",
     "init",

@@ -4,15 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpm.elasticity import Hencky
 from mpm.errors import InvalidValue
-from mpm.materials import Elastic
+from mpm.fluid import NewtonianFluid
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """Grains of one material."""
 
-    material: Elastic
+    material: Hencky | NewtonianFluid
     positions: np.ndarray
     """[m], shape (n, 3)."""
     velocities: np.ndarray | None = None

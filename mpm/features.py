@@ -13,6 +13,10 @@ class Features:
     """"series" or "exact": how strain is taken from and put back into b."""
     volume_correction: bool
     """Some material remembers expansion."""
+    tensor_state: bool
+    """Some material remembers b."""
+    volume_state: bool
+    """Some material remembers J."""
     moving_colliders: tuple[int, ...]
     """Colliders that are given a motion."""
     static_colliders: tuple[int, ...]

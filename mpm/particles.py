@@ -32,8 +32,10 @@ class ParticleFields:
         """Velocity [m/s]."""
         self.C = [pack_field() for _ in range(9)]
         """Affine velocity [1/s], row by row."""
-        self.e = [pack_field() for _ in range(6)]
+        self.e = [pack_field() for _ in range(6)] if features.tensor_state else []
         """b - I, with b the elastic left Cauchy-Green tensor."""
+        self.j = pack_field() if features.volume_state else None
+        """J - 1, with J the volume ratio of a fluid."""
         self.vc = pack_field() if features.volume_correction else None
         """Volume correction: logarithmic expansion to be taken back."""
         self.volume = pack_field()
@@ -78,5 +80,10 @@ class ParticleFields:
 
     def named_fields(self) -> dict[str, list]:
         """The fields of a snapshot."""
-        named = {"x": self.x, "v": self.v, "C": self.C, "e": self.e}
-        return named | ({"vc": [self.vc]} if self.vc is not None else {})
+        named = {"x": self.x, "v": self.v, "C": self.C}
+        if self.e:
+            named["e"] = self.e
+        for name, field in (("j", self.j), ("vc", self.vc)):
+            if field is not None:
+                named[name] = [field]
+        return named

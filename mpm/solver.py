@@ -17,7 +17,7 @@ from mpm.particles import ParticleFields
 from mpm.sdf import Lattice
 from mpm.strain import INTEGRATORS
 from mpm.substep import SPEED_LIMIT, Substeps
-from mpm.timestep import COURANT_FRACTION, isolated_particle_bound, travel_bound
+from mpm.timestep import COURANT_FRACTION, isolated_particle_bound, travel_bound, viscous_bound
 from mpm.walls import Walls
 
 MAX_SUBSTEPS = 64
@@ -37,6 +37,13 @@ class Energy(NamedTuple):
     kinetic: float
     potential: float
     elastic: float
+
+
+def _material_bound(cell: float, body: Body) -> float:
+    """Time step [s] at which a lone particle of the body becomes unstable."""
+    law = body.material
+    elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
+    return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
 
 
 class Solver:
@@ -66,8 +73,7 @@ class Solver:
         self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
         self.walls = walls or Walls()
         self.gravity = np.asarray(gravity, float)
-        self.bound = min([isolated_particle_bound(grid.cell, b.material.density, b.material.mu, b.material.lam)
-                          for b in bodies] + [travel_bound(grid.cell, max_speed)])
+        self.bound = min([*[_material_bound(grid.cell, body) for body in bodies], travel_bound(grid.cell, max_speed)])
         if dt is not None and dt > self.bound:
             raise TimeStepTooLarge(dt, self.bound, "isolated particle or tool speed")
         self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
@@ -75,6 +81,8 @@ class Solver:
         self.features = Features(
             precision=self.precision, integrator=integrator,
             volume_correction=any(b.material.has_volume_correction for b in bodies),
+            tensor_state=any(b.material.state != "volume" for b in bodies),
+            volume_state=any(b.material.state == "volume" for b in bodies),
             moving_colliders=tuple(i for i, c in enumerate(self.colliders) if not c.static),
             static_colliders=tuple(i for i, c in enumerate(self.colliders) if c.static),
             wall_friction=self.walls.friction > 0,
@@ -200,17 +208,24 @@ class Solver:
         return Momentum((m * v).sum(0), angular.sum(0))
 
     def energy(self) -> Energy:
-        """Energy of all grains, summed in float64."""
+        """Energy of all grains, summed in float64; elastic energy of Hencky strains, and of a fluid's volume."""
         m, x, v = self.masses(), self.positions(), self.velocities()
         C = self.particles.read(self.particles.C).astype(float)
         kinetic = 0.5 * m @ ((v**2).sum(1) + self.grid.cell**2 / 4.0 * (C**2).sum(1))
         volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
-        e = self.particles.read(self.particles.e).astype(float)
-        b = np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-        h = 0.5 * np.log(np.maximum(np.linalg.eigvalsh(b), 1e-30))
-        mu = np.repeat([body.material.mu for body in self.bodies], self.particles.counts)
-        lam = np.repeat([body.material.lam for body in self.bodies], self.particles.counts)
-        elastic = volume @ (mu * (h**2).sum(1) + 0.5 * lam * h.sum(1) ** 2)
+        elastic = 0.0
+        first = 0
+        for body, count in zip(self.bodies, self.particles.counts):
+            chosen = slice(first, first + count)
+            first += count
+            if body.material.state == "volume":
+                j = self.particles.read([self.particles.j])[chosen, 0].astype(float)
+                elastic += 0.5 * body.material.lam * volume[chosen] @ j**2
+                continue
+            e = self.particles.read(self.particles.e)[chosen].astype(float)
+            b = np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+            h = 0.5 * np.log(np.maximum(np.linalg.eigvalsh(b), 1e-30))
+            elastic += volume[chosen] @ (body.material.mu * (h**2).sum(1) + 0.5 * body.material.lam * h.sum(1) ** 2)
         return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ self.gravity), float(elastic))
 
     # snapshots -----------------------------------------------------------------------------------------------------

@@ -76,20 +76,44 @@ class Substeps:
         force = -dt * 4.0 / (self.cell * self.cell)
         for q in range(P.ranges[body][0], P.ranges[body][1]):
             C = [keep(P.C[i][q]) for i in range(9)]
-            trial = self.logarithm(advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)]))
-            remembered = C[0] * 0.0
-            if ti.static(law.has_volume_correction):
-                remembered = P.vc[q]
-            h, expansion = law.return_mapping(trial, remembered, p)
-            if ti.static(law.has_volume_correction):
-                P.vc[q] = expansion
-            e = self.exponential(h)
-            for i in ti.static(range(6)):
-                P.e[i][q] = e[i]
-            tau = law.stress(h, p)
+            tau = self.stress(P, law, q, dt, C, p)
             volume = P.volume[q]
             mass = densities[body] * volume
             self.spread(P, q, mass, force * volume, C, tau)
+
+    @ti.func
+    def stress(self, P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
+        """Advance what the material remembers, and return its Kirchhoff stress [Pa]."""
+        if ti.static(law.state == "volume"):
+            P.j[q] = P.j[q] + dt * (1.0 + P.j[q]) * (C[0] + C[4] + C[8])
+            return law.stress(keep(P.j[q]), C, p)
+        elif ti.static(law.state == "cauchy_green"):
+            return self.tensor_stress(P, law, q, dt, C, p)
+        else:
+            return self.hencky_stress(P, law, q, dt, C, p)
+
+    @ti.func
+    def tensor_stress(self, P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
+        """Stress straight from b."""
+        e = advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)])
+        for i in ti.static(range(6)):
+            P.e[i][q] = e[i]
+        return law.stress(e, p)
+
+    @ti.func
+    def hencky_stress(self, P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
+        """Return mapping on the Hencky strain, written back to e; the stress."""
+        trial = self.logarithm(advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)]))
+        remembered = C[0] * 0.0
+        if ti.static(law.has_volume_correction):
+            remembered = P.vc[q]
+        h, expansion = law.return_mapping(trial, remembered, p)
+        if ti.static(law.has_volume_correction):
+            P.vc[q] = expansion
+        back = self.exponential(h)
+        for i in ti.static(range(6)):
+            P.e[i][q] = back[i]
+        return law.stress(h, p)
 
     @ti.func
     def spread(self, P: ti.template(), q, mass, force, C: ti.template(), tau: ti.template()):

@@ -17,6 +17,14 @@ def isolated_particle_bound(cell: float, density: float, mu: float, lam: float) 
     return cell * math.sqrt(density / (3.0 * lam + 2.0 * mu))
 
 
+def viscous_bound(cell: float, density: float, viscosity: float) -> float:
+    """Bound [s] that viscosity sets on a lone particle: density cell^2 / (4 viscosity).
+
+    Its stress takes 8 viscosity dt / (density cell^2) off its own rate of shear in a step; more than twice diverges.
+    """
+    return density * cell**2 / (4.0 * viscosity) if viscosity > 0 else math.inf
+
+
 def travel_bound(cell: float, speed: float) -> float:
     """Bound [s] from a tool's largest speed [m/s]."""
     return TRAVEL_FRACTION * cell / speed if speed > 0 else math.inf

@@ -155,17 +155,14 @@ class RehearsalConfig(Table):
     waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2)]
     weigh_at: str
     """Waypoint with a dwell at which the load is weighed with the wrist sensor: it counts as scooped there."""
-    pour_from: str
-    """Waypoint after which grains leave the spoon on purpose."""
 
     @pydantic.model_validator(mode="after")
     def _check_names(self) -> "RehearsalConfig":
         names = [w.name for w in self.waypoints]
         if len(set(names)) != len(names):
             raise ValueError(f"waypoints: names repeat: {sorted({n for n in names if names.count(n) > 1})}")
-        for key in ("weigh_at", "pour_from"):
-            if getattr(self, key) not in names:
-                raise ValueError(f"{key}: unknown waypoint {getattr(self, key)!r}; valid: {', '.join(names)}")
+        if self.weigh_at not in names:
+            raise ValueError(f"weigh_at: unknown waypoint {self.weigh_at!r}; valid: {', '.join(names)}")
         if set(self.containers) != {"source", "target"}:
             raise ValueError(f"containers: {', '.join(self.containers)}; accepted: source, target")
         for w in self.waypoints:

@@ -46,8 +46,7 @@ def figures(run: Rehearsal) -> dict[str, object]:
     """The report's figures as JSON values; SI units, fractions of the scooped mass."""
     positions, config = run.solver.positions(), run.config
     mass = run.solver.masses()
-    weigh, pour = weighing(run)[0], run.waypoint_time(config.pour_from)
-    scooped = _mean_in_tool(run, weigh, pour)
+    scooped = _mean_in_tool(run, *weighing(run))
     in_target = mass[in_container(positions, config.containers["target"], run.scene.inner_size("target"))].sum()
     in_source = mass[in_container(positions, config.containers["source"], run.scene.inner_size("source"))].sum()
     retained = mass[in_spoon(positions, run.tool_pose())].sum()
@@ -97,7 +96,7 @@ def _ratio(value: float, of: float) -> float | None:
 
 
 def _mean_in_tool(run: Rehearsal, begin: float, end: float) -> float:
-    """Mean mass [kg] in the tool while it is weighed and carried."""
+    """Mean mass [kg] counted in the tool between two instants [s]."""
     times = run.recording.sampled("time")
     inside = (times >= begin) & (times < end)
     return float(run.recording.sampled("in_tool")[inside].mean()) if inside.any() else 0.0
