@@ -27,7 +27,7 @@ class Body:
             raise InvalidValue(f"Body: positions have shape {positions.shape}; accepted: (n, 3) with n >= 1")
         if not np.isfinite(positions).all():
             raise InvalidValue("Body: positions hold non-finite numbers")
-        if self.volume is None or np.any(np.asarray(self.volume) <= 0):
+        if self.volume is None or not np.all(np.asarray(self.volume, float) > 0):
             raise InvalidValue(f"Body: volume = {self.volume}; accepted: the positive volume of a particle [m^3]")
         if self.velocities is not None and np.shape(self.velocities) != positions.shape:
             raise InvalidValue(f"Body: velocities have shape {np.shape(self.velocities)}; accepted: {positions.shape}")

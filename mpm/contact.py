@@ -5,9 +5,6 @@ from mpm.grid import BLOCK
 from mpm.strain import keep
 from mpm.walls import credit, position
 
-BACKSTOP_TRAVEL = 0.005
-"""Way out of a wall in one substep, in cells, for a grain that is inside: it is led out, not shot."""
-
 
 @ti.func
 def coulomb(v, surface, normal, friction):
@@ -94,8 +91,12 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
 
 @ti.func
 def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
-             dt, origin, cell, densities: ti.template(), body: ti.template(), out: ti.template()):
-    """Correct the velocity of every grain whose next position would lie inside a collider; credit the collider."""
+             dt, origin, densities: ti.template(), body: ti.template(), out: ti.template()):
+    """Take from every grain that has come to lie inside a moving collider what carries it deeper; credit the collider.
+
+    Grid nodes cannot stop the last few grains at a curved or thin wall. What is taken is the approach, and the way that
+    it made in this substep; nothing is pushed out.
+    """
     for q in range(particles.ranges[body][0], particles.ranges[body][1]):
         for k, index in ti.static(enumerate(scene.features.moving_colliders)):
             c_t, R, linear, angular = tool_frame(motion, k, s)
@@ -110,9 +111,8 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                     n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
                     if phi < 0:
                         normal = R @ n_t
-                        leave = ti.min(-phi, BACKSTOP_TRAVEL * cell) / dt
                         approach = (v - linear - angular.cross(r)).dot(normal)
-                        dv = normal * ti.max(leave - approach, 0.0)
+                        dv = normal * ti.max(-approach, 0.0)
                         mass = densities[body] * particles.volume[q].dot(hot)
                         # the grain acts where it was before the move: x - dt v
                         place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + origin[d] for d in range(3)])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Features:
-    """Derived from the scene when the solver freezes, at its first advance."""
+    """Derived from the scene when the solver is built."""
 
     precision: str
     """"f32" or "f64"."""
@@ -21,5 +21,3 @@ class Features:
     """Colliders that are given a motion."""
     static_colliders: tuple[int, ...]
     """Colliders that never move: their contact is looked up once per node."""
-    wall_friction: bool
-    """Some wall is rough."""

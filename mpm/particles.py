@@ -45,32 +45,28 @@ class ParticleFields:
         volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
         velocities = [np.zeros((n, 3)) if body.velocities is None else body.velocities
                       for body, n in zip(bodies, self.counts)]
-        self.total_volume = float(sum(v.sum() for v in volumes))
         self.write(self.x, np.concatenate([body.positions for body in bodies]) - grid.origin)
         self.write(self.v, np.concatenate(velocities))
         self.write([self.volume], np.concatenate(volumes)[:, None], padding=0.0)
 
     def _order(self, bodies: list[Body], grid: Grid) -> np.ndarray:
         """Slots (n_particles,) of the particles in the packs: sorted by cell, so that neighbours share cache lines."""
-        slots, first = [], 0
+        slots = []
         for body, (begin, _) in zip(bodies, self.ranges):
             cells = np.floor((np.asarray(body.positions) - grid.origin) / grid.cell - 0.5).astype(int)
             order = np.lexsort(cells.T[::-1])
             slot = np.empty(len(order), int)
             slot[order] = begin * LANES + np.arange(len(order))
             slots.append(slot)
-            first += len(order)
         return np.concatenate(slots)
 
     def write(self, fields: list, values: np.ndarray, padding: float | None = None) -> None:
         """Store values (n_particles, k) into k pack fields; padding lanes repeat the last particle of their body."""
-        first = 0
         packed = np.zeros((self.n_packs * LANES, values.shape[1]), self._dtype)
         packed[self.index] = values
         for count, (begin, end) in zip(self.counts, self.ranges):
             used = begin * LANES + count
             packed[used : end * LANES] = packed[used - 1] if padding is None else padding
-            first += count
         for field, column in zip(fields, packed.T):
             field.from_numpy(np.ascontiguousarray(column).reshape(self.n_packs, LANES))
 

@@ -30,6 +30,7 @@ class DruckerPrager(Hencky):
     cone: str = "compression"
 
     has_volume_correction = True
+    small_strain = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,6 +85,8 @@ class VonMises(Hencky):
     """
 
     yield_stress: float
+
+    small_strain = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -98,7 +98,7 @@ class Box:
 
 
 class Lattice:
-    """Distances sampled on a lattice, trilinear between its points; `far` outside it."""
+    """Distances sampled on a lattice, trilinear between its points; 1 m outside it."""
 
     def __init__(self, values: np.ndarray, lower: np.ndarray, spacing: float) -> None:
         self.host = np.asarray(values, np.float32)

@@ -12,7 +12,7 @@ from mpm.contact import cache_static
 from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
 from mpm.features import Features
 from mpm.grid import Grid, GridFields
-from mpm.motion import Pose, ScrewSamples, Wrench, screw
+from mpm.motion import Pose, ScrewSamples, Wrench, logarithm, screw
 from mpm.particles import ParticleFields
 from mpm.sdf import Lattice
 from mpm.strain import INTEGRATORS
@@ -50,20 +50,22 @@ class Solver:
     """Advances grains; see the package's README for the conventions.
 
     dt: substep [s], or None for `COURANT_FRACTION` of the bound; a dt above the bound raises TimeStepTooLarge.
-    max_speed: largest speed [m/s] of a collider's surface, for the bound. precision: "f32", "f64" or None (init's).
-    integrator: "series", "exact" or None (series in single, exact in double precision).
+    A collider that moves faster than dt allows is followed with smaller substeps. precision: "f32", "f64" or None
+    (init's). integrator: "series", "exact" or None: series in single precision where every law keeps elastic strains
+    small, exact otherwise.
     """
 
     def __init__(
         self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
         gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
-        dt: float | None = None, max_speed: float = 0.0, precision: str | None = None, integrator: str | None = None,
+        dt: float | None = None, precision: str | None = None, integrator: str | None = None,
     ) -> None:
         session = session_precision()
         self.precision = precision or session
         if self.precision not in PRECISIONS:
             raise UnknownName("precision", precision, PRECISIONS)
-        integrator = integrator or ("series" if self.precision == "f32" else "exact")
+        small = all(body.material.small_strain for body in bodies)
+        integrator = integrator or ("series" if self.precision == "f32" and small else "exact")
         if integrator not in INTEGRATORS:
             raise UnknownName("integrator", integrator, INTEGRATORS)
         if not bodies:
@@ -73,11 +75,12 @@ class Solver:
         self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
         self.walls = walls or Walls()
         self.gravity = np.asarray(gravity, float)
-        self.bound = min([*[_material_bound(grid.cell, body) for body in bodies], travel_bound(grid.cell, max_speed)])
+        self.bound = min(_material_bound(grid.cell, body) for body in bodies)
         if dt is not None and dt > self.bound:
-            raise TimeStepTooLarge(dt, self.bound, "isolated particle or tool speed")
+            raise TimeStepTooLarge(dt, self.bound, "isolated particle")
         self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
-        self.time, self.steps = 0.0, 0
+        self.time, self.steps, self.substep = 0.0, 0, self.dt
+        self._stamp = 0
         self.features = Features(
             precision=self.precision, integrator=integrator,
             volume_correction=any(b.material.has_volume_correction for b in bodies),
@@ -85,7 +88,6 @@ class Solver:
             volume_state=any(b.material.state == "volume" for b in bodies),
             moving_colliders=tuple(i for i, c in enumerate(self.colliders) if not c.static),
             static_colliders=tuple(i for i, c in enumerate(self.colliders) if c.static),
-            wall_friction=self.walls.friction > 0,
         )
         self._poses = [collider.pose for collider in self.colliders]
         self._motion: dict[int, tuple[Pose, Pose]] = {}
@@ -118,6 +120,7 @@ class Solver:
         self._out = np.zeros((self._substeps.rows, 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
+        self._momentum = self.momentum()
 
     # motion of colliders -------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, end: Pose) -> None:
@@ -125,6 +128,17 @@ class Solver:
         if index not in self.features.moving_colliders:
             raise InvalidValue(f"collider {index} cannot move; movable: {self.features.moving_colliders}")
         self._motion[index] = (begin, end)
+
+    def _substeps_for(self, duration: float) -> int:
+        """Equal substeps that keep the material's bound and let no collider's surface outrun its contact."""
+        longest = self.dt
+        for index, (begin, end) in self._motion.items():
+            twist = logarithm(begin, end)
+            speed = np.linalg.norm(twist.linear)
+            if np.any(twist.angular):
+                speed += np.linalg.norm(twist.angular) * self.colliders[index].sdf.radius
+            longest = min(longest, travel_bound(self.grid.cell, float(speed) / duration))
+        return max(1, math.ceil(duration / longest - 1e-9))
 
     def _screws(self, duration: float, n: int) -> list[ScrewSamples]:
         screws = []
@@ -142,8 +156,8 @@ class Solver:
         """
         if duration <= 0:
             raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
-        total = max(1, math.ceil(duration / self.dt - 1e-9))
-        dt = duration / total
+        total = self._substeps_for(duration)
+        dt = self.substep = duration / total
         screws = self._screws(duration, total)
         self.ledger[:] = 0.0
         for first in range(0, total, MAX_SUBSTEPS):
@@ -155,10 +169,11 @@ class Solver:
                                          s.linear[chosen], s.angular[chosen]], axis=1)
             self._out[:] = 0.0
             with default_precision(self.precision):
-                self._substeps.run(n, self.steps + 1, dt, self.gravity.astype(self._dtype), self.walls.friction, motion,
-                                   self._parameters, self._densities, self._frictions, self._out)
+                self._substeps.run(n, self._stamp + 1, dt, self.gravity.astype(self._dtype), self.walls.friction,
+                                   motion, self._parameters, self._densities, self._frictions, self._out)
             self.ledger += self._out
             self.steps += n
+            self._stamp += n
             self.time += n * dt
             self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
             squares, fastest = self._out[self._substeps.status, :2]
@@ -196,7 +211,7 @@ class Solver:
         return Wrench(linear, angular - np.cross(point, linear))
 
     def momentum_after_advance(self) -> Momentum:
-        """Momentum of all grains as the last advance left them, summed in its launch: no copy of the state."""
+        """Momentum of all grains after the last advance or load, summed in its launch: no copy of the state."""
         return self._momentum
 
     def momentum(self) -> Momentum:
@@ -233,13 +248,18 @@ class Solver:
         """Everything that the future depends on, exact to the bit."""
         named = self.particles.named_fields()
         arrays = {name: self.particles.read(fields) for name, fields in named.items()}
-        return arrays | {"time": np.array(self.time), "steps": np.array(self.steps)}
+        poses = np.array([np.concatenate(pose) for pose in self._poses]).reshape(-1, 7)
+        return arrays | {"time": np.array(self.time), "steps": np.array(self.steps), "poses": poses}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Return to a state of this solver or of one built from the same scene."""
         for name, fields in self.particles.named_fields().items():
+            if name not in state:
+                raise InvalidValue(f"load: the state has {', '.join(state)}; the scene also needs {name}")
             if state[name].shape != (sum(self.particles.counts), len(fields)):
                 raise InvalidValue(f"load: {name} has shape {state[name].shape}; the scene has "
                                    f"{(sum(self.particles.counts), len(fields))}")
             self.particles.write(fields, state[name])
-        self.time = float(state["time"])
+        self.time, self.steps = float(state["time"]), int(state["steps"])
+        self._poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+        self._momentum = self.momentum()

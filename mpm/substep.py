@@ -54,7 +54,7 @@ class Substeps:
             for body in ti.static(range(len(self.laws))):
                 self.to_particles(self.particles, body, dt)
                 if ti.static(len(self.features.moving_colliders) > 0):
-                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, self.cell, densities,
+                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, densities,
                              body, out)
             if s == substeps - 1:
                 for body in ti.static(range(len(self.laws))):

@@ -144,8 +144,13 @@ def unfold(grid: ti.template(), table: ti.template(), stamp, friction, origin, c
             if block.dot(unit(axis)) == node // BLOCK:
                 for a, b in ti.ndrange(BLOCK, BLOCK):
                     W = column(block, a, b, axis, node)
-                    if not folded_earlier(table, W, axis):
-                        ghost = W - unit(axis) * inward
+                    ghost = W - unit(axis) * inward
+                    if folded_earlier(table, W, axis):
+                        # ghosts of an earlier wall that are leaving it may not enter this one either
+                        stop_node(grid, W, n, SLIP, False, friction * 0.0, friction, origin, cell, out)
+                        if ghost_mass(grid, ghost, stamp) > 0:
+                            stop_node(grid, ghost, n, SLIP, False, friction * 0.0, friction, origin, cell, out)
+                    else:
                         mirror = W + unit(axis) * inward
                         m_g = ghost_mass(grid, ghost, stamp)
                         pair = ti.cast(0, grid.nodes.dtype)

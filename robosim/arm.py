@@ -69,7 +69,3 @@ class Arm:
         tau = pinocchio.rnea(self.model, self.data, self.full(q), v, a)[self.v_index]
         # dry friction flips over 0.01 rad/s, not at once: the command must not chatter where the joint rests
         return tau + self._damping * qd + self._friction * np.tanh(qd / 0.01)
-
-    def gravity(self, q: np.ndarray) -> np.ndarray:
-        """Torques [N m] (7,) that hold the arm still."""
-        return pinocchio.computeGeneralizedGravity(self.model, self.data, self.full(q))[self.v_index]

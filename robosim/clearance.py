@@ -14,8 +14,8 @@ TOOL_WALL = 0.0015
 """Real wall [m] of the tool."""
 CONTAINER_WALL = 0.006
 """Real wall and floor [m] of the containers."""
-ROBOT = ("link", "palm", "f1", "f2", "fm")
-"""Starts of the names of the bodies that must touch neither table nor containers."""
+ROBOT = ("link1", "link2", "link3", "link4", "link5", "link6", "link7", "palm", "f1", "f2", "fm")
+"""Starts of the names of the bodies that must touch neither table nor containers; link0 stands on the table."""
 
 
 class Contacts:
@@ -30,6 +30,7 @@ class Contacts:
         self._containers = [(model.body(n).id, model.site(f"{n}_inside").size) for n in config.containers]
         names = [model.body(i).name for i in range(model.nbody)]
         self._robot = np.array([n.startswith(ROBOT) for n in names])
+        self._table = np.array([n == "table" for n in names])
         self._scenery = np.array([n == "table" or n in config.containers for n in names])
         self._is_container = np.array([n in config.containers for n in names])
 
@@ -38,7 +39,8 @@ class Contacts:
         bodies = self._model.geom_bodyid[self._data.contact.geom]
         pairs = np.concatenate([bodies, bodies[:, ::-1]])
         self.tool_container += int(np.sum((pairs[:, 0] == self._tool) & self._is_container[pairs[:, 1]]))
-        self.robot_surroundings += int(np.sum(self._robot[pairs[:, 0]] & self._scenery[pairs[:, 1]]))
+        tool_on_table = (pairs[:, 0] == self._tool) & self._table[pairs[:, 1]]
+        self.robot_surroundings += int(np.sum(self._robot[pairs[:, 0]] & self._scenery[pairs[:, 1]] | tool_on_table))
         self.tool_container += self._points_in_walls()
 
     def _points_in_walls(self) -> int:

@@ -6,7 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import mpm
-from robosim.errors import RobosimError
+from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.resources import config_names
 from robosim.session import rehearse
@@ -25,12 +25,19 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
     run.add_argument("--camera", default="close", help=f"one of: {', '.join(CAMERAS)} (default: close)")
     run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
-    run.add_argument("--seed", type=int, default=0, help="of the grains' places (default: 0)")
+    run.add_argument("--seed", type=_seed, default=0, help="of the grains' places (default: 0)")
     run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material,
                                             camera=None if a.no_video else a.camera, seed=a.seed))
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top
+
+
+def _seed(text: str) -> int:
+    """A whole number from 0 on."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 on")
+    return int(text)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -40,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
         return options.run(options)
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
-        return 1 if isinstance(error, mpm.SimulationDiverged) else 2
+        return 1 if isinstance(error, (mpm.SimulationDiverged, RobotDiverged)) else 2
     except OSError as error:  # a full disk, a folder taken away: what was renamed into place is whole
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1

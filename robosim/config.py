@@ -17,7 +17,7 @@ Vector7 = Annotated[tuple[PositiveFloat, ...], Field(min_length=7, max_length=7)
 class Table(BaseModel):
     """Base of all configuration tables."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Quantity(Table):
@@ -171,6 +171,15 @@ class RehearsalConfig(Table):
                                  f"valid: world, {', '.join(self.containers)}")
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
+        walls = self.collision_thickness / self.field.cell
+        if not 1.5 - 1e-9 <= walls <= 2.0 + 1e-9:
+            raise ValueError(f"collision_thickness = {self.collision_thickness} m is {walls:.2f} cells of "
+                             f"{self.field.cell} m; accepted: 1.5 to 2 (thinner leaks, thicker is no spoon)")
+        if self.field.dt is not None and abs(self.host_dt / self.field.dt - round(self.host_dt / self.field.dt)) > 1e-6:
+            raise ValueError(f"field.dt = {self.field.dt} s divides host_dt = {self.host_dt} s "
+                             f"{self.host_dt / self.field.dt:.4f} times; accepted: a whole number")
+        if self.containers["target"].fill_height > 0 or self.containers["source"].fill_height == 0:
+            raise ValueError("containers: fill the source and leave the target empty")
         if not self.waypoints[0].stop or not self.waypoints[-1].stop:
             raise ValueError("waypoints: the first and the last need stop: true")
         if next(w for w in self.waypoints if w.name == self.weigh_at).dwell < 0.2:
@@ -182,7 +191,7 @@ def load(path: Path, kind: type[Kind], overrides: dict | None = None) -> Kind:
     """Read a YAML file into a configuration; raises ConfigError with file, key, value and what is accepted."""
     try:
         data = yaml.safe_load(path.read_text())
-    except (OSError, yaml.YAMLError) as error:
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"{path}: cannot be read as YAML: {error}") from error
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of {', '.join(kind.model_fields)}")

@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from mpm import Pose
+from mpm import Grid, Pose
 from robosim.config import ContainerConfig
 from robosim.frames import container_pose
 
 RIM_MARGIN = 0.02
 """Height [m] above a container's rim up to which grains count as in it."""
+BORDER = 1e-6
+"""Distance [m] from the region's border within which a grain counts as stopped by it."""
 HEAP = 0.04
 """Height [m] above the bowl's rim plane up to which a heap counts as in the spoon."""
 BOWL = np.array([0.035, 0.025, 0.030])
@@ -29,3 +31,10 @@ def in_container(positions: np.ndarray, container: ContainerConfig, inner_size: 
     y = container_pose(container).inverse().apply(positions)
     half = inner_size[:2] / 2.0 + 1e-3
     return np.all(np.abs(y[:, :2]) < half, axis=1) & (y[:, 2] < inner_size[2] + RIM_MARGIN) & (y[:, 2] > -5e-3)
+
+
+def at_the_border(positions: np.ndarray, grid: Grid) -> np.ndarray:
+    """Whether grains touch the sides or the top of the region, or are not finite (n,)."""
+    lower, upper = np.asarray(grid.lower) + BORDER, np.asarray(grid.lower) + grid.cells * grid.cell - BORDER
+    inside = np.all((positions[:, :2] > lower[:2]) & (positions[:, :2] < upper[:2]), axis=1)
+    return ~(inside & (positions[:, 2] < upper[2]))

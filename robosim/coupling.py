@@ -6,10 +6,12 @@ import mujoco
 import numpy as np
 
 import mpm
-from robosim.errors import ConfigError, UnknownName
+from mpm.solver import Momentum
+from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.frames import body_pose
 
 COUPLINGS = ("one_way", "lagged")
+BAD_STATES = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 Coupling = Literal["one_way", "lagged"]
 
 
@@ -61,28 +63,38 @@ class GranularPlugin:
         self._scratch = mujoco.MjData(model)
         self._applied = np.zeros((model.nbody, 6))
         """Grain wrenches of the last step: what the next prediction starts from."""
-        self._momentum = solver.momentum()
         self.ledger = self._empty_ledger()
 
     def step(self) -> None:
         """One coupled `mj_step`.
 
-        1. Read where each coupled body is.
+        1. Read where each coupled body is, with positions fresh even after the user changed qpos.
         2. Predict its motion over the step; hand it to the solver as a screw.
         3. Advance the grains; every change of their momentum is credited to somebody.
         4. Apply the impulse to the bodies as a wrench; step MuJoCo.
-        5. Close the ledger.
+        5. Close the ledger; raise RobotDiverged when MuJoCo's state went bad.
         """
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        before = self.solver.momentum_after_advance()
         begin = {name: body_pose(self.data, body) for name, (body, _) in self._bodies.items()}
         end = self._predict()
         for name, (_, collider) in self._bodies.items():
             self.solver.set_collider_motion(collider, begin[name], end[name])
         self.solver.advance(self.model.opt.timestep)
         self._apply_and_step()
-        self.ledger = self._close_ledger()
+        self.ledger = self._close_ledger(before)
+        self._check_robot()
+
+    def _check_robot(self) -> None:
+        """MuJoCo resets a bad state by itself and goes on; only its warning counters tell."""
+        bad = [w.name for w in BAD_STATES if self.data.warning[w].number > 0]
+        if bad:
+            raise RobotDiverged(float(self.data.time), bad)
 
     def wrench(self, body: str) -> mpm.Wrench:
-        """Mean wrench [N], [N m] of the grains on a body during the last step, about its centre of mass."""
+        """Mean wrench [N], [N m] that the grains put on a body in the last step, about its centre of mass; zero for
+        "one_way"."""
         row = self._applied[self._bodies[body][0]]
         return mpm.Wrench(row[:3].copy(), row[3:].copy())
 
@@ -102,19 +114,20 @@ class GranularPlugin:
             for body, collider in self._bodies.values():
                 impulse = self.solver.collider_impulse(collider, about=self.data.xipos[body])
                 self._applied[body] = np.concatenate(impulse) / self.model.opt.timestep
+        own = self.data.xfrc_applied.copy()
         self.data.xfrc_applied += self._applied
         mujoco.mj_step(self.model, self.data)
-        self.data.xfrc_applied -= self._applied
+        self.data.xfrc_applied[:] = own
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_comVel(self.model, self.data)
 
     def _empty_ledger(self) -> Ledger:
         zero = Impulse(np.zeros(3), np.zeros(3))
         return Ledger(zero, zero, zero, dict.fromkeys(self._bodies, zero), zero, zero)
 
-    def _close_ledger(self) -> Ledger:
-        before, self._momentum = self._momentum, self.solver.momentum_after_advance()
-        grains = np.concatenate(self._momentum) - np.concatenate(before)
+    def _close_ledger(self, before: Momentum) -> Ledger:
+        grains = np.concatenate(self.solver.momentum_after_advance()) - np.concatenate(before)
         rows = self.solver.ledger
         given = {name: rows[2 + collider] for name, (_, collider) in self._bodies.items()}
         coupled = {collider for _, collider in self._bodies.values()}

@@ -30,5 +30,9 @@ class UnreachableWaypoint(ConfigError):
                          f"{position_error * 1e3:.1f} mm and {angle_error_deg:.2f} deg; {reach}")
 
 
-class RuntimeStop(RobosimError):
-    """A run that ended early, with what is left of it in `--out`."""
+class RobotDiverged(RobosimError):
+    """MuJoCo found a position, speed or acceleration that is not finite or far too large."""
+
+    def __init__(self, time: float, warnings: list[str]) -> None:
+        self.time, self.warnings = time, warnings
+        super().__init__(f"the robot diverged at t = {time:.6g} s: MuJoCo reports {', '.join(warnings)}")

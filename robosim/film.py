@@ -10,7 +10,7 @@ from robosim.errors import UnknownName
 from robosim.output import OutputFolder
 from robosim.rehearsal import Rehearsal
 from robosim.rendering import SceneRenderer, add_grain_skin, apply_quality
-from robosim.scene import scene_spec
+from robosim.scene import compiled, scene_spec
 from robosim.video import Mp4Writer, contact_sheet
 
 CAMERAS = ("overview", "close", "wrist")
@@ -46,7 +46,7 @@ class Film:
         apply_quality(spec)
         radius = GRAIN_RADIUS * self._rehearsal.grains.grain_volume ** (1 / 3)
         add_grain_skin(spec, len(self._rehearsal.solver.positions()), radius, material.colour)
-        return spec.compile()
+        return compiled(spec)
 
     def look(self) -> None:
         """Add a frame when its time has come."""

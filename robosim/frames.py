@@ -13,11 +13,6 @@ def body_pose(data: mujoco.MjData, body: int) -> Pose:
     return Pose(data.xpos[body].copy(), data.xquat[body].copy())
 
 
-def site_pose(data: mujoco.MjData, site: int) -> Pose:
-    """World pose of a site."""
-    return Pose.from_matrix(data.site_xpos[site], data.site_xmat[site].reshape(3, 3))
-
-
 def container_pose(container: ContainerConfig) -> Pose:
     """World pose of a container: origin in the middle of its inner floor."""
     turn = Rotation.from_euler("z", container.yaw_deg, degrees=True)

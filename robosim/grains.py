@@ -6,9 +6,11 @@ import numpy as np
 
 import mpm
 from mpm.sdf import Lattice
+from mpm.timestep import isolated_particle_bound
 from robosim.config import MaterialConfig, RehearsalConfig
+from robosim.errors import ConfigError
 from robosim.frames import container_pose
-from robosim.scene import Scene
+from robosim.scene import inner_size
 from robosim.tool_shapes import container_shell, spoon_components
 
 TOOL_SPACING = 1e-3
@@ -16,8 +18,6 @@ TOOL_SPACING = 1e-3
 CONTAINER_SPACING = 2e-3
 CONTAINER_WALL = 3.0
 """Thickness of a container's walls as the grains see them, in cells, grown outward."""
-MAX_TOOL_SPEED = 2.0
-"""[m/s] that the time step allows for; a rehearsal that is faster is refused by the joint limits."""
 
 
 class Grains(NamedTuple):
@@ -26,8 +26,6 @@ class Grains(NamedTuple):
     solver: mpm.Solver
     tool: int
     """Index of the tool's collider."""
-    containers: dict[str, int]
-    """Name -> index of the container's collider."""
     grain_volume: float
     """[m^3] per particle."""
 
@@ -44,39 +42,48 @@ def tool_sdf(tool: str, thickness: float) -> Lattice:
     return mpm.Sdf.from_mesh(shapes[tool](thickness), spacing=TOOL_SPACING)
 
 
-def fill(config: RehearsalConfig, scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, float]:
-    """Grain positions [m] (n, 3) in all filled containers, and the volume [m^3] of one."""
-    spacing = config.field.cell / config.field.grains_per_cell ** (1.0 / 3.0)
-    positions, volume = [], 0.0
+def check(config: RehearsalConfig, law: mpm.DruckerPrager) -> None:
+    """Refuse numbers that the field cannot work with, before any work: step, fill height, region."""
+    cell, dt = config.field.cell, config.field.dt
+    bound = isolated_particle_bound(cell, law.density, law.mu, law.lam)
+    if dt is not None and dt > bound:
+        raise mpm.TimeStepTooLarge(dt, bound, "isolated particle; field.dt")
+    source = config.containers["source"]
+    height = inner_size("source")[2]
+    if source.fill_height > height:
+        raise ConfigError(f"containers.source: fill_height = {source.fill_height} m; the container is {height} m high")
+    grid = mpm.Grid(config.field.region_lower, config.field.region_upper, cell)
     for name, container in config.containers.items():
-        if container.fill_height == 0:
-            continue
-        half = scene.inner_size(name) / 2.0
-        upper = np.array([half[0], half[1], container.fill_height])
-        local = mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng)
-        volume = float(4.0 * np.prod(upper)) / len(local)
-        positions.append(container_pose(container).apply(local))
-    if not positions:
-        raise mpm.InvalidValue("no container is filled: give one a fill_height above 0")
-    return np.concatenate(positions), volume
+        half = inner_size(name) / 2.0
+        corners = np.array([[x, y, 0.0] for x in (-half[0], half[0]) for y in (-half[1], half[1])])
+        try:
+            grid.check_inside(container_pose(container).apply(corners))
+        except mpm.InvalidValue as error:
+            raise ConfigError(f"field.region_lower, region_upper do not hold container {name!r}: {error}") from None
 
 
-def build(config: RehearsalConfig, law: mpm.DruckerPrager, scene: Scene, tool_pose: mpm.Pose,
-          seed: int = 0) -> Grains:
+def fill(config: RehearsalConfig, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Grain positions [m] (n, 3) in the source, and the volume [m^3] of one."""
+    container, half = config.containers["source"], inner_size("source") / 2.0
+    upper = np.array([half[0], half[1], container.fill_height])
+    spacing = config.field.cell / config.field.grains_per_cell ** (1.0 / 3.0)
+    local = mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng)
+    return container_pose(container).apply(local), float(4.0 * np.prod(upper)) / len(local)
+
+
+def build(config: RehearsalConfig, law: mpm.DruckerPrager, tool_pose: mpm.Pose, seed: int = 0) -> Grains:
     """The solver of a rehearsal, with the tool where the arm starts."""
     field = config.field
     colliders = [mpm.Collider(tool_sdf(config.tool, config.collision_thickness), friction=field.tool_friction,
                               pose=tool_pose)]
-    containers = {}
     for name, container in config.containers.items():
-        shell = container_shell(scene.inner_size(name), wall=CONTAINER_WALL * field.cell)
-        containers[name] = len(colliders)
+        shell = container_shell(inner_size(name), wall=CONTAINER_WALL * field.cell)
         colliders.append(mpm.Collider(mpm.Sdf.from_mesh(shell, spacing=CONTAINER_SPACING), static=True,
                                       friction=field.container_friction, pose=container_pose(container)))
-    positions, volume = fill(config, scene, np.random.default_rng(seed))
+    positions, volume = fill(config, np.random.default_rng(seed))
     solver = mpm.Solver(
         grid=mpm.Grid(field.region_lower, field.region_upper, field.cell),
         bodies=[mpm.Body(law, positions, volume=volume)], colliders=colliders,
-        walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, max_speed=MAX_TOOL_SPEED,
+        walls=mpm.Walls(friction=field.floor_friction), dt=field.dt,
     )
-    return Grains(solver, 0, containers, volume)
+    return Grains(solver, 0, volume)

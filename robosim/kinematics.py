@@ -13,6 +13,8 @@ TOLERANCE = 1e-7
 """Position [m] and rotation [rad] error at which a solution counts."""
 RESTARTS, ENOUGH_RESTARTS = 60, 12
 """Postures that the path is followed from at most, and those after which the best one found is taken."""
+MAX_JUMP = 0.6
+"""Longest time [s] that a joint at full speed may need between two coarse samples of a path; more is a jump."""
 WAYPOINT_RESTARTS = 25
 """Postures tried before a waypoint counts as unreachable."""
 SHOULDER = np.array([0.0, 0.0, 0.36])
@@ -105,7 +107,9 @@ def solve_path(arm: Arm, targets: list[Pose], names: list[tuple[int, str]], seed
         margin = float(np.minimum(q - arm.lower, arm.upper - q).min())
         travel = np.abs(np.diff(q, axis=0)) / SPEED_LIMITS
         elbow = np.mean([arm.elbow_height(x) for x in q[:: max(1, len(q) // 8)]])
-        score = elbow + min(margin, 0.3) - 0.02 * travel.max(1).sum() - (10.0 if travel.max() > 0.6 else 0.0)
+        if travel.max() > MAX_JUMP:
+            continue
+        score = elbow + min(margin, 0.3) - 0.02 * travel.max(1).sum()
         if best is None or score > best[0]:
             best = (score, first.q)
         if attempt >= ENOUGH_RESTARTS:
@@ -116,6 +120,11 @@ def solve_path(arm: Arm, targets: list[Pose], names: list[tuple[int, str]], seed
         raise UnreachableWaypoint(name, closest.position_error, np.degrees(closest.angle_error),
                                   _beyond_reach(targets[index]))
     q, errors = follow(arm, targets, best[1])
+    bad = np.flatnonzero(errors.max(1) > 10 * TOLERANCE)
+    if len(bad):
+        name = next((n for i, n in names if i >= bad[0]), names[-1][1])
+        first = int(bad[0])
+        raise UnreachableWaypoint(name, errors[first, 0], np.degrees(errors[first, 1]), _beyond_reach(targets[first]))
     return PathSolution(q, errors, float(np.minimum(q - arm.lower, arm.upper - q).min()))
 
 

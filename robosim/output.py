@@ -5,6 +5,8 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import yaml
+
 from robosim.errors import ConfigError
 
 
@@ -31,6 +33,16 @@ class OutputFolder:
         finally:
             beside.unlink(missing_ok=True)
         return final
+
+    def clear(self, names: tuple[str, ...]) -> None:
+        """Take away what an earlier run left."""
+        for name in names:
+            (self.path / name).unlink(missing_ok=True)
+
+    def write_yaml(self, name: str, value: dict) -> Path:
+        """A table in the order given."""
+        text = yaml.safe_dump(value, sort_keys=False)
+        return self.write(name, lambda path: path.write_text(text))
 
     def write_json(self, name: str, value: object) -> Path:
         """Indented JSON; refuses numbers that JSON does not know."""

@@ -65,7 +65,8 @@ class CommandedPath:
                 if before is not None:
                     blend = _blend(before, None, config.path, waypoint.acceleration)
                     corners.append(Corner(time, blend, before, None, self.poses[i], waypoint.name))
-                    time += blend / 2 + waypoint.dwell
+                    time += blend / 2
+                time += waypoint.dwell
                 if after is not None:
                     blend = _blend(None, after, config.path, waypoint.acceleration)
                     time += blend / 2

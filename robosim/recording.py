@@ -21,6 +21,8 @@ class Step(NamedTuple):
     qd: np.ndarray
     qdd: np.ndarray
     torque: np.ndarray
+    demand: np.ndarray
+    """Torques before clipping at the limits (7,) [N m]."""
     commanded: np.ndarray
     """Tool pose (7,): position, quaternion."""
     reached: np.ndarray
@@ -42,6 +44,8 @@ class Sample(NamedTuple):
     time: float
     in_tool: float
     """[kg]"""
+    lost: int
+    """Grains at the sides or the top of the region, where a clamp holds them, or nowhere."""
 
 
 class EnergySample(NamedTuple):

@@ -13,7 +13,7 @@ from robosim import grains as grain_field
 from robosim.arm import Arm
 from robosim.clearance import Contacts
 from robosim.config import MaterialConfig, RehearsalConfig, load_material
-from robosim.counting import in_spoon
+from robosim.counting import at_the_border, in_spoon
 from robosim.coupling import GranularPlugin
 from robosim.frames import body_pose
 from robosim.kinematics import PathSolution, solve_path
@@ -63,15 +63,18 @@ class Rehearsal:
         self.data.qpos[self.scene.arm_qpos] = planned.motion.state(0.0).q
         mujoco.mj_forward(self.model, self.data)
         law = grain_field.material(self.material)
-        self.grains = grain_field.build(config, law, self.scene, self.tool_pose(), seed)
+        self.grains = grain_field.build(config, law, self.tool_pose(), seed)
         self.solver = self.grains.solver
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
                                      coupling=config.coupling)
         self.servo = Servo(planned.arm, config.servo)
         self.recording = Recording()
+        self.seed = seed
         self.duration = config.grasp_time + planned.motion.duration
         self.contacts = Contacts(self.model, self.data, config)
         self._grain_mass = float(self.solver.masses()[0])
+        self.scooped: np.ndarray | None = None
+        """Which grains (n,) hung in the spoon when it was weighed."""
         self.wall_time = 0.0
         self._keep_good_state()
 
@@ -105,11 +108,14 @@ class Rehearsal:
         """
         wanted = self.plan.motion.state(self.time - self.config.grasp_time)
         torque = self._command(wanted)
+        speeds, twist = self.data.qvel[self.scene.arm_dofs].copy(), self._tool_twist()
         self.plugin.step()
         self.contacts.count()
-        self.recording.steps.append(self._read(wanted, torque))
+        self.recording.steps.append(self._read(torque, speeds, twist))
         if index % SAMPLE_EVERY == 0:
             self.recording.samples.append(self._sample())
+        if self.scooped is None and self.time >= self.plan.path.rests[self.config.weigh_at][1] + self.config.grasp_time:
+            self.scooped = in_spoon(self.solver.positions(), self.tool_pose())
         if index % ENERGY_EVERY == 0:
             self.recording.energies.append(EnergySample(self.time, *self.solver.energy()))
         if index % KEEP_EVERY == 0:
@@ -124,17 +130,24 @@ class Rehearsal:
         self.data.ctrl[self.scene.arm_actuators] = torque
         return torque
 
-    def _read(self, wanted: JointState, torque: np.ndarray) -> Step:
+    def _tool_twist(self) -> np.ndarray:
+        """Velocity of the tool at its centre of mass in world axes (6,): angular, linear, as MuJoCo orders them."""
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, self.scene.tool, velocity, 0)
+        return velocity
+
+    def _read(self, torque: np.ndarray, speeds: np.ndarray, twist: np.ndarray) -> Step:
+        """The step's row, all at its end: commanded where the motion is by now, qdd as the change of qd."""
         s, data, ledger = self.scene, self.data, self.plugin.ledger
         wrench = self.plugin.wrench(self.config.tool)
         end = self.tool_pose()
-        commanded = self.plan.arm.tool_pose(wanted.q)
+        commanded = self.plan.arm.tool_pose(self.plan.motion.state(self.time - self.config.grasp_time).q)
+        qd = data.qvel[s.arm_dofs].copy()
         parts = [ledger.gravity, ledger.walls, ledger.static, *ledger.bodies.values()]
-        velocity = np.zeros(6)
-        mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, s.tool, velocity, 0)
-        power = wrench.force @ velocity[3:] + wrench.torque @ velocity[:3]
+        mean = 0.5 * (twist + self._tool_twist())
+        power = wrench.force @ mean[3:] + wrench.torque @ mean[:3]
         return Step(
-            self.time, data.qpos[s.arm_qpos].copy(), data.qvel[s.arm_dofs].copy(), data.qacc[s.arm_dofs].copy(), torque,
+            self.time, data.qpos[s.arm_qpos].copy(), qd, (qd - speeds) / self.config.host_dt, torque, self.servo.demand,
             np.concatenate(commanded), np.concatenate(end), self._wrist(), np.concatenate(wrench),
             np.concatenate(ledger.residual),
             np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)]),
@@ -148,8 +161,9 @@ class Rehearsal:
         return np.concatenate([R @ self.data.sensor("wrist_force").data, R @ self.data.sensor("wrist_torque").data])
 
     def _sample(self) -> Sample:
-        mass = self._grain_mass * in_spoon(self.solver.positions(), self.tool_pose()).sum()
-        return Sample(self.time, float(mass))
+        positions = self.solver.positions()
+        mass = self._grain_mass * in_spoon(positions, self.tool_pose()).sum()
+        return Sample(self.time, float(mass), int(at_the_border(positions, self.solver.grid).sum()))
 
     def save_last_good_state(self, path: Path) -> None:
         """The last sampled state whose numbers were finite: grains, joints, time."""

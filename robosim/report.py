@@ -4,15 +4,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpm.motion import Pose
+from mpm.motion import Pose, exponential, logarithm
 from robosim.arm import SPEED_LIMITS
 from robosim.counting import in_container, in_spoon
 from robosim.path import CommandedPath
 from robosim.rehearsal import Rehearsal
+from robosim.scene import inner_size
 
 G = 9.81
 WEIGH_MARGIN = 0.1
 """Time [s] left to the arm to come to rest before the load is weighed."""
+TIP = np.array([0.0365, 0.0, 0.0])
+"""Tip of the spoon in its frame [m]."""
 SCREW_SAMPLING = 400
 """Points on each commanded screw that reached positions are compared with."""
 
@@ -27,11 +30,12 @@ class Bound(NamedTuple):
 BOUNDS = {
     "scooped_mass": Bound(0.015, np.inf),
     "delivered_fraction": Bound(0.90, np.inf),
-    "spilled_fraction": Bound(-np.inf, 0.05),
+    "spilled_fraction": Bound(0, 0.05),
+    "accounted_fraction": Bound(1 - 1e-9, 1 + 1e-9),
     "tool_container_contacts": Bound(0, 0),
+    "robot_surroundings_contacts": Bound(0, 0),
     "wrist_payload_relative_error": Bound(0, 0.03),
-    "momentum_residual_linear": Bound(0, 1e-4),
-    "momentum_residual_angular": Bound(0, 1e-4),
+    "momentum_residual": Bound(0, 1e-4),
     "velocity_limit_ratio_max": Bound(0, 1.0),
     "torque_limit_ratio_max": Bound(0, 1.0),
     "joint_limit_ratio_max": Bound(0, 1.0),
@@ -45,38 +49,35 @@ BOUNDS = {
 def figures(run: Rehearsal) -> dict[str, object]:
     """The report's figures as JSON values; SI units, fractions of the scooped mass."""
     positions, config = run.solver.positions(), run.config
-    mass = run.solver.masses()
     scooped = _mean_in_tool(run, *weighing(run))
-    in_target = mass[in_container(positions, config.containers["target"], run.scene.inner_size("target"))].sum()
-    in_source = mass[in_container(positions, config.containers["source"], run.scene.inner_size("source"))].sum()
-    retained = mass[in_spoon(positions, run.tool_pose())].sum()
-    spilled = mass.sum() - in_target - in_source - retained
+    fate = fates(run, positions)
     rec = run.recording
     arm = run.plan.arm
     middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
     residual, exchanged = rec.array("residual"), rec.array("exchanged").sum(0)
     payload = wrist_payload(run)
+    linear = _ratio(np.linalg.norm(residual[:, :3], axis=1).sum(), exchanged[0])
+    angular = _ratio(np.linalg.norm(residual[:, 3:], axis=1).sum(), exchanged[1])
     return {
         "material": config.material, "grains": len(positions), "cell": config.field.cell,
-        "substep": run.solver.dt, "host_dt": config.host_dt, "coupling": config.coupling,
+        "substep": run.solver.substep, "seed": run.seed, "host_dt": config.host_dt, "coupling": config.coupling,
         "simulated_time": run.time, "wall_time": run.wall_time, "realtime_factor": run.time / max(run.wall_time, 1e-9),
         "scooped_mass": scooped,
-        "delivered_fraction": _ratio(in_target, scooped), "spilled_fraction": _ratio(spilled, scooped),
-        "retained_fraction": _ratio(retained, scooped),
+        **fate,
         "wrist_payload": payload, "wrist_payload_relative_error": _ratio(abs(payload - scooped), scooped),
         "tool_container_contacts": run.contacts.tool_container,
         "robot_surroundings_contacts": run.contacts.robot_surroundings,
-        "momentum_residual_linear": _ratio(np.linalg.norm(residual[:, :3], axis=1).sum(), exchanged[0]),
-        "momentum_residual_angular": _ratio(np.linalg.norm(residual[:, 3:], axis=1).sum(), exchanged[1]),
+        "momentum_residual": max(linear or 0.0, angular or 0.0),
+        "momentum_residual_linear": linear, "momentum_residual_angular": angular,
         "velocity_limit_ratio_max": float((np.abs(rec.array("qd")) / SPEED_LIMITS).max()),
-        "torque_limit_ratio_max": float((np.abs(rec.array("torque")) / arm.torque_limits).max()),
+        "torque_limit_ratio_max": float((np.abs(rec.array("demand")) / arm.torque_limits).max()),
         "torque_saturations": run.servo.saturated,
         "joint_limit_ratio_max": float((np.abs(rec.array("q") - middle) / half).max()),
         "ik_position_error_max": float(run.plan.solution.errors[:, 0].max()),
         "tool_tracking_error_max": float(tracking_error(run).max()),
         "path_error_inside_max": path_error_inside(run),
         "motion_stretched_by": run.plan.motion.delay,
-        "particles_lost": int((~np.isfinite(positions).all(1)).sum() + _outside(run, positions)),
+        "particles_lost": int(rec.sampled("lost").max()),
     }
 
 
@@ -102,13 +103,25 @@ def _mean_in_tool(run: Rehearsal, begin: float, end: float) -> float:
     return float(run.recording.sampled("in_tool")[inside].mean()) if inside.any() else 0.0
 
 
-def _outside(run: Rehearsal, positions: np.ndarray) -> int:
-    """Grains at the sides or the top of the region: the clamp there means that they wanted to leave."""
-    grid = run.solver.grid
-    lower, upper = np.asarray(grid.lower), np.asarray(grid.lower) + grid.cells * grid.cell
-    close = 1e-6
-    return int(np.sum(np.any((positions[:, :2] <= lower[:2] + close) | (positions[:, :2] >= upper[:2] - close), axis=1)
-                      | (positions[:, 2] >= upper[2] - close)))
+def fates(run: Rehearsal, positions: np.ndarray) -> dict[str, float | None]:
+    """What became of the grains that hung in the spoon when it was weighed, as fractions of their mass.
+
+    spilled counts every grain of the run that lies outside containers and spoon, also those spilled while scooping.
+    """
+    mass = run.solver.masses()
+    carried = np.zeros(len(mass), bool) if run.scooped is None else run.scooped
+    config = run.config
+    place = {name: in_container(positions, c, inner_size(name)) for name, c in config.containers.items()}
+    spoon = in_spoon(positions, run.tool_pose()) & ~place["source"] & ~place["target"]
+    lying = ~(place["source"] | place["target"] | spoon)
+    of = mass[carried].sum()
+    shares = {"delivered_fraction": place["target"], "returned_fraction": place["source"], "retained_fraction": spoon}
+    result = {name: _ratio(mass[carried & where].sum(), of) for name, where in shares.items()}
+    dropped = _ratio(mass[carried & lying].sum(), of)
+    result["spilled_fraction"] = _ratio(mass[lying].sum(), of)
+    parts = [*(result[name] for name in shares), dropped]
+    result["accounted_fraction"] = None if None in parts else float(sum(p for p in parts if p is not None))
+    return result
 
 
 def weighing(run: Rehearsal) -> tuple[float, float]:
@@ -131,19 +144,28 @@ def tracking_error(run: Rehearsal) -> np.ndarray:
     return np.linalg.norm(run.recording.array("commanded")[:, :3] - run.recording.array("reached")[:, :3], axis=1)
 
 
-def path_error_inside(run: Rehearsal) -> float:
-    """Largest distance [m] of the reached tool position from the commanded screws, inside a container."""
-    screws = np.concatenate([_screw_points(run.plan.path, i) for i in range(len(run.plan.path.poses) - 1)])
-    reached = run.recording.array("reached")
-    inside = [r[:3] for r in reached if CommandedPath.inside(Pose(r[:3], r[3:]), run.config)]
-    if not inside:
-        return 0.0
-    return float(max(np.linalg.norm(screws - p, axis=1).min() for p in inside[::5]))
+def path_error_inside(run: Rehearsal) -> float | None:
+    """Largest distance [m] of the tool's origin and tip from the commanded screw of the moment or its neighbours.
+
+    Counts inside containers; None when the tool never was in one.
+    """
+    screws = [screw_points(run.plan.path, leg) for leg in range(len(run.plan.path.poses) - 1)]
+    passages = np.array([run.waypoint_time(name) for name in run.plan.path.names])
+    worst = None
+    for time, r in list(zip(run.recording.array("time"), run.recording.array("reached")))[::2]:
+        pose = Pose(r[:3], r[3:])
+        if not CommandedPath.inside(pose, run.config):
+            continue
+        leg = int(np.clip(np.searchsorted(passages, time) - 1, 0, len(screws) - 1))
+        near = np.concatenate(screws[max(leg - 1, 0) : leg + 2])
+        both = np.concatenate([pose.position, pose.apply(TIP[None])[0]])
+        distance = np.abs(np.linalg.norm((near - both).reshape(-1, 2, 3), axis=2).max(1)).min()
+        worst = max(distance, worst or 0.0)
+    return worst
 
 
-def _screw_points(path: CommandedPath, leg: int) -> np.ndarray:
-    """Positions (n, 3) [m] along one commanded screw."""
-    from mpm.motion import exponential, logarithm
-
+def screw_points(path: CommandedPath, leg: int) -> np.ndarray:
+    """Places of the tool's origin and tip (n, 6) [m] along one commanded screw."""
     twist = logarithm(path.poses[leg], path.poses[leg + 1])
-    return np.array([exponential(path.poses[leg], twist, u).position for u in np.linspace(0, 1, SCREW_SAMPLING)])
+    poses = [exponential(path.poses[leg], twist, u) for u in np.linspace(0, 1, SCREW_SAMPLING)]
+    return np.array([np.concatenate([pose.position, pose.apply(TIP[None])[0]]) for pose in poses])

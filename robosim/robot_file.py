@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim.scene import robot_spec
+from robosim.scene import compiled, robot_spec
 
 
 def _text(values: np.ndarray) -> str:
@@ -17,7 +17,7 @@ def _text(values: np.ndarray) -> str:
 
 def write_robot_only(tool: str, path: Path) -> None:
     """Write arm, hand and tool without geometry, contact or actuators."""
-    model = robot_spec(tool).compile()
+    model = compiled(robot_spec(tool))
     root = ET.Element("mujoco", model="robot")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     elements = {0: ET.SubElement(root, "worldbody")}

@@ -1,6 +1,8 @@
 """The rigid scene: work cell, arm, hand, tool and containers, assembled from models/."""
 
+import contextlib
 import warnings
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import mujoco
@@ -26,24 +28,30 @@ def load_spec(*parts: str) -> mujoco.MjSpec:
     return mujoco.MjSpec.from_file(str(path))
 
 
-def _quiet_prefixes() -> None:
+@contextlib.contextmanager
+def _quiet_prefixes() -> Iterator[None]:
     """Attach with empty prefixes on purpose: every name of models/ is unique, and readings use them plainly."""
     mujoco.set_mju_user_warning(lambda text: None)
-    warnings.filterwarnings("ignore", message=".*prefix.*")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*prefix.*")
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(None)
 
 
 def robot_spec(tool: str) -> mujoco.MjSpec:
     """Arm, hand and the tool fixed in the hand where the fingers close round its handle."""
-    _quiet_prefixes()
     arm = load_spec("robots", "iiwa14", "iiwa14.xml")
     hand = load_spec("grippers", "robotiq_3f", "robotiq_3f.xml")
     part = load_spec("tools", tool, f"{tool}.xml")
     T_grip = _site_in_body(hand, "grip", "palm")
     T_handle = _site_in_body(part, f"{tool}_grip", tool)
     X = T_grip @ T_handle.inverse()
-    arm.attach(hand, site=arm.site("flange"), prefix="")
-    frame = arm.body("palm").add_frame(pos=X.position, quat=X.quaternion)
-    frame.attach_body(part.body(tool), "", "")
+    with _quiet_prefixes():
+        arm.attach(hand, site=arm.site("flange"), prefix="")
+        frame = arm.body("palm").add_frame(pos=X.position, quat=X.quaternion)
+        frame.attach_body(part.body(tool), "", "")
     return arm
 
 
@@ -69,22 +77,24 @@ class Scene(NamedTuple):
     tool: int
     """Body of the tool."""
 
-    def inner_size(self, container: str) -> np.ndarray:
-        """Inside of a container (3,) [m], from the box-shaped site that marks it."""
-        return 2.0 * self.model.site(f"{container}_inside").size
-
 
 def scene_spec(config: RehearsalConfig) -> mujoco.MjSpec:
     """Specification of the whole rigid scene."""
     spec = load_spec("workcell", "workcell.xml")
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     robot = robot_spec(config.tool)
-    spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
-    for name, container in config.containers.items():
-        add_container(spec, name, container)
+    with _quiet_prefixes():
+        spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
+        for name, container in config.containers.items():
+            add_container(spec, name, container)
     add_wrist_sensor(spec)
     spec.option.timestep = config.host_dt
     return spec
+
+
+def inner_size(container: str) -> np.ndarray:
+    """Inside of a container of models/containers (3,) [m], from the box-shaped site that marks it."""
+    return 2.0 * np.array(load_spec("containers", f"{container}.xml").site(f"{container}_inside").size)
 
 
 def add_container(spec: mujoco.MjSpec, name: str, container: ContainerConfig) -> None:
@@ -102,9 +112,15 @@ def add_wrist_sensor(spec: mujoco.MjSpec) -> None:
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrist_sensor")
 
 
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model of a specification, without MuJoCo's warning about empty prefixes."""
+    with _quiet_prefixes():
+        return spec.compile()
+
+
 def compile_scene(spec: mujoco.MjSpec, tool: str) -> Scene:
     """Compile and look the indices up."""
-    model = spec.compile()
+    model = compiled(spec)
     joints = [model.joint(name) for name in ARM_JOINTS]
     return Scene(
         model,

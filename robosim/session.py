@@ -3,17 +3,21 @@
 import sys
 from pathlib import Path
 
-import yaml
 from tqdm import tqdm
 
 import mpm
-from robosim.config import load_rehearsal
+from robosim import grains
+from robosim.config import load_material, load_rehearsal
+from robosim.errors import RobotDiverged
 from robosim.film import Film, check_camera
 from robosim.output import OutputFolder
 from robosim.plots import plot_report
 from robosim.rehearsal import Rehearsal, plan
 from robosim.rendering import RenderingUnavailable
 from robosim.report import figures, missed
+
+RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "last_good_state.npz")
+"""Files of an earlier run that would contradict this one's."""
 
 
 def rehearse(name: str, out: Path, *, material: str | None = None, camera: str | None = "close", seed: int = 0) -> int:
@@ -22,11 +26,14 @@ def rehearse(name: str, out: Path, *, material: str | None = None, camera: str |
     Input is checked before any work. Whatever ends the run, what was written is whole.
     """
     config = load_rehearsal(name, {"material": material} if material else None)
+    substance = load_material(config.material)
+    grains.check(config, grains.material(substance))
     if camera is not None:
         check_camera(camera)
     folder = OutputFolder(out)
-    resolved = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
-    folder.write("config.yaml", lambda path: path.write_text(resolved))
+    folder.clear(RESULTS)
+    folder.write_yaml("config.yaml", config.model_dump(mode="json"))
+    folder.write_yaml("material.yaml", substance.model_dump(mode="json"))
     print("planning the motion ...", file=sys.stderr)
     planned = plan(config)
     print("preparing grains and robot ...", file=sys.stderr)
@@ -35,7 +42,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, camera: str |
     film = _film(run, folder, camera)
     try:
         _carry_out(run, film)
-    except mpm.SimulationDiverged:
+    except (mpm.SimulationDiverged, RobotDiverged):
         folder.write("last_good_state.npz", run.save_last_good_state)
         raise
     finally:
@@ -78,7 +85,7 @@ def _carry_out(run: Rehearsal, film: Film | None) -> None:
 def _tell(values: dict, folder: OutputFolder) -> None:
     """The figures that matter, and what missed its bound."""
     for key in ("scooped_mass", "delivered_fraction", "spilled_fraction", "wrist_payload_relative_error",
-                "momentum_residual_linear", "realtime_factor"):
+                "momentum_residual", "realtime_factor"):
         print(f"{key:32s} {values[key]}")
     for line in missed(values):
         print(f"outside its bound: {line}")

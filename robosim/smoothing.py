@@ -15,6 +15,13 @@ KNOT_SPACING = 0.04
 """[s] between knots."""
 JERK_BISECTIONS = 14
 """Steps in the search for the smoothest motion between two knots: leaves 0.1 % on the jerk."""
+MAX_DELAY = 0.01
+"""[s] by which limits may stretch a motion before it is refused: the waypoints' times would no longer hold."""
+
+
+def _nearest(waypoint_times: dict[str, float], time: float) -> str:
+    """Waypoint that is passed closest to a time [s]."""
+    return min(waypoint_times, key=lambda w: abs(waypoint_times[w] - time))
 
 
 class JointState(NamedTuple):
@@ -51,6 +58,10 @@ class SmoothMotion:
         self.duration = float(self._starts[-1])
         self.delay = self.duration - float(times[-1] - times[0])
         """[s] by which the limits stretched the motion."""
+        if self.delay > MAX_DELAY:
+            slowest = int(np.argmax(np.diff(self._starts) - np.diff(knots)))
+            raise ConfigError(f"near waypoint {_nearest(waypoint_times, knots[slowest])!r} the jerk limits stretch the "
+                              f"motion; {self.delay:.3f} s in all, allowed: {MAX_DELAY} s; lower the speeds there")
 
     def _check(self, knots: np.ndarray, states: list[JointState], waypoint_times: dict[str, float]) -> None:
         """Refuse a path whose own speed or acceleration breaks a limit, with the waypoint it breaks near."""
@@ -61,10 +72,10 @@ class SmoothMotion:
             ratio = np.abs(given) / limit
             if ratio.max() > 1.0:
                 knot, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
-                name = min(waypoint_times, key=lambda w: abs(waypoint_times[w] - knots[knot]))
                 raise ConfigError(
-                    f"near waypoint {name!r} (t = {knots[knot]:.2f} s) joint A{joint + 1} would need a {what} of "
-                    f"{abs(given[knot, joint]):.3f} {unit}; allowed: {limit[joint]:.3f} {unit}; lower the speeds there")
+                    f"near waypoint {_nearest(waypoint_times, knots[knot])!r} (t = {knots[knot]:.2f} s) "
+                    f"joint A{joint + 1} would need a {what} of {abs(given[knot, joint]):.3f} {unit}; "
+                    f"allowed: {limit[joint]:.3f} {unit}; lower the speeds there")
 
     def _segment(self, a: JointState, b: JointState, duration: float) -> Trajectory:
         """The motion from a to b in `duration` [s], or the fastest one that is slower, with as little jerk as possible.

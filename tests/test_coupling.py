@@ -32,7 +32,7 @@ def tray(mass: float, coupling: str = "lagged") -> GranularPlugin:
         grid=mpm.Grid((0, 0, 0), (0.12, 0.12, 0.12), CELL),
         bodies=[mpm.Body(sand, positions, volume=0.12 * 0.12 * 0.032 / len(positions))],
         colliders=[mpm.Collider(mpm.Sdf.box((0.02, 0.02, 0.02)), friction=0.3)],
-        walls=mpm.Walls(friction=0.5), max_speed=1.0,
+        walls=mpm.Walls(friction=0.5),
     )
     return GranularPlugin(model, data, solver, bodies={"box": 0}, coupling=coupling)
 
@@ -64,8 +64,11 @@ def test_user_forces_are_added_to_not_overwritten() -> None:
     plugin.data.xfrc_applied[1] = own
     for _ in range(5):
         plugin.step()
-    assert (plugin.data.xfrc_applied[1] == own).all()
     assert np.abs(plugin.data.qvel).max() < 1e-9  # the user's force carries the weight; nothing else touches yet
+    plugin.data.qpos[2] = 0.052  # into the sand
+    plugin.step()
+    assert np.linalg.norm(plugin.wrench("box").force) > 0.01
+    assert (plugin.data.xfrc_applied[1] == own).all()
 
 
 def test_one_way_leaves_the_robot_alone() -> None:

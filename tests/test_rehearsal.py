@@ -1,6 +1,7 @@
 """The whole chain: a short rehearsal in the default suite, the real ones behind the marker `slow`."""
 
 import json
+import os
 from pathlib import Path
 
 import av
@@ -12,7 +13,6 @@ from robosim.cli import main
 from robosim.config import load_rehearsal
 from robosim.recording import COLUMNS
 from robosim.rehearsal import Rehearsal, plan
-from robosim.rendering import RenderingUnavailable
 from robosim.report import BOUNDS, missed
 from robosim.resources import config_path
 from robosim.session import rehearse
@@ -25,7 +25,7 @@ def short(tmp_path: Path) -> Path:
     by_name = {w["name"]: w for w in data["waypoints"]}
     dip = by_name["above"] | {"name": "dip", "position": [-0.03, 0, 0.06], "speed": 0.3, "stop": True, "dwell": 0.2}
     data["waypoints"] = [by_name["start"], dip, by_name["home"]]
-    data.update(weigh_at="dip", collision_thickness=0.012, grasp_time=0.2)
+    data.update(weigh_at="dip", collision_thickness=0.015, grasp_time=0.2)
     data["field"] |= {"cell": 0.01, "grains_per_cell": 4}
     path = tmp_path / "short.yaml"
     path.write_text(yaml.safe_dump(data))
@@ -34,13 +34,11 @@ def short(tmp_path: Path) -> Path:
 
 def test_a_short_rehearsal_writes_everything(short: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    try:
-        assert rehearse(str(short), out, camera="close") == 0
-    except RenderingUnavailable:
-        pytest.skip("no OpenGL here: " + str(RenderingUnavailable))
+    drawable = os.environ["MUJOCO_GL"] != "disable"
+    assert rehearse(str(short), out, camera="close" if drawable else None) == 0
     values = json.loads((out / "report.json").read_text())
     assert set(BOUNDS) <= set(values)
-    for name in ("momentum_residual_linear", "momentum_residual_angular", "velocity_limit_ratio_max",
+    for name in ("momentum_residual", "velocity_limit_ratio_max",
                  "torque_limit_ratio_max", "joint_limit_ratio_max", "ik_position_error_max", "particles_lost",
                  "tool_container_contacts"):
         assert values[name] <= BOUNDS[name].high, name
@@ -51,9 +49,8 @@ def test_a_short_rehearsal_writes_everything(short: Path, tmp_path: Path) -> Non
     assert len(rows) == pytest.approx(values["simulated_time"] / 1e-3, abs=1)
     assert load_rehearsal(str(out / "config.yaml")) == load_rehearsal(str(short))
     assert (out / "report.png").stat().st_size > 20_000
-    film = out / "rehearsal.mp4"
-    if film.exists():
-        with av.open(str(film)) as container:
+    if drawable:
+        with av.open(str(out / "rehearsal.mp4")) as container:
             frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
         assert len(frames) == pytest.approx(values["simulated_time"] * 30, abs=2)
         assert frames[0].shape == (720, 1280, 3)

@@ -6,12 +6,12 @@ import pinocchio
 import pytest
 
 from robosim.arm import SPEED_LIMITS, Arm
-from robosim.scene import ARM_JOINTS, robot_spec
+from robosim.scene import ARM_JOINTS, compiled, robot_spec
 
 
 @pytest.fixture(scope="module")
 def pair():
-    model = robot_spec("spoon").compile()
+    model = compiled(robot_spec("spoon"))
     return model, mujoco.MjData(model), Arm("spoon")
 
 

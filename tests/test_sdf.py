@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 import mpm
+from mpm.backend import default_precision, ti
 
 
 def test_box_lattice_is_exact_near_the_surface() -> None:
@@ -42,3 +43,38 @@ def test_open_mesh_is_refused() -> None:
     mesh.update_faces(np.arange(len(mesh.faces)) > 1)
     with pytest.raises(mpm.InvalidValue, match="open edges"):
         mpm.Sdf.from_mesh(mesh)
+
+
+SHAPES = {
+    "plane": mpm.Sdf.plane((0.3, 0.2, 0.9)), "sphere": mpm.Sdf.sphere(0.02), "capsule": mpm.Sdf.capsule(0.01, 0.02),
+    "box": mpm.Sdf.box((0.02, 0.015, 0.01)),
+}
+
+
+@pytest.mark.parametrize("name", [*SHAPES, "lattice"])
+def test_kernel_distance_and_normal_are_the_hosts(name: str) -> None:
+    """What the kernels read equals the host's distance, and the normal is its gradient."""
+    shape = SHAPES.get(name) or mpm.Sdf.from_mesh(trimesh.creation.box((0.03, 0.03, 0.03)), spacing=1e-3)
+    if name == "lattice":
+        shape.allocate()
+    points = np.random.default_rng(5).uniform(-0.016, 0.016, (300, 3))
+    out = np.zeros((300, 4))
+
+    @ti.kernel
+    def evaluate(y: ti.types.ndarray(), result: ti.types.ndarray()):
+        for i in range(300):
+            n, phi = shape.at(ti.Vector([ti.cast(y[i, 0], ti.f64), ti.cast(y[i, 1], ti.f64), ti.cast(y[i, 2], ti.f64)]))
+            for d in ti.static(range(3)):
+                result[i, d] = n[d]
+            result[i, 3] = phi
+
+    with default_precision("f64"):
+        evaluate(points, out)
+    assert out[:, 3] == pytest.approx(shape.distance(points), abs=2e-8)
+    h = 1e-6
+    gradient = np.stack([(shape.distance(points + h * e) - shape.distance(points - h * e)) / (2 * h)
+                         for e in np.eye(3)], -1)
+    size = np.linalg.norm(gradient, axis=1)
+    smooth = np.abs(size - 1.0) < 0.02  # edges and medial surfaces have no gradient
+    assert smooth.mean() > 0.6
+    assert np.abs(out[smooth, :3] - gradient[smooth] / size[smooth, None]).max() < 0.05

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim.counting import BOWL, in_spoon
+from robosim.counting import BOWL
 from robosim.grains import tool_sdf
 
 CELL = 0.005
@@ -13,19 +13,19 @@ CELL = 0.005
 def filled_spoon(thickness: float, offset: np.ndarray) -> tuple[mpm.Solver, mpm.Pose]:
     pose = mpm.Pose(np.array([0.1, 0.1, 0.1]) + offset, np.array([1.0, 0, 0, 0]))
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], CELL / 2, np.random.default_rng(0))
-    inside = lattice[((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0]
+    inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
     salt = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1217.0, friction_angle_deg=33.0)
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (0.22, 0.2, 0.2), CELL),
         bodies=[mpm.Body(salt, pose.apply(inside), volume=(CELL / 2) ** 3)],
-        colliders=[mpm.Collider(tool_sdf("spoon", thickness), friction=0.1, pose=pose)], max_speed=1.5,
+        colliders=[mpm.Collider(tool_sdf("spoon", thickness), friction=0.1, pose=pose)],
     )
     return solver, pose
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_leaks_at_rest_or_shaken(seed: int) -> None:
-    """At rest for 0.2 s, then shaken by 3 mm at 8 Hz: no grain below the bowl, and at rest the load is the weight."""
+    """At rest for 0.2 s, then shaken by 3 mm at 8 Hz: every grain stays in the bowl; at rest the load is the weight."""
     offset = np.random.default_rng(seed).uniform(-CELL, CELL, 3)
     solver, start = filled_spoon(0.0075, offset)
     weight = solver.masses().sum() * 9.81
@@ -39,8 +39,7 @@ def test_nothing_leaks_at_rest_or_shaken(seed: int) -> None:
         pose = end
         if 50 <= step < 100:
             forces.append(-solver.collider_impulse(0).force / 2e-3)
-    positions = solver.positions()
-    below = pose.inverse().apply(positions)[:, 2] < -BOWL[2] - 0.002
-    assert not below.any()
-    assert in_spoon(positions, pose).mean() > 0.85  # what is not in the spoon went over the rim
+    local = pose.inverse().apply(solver.positions())
+    assert local[:, 2].max() < 0.01  # nothing was thrown over the rim, so what is outside came through the wall
+    assert ((local / (BOWL + 0.002)) ** 2).sum(1)[local[:, 2] < 0].max() < 1.0
     assert np.mean(forces, axis=0) == pytest.approx([0, 0, weight], abs=0.01 * weight)
