@@ -178,17 +178,34 @@ def compose(d: ti.template(), v: ti.template()):
 
 
 @ti.func
+def log1p(x):
+    """log(1 + x) with the digits of a small x: 2 atanh(x / (2 + x)), up to its 13th power where that holds."""
+    y = x / (2.0 + x)
+    z = y * y
+    series = 2.0 * y * (1.0 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z * (1 / 9 + z * (1 / 11 + z / 13))))))
+    return ti.select(ti.abs(y) < 0.1, series, ti.log(1.0 + x))
+
+
+@ti.func
+def expm1(x):
+    """exp(x) - 1 with the digits of a small x: Taylor's series up to the 11th power where that holds."""
+    high = 1 / 5040 + x * (1 / 40320 + x * (1 / 362880 + x * (1 / 3628800 + x / 39916800)))
+    series = x * (1.0 + x * (1 / 2 + x * (1 / 6 + x * (1 / 24 + x * (1 / 120 + x * (1 / 720 + x * high))))))
+    return ti.select(ti.abs(x) < 0.2, series, ti.exp(x) - 1.0)
+
+
+@ti.func
 def hencky_exact(e: ti.template()):
     """h = log(I + e) / 2 through the eigenvalues of e."""
     d, v = spectrum(e)
-    return compose([0.5 * ti.log(1.0 + d[0]), 0.5 * ti.log(1.0 + d[1]), 0.5 * ti.log(1.0 + d[2])], v)
+    return compose([keep(0.5 * log1p(d[i])) for i in range(3)], v)
 
 
 @ti.func
 def exponential_exact(h: ti.template()):
     """e = exp(2 h) - I through the eigenvalues of h."""
     d, v = spectrum(h)
-    return compose([ti.exp(2.0 * d[0]) - 1.0, ti.exp(2.0 * d[1]) - 1.0, ti.exp(2.0 * d[2]) - 1.0], v)
+    return compose([keep(expm1(2.0 * d[i])) for i in range(3)], v)
 
 
 INTEGRATORS = {"series": (hencky_series, exponential_series), "exact": (hencky_exact, exponential_exact)}
