@@ -47,8 +47,8 @@ def cache_static(node_contact: ti.template(), node_owner: ti.template(), shape: 
 
 
 @ti.func
-def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(), frictions: ti.template(),
-                 s: ti.i32, dt, gravity, origin, cell, out: ti.template()):
+def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
+                 dt, gravity, origin, cell, out: ti.template()):
     """Momentum to velocity, gravity, then contact with static and with moving colliders."""
     weight = ti.cast(0.0, ti.f64)
     first_moment = ti.Vector.zero(ti.f64, 3)
@@ -68,7 +68,7 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
                         if owner > 0:
                             contact = scene.node_contact[I]
                             normal = ti.Vector([contact[0], contact[1], contact[2]])
-                            new = coulomb(v, v * 0.0, normal, frictions[owner - 1])
+                            new = coulomb(v, v * 0.0, normal, scene.numbers.frictions[owner - 1])
                             credit(out, scene.first_collider_row + owner - 1, place, q[3] * (new - v))
                             v = new
                     for k, index in ti.static(enumerate(scene.features.moving_colliders)):
@@ -77,7 +77,7 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
                         if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
                             n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
                             if phi < 0:
-                                new = coulomb(v, linear + angular.cross(r), R @ n_t, frictions[index])
+                                new = coulomb(v, linear + angular.cross(r), R @ n_t, scene.numbers.frictions[index])
                                 credit(out, scene.first_collider_row + index, place, q[3] * (new - v))
                                 v = new
                     grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
@@ -91,7 +91,7 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
 
 @ti.func
 def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
-             dt, origin, densities: ti.template(), body: ti.template(), out: ti.template()):
+             dt, origin, body: ti.template(), out: ti.template()):
     """Take from every grain that has come to lie inside a moving collider what carries it deeper; credit the collider.
 
     Grid nodes cannot stop the last few grains at a curved or thin wall. What is taken is the approach, and the way that
@@ -113,7 +113,7 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                         normal = R @ n_t
                         approach = (v - linear - angular.cross(r)).dot(normal)
                         dv = normal * ti.max(-approach, 0.0)
-                        mass = densities[body] * particles.volume[q].dot(hot)
+                        mass = scene.numbers.densities[body] * particles.volume[q].dot(hot)
                         # the grain acts where it was before the move: x - dt v
                         place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + origin[d] for d in range(3)])
                         credit(out, scene.first_collider_row + index, place, mass * dv)

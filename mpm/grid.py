@@ -70,8 +70,8 @@ class GridFields:
         blocks = tuple(n // BLOCK for n in grid.shape)
         self.stamp = ti.field(ti.i32, blocks)
         """Number of the substep in which the block was last active."""
-        self.seed = ti.field(ti.i32, blocks)
-        """Number of the substep in which a particle's first node was last in the block."""
+        self.seed = ti.Vector.field(2, ti.i32, blocks)
+        """Substep in which a stencil last started in the block, and the ways in which stencils reach over its faces."""
         self.active = ti.Vector.field(3, ti.i32, int(np.prod(blocks)))
         """Indices of the active blocks."""
         self.count = ti.field(ti.i32, ())
@@ -80,22 +80,27 @@ class GridFields:
 
 @ti.func
 def mark_pack(grid: ti.template(), x: ti.template(), inverse_cell, stamp: ti.i32):
-    """Note the blocks that hold the first nodes of a pack's stencils."""
+    """Activate the blocks that the stencils of a pack reach."""
     first = [keep(ti.floor(x[d] * inverse_cell - 0.5)) for d in range(3)]
     for lane in ti.static(range(4)):
-        b = [keep(ti.math.clamp(ti.cast(first[d][lane], ti.i32), 0, grid.nodes.shape[d] - 3) // BLOCK)
-             for d in range(3)]
-        if grid.seed[b[0], b[1], b[2]] != stamp:
-            grid.seed[b[0], b[1], b[2]] = stamp
-            spread_block(grid, b, stamp)
+        node = [keep(ti.math.clamp(ti.cast(first[d][lane], ti.i32), 0, grid.nodes.shape[d] - 3)) for d in range(3)]
+        b = [keep(node[d] // BLOCK) for d in range(3)]
+        # one bit for each way in which a stencil can reach over the upper faces of the block
+        reach = [keep((node[d] + 2) // BLOCK - b[d]) for d in range(3)]
+        bit = 1 << (reach[0] * 4 + reach[1] * 2 + reach[2])
+        if grid.seed[b[0], b[1], b[2]][0] != stamp:
+            grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, 0])
+        if (grid.seed[b[0], b[1], b[2]][1] & bit) == 0:
+            grid.seed[b[0], b[1], b[2]][1] = grid.seed[b[0], b[1], b[2]][1] | bit
+            spread_block(grid, b, reach, stamp)
 
 
 @ti.func
-def spread_block(grid: ti.template(), b: ti.template(), stamp: ti.i32):
-    """Activate and clear a block and its upper neighbours, which the stencils that start in it can reach."""
-    for i in range(b[0], ti.min(b[0] + 2, grid.stamp.shape[0])):
-        for j in range(b[1], ti.min(b[1] + 2, grid.stamp.shape[1])):
-            for k in range(b[2], ti.min(b[2] + 2, grid.stamp.shape[2])):
+def spread_block(grid: ti.template(), b: ti.template(), reach: ti.template(), stamp: ti.i32):
+    """Activate and clear a block and the upper neighbours that are reached."""
+    for i in range(b[0], b[0] + reach[0] + 1):
+        for j in range(b[1], b[1] + reach[1] + 1):
+            for k in range(b[2], b[2] + reach[2] + 1):
                 if grid.stamp[i, j, k] != stamp:
                     grid.stamp[i, j, k] = stamp
                     grid.active[grid.count[None]] = ti.Vector([i, j, k])

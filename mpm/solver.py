@@ -13,6 +13,7 @@ from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, Unkno
 from mpm.features import Features
 from mpm.grid import Grid, GridFields
 from mpm.motion import Pose, ScrewSamples, Wrench, logarithm, screw
+from mpm.numbers import Numbers
 from mpm.particles import ParticleFields
 from mpm.sdf import Lattice
 from mpm.strain import INTEGRATORS
@@ -111,12 +112,9 @@ class Solver:
                     pose = self.colliders[i].pose
                     numbers = np.concatenate([pose.position, pose.matrix.ravel()])
                     cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
+            self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls.friction, self.precision)
             self._substeps = Substeps(self)
-        self._parameters = np.zeros((len(self.bodies), 8), self._dtype)
-        for row, body in zip(self._parameters, self.bodies):
-            row[: len(body.material.parameters)] = body.material.parameters
-        self._densities = np.array([body.material.density for body in self.bodies], self._dtype)
-        self._frictions = np.array([c.friction for c in self.colliders] or [0.0], self._dtype)
+        self._no_motion = np.zeros((1, 1, 18), self._dtype)
         self._out = np.zeros((self._substeps.rows, 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
@@ -162,15 +160,10 @@ class Solver:
         self.ledger[:] = 0.0
         for first in range(0, total, MAX_SUBSTEPS):
             n = min(MAX_SUBSTEPS, total - first)
-            motion = np.zeros((max(len(screws), 1), n, 18), self._dtype)
-            for row, s in zip(motion, screws):
-                chosen = slice(first, first + n)
-                row[:] = np.concatenate([s.positions[chosen], s.matrices[chosen].reshape(n, 9),
-                                         s.linear[chosen], s.angular[chosen]], axis=1)
+            motion = self._motion_table(screws, first, n) if screws else self._no_motion
             self._out[:] = 0.0
             with default_precision(self.precision):
-                self._substeps.run(n, self._stamp + 1, dt, self.gravity.astype(self._dtype), self.walls.friction,
-                                   motion, self._parameters, self._densities, self._frictions, self._out)
+                self._substeps.run(n, self._stamp + 1, dt, motion, self._out)
             self.ledger += self._out
             self.steps += n
             self._stamp += n
@@ -179,6 +172,13 @@ class Solver:
             squares, fastest = self._out[self._substeps.status, :2]
             if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise self._diverged(dt)
+
+    def _motion_table(self, screws: list[ScrewSamples], first: int, n: int) -> np.ndarray:
+        """Origin, matrix, linear and angular velocity of the moving colliders in n substeps (k, n, 18)."""
+        chosen = slice(first, first + n)
+        rows = [np.concatenate([s.positions[chosen], s.matrices[chosen].reshape(n, 9), s.linear[chosen],
+                                s.angular[chosen]], axis=1) for s in screws]
+        return np.array(rows, self._dtype)
 
     def _diverged(self, dt: float) -> SimulationDiverged:
         velocities = self.velocities()

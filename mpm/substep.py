@@ -3,6 +3,7 @@
 from mpm.backend import ti
 from mpm.contact import backstop, update_nodes
 from mpm.grid import GHOST, mark_pack
+from mpm.numbers import PARAMETERS
 from mpm.strain import INTEGRATORS, advance_e, keep
 from mpm.transfer import clamped, first_node, gather_lane, lane, scatter_lane, weights
 from mpm.walls import fold, unfold, wall_table
@@ -22,6 +23,7 @@ class Substeps:
 
     def __init__(self, scene) -> None:  # noqa: ANN001  (a Solver; importing it here would be a cycle)
         self.particles, self.grid = scene.particles, scene.fields
+        self.numbers = scene.numbers
         self.features, self.colliders = scene.features, scene.colliders
         self.node_contact, self.node_owner = scene.node_contact, scene.node_owner
         self.laws = [body.material for body in scene.bodies]
@@ -37,28 +39,28 @@ class Substeps:
         self.momentum, self.status = self.rows - 2, self.rows - 1
 
     @ti.kernel
-    def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, gravity_w: ti.types.ndarray(),
-            wall_friction: float, motion: ti.types.ndarray(), parameters: ti.types.ndarray(),
-            densities: ti.types.ndarray(), frictions: ti.types.ndarray(), out: ti.types.ndarray()):
+    def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
+            out: ti.types.ndarray()):
+        """Advance by `substeps` of dt [s]; motion (k, substeps, 18) of the moving colliders; out: ledger and status."""
         ti.loop_config(serialize=True)
         for s in range(substeps):
-            gravity = ti.Vector([gravity_w[0], gravity_w[1], gravity_w[2]])
-            self.activate(first_stamp + s)
-            for body in ti.static(range(len(self.laws))):
-                self.to_grid(self.particles, self.laws[body], body, dt, parameters, densities)
+            stamp = first_stamp + s
+            gravity = self.numbers.gravity[None]
             corner = ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
                                 ti.cast(self.origin[2], ti.f64)])
-            fold(self.grid, self.walls, first_stamp + s, dt, gravity)
-            update_nodes(self.grid, self, motion, frictions, s, dt, gravity, corner, self.cell, out)
-            unfold(self.grid, self.walls, first_stamp + s, wall_friction, corner, self.cell, out)
+            self.activate(stamp)
+            for body in ti.static(range(len(self.laws))):
+                self.to_grid(self.particles, self.laws[body], body, dt)
+            fold(self.grid, self.walls, stamp, dt, gravity)
+            update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out)
+            unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out)
             for body in ti.static(range(len(self.laws))):
                 self.to_particles(self.particles, body, dt)
                 if ti.static(len(self.features.moving_colliders) > 0):
-                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, densities,
-                             body, out)
+                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, body, out)
             if s == substeps - 1:
                 for body in ti.static(range(len(self.laws))):
-                    self.take_momentum(self.particles, body, densities, corner, out)
+                    self.take_momentum(self.particles, body, corner, out)
                 self.take_status(out)
 
     @ti.func
@@ -69,16 +71,16 @@ class Substeps:
             mark_pack(self.grid, [self.particles.x[d][q] for d in range(3)], 1.0 / self.cell, stamp)
 
     @ti.func
-    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt,
-                parameters: ti.template(), densities: ti.template()):
+    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt):
         """Strain, plastic flow, stress; then momentum, mass and the stress's push to the grid."""
-        p = [keep(parameters[body, i]) for i in range(8)]
+        p = [keep(self.numbers.parameters[body, i]) for i in range(PARAMETERS)]
+        density = self.numbers.densities[body]
         force = -dt * 4.0 / (self.cell * self.cell)
         for q in range(P.ranges[body][0], P.ranges[body][1]):
             C = [keep(P.C[i][q]) for i in range(9)]
             tau = self.stress(P, law, q, dt, C, p)
             volume = P.volume[q]
-            mass = densities[body] * volume
+            mass = density * volume
             self.spread(P, q, mass, force * volume, C, tau)
 
     @ti.func
@@ -163,15 +165,15 @@ class Substeps:
                     P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
 
     @ti.func
-    def take_momentum(self, P: ti.template(), body: ti.template(), densities: ti.template(), corner,
-                      out: ti.template()):
+    def take_momentum(self, P: ti.template(), body: ti.template(), corner, out: ti.template()):
         """Momentum of a body's grains about the world's origin, affine part included."""
+        density = self.numbers.densities[body]
         quarter = 0.25 * self.cell * self.cell
         for q in range(P.ranges[body][0], P.ranges[body][1]):
             spin = [keep(quarter * (P.C[7][q] - P.C[5][q])), keep(quarter * (P.C[2][q] - P.C[6][q])),
                     keep(quarter * (P.C[3][q] - P.C[1][q]))]
             for l in ti.static(range(4)):
-                m = ti.cast(densities[body] * P.volume[q][l], ti.f64)
+                m = ti.cast(density * P.volume[q][l], ti.f64)
                 x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) for d in range(3)]) + corner
                 p = m * ti.Vector([ti.cast(P.v[d][q][l], ti.f64) for d in range(3)])
                 moment = x.cross(p) + m * ti.Vector([ti.cast(spin[d][l], ti.f64) for d in range(3)])

@@ -1,0 +1,38 @@
+"""Numbers that a scene may change without compiling anything: gravity, friction, material parameters."""
+
+import numpy as np
+
+from mpm.backend import real_type, ti
+from mpm.body import Body
+from mpm.collider import Collider
+
+PARAMETERS = 8
+"""Places for a law's numbers."""
+
+
+class Numbers:
+    """Run-time fields that the kernels read."""
+
+    def __init__(
+        self, bodies: list[Body], colliders: list[Collider], gravity: np.ndarray, wall_friction: float, precision: str
+    ) -> None:
+        real = real_type(precision)
+        dtype = np.float64 if precision == "f64" else np.float32
+        self.parameters = ti.field(real, (len(bodies), PARAMETERS))
+        """Parameters of each body's law."""
+        self.densities = ti.field(real, len(bodies))
+        """[kg/m^3] of each body."""
+        self.frictions = ti.field(real, max(len(colliders), 1))
+        """Coulomb coefficient of each collider."""
+        self.gravity = ti.Vector.field(3, real, ())
+        """[m/s^2]"""
+        self.wall_friction = ti.field(real, ())
+        """Coulomb coefficient of the walls."""
+        table = np.zeros((len(bodies), PARAMETERS), dtype)
+        for row, body in zip(table, bodies):
+            row[: len(body.material.parameters)] = body.material.parameters
+        self.parameters.from_numpy(table)
+        self.densities.from_numpy(np.array([body.material.density for body in bodies], dtype))
+        self.frictions.from_numpy(np.array([c.friction for c in colliders] or [0.0], dtype))
+        self.gravity[None] = [float(g) for g in gravity]
+        self.wall_friction[None] = wall_friction
