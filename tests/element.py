@@ -20,15 +20,21 @@ class Element:
         @ti.kernel
         def update(e: ti.types.ndarray(), vc: real, p: ti.types.ndarray(), out: ti.types.ndarray()):
             for _ in range(1):
-                trial = logarithm([e[i] for i in range(6)])
-                h, expansion = material.return_mapping(trial, vc, [p[i] for i in range(8)])
-                back = exponential(h)
-                tau = material.stress(h, [p[i] for i in range(8)])
-                for i in ti.static(range(6)):
-                    out[0, i] = h[i]
-                    out[1, i] = back[i]
-                    out[2, i] = tau[i]
-                out[3, 0] = expansion
+                if ti.static(material.state == "cauchy_green"):
+                    tau = material.stress([e[i] for i in range(6)], [p[i] for i in range(8)])
+                    for i in ti.static(range(6)):
+                        out[1, i] = e[i]
+                        out[2, i] = tau[i]
+                else:
+                    trial = logarithm([e[i] for i in range(6)])
+                    h, expansion = material.return_mapping(trial, vc, [p[i] for i in range(8)])
+                    back = exponential(h)
+                    tau = material.stress(h, [p[i] for i in range(8)])
+                    for i in ti.static(range(6)):
+                        out[0, i] = h[i]
+                        out[1, i] = back[i]
+                        out[2, i] = tau[i]
+                    out[3, 0] = expansion
 
         self._update = update
         self.b, self.vc = np.eye(3), 0.0
