@@ -6,12 +6,15 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import mpm
+from robosim.bench import SCENES, SIZES, bench_field
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.resources import config_names
 from robosim.session import rehearse
 
 EXAMPLE = "example:\n  robosim rehearse spoon --material sugar --camera close --out out/sugar"
+
+BENCH_EXAMPLE = "example:\n  robosim bench field --sizes 300 2880 --scenes sand fluid --out out/bench"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -28,6 +31,14 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--seed", type=_seed, default=0, help="of the grains' places (default: 0)")
     run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material,
                                             camera=None if a.no_video else a.camera, seed=a.seed))
+    bench = commands.add_parser("bench", help="measure the speed of the field", epilog=BENCH_EXAMPLE,
+                                formatter_class=argparse.RawDescriptionHelpFormatter)
+    bench.add_argument("what", choices=["field"])
+    bench.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), help="grains (default: %(default)s)")
+    bench.add_argument("--scenes", nargs="+", default=list(SCENES), help=f"of: {', '.join(SCENES)} (default: all)")
+    bench.add_argument("--yardsticks", type=Path, help="folder with scripts to measure in the same run")
+    bench.add_argument("--out", type=Path, help="folder for bench_field.json")
+    bench.set_defaults(run=lambda a: bench_field(a.sizes, a.scenes, a.yardsticks, a.out))
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top

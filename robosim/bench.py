@@ -1,0 +1,107 @@
+"""`robosim bench field`: nanoseconds per grain and substep, beside yardsticks measured in the same run."""
+
+import json
+import re
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import mpm
+from robosim.errors import UnknownName
+from robosim.output import OutputFolder
+
+SIZES = (300, 2880, 50_000)
+"""Grains: a spoonful, a container at 8 mm cells, a kitchen bed."""
+SCENES = ("sand", "sand_with_tool", "fluid", "clay")
+NODES = 64
+"""Cells along each side of the unit cube that is the workspace."""
+SUBSTEPS = 10
+"""Substeps in one launch, as in a host step of the paper's ancestors."""
+WORK = 3e6
+"""Grains times substeps that one repetition measures."""
+YARDSTICKS = {
+    "reference_layout.py": ("reference", r'"ns_per_particle_substep": ([0-9.]+)'),
+    "lane_fused.py": ("prototype", r"ns/particle-substep ([0-9.]+)"),
+}
+"""File in the folder given by --yardsticks -> (name, where its output states the figure)."""
+
+
+def time_scene(scene: str, grains: int, repetitions: int = 5) -> dict[str, float]:
+    """Compile time [s] and median ns per grain and substep of one scene, in this process."""
+    solver = _solver(scene, grains)
+    begin = time.perf_counter()
+    solver.advance(SUBSTEPS * solver.dt)
+    compile_time = time.perf_counter() - begin
+    launches = max(5, int(WORK / grains / SUBSTEPS))
+    figures = []
+    for _ in range(repetitions):
+        begin = time.perf_counter()
+        for _ in range(launches):
+            solver.advance(SUBSTEPS * solver.dt)
+        figures.append((time.perf_counter() - begin) / launches / SUBSTEPS / grains * 1e9)
+    return {"compile_s": compile_time, "ns": statistics.median(figures)}
+
+
+def _solver(scene: str, grains: int) -> mpm.Solver:
+    cell = 1.0 / NODES
+    laws = {
+        "fluid": mpm.NewtonianFluid(bulk_modulus=1000.0, density=1.0),
+        "clay": mpm.VonMises(E=1000.0, nu=0.2, density=1.0, yield_stress=10.0),
+    }
+    law = laws.get(scene, mpm.DruckerPrager(E=1000.0, nu=0.2, density=1.0, friction_angle_deg=30.0))
+    side = (grains / 8) ** (1 / 3) * cell
+    corner = np.array([0.3, 0.3, 2 * cell])
+    positions = np.random.default_rng(0).uniform(0, 1, (grains, 3)) * side + corner
+    colliders = []
+    if scene == "sand_with_tool":
+        pose = mpm.Pose(corner + [side / 2, side / 2, side], np.array([1.0, 0.0, 0.0, 0.0]))
+        colliders = [mpm.Collider(mpm.Sdf.box((side / 4,) * 3), friction=0.1, pose=pose)]
+    upper = (1.0 - 4 * cell,) * 3
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), upper, cell), bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)],
+                      colliders=colliders, dt=1e-4)
+
+
+def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, out: Path | None) -> int:
+    """Print one JSON line per measurement, each from a fresh process, and write bench_field.json; returns 0."""
+    for scene in scenes:
+        if scene not in SCENES:
+            raise UnknownName("bench scene", scene, SCENES)
+    folder = OutputFolder(out) if out else None
+    lines: list[dict] = []
+    for grains in sizes:
+        references = _yardsticks(yardsticks, grains) if yardsticks else {}
+        for scene in scenes:
+            line = {"case": "bench_field", "scene": scene, "grains": grains, **_in_fresh_process(scene, grains)}
+            line |= {f"times_{name}": figure / line["ns"] for name, figure in references.items()}
+            lines.append(line)
+            print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in line.items()}), flush=True)
+    if folder:
+        folder.write_json("bench_field.json", lines)
+    return 0
+
+
+def _in_fresh_process(scene: str, grains: int) -> dict[str, float]:
+    """A process of its own: compiled kernels and memory of the last scene must not help this one."""
+    code = (f"import json, mpm; from robosim.bench import time_scene; mpm.init(); "
+            f"print(json.dumps(time_scene({scene!r}, {grains})))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def _yardsticks(folder: Path, grains: int) -> dict[str, float]:
+    """ns per grain and substep of the yardsticks that are found."""
+    found = {}
+    for file, (name, pattern) in YARDSTICKS.items():
+        if (folder / file).is_file():
+            arguments = [str(grains)] if name == "reference" else ["bench", str(grains)]
+            done = subprocess.run([sys.executable, str(folder / file), *arguments], capture_output=True, text=True)
+            match = re.search(pattern, done.stdout)
+            if match:
+                found[name] = float(match.group(1))
+                print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": found[name]}),
+                      flush=True)
+    return found
