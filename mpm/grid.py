@@ -60,6 +60,12 @@ class Grid:
             )
 
 
+@ti.func
+def clamped(first: ti.template(), l: ti.template(), nodes: ti.template()):
+    """Integer index of a lane's first node, kept inside the array even when a position is not finite."""
+    return [keep(ti.math.clamp(ti.cast(first[d][l], ti.i32), 0, nodes.shape[d] - 3)) for d in range(3)]
+
+
 class GridFields:
     """Node values and the list of active blocks."""
 
@@ -79,20 +85,26 @@ class GridFields:
 
 
 @ti.func
-def mark_pack(grid: ti.template(), x: ti.template(), inverse_cell, stamp: ti.i32):
-    """Activate the blocks that the stencils of a pack reach."""
-    first = [keep(ti.floor(x[d] * inverse_cell - 0.5)) for d in range(3)]
-    for lane in ti.static(range(4)):
-        node = [keep(ti.math.clamp(ti.cast(first[d][lane], ti.i32), 0, grid.nodes.shape[d] - 3)) for d in range(3)]
-        b = [keep(node[d] // BLOCK) for d in range(3)]
-        # one bit for each way in which a stencil can reach over the upper faces of the block
-        reach = [keep((node[d] + 2) // BLOCK - b[d]) for d in range(3)]
-        bit = 1 << (reach[0] * 4 + reach[1] * 2 + reach[2])
-        if grid.seed[b[0], b[1], b[2]][0] != stamp:
-            grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, 0])
-        if (grid.seed[b[0], b[1], b[2]][1] & bit) == 0:
-            grid.seed[b[0], b[1], b[2]][1] = grid.seed[b[0], b[1], b[2]][1] | bit
-            spread_block(grid, b, reach, stamp)
+def mark_packs(grid: ti.template(), x: ti.template(), packs, inverse_cell, stamp: ti.i32):
+    """Activate the blocks that the stencils of all particles reach; positions x are three pack fields."""
+    last = -1
+    for q in range(packs):
+        first = [keep(ti.floor(x[d][q] * inverse_cell - 0.5)) for d in range(3)]
+        for lane in ti.static(range(4)):
+            node = clamped(first, lane, grid.nodes)
+            b = [keep(node[d] // BLOCK) for d in range(3)]
+            # one bit for each way in which a stencil can reach over the upper faces of the block
+            reach = [keep((node[d] + 2) // BLOCK - b[d]) for d in range(3)]
+            way = reach[0] * 4 + reach[1] * 2 + reach[2]
+            key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 + way
+            if key != last:  # neighbours in memory are mostly neighbours in space
+                last = key
+                if grid.seed[b[0], b[1], b[2]][0] != stamp:
+                    grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, 0])
+                ways = grid.seed[b[0], b[1], b[2]][1]
+                if (ways & (1 << way)) == 0:
+                    grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, ways | (1 << way)])
+                    spread_block(grid, b, reach, stamp)
 
 
 @ti.func

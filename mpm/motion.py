@@ -70,20 +70,23 @@ def skew(vectors: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, -1) for row in rows], -2)
 
 
-def left_jacobian(rotation: np.ndarray) -> np.ndarray:
-    """V of SE(3): exp(rho, phi) translates by V(phi) rho; phi = rotation [rad] (3,). (Barfoot 2017, eq. 7.77)"""
-    angle = float(np.linalg.norm(rotation))
-    K = skew(rotation)
-    if angle < 1e-6:
-        return np.eye(3) + K / 2 + K @ K / 6
-    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * K + (angle - np.sin(angle)) / angle**3 * K @ K
+def left_jacobian(rotations: np.ndarray) -> np.ndarray:
+    """V of SE(3) (..., 3, 3): exp(rho, phi) translates by V(phi) rho; phi [rad] (..., 3). (Barfoot 2017, eq. 7.77)"""
+    angle = np.linalg.norm(rotations, axis=-1)[..., None, None]
+    K = skew(rotations)
+    small = angle < 1e-4
+    a = np.where(small, 1.0, angle)
+    first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(a)) / a**2)
+    second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (a - np.sin(a)) / a**3)
+    return np.eye(3) + first * K + second * K @ K
 
 
 def logarithm(begin: Pose, end: Pose) -> Twist:
     """Body twist that carries begin to end in unit time: end = begin exp(twist)."""
-    relative = begin.inverse() @ end
-    rotation = Rotation.from_quat(relative.quaternion, scalar_first=True).as_rotvec()
-    return Twist(np.linalg.solve(left_jacobian(rotation), relative.position), rotation)
+    R = begin.matrix
+    rotation = Rotation.from_matrix(R.T @ end.matrix).as_rotvec()
+    offset = R.T @ (np.asarray(end.position) - begin.position)
+    return Twist(np.linalg.solve(left_jacobian(rotation), offset), rotation)
 
 
 def exponential(begin: Pose, twist: Twist, time: float = 1.0) -> Pose:
@@ -94,18 +97,15 @@ def exponential(begin: Pose, twist: Twist, time: float = 1.0) -> Pose:
     return begin @ step
 
 
-def screw(begin: Pose, end: Pose, duration: float, n: int) -> ScrewSamples:
-    """The screw motion from begin to end at the n instants (k + 1) duration / n, with its world twist about the origin.
+def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
+    """The screw begin exp(u twist) at the n values u = (k + 1) / n, with its world twist about the frame's origin.
 
-    A frame that moves along a screw has a constant twist in its own axes, so no substep sees a kink.
+    twist carries the frame through in unit time, `duration` [s] is what it really takes. A frame that moves along a
+    screw has a constant twist in its own axes, so that no substep sees a kink.
     """
-    twist = logarithm(begin, end)
-    times = (np.arange(n) + 1.0) / n
-    poses = [exponential(begin, twist, t) for t in times]
-    matrices = np.stack([pose.matrix for pose in poses])
-    return ScrewSamples(
-        np.stack([pose.position for pose in poses]),
-        matrices,
-        matrices @ (np.asarray(twist.linear) / duration),
-        matrices @ (np.asarray(twist.angular) / duration),
-    )
+    R, linear, angular = begin.matrix, np.asarray(twist.linear), np.asarray(twist.angular)
+    rotations = ((np.arange(n) + 1.0) / n)[:, None] * angular
+    steps = ((np.arange(n) + 1.0) / n)[:, None] * linear
+    matrices = R @ Rotation.from_rotvec(rotations).as_matrix()
+    positions = begin.position + np.einsum("ij,njk,nk->ni", R, left_jacobian(rotations), steps)
+    return ScrewSamples(positions, matrices, matrices @ (linear / duration), matrices @ (angular / duration))

@@ -12,7 +12,7 @@ from mpm.contact import cache_static
 from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
 from mpm.features import Features
 from mpm.grid import Grid, GridFields
-from mpm.motion import Pose, ScrewSamples, Wrench, logarithm, screw
+from mpm.motion import Pose, ScrewSamples, Twist, Wrench, logarithm, screw
 from mpm.numbers import Numbers
 from mpm.particles import ParticleFields
 from mpm.sdf import Lattice
@@ -127,24 +127,27 @@ class Solver:
             raise InvalidValue(f"collider {index} cannot move; movable: {self.features.moving_colliders}")
         self._motion[index] = (begin, end)
 
-    def _substeps_for(self, duration: float) -> int:
+    def _take_motions(self) -> list[tuple[Pose, Twist]]:
+        """Begin and body twist of the moving colliders in the coming advance; one without a motion rests."""
+        taken = []
+        for index in self.features.moving_colliders:
+            if index in self._motion:
+                begin, end = self._motion.pop(index)
+                taken.append((begin, logarithm(begin, end)))
+                self._poses[index] = end
+            else:
+                taken.append((self._poses[index], Twist(np.zeros(3), np.zeros(3))))
+        return taken
+
+    def _substeps_for(self, duration: float, motions: list[tuple[Pose, Twist]]) -> int:
         """Equal substeps that keep the material's bound and let no collider's surface outrun its contact."""
         longest = self.dt
-        for index, (begin, end) in self._motion.items():
-            twist = logarithm(begin, end)
+        for index, (_, twist) in zip(self.features.moving_colliders, motions):
             speed = np.linalg.norm(twist.linear)
             if np.any(twist.angular):
                 speed += np.linalg.norm(twist.angular) * self.colliders[index].sdf.radius
             longest = min(longest, travel_bound(self.grid.cell, float(speed) / duration))
         return max(1, math.ceil(duration / longest - 1e-9))
-
-    def _screws(self, duration: float, n: int) -> list[ScrewSamples]:
-        screws = []
-        for index in self.features.moving_colliders:
-            begin, end = self._motion.pop(index, (self._poses[index], self._poses[index]))
-            screws.append(screw(begin, end, duration, n))
-            self._poses[index] = end
-        return screws
 
     # time ----------------------------------------------------------------------------------------------------------
     def advance(self, duration: float) -> None:
@@ -154,9 +157,10 @@ class Solver:
         """
         if duration <= 0:
             raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
-        total = self._substeps_for(duration)
+        motions = self._take_motions()
+        total = self._substeps_for(duration, motions)
         dt = self.substep = duration / total
-        screws = self._screws(duration, total)
+        screws = [screw(begin, twist, duration, total) for begin, twist in motions]
         self.ledger[:] = 0.0
         for first in range(0, total, MAX_SUBSTEPS):
             n = min(MAX_SUBSTEPS, total - first)

@@ -2,10 +2,10 @@
 
 from mpm.backend import ti
 from mpm.contact import backstop, update_nodes
-from mpm.grid import GHOST, mark_pack
+from mpm.grid import GHOST, clamped, mark_packs
 from mpm.numbers import PARAMETERS
 from mpm.strain import INTEGRATORS, advance_e, keep
-from mpm.transfer import clamped, first_node, gather_lane, lane, scatter_lane, weights
+from mpm.transfer import first_node, gather_lane, lane, scatter_lane, weights
 from mpm.walls import fold, unfold, wall_table
 
 SPEED_LIMIT = 1.0
@@ -67,8 +67,7 @@ class Substeps:
     def activate(self, stamp: ti.i32):
         """List and clear the blocks that this substep touches."""
         self.grid.count[None] = 0
-        for q in range(self.particles.n_packs):
-            mark_pack(self.grid, [self.particles.x[d][q] for d in range(3)], 1.0 / self.cell, stamp)
+        mark_packs(self.grid, self.particles.x, self.particles.n_packs, 1.0 / self.cell, stamp)
 
     @ti.func
     def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt):

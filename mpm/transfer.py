@@ -33,12 +33,6 @@ def lane(packs: ti.template(), l: ti.template()):
 
 
 @ti.func
-def clamped(first: ti.template(), l: ti.template(), nodes: ti.template()):
-    """Integer index of a lane's first node, kept inside the array even when a position is not finite."""
-    return [keep(ti.math.clamp(ti.cast(first[d][l], ti.i32), 0, nodes.shape[d] - 3)) for d in range(3)]
-
-
-@ti.func
 def scatter_lane(nodes: ti.template(), base: ti.template(), q0, a0, a1, a2,
                  wx: ti.template(), wy: ti.template(), wz: ti.template()):
     """Add one particle to its 27 nodes; a plain load and store, because one thread owns the grid."""

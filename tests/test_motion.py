@@ -28,7 +28,7 @@ def test_screw_velocity_is_the_derivative_of_its_poses() -> None:
     """Central differences of the sampled poses give the stated twist, whose body axes are constant."""
     rng = np.random.default_rng(3)
     a, b, n, T = random_pose(rng), random_pose(rng), 2000, 0.7
-    s = screw(a, b, T, n)
+    s = screw(a, logarithm(a, b), T, n)
     h = T / n
     for k in (1, 700, 1500):
         linear = (s.positions[k + 1] - s.positions[k - 1]) / (2 * h)
