@@ -60,9 +60,9 @@ def _solver(scene: str, grains: int) -> mpm.Solver:
     if scene == "sand_with_tool":
         pose = mpm.Pose(corner + [side / 2, side / 2, side], np.array([1.0, 0.0, 0.0, 0.0]))
         colliders = [mpm.Collider(mpm.Sdf.box((side / 4,) * 3), friction=0.1, pose=pose)]
-    upper = (1.0 - 4 * cell,) * 3
-    return mpm.Solver(grid=mpm.Grid((0, 0, 0), upper, cell), bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)],
-                      colliders=colliders, dt=1e-4)
+    top = 1.0 - 4 * cell
+    body = mpm.Body(law, positions, volume=(cell / 2) ** 3)
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (top, top, top), cell), bodies=[body], colliders=colliders, dt=1e-4)
 
 
 def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, out: Path | None) -> int:

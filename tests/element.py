@@ -37,7 +37,7 @@ class Element:
                     out[3, 0] = expansion
 
         self._update = update
-        self.b, self.vc = np.eye(3), 0.0
+        self.b, self.vc, self.tau = np.eye(3), 0.0, np.zeros((3, 3))
 
     def apply(self, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Singular values of the elastic F afterwards (3,) and eigenvalues of tau [Pa] (3,), both descending."""
@@ -47,7 +47,8 @@ class Element:
         with default_precision(self.precision):
             self._update(e, self.vc, self.parameters, out)
         self.b, self.vc = np.eye(3) + symmetric(out[1]), float(out[3, 0])
-        return np.sqrt(np.linalg.eigvalsh(self.b))[::-1], np.linalg.eigvalsh(symmetric(out[2]))[::-1]
+        self.tau = symmetric(out[2])
+        return np.sqrt(np.linalg.eigvalsh(self.b))[::-1], np.linalg.eigvalsh(self.tau)[::-1]
 
 
 def symmetric(entries: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ The vectors follow Klar et al. 2016, ACM TOG 35(4):103; E = 3.537e5 Pa, nu = 0.3
 import numpy as np
 import pytest
 from element import Element
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import mpm
@@ -74,3 +75,26 @@ def test_cohesion_carries_tension_up_to_its_cap() -> None:
     material = mpm.DruckerPrager(E=1e5, nu=0.2, density=500.0, friction_angle_deg=30.0, cohesion=100.0)
     _, stresses = Element(material).apply(1.05 * np.eye(3))
     assert stresses == pytest.approx([100.0 / np.tan(np.radians(30.0))] * 3, rel=1e-10)
+
+
+@pytest.mark.parametrize("angle", [20.0, 30.0, 40.0])
+def test_simple_shear_under_constant_pressure_ends_on_the_cone(angle: float) -> None:
+    """tau / sigma_n -> 3 alpha / sqrt(2) once the shear passes 0.08, with isotropic normal stresses (validation B2)."""
+    material = sand(angle)
+    element = Element(material)
+    step, normal = 2e-3, -1000.0
+
+    def sheared(stretch: float, b: np.ndarray, vc: float) -> np.ndarray:
+        element.b, element.vc = b, vc
+        element.apply(np.array([[1.0, step, 0.0], [0.0, stretch, 0.0], [0.0, 0.0, 1.0]]))
+        return element.tau / np.sqrt(np.linalg.det(element.b))
+
+    # isotropic start at the normal stress: bulk modulus (3 lam + 2 mu) / 3
+    bulk = material.lam + 2.0 / 3.0 * material.mu
+    b, vc = np.exp(2.0 / 3.0 * normal / bulk) * np.eye(3), 0.0
+    for _ in range(60):
+        stretch = brentq(lambda s, b=b, vc=vc: sheared(s, b, vc)[1, 1] - normal, 0.99, 1.01, xtol=1e-12)
+        sigma = sheared(stretch, b, vc)
+        b, vc = element.b, element.vc
+    assert sigma[0, 1] / -normal == pytest.approx(3.0 * material.alpha / np.sqrt(2.0), rel=0.01)
+    assert np.diag(sigma) == pytest.approx([normal] * 3, rel=0.015)

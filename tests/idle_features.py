@@ -1,0 +1,46 @@
+"""Advances one block of sand with and without features that never act; prints whether every bit agrees.
+
+Run as a process of its own: bits are compared in double precision with IEEE order, which the backend fixes for good.
+"""
+
+import json
+import sys
+
+import numpy as np
+
+import mpm
+
+CELL = 0.02
+FAR = mpm.Pose(np.array([0.42, 0.42, 0.42]), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def state(colliders: list[mpm.Collider], bodies: int = 1) -> dict[str, np.ndarray]:
+    """State of the sand after 0.03 s; a second body lies far from it."""
+    sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
+    positions = mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), CELL / 2, np.random.default_rng(0))
+    listed = [mpm.Body(sand, positions, volume=1e-6)]
+    if bodies == 2:
+        drop = mpm.sample_box((0.4, 0.02, 0.0), (0.44, 0.06, 0.04), CELL / 2)
+        listed.append(mpm.Body(mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0), drop, volume=1e-6))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.5, 0.5, 0.5), CELL), bodies=listed, colliders=colliders, dt=2e-4)
+    solver.advance(0.03)
+    return {name: solver.particles.read(fields)[: len(positions)] for name, fields in
+            solver.particles.named_fields().items() if name != "j"}
+
+
+def main() -> int:
+    mpm.init(precision="f64", fast_math=False)
+    plain = state([])
+    ball = mpm.Sdf.sphere(0.03)
+    scenes = {
+        "moving collider": state([mpm.Collider(ball, pose=FAR)]),
+        "static collider": state([mpm.Collider(ball, pose=FAR, static=True)]),
+        "second body": state([], bodies=2),
+    }
+    agree = {name: all(bool((plain[k] == other[k]).all()) for k in plain) for name, other in scenes.items()}
+    print(json.dumps(agree))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""A feature that is there but idle changes nothing, to the bit; what is absent takes no memory."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import mpm
+
+
+def test_idle_features_equal_absent_ones() -> None:
+    script = Path(__file__).with_name("idle_features.py")
+    # the packages of this run, whether installed or lying beside the tests
+    environment = os.environ | {"PYTHONPATH": str(Path(mpm.__file__).parent.parent)}
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout.strip().splitlines()[-1]) == {
+        "moving collider": True, "static collider": True, "second body": True,
+    }
+
+
+def test_absent_features_take_no_memory() -> None:
+    positions = mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), 0.02)
+    water = mpm.Body(mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0), positions, volume=8e-6)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[water])
+    assert solver.particles.e == [] and solver.particles.vc is None
+    assert solver.node_contact is None and solver.node_owner is None
+    assert "e" not in solver.state()
+    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+    body = mpm.Body(sand, positions, volume=8e-6)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body])
+    assert solver.particles.j is None and solver.particles.vc is not None
+    assert np.isfinite(solver.energy().elastic)
