@@ -32,6 +32,8 @@ class Hencky:
     density: float
 
     state = "hencky"
+    plastic = False
+    """Whether the law has a `return_mapping`."""
     has_volume_correction = False
     small_strain = False
     """Elastic strains stay below 0.2, where the series logarithm is exact to single precision."""
@@ -55,12 +57,6 @@ class Hencky:
     def parameters(self) -> tuple[float, ...]:
         """Numbers that the kernels read: (mu, lam)."""
         return (self.mu, self.lam)
-
-    @staticmethod
-    @ti.func
-    def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template()):
-        """Strain after plastic flow, and the expansion to remember."""
-        return h, vc
 
     @staticmethod
     @ti.func

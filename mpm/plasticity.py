@@ -29,6 +29,7 @@ class DruckerPrager(Hencky):
     cohesion: float = 0.0
     cone: str = "compression"
 
+    plastic = True
     has_volume_correction = True
     small_strain = True
 
@@ -86,6 +87,7 @@ class VonMises(Hencky):
 
     yield_stress: float
 
+    plastic = True
     small_strain = True
 
     def __post_init__(self) -> None:

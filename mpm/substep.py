@@ -104,17 +104,23 @@ class Substeps:
     @ti.func
     def hencky_stress(self, P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
         """Return mapping on the Hencky strain, written back to e; the stress."""
-        trial = self.logarithm(advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)]))
-        remembered = C[0] * 0.0
-        if ti.static(law.has_volume_correction):
-            remembered = P.vc[q]
-        h, expansion = law.return_mapping(trial, remembered, p)
-        if ti.static(law.has_volume_correction):
-            P.vc[q] = expansion
-        back = self.exponential(h)
-        for i in ti.static(range(6)):
-            P.e[i][q] = back[i]
-        return law.stress(h, p)
+        e = advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)])
+        trial = self.logarithm(e)
+        if ti.static(law.plastic):
+            remembered = C[0] * 0.0
+            if ti.static(law.has_volume_correction):
+                remembered = P.vc[q]
+            h, expansion = law.return_mapping(trial, remembered, p)
+            if ti.static(law.has_volume_correction):
+                P.vc[q] = expansion
+            back = self.exponential(h)
+            for i in ti.static(range(6)):
+                P.e[i][q] = back[i]
+            return law.stress(h, p)
+        else:
+            for i in ti.static(range(6)):
+                P.e[i][q] = e[i]
+            return law.stress(trial, p)
 
     @ti.func
     def spread(self, P: ti.template(), q, mass, force, C: ti.template(), tau: ti.template()):

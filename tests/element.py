@@ -27,14 +27,19 @@ class Element:
                         out[2, i] = tau[i]
                 else:
                     trial = logarithm([e[i] for i in range(6)])
-                    h, expansion = material.return_mapping(trial, vc, [p[i] for i in range(8)])
-                    back = exponential(h)
-                    tau = material.stress(h, [p[i] for i in range(8)])
-                    for i in ti.static(range(6)):
-                        out[0, i] = h[i]
-                        out[1, i] = back[i]
-                        out[2, i] = tau[i]
-                    out[3, 0] = expansion
+                    if ti.static(material.plastic):
+                        h, expansion = material.return_mapping(trial, vc, [p[i] for i in range(8)])
+                        back = exponential(h)
+                        tau = material.stress(h, [p[i] for i in range(8)])
+                        for i in ti.static(range(6)):
+                            out[1, i] = back[i]
+                            out[2, i] = tau[i]
+                        out[3, 0] = expansion
+                    else:
+                        tau = material.stress(trial, [p[i] for i in range(8)])
+                        for i in ti.static(range(6)):
+                            out[1, i] = e[i]
+                            out[2, i] = tau[i]
 
         self._update = update
         self.b, self.vc, self.tau = np.eye(3), 0.0, np.zeros((3, 3))
