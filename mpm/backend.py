@@ -1,6 +1,7 @@
 """The one place where taichi is imported and started, so that a maintained fork can take its place."""
 
 import contextlib
+import io
 import os
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,7 +13,8 @@ from mpm.errors import BackendError, UnknownName  # noqa: E402
 
 __all__ = ["PRECISIONS", "default_precision", "init", "real_type", "session_precision", "ti"]
 
-ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
+ARCHITECTURES = {"cpu": ti.cpu}
+"""The fused kernel is serial and adds without atomics: right on a CPU core, and so far written for that alone."""
 PRECISIONS = ("f32", "f64")
 
 
@@ -46,10 +48,18 @@ def init(
         if wanted != _session:
             raise BackendError(f"mpm.init was called with {_session}; a process has one backend, not also {wanted}")
         return
+    # taichi announces its architecture on standard output, where a command's own lines belong
+    with contextlib.redirect_stdout(io.StringIO()):
+        _start(wanted)
+    _session = wanted
+
+
+def _start(wanted: Session) -> None:
+    """The only `ti.init` of the process."""
     ti.init(
-        arch=ARCHITECTURES[arch],
+        arch=ARCHITECTURES[wanted.arch],
         cpu_max_num_threads=wanted.threads,
-        default_fp=real_type(precision),
+        default_fp=real_type(wanted.precision),
         fast_math=wanted.fast_math,
         # taichi's own passes take 12 s on the fused kernel and gain nothing that LLVM does not do anyway (measured:
         # 16.7 s to compile and 105 ns per particle and substep with them, 4.6 s and 105 ns without)
@@ -58,7 +68,6 @@ def init(
         offline_cache=True,
         random_seed=0,
     )
-    _session = wanted
 
 
 def session_precision() -> str:
