@@ -100,7 +100,7 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
     for q in range(particles.ranges[body][0], particles.ranges[body][1]):
         for k, index in ti.static(enumerate(scene.features.moving_colliders)):
             c_t, R, linear, angular = tool_frame(motion, k, s)
-            d2 = q * 0 + (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
+            d2 = (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
                 + (particles.x[2][q] + origin[2] - c_t[2]) ** 2
             for lane in range(4):
                 hot = ti.Vector([ti.cast(lane == l, grid.nodes.dtype) for l in range(4)])

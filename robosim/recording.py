@@ -28,8 +28,6 @@ class Step(NamedTuple):
     reached: np.ndarray
     wrist: np.ndarray
     """Force and torque (6,) at the flange in world axes, that the arm exerts on the hand [N], [N m]."""
-    tool_wrench: np.ndarray
-    """Grains on the tool (6,), about its centre of mass [N], [N m]."""
     residual: np.ndarray
     """Unaccounted momentum of the step (6,) [N s], [N m s]."""
     exchanged: np.ndarray

@@ -148,7 +148,7 @@ class Rehearsal:
         power = wrench.force @ mean[3:] + wrench.torque @ mean[:3]
         return Step(
             self.time, data.qpos[s.arm_qpos].copy(), qd, (qd - speeds) / self.config.host_dt, torque, self.servo.demand,
-            np.concatenate(commanded), np.concatenate(end), self._wrist(), np.concatenate(wrench),
+            np.concatenate(commanded), np.concatenate(end), self._wrist(),
             np.concatenate(ledger.residual),
             np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)]),
             float(-power) * self.config.host_dt,

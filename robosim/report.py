@@ -31,7 +31,6 @@ BOUNDS = {
     "scooped_mass": Bound(0.015, np.inf),
     "delivered_fraction": Bound(0.90, np.inf),
     "spilled_fraction": Bound(0, 0.05),
-    "accounted_fraction": Bound(1 - 1e-9, 1 + 1e-9),
     "tool_container_contacts": Bound(0, 0),
     "robot_surroundings_contacts": Bound(0, 0),
     "wrist_payload_relative_error": Bound(0, 0.03),
@@ -117,10 +116,7 @@ def fates(run: Rehearsal, positions: np.ndarray) -> dict[str, float | None]:
     of = mass[carried].sum()
     shares = {"delivered_fraction": place["target"], "returned_fraction": place["source"], "retained_fraction": spoon}
     result = {name: _ratio(mass[carried & where].sum(), of) for name, where in shares.items()}
-    dropped = _ratio(mass[carried & lying].sum(), of)
     result["spilled_fraction"] = _ratio(mass[lying].sum(), of)
-    parts = [*(result[name] for name in shares), dropped]
-    result["accounted_fraction"] = None if None in parts else float(sum(p for p in parts if p is not None))
     return result
 
 

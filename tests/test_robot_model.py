@@ -4,9 +4,11 @@ import mujoco
 import numpy as np
 import pinocchio
 import pytest
+from scipy.spatial.transform import Rotation
 
 from robosim.arm import SPEED_LIMITS, Arm
-from robosim.scene import ARM_JOINTS, compiled, robot_spec
+from robosim.scene import ARM_JOINTS, compiled, load_spec, robot_spec
+from robosim.tool_shapes import grip_pose
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +83,12 @@ def test_masses(pair) -> None:
     hand = model.body("palm").subtreemass[0] - model.body("spoon").mass[0]
     assert arm == pytest.approx(29.9, abs=1e-9)
     assert hand == pytest.approx(2.3, abs=1e-9)
+
+
+def test_spoon_is_held_where_its_handle_is() -> None:
+    """The grip site in the model file lies on the handle's axis, as the shape has it, turned to the hand."""
+    spec = load_spec("tools", "spoon", "spoon.xml")
+    site, pose = spec.site("spoon_grip"), grip_pose()
+    assert site.pos == pytest.approx(pose[:3, 3], abs=1e-5)
+    matrix = Rotation.from_quat(site.quat, scalar_first=True).as_matrix()
+    assert matrix == pytest.approx(pose[:3, :3], abs=1e-6)
