@@ -12,6 +12,7 @@ from mpm.motion import Pose, Twist, Wrench
 from mpm.plasticity import DruckerPrager, VonMises
 from mpm.sampling import sample_box, sample_cylinder, sample_mesh
 from mpm.sdf import Sdf
+from mpm.shell import Shell
 from mpm.solver import Solver
 from mpm.walls import Walls
 
@@ -28,6 +29,7 @@ __all__ = [
     "NewtonianFluid",
     "Pose",
     "Sdf",
+    "Shell",
     "SimulationDiverged",
     "Solver",
     "TimeStepTooLarge",

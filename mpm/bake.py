@@ -78,3 +78,49 @@ def parity(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tupl
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def sheet_distances(
+    mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...], band: float, far: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distances [m] to an open surface at lower + spacing * (i, j, k), and where they have a side.
+
+    Positive on the side that the faces' normals point to; `far` outside the band. A point whose closest point lies
+    on the rim has no side. The sign comes from normals interpolated between vertices, so that it holds over edges.
+    """
+    count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
+    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
+    samples = np.concatenate([samples, mesh.triangles_center])
+    faces = np.concatenate([faces, np.arange(len(mesh.faces))])
+    points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
+    tree = cKDTree(samples)
+    reach, _ = tree.query(points, distance_upper_bound=band + 2 * spacing)
+    values, sided = np.full(len(points), far), np.zeros(len(points), bool)
+    # far from the surface neighbouring samples have neighbouring triangles, and the sign is not in question
+    for chosen, neighbours in ((reach < BAND * spacing, NEIGHBOURS), ((reach >= BAND * spacing) & (reach < np.inf), 3)):
+        if np.any(chosen):
+            _, candidates = tree.query(points[chosen], k=neighbours)
+            values[chosen], sided[chosen] = _signed_closest(mesh, points[chosen], faces[candidates], spacing)
+    return values.reshape(shape), sided.reshape(shape)
+
+
+def _signed_closest(
+    mesh: trimesh.Trimesh, points: np.ndarray, candidates: np.ndarray, spacing: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance (n,) to the closest of candidate faces (n, k), and whether it is not on the surface's rim."""
+    # in units of the spacing, as above
+    scaled, best = points / spacing, np.full(len(points), np.inf)
+    foot, face = np.zeros_like(points), np.zeros(len(points), int)
+    for column in candidates.T:
+        closest = trimesh.triangles.closest_point(mesh.triangles[column] / spacing, scaled)
+        distance = np.linalg.norm(closest - scaled, axis=1)
+        nearer = distance < best
+        best[nearer], foot[nearer], face[nearer] = distance[nearer], closest[nearer], column[nearer]
+    weights = trimesh.triangles.points_to_barycentric(mesh.triangles[face] / spacing, foot)
+    normals = np.einsum("nk,nkd->nd", weights, mesh.vertex_normals[mesh.faces[face]])
+    side = np.where(np.einsum("nd,nd->n", scaled - foot, normals) < 0, -1.0, 1.0)
+    # edge i of a face joins corners i and i + 1; the foot is on it where the third weight vanishes
+    rim = np.zeros((len(mesh.faces), 3), bool)
+    rim.reshape(-1)[trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)] = True
+    on_edge = weights[:, [2, 0, 1]] < 1e-6
+    return side * best * spacing, ~np.any(rim[face] & on_edge, axis=1)

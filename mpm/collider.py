@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 from mpm.errors import InvalidValue
 from mpm.motion import Pose
 from mpm.sdf import Box, Capsule, Lattice, Plane, Sphere
+from mpm.shell import Shell
 
-Shape = Box | Capsule | Lattice | Plane | Sphere
+Shape = Box | Capsule | Lattice | Plane | Shell | Sphere
 
 
 @dataclass(frozen=True, eq=False)
 class Collider:
-    """A solid with Coulomb friction. A static one never moves, and costs a lookup per node instead of a distance."""
+    """A solid or a shell with Coulomb friction. A static solid never moves, and costs a lookup per node, no distance."""
 
     sdf: Shape
     friction: float = 0.5

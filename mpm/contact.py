@@ -1,34 +1,10 @@
 """Contact of grid nodes and grains with colliders: Coulomb friction, and a backstop behind it."""
 
 from mpm.backend import ti
-from mpm.grid import BLOCK
+from mpm.grid import BLOCK, in_first_layer
+from mpm.ledger import GRAVITY_ROW, credit, position
 from mpm.strain import keep
-from mpm.walls import credit, position
-
-
-@ti.func
-def coulomb(v, surface, normal, friction):
-    """Velocity after contact with a surface that moves with `surface`: no approach, friction up to sticking.
-
-    Stomakhin et al. 2013, ACM TOG 32(4):102, section 8.
-    """
-    relative = v - surface
-    approach = relative.dot(normal)
-    result = v
-    if approach < 0:
-        slide = relative - approach * normal
-        speed = slide.norm(1e-12)
-        result = surface + slide * ti.max(0.0, 1.0 + friction * approach / speed)
-    return result
-
-
-@ti.func
-def tool_frame(motion: ti.template(), k: ti.i32, s: ti.i32):
-    """Origin, rotation matrix, linear and angular velocity of moving collider k in substep s."""
-    m = [keep(motion[k, s, c]) for c in range(18)]
-    return (ti.Vector([m[0], m[1], m[2]]),
-            ti.Matrix([[m[3], m[4], m[5]], [m[6], m[7], m[8]], [m[9], m[10], m[11]]]),
-            ti.Vector([m[12], m[13], m[14]]), ti.Vector([m[15], m[16], m[17]]))
+from mpm.surface import coulomb, tool_frame
 
 
 @ti.kernel
@@ -60,18 +36,21 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
                 q = grid.nodes[I]
                 if q[3] > 0:
                     v = ti.Vector([q[0], q[1], q[2]]) / q[3] + dt * gravity
-                    place = position(I, origin, cell)
+                    J = in_first_layer(grid, I)
+                    place = position(J, origin, cell)
                     weight += ti.cast(q[3], ti.f64)
                     first_moment += ti.cast(q[3], ti.f64) * place
                     if ti.static(len(scene.features.static_colliders) > 0):
-                        owner = scene.node_owner[I]
+                        owner = scene.node_owner[J]
                         if owner > 0:
-                            contact = scene.node_contact[I]
+                            contact = scene.node_contact[J]
                             normal = ti.Vector([contact[0], contact[1], contact[2]])
                             new = coulomb(v, v * 0.0, normal, scene.numbers.frictions[owner - 1])
                             credit(out, scene.first_collider_row + owner - 1, place, q[3] * (new - v))
                             v = new
-                    for k, index in ti.static(enumerate(scene.features.moving_colliders)):
+                    if ti.static(len(scene.features.shells) > 0):
+                        v = shell_contact(scene, motion, s, I, J, v, q[3], place, out)
+                    for k, index in ti.static(enumerate(scene.features.moving_solids)):
                         c_t, R, linear, angular = tool_frame(motion, k, s)
                         r = ti.cast(place, grid.nodes.dtype) - c_t
                         if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
@@ -83,10 +62,32 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
                     grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
     for d in ti.static(range(3)):
         g = ti.cast(gravity[d], ti.f64) * dt
-        out[0, d] = out[0, d] + weight * g
+        out[GRAVITY_ROW, d] = out[GRAVITY_ROW, d] + weight * g
     moment = first_moment.cross(ti.cast(gravity, ti.f64)) * dt
     for d in ti.static(range(3)):
-        out[0, 3 + d] = out[0, 3 + d] + moment[d]
+        out[GRAVITY_ROW, 3 + d] = out[GRAVITY_ROW, 3 + d] + moment[d]
+
+
+@ti.func
+def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, v, mass, place, out: ti.template()):
+    """Velocity of a node's material after contact with the closest shell, which gets the impulse.
+
+    The second layer holds what the shell cuts off from the node, the first what is on the node's own side; that meets
+    the shell only where the node lies within its thickness.
+    """
+    result = v
+    side = scene.cuts.side[J]
+    if side != 0:
+        gap = scene.cuts.gap[J]
+        material = ti.cast(side if I[0] < scene.grid.width else -side, scene.grid.nodes.dtype)
+        for row, index in ti.static(scene.features.shell_rows):
+            if scene.cuts.shell[J] == index + 1 and material * gap[3] < scene.numbers.half_thickness[index]:
+                c_t, _, linear, angular = tool_frame(motion, row, s)
+                normal = material * ti.Vector([gap[0], gap[1], gap[2]])
+                r = ti.cast(place, scene.grid.nodes.dtype) - c_t
+                result = coulomb(v, linear + angular.cross(r), normal, scene.numbers.frictions[index])
+                credit(out, scene.first_collider_row + index, place, mass * (result - v))
+    return result
 
 
 @ti.func
@@ -98,7 +99,7 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
     it made in this substep; nothing is pushed out.
     """
     for q in range(particles.ranges[body][0], particles.ranges[body][1]):
-        for k, index in ti.static(enumerate(scene.features.moving_colliders)):
+        for k, index in ti.static(enumerate(scene.features.moving_solids)):
             c_t, R, linear, angular = tool_frame(motion, k, s)
             d2 = (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
                 + (particles.x[2][q] + origin[2] - c_t[2]) ** 2

@@ -17,7 +17,23 @@ class Features:
     """Some material remembers b."""
     volume_state: bool
     """Some material remembers J."""
-    moving_colliders: tuple[int, ...]
-    """Colliders that are given a motion."""
+    body_acceleration: bool
+    """Every grain has an acceleration of its own besides gravity."""
+    periodic: tuple[bool, bool, bool]
+    """Axes along which space closes on itself."""
+    moving_solids: tuple[int, ...]
+    """Solid colliders that are given a motion."""
+    shells: tuple[int, ...]
+    """Thin colliders, with grains on both sides; they may move."""
     static_colliders: tuple[int, ...]
     """Colliders that never move: their contact is looked up once per node."""
+
+    @property
+    def moving_colliders(self) -> tuple[int, ...]:
+        """Colliders that are given a motion, in the order of the motion table's rows."""
+        return self.moving_solids + self.shells
+
+    @property
+    def shell_rows(self) -> tuple[tuple[int, int], ...]:
+        """(row of the motion table, index of the collider) of every shell."""
+        return tuple((len(self.moving_solids) + i, index) for i, index in enumerate(self.shells))

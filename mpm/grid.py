@@ -29,8 +29,8 @@ class Grid:
         if self.cell <= 0:
             raise InvalidValue(f"Grid: cell = {self.cell} m; accepted: a positive length")
         span = np.subtract(self.upper, self.lower)
-        if span.shape != (3,) or np.any(span < 3 * self.cell):
-            raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is not a box of 3 cells of {self.cell} m or more")
+        if span.shape != (3,) or np.any(span < (1 - 1e-9) * self.cell):
+            raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is not a box of one cell of {self.cell} m or more")
 
     @property
     def cells(self) -> np.ndarray:
@@ -60,20 +60,20 @@ class Grid:
             )
 
 
-@ti.func
-def clamped(first: ti.template(), l: ti.template(), nodes: ti.template()):
-    """Integer index of a lane's first node, kept inside the array even when a position is not finite."""
-    return [keep(ti.math.clamp(ti.cast(first[d][l], ti.i32), 0, nodes.shape[d] - 3)) for d in range(3)]
-
-
 class GridFields:
-    """Node values and the list of active blocks."""
+    """Node values and the list of active blocks.
 
-    def __init__(self, grid: Grid, precision: str) -> None:
+    With `layers` = 2 every node exists twice, the second time `width` places farther along x: material that a thin
+    shell cuts off from a node meets the shell there, in a field of its own (see `sides`).
+    """
+
+    def __init__(self, grid: Grid, precision: str, layers: int = 1) -> None:
         real = real_type(precision)
-        self.nodes = ti.Vector.field(4, real, grid.shape)
+        nx, ny, nz = grid.shape
+        self.layers, self.width = layers, nx
+        self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
         """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
-        blocks = tuple(n // BLOCK for n in grid.shape)
+        blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)
         self.stamp = ti.field(ti.i32, blocks)
         """Number of the substep in which the block was last active."""
         self.seed = ti.Vector.field(2, ti.i32, blocks)
@@ -85,40 +85,66 @@ class GridFields:
 
 
 @ti.func
-def mark_packs(grid: ti.template(), x: ti.template(), packs, inverse_cell, stamp: ti.i32):
-    """Activate the blocks that the stencils of all particles reach; positions x are three pack fields."""
-    last = -1
-    for q in range(packs):
-        first = [keep(ti.floor(x[d][q] * inverse_cell - 0.5)) for d in range(3)]
-        for lane in ti.static(range(4)):
-            node = clamped(first, lane, grid.nodes)
-            b = [keep(node[d] // BLOCK) for d in range(3)]
-            # one bit for each way in which a stencil can reach over the upper faces of the block
-            reach = [keep((node[d] + 2) // BLOCK - b[d]) for d in range(3)]
-            way = reach[0] * 4 + reach[1] * 2 + reach[2]
-            key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 + way
-            if key != last:  # neighbours in memory are mostly neighbours in space
-                last = key
-                if grid.seed[b[0], b[1], b[2]][0] != stamp:
-                    grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, 0])
-                ways = grid.seed[b[0], b[1], b[2]][1]
-                if (ways & (1 << way)) == 0:
-                    grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, ways | (1 << way)])
-                    spread_block(grid, b, reach, stamp)
+def in_first_layer(grid: ti.template(), I):
+    """The node (3,) without the layer that it belongs to."""
+    J = I
+    if ti.static(grid.layers == 2):
+        J[0] = I[0] % grid.width
+    return J
 
 
 @ti.func
-def spread_block(grid: ti.template(), b: ti.template(), reach: ti.template(), stamp: ti.i32):
-    """Activate and clear a block and the upper neighbours that are reached."""
-    for i in range(b[0], b[0] + reach[0] + 1):
-        for j in range(b[1], b[1] + reach[1] + 1):
-            for k in range(b[2], b[2] + reach[2] + 1):
-                if grid.stamp[i, j, k] != stamp:
-                    grid.stamp[i, j, k] = stamp
-                    grid.active[grid.count[None]] = ti.Vector([i, j, k])
-                    grid.count[None] = grid.count[None] + 1
-                    for a in range(BLOCK):
-                        for c in range(BLOCK):
-                            for d in ti.static(range(BLOCK)):
-                                node = ti.Vector([BLOCK * i + a, BLOCK * j + c, BLOCK * k + d])
-                                grid.nodes[node] = ti.Vector.zero(grid.nodes.dtype, 4)
+def first_nodes(grid: ti.template(), x: ti.template(), q, inverse_cell):
+    """First nodes of the stencils of pack q, three integer packs, and the offsets from them in cells, in [0.5, 1.5).
+
+    Nodes are kept inside the array even when a position is not finite.
+    """
+    scaled = [keep(x[d][q] * inverse_cell) for d in range(3)]
+    floors = [keep(ti.floor(scaled[d] - 0.5)) for d in range(3)]
+    last = ti.static((grid.width - 3, grid.nodes.shape[1] - 3, grid.nodes.shape[2] - 3))
+    nodes = [keep(ti.max(ti.min(ti.cast(floors[d], ti.i32), last[d]), 0)) for d in range(3)]
+    return nodes, [keep(scaled[d] - floors[d]) for d in range(3)]
+
+
+@ti.func
+def mark_pack(grid: ti.template(), nodes: ti.template(), last: ti.i32, stamp: ti.i32):
+    """Activate the blocks that the stencils of a pack reach; `last` is the key of the lane before, the key is returned."""
+    key_before = last
+    for lane in ti.static(range(4)):
+        b = [keep(nodes[d][lane] // BLOCK) for d in range(3)]
+        # one bit for each way in which a stencil can reach over the upper faces of the block
+        reach = [keep((nodes[d][lane] + 2) // BLOCK - b[d]) for d in range(3)]
+        way = reach[0] * 4 + reach[1] * 2 + reach[2]
+        key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 + way
+        if key != key_before:  # neighbours in memory are mostly neighbours in space
+            key_before = key
+            if grid.seed[b[0], b[1], b[2]][0] != stamp:
+                grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, 0])
+            ways = grid.seed[b[0], b[1], b[2]][1]
+            if (ways & (1 << way)) == 0:
+                grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, ways | (1 << way)])
+                for i in range(b[0], b[0] + reach[0] + 1):
+                    for j in range(b[1], b[1] + reach[1] + 1):
+                        for k in range(b[2], b[2] + reach[2] + 1):
+                            activate(grid, ti.Vector([i, j, k]), stamp)
+    return key_before
+
+
+@ti.func
+def activate(grid: ti.template(), block, stamp: ti.i32):
+    """Put a block on the list of this substep, once."""
+    if grid.stamp[block] != stamp:
+        grid.stamp[block] = stamp
+        grid.active[grid.count[None]] = block
+        grid.count[None] = grid.count[None] + 1
+
+
+@ti.func
+def clear(grid: ti.template(), first, last):
+    """Zero the nodes of the active blocks first .. last - 1."""
+    for n in range(first, last):
+        corner = grid.active[n] * BLOCK
+        for a in range(BLOCK):
+            for c in range(BLOCK):
+                for d in ti.static(range(BLOCK)):
+                    grid.nodes[corner + ti.Vector([a, c, d])] = ti.Vector.zero(grid.nodes.dtype, 4)

@@ -24,6 +24,8 @@ class Numbers:
         """[kg/m^3] of each body."""
         self.frictions = ti.field(real, max(len(colliders), 1))
         """Coulomb coefficient of each collider."""
+        self.half_thickness = ti.field(real, max(len(colliders), 1))
+        """Half thickness [m] of each collider that is a shell."""
         self.gravity = ti.Vector.field(3, real, ())
         """[m/s^2]"""
         self.wall_friction = ti.field(real, ())
@@ -34,5 +36,7 @@ class Numbers:
         self.parameters.from_numpy(table)
         self.densities.from_numpy(np.array([body.material.density for body in bodies], dtype))
         self.frictions.from_numpy(np.array([c.friction for c in colliders] or [0.0], dtype))
+        thickness = [getattr(c.sdf, "thickness", 0.0) for c in colliders] or [0.0]
+        self.half_thickness.from_numpy(0.5 * np.array(thickness, dtype))
         self.gravity[None] = [float(g) for g in gravity]
         self.wall_friction[None] = wall_friction

@@ -38,6 +38,10 @@ class ParticleFields:
         """J - 1, with J the volume ratio of a fluid."""
         self.vc = pack_field() if features.volume_correction else None
         """Volume correction: logarithmic expansion to be taken back."""
+        self.acceleration = [pack_field() for _ in range(3)] if features.body_acceleration else []
+        """Acceleration of a grain besides gravity [m/s^2]."""
+        self.side = pack_field() if features.shells else None
+        """Side of the closest shell, as plus or minus its collider's index plus one; 0 away from shells."""
         self.volume = pack_field()
         """Initial volume V0 [m^3]; zero in the lanes that fill up a pack."""
         self.index = self._order(bodies, grid)
@@ -79,7 +83,7 @@ class ParticleFields:
         named = {"x": self.x, "v": self.v, "C": self.C}
         if self.e:
             named["e"] = self.e
-        for name, field in (("j", self.j), ("vc", self.vc)):
+        for name, field in (("j", self.j), ("vc", self.vc), ("side", self.side)):
             if field is not None:
                 named[name] = [field]
         return named

@@ -14,8 +14,10 @@ from mpm.features import Features
 from mpm.grid import Grid, GridFields
 from mpm.motion import Pose, ScrewSamples, Twist, Wrench, logarithm, screw
 from mpm.numbers import Numbers
-from mpm.particles import ParticleFields
+from mpm.particles import LANES, ParticleFields
 from mpm.sdf import Lattice
+from mpm.shell import Shell
+from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
 from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.timestep import COURANT_FRACTION, isolated_particle_bound, travel_bound, viscous_bound
@@ -60,6 +62,7 @@ class Solver:
         self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
         gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
         dt: float | None = None, precision: str | None = None, integrator: str | None = None,
+        body_acceleration: np.ndarray | None = None,
     ) -> None:
         session = session_precision()
         self.precision = precision or session
@@ -75,6 +78,7 @@ class Solver:
             grid.check_inside(np.asarray(body.positions, float))
         self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
         self.walls = walls or Walls()
+        self.walls.check(grid)
         self.gravity = np.asarray(gravity, float)
         self.bound = min(_material_bound(grid.cell, body) for body in bodies)
         if dt is not None and dt > self.bound:
@@ -87,22 +91,32 @@ class Solver:
             volume_correction=any(b.material.has_volume_correction for b in bodies),
             tensor_state=any(b.material.state != "volume" for b in bodies),
             volume_state=any(b.material.state == "volume" for b in bodies),
-            moving_colliders=tuple(i for i, c in enumerate(self.colliders) if not c.static),
-            static_colliders=tuple(i for i, c in enumerate(self.colliders) if c.static),
+            body_acceleration=body_acceleration is not None, periodic=self.walls.periodic,
+            moving_solids=tuple(i for i, c in enumerate(self.colliders) if not (c.static or isinstance(c.sdf, Shell))),
+            shells=tuple(i for i, c in enumerate(self.colliders) if isinstance(c.sdf, Shell)),
+            static_colliders=tuple(i for i, c in enumerate(self.colliders)
+                                   if c.static and not isinstance(c.sdf, Shell)),
         )
         self._poses = [collider.pose for collider in self.colliders]
         self._motion: dict[int, tuple[Pose, Pose]] = {}
         self._dtype = np.float64 if self.precision == "f64" else np.float32
         self._build()
+        if body_acceleration is not None:
+            self.set_body_acceleration(body_acceleration)
 
     def _build(self) -> None:
         """Allocate the fields that the features ask for and the kernels that read them."""
         with default_precision(self.precision):
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
-            self.fields = GridFields(self.grid, self.precision)
+            self.fields = GridFields(self.grid, self.precision, layers=2 if self.features.shells else 1)
             for collider in self.colliders:
                 if isinstance(collider.sdf, Lattice):
                     collider.sdf.allocate()
+                elif isinstance(collider.sdf, Shell):
+                    collider.sdf.allocate(self.grid.cell)
+            self.cuts = None
+            if self.features.shells:
+                self.cuts = CutFields(self.grid, self.precision, self.particles.n_packs * LANES)
             self.node_contact = self.node_owner = None
             if self.features.static_colliders:
                 self.node_contact = ti.Vector.field(4, real_type(self.precision), self.grid.shape)
@@ -119,6 +133,16 @@ class Solver:
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()
+        self._listed = False  # whether the blocks of the next substep are on the grid's list
+
+    def set_body_acceleration(self, accelerations: np.ndarray) -> None:
+        """Accelerations [m/s^2] (n_particles, 3) besides gravity from now on; the solver was built with some."""
+        if not self.features.body_acceleration:
+            raise InvalidValue("the solver has no body acceleration; build it with body_acceleration=(n, 3) or zeros")
+        values = np.asarray(accelerations, float)
+        if values.shape != (sum(self.particles.counts), 3):
+            raise InvalidValue(f"body_acceleration has shape {values.shape}; accepted: {(sum(self.particles.counts), 3)}")
+        self.particles.write(self.particles.acceleration, values)
 
     # motion of colliders -------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, end: Pose) -> None:
@@ -167,6 +191,10 @@ class Solver:
             motion = self._motion_table(screws, first, n) if screws else self._no_motion
             self._out[:] = 0.0
             with default_precision(self.precision):
+                if not self._listed:
+                    self._stamp += 1  # blocks that the last advance listed for its next substep carry the old one
+                    self._substeps.mark(self._stamp + 1)
+                    self._listed = True
                 self._substeps.run(n, self._stamp + 1, dt, motion, self._out)
             self.ledger += self._out
             self.steps += n
@@ -267,3 +295,4 @@ class Solver:
         self.time, self.steps = float(state["time"]), int(state["steps"])
         self._poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
         self._momentum = self.momentum()
+        self._listed = False

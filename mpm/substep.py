@@ -1,12 +1,16 @@
 """One launch of the field: all substeps of a host step in one serial kernel, touching only blocks with material."""
 
 from mpm.backend import ti
+from mpm.constitutive import stress
 from mpm.contact import backstop, update_nodes
-from mpm.grid import GHOST, clamped, mark_packs
+from mpm.grid import GHOST, clear, first_nodes, mark_pack
+from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW
+from mpm.mirror import fold, fold_periodic, unfold, unfold_periodic
 from mpm.numbers import PARAMETERS
-from mpm.strain import INTEGRATORS, advance_e, keep
-from mpm.transfer import first_node, gather_lane, lane, scatter_lane, weights
-from mpm.walls import fold, unfold, wall_table
+from mpm.sides import gather_cut, keep_for_cut, label_grains, label_nodes, scatter_cut
+from mpm.strain import INTEGRATORS, keep
+from mpm.transfer import gather_lane, lane, scatter_lane, weights
+from mpm.walls import wall_table
 
 SPEED_LIMIT = 1.0
 """Cells that a grain may travel in a substep before the run counts as diverged."""
@@ -18,12 +22,9 @@ FULL = (0, 3, 4, 3, 1, 5, 4, 5, 2)
 class Substeps:
     """The kernel of one solver; reads the solver's fields and features, both fixed."""
 
-    first_collider_row = 2
-    """Ledger rows: gravity, walls, then the colliders, then momentum and status."""
-
     def __init__(self, scene) -> None:  # noqa: ANN001  (a Solver; importing it here would be a cycle)
         self.particles, self.grid = scene.particles, scene.fields
-        self.numbers = scene.numbers
+        self.numbers, self.cuts = scene.numbers, scene.cuts
         self.features, self.colliders = scene.features, scene.colliders
         self.node_contact, self.node_owner = scene.node_contact, scene.node_owner
         self.laws = [body.material for body in scene.bodies]
@@ -32,11 +33,21 @@ class Substeps:
         self.walls.from_numpy(table)
         self.cell = scene.grid.cell
         self.origin = tuple(float(c) for c in scene.grid.origin)
+        self.cells = tuple(int(c) for c in scene.grid.cells)
         self.span = tuple(float(c) * self.cell for c in scene.grid.cells)
         self.corner = GHOST * self.cell
         self.logarithm, self.exponential = INTEGRATORS[scene.features.integrator]
-        self.rows = self.first_collider_row + len(scene.colliders) + 2
+        self.first_collider_row = FIRST_COLLIDER_ROW
+        self.rows = FIRST_COLLIDER_ROW + len(scene.colliders) + 2
         self.momentum, self.status = self.rows - 2, self.rows - 1
+        self.touches_grains = len(scene.features.moving_solids) + len(scene.features.shells) > 0
+
+    @ti.kernel
+    def mark(self, stamp: ti.i32):
+        """List the blocks of the first substep; later ones are listed at the end of the substep before."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.mark_blocks(self.particles, stamp)
 
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
@@ -48,126 +59,139 @@ class Substeps:
             gravity = self.numbers.gravity[None]
             corner = ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
                                 ti.cast(self.origin[2], ti.f64)])
-            self.activate(stamp)
+            clear(self.grid, 0, self.grid.count[None])
+            if ti.static(len(self.features.shells) > 0):
+                label_nodes(self, motion, s, stamp, corner)
+                label_grains(self, motion, s, stamp, corner)
             for body in ti.static(range(len(self.laws))):
-                self.to_grid(self.particles, self.laws[body], body, dt)
+                self.to_grid(self.particles, self.laws[body], body, dt, out)
+            if ti.static(len(self.features.shells) > 0):
+                scatter_cut(self)
+            for axis in ti.static(range(3)):
+                if ti.static(self.features.periodic[axis]):
+                    fold_periodic(self.grid, axis, self.cells[axis], stamp)
             fold(self.grid, self.walls, stamp, dt, gravity)
             update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out)
             unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out)
+            for axis in ti.static((2, 1, 0)):
+                if ti.static(self.features.periodic[axis]):
+                    unfold_periodic(self.grid, axis, self.cells[axis])
+            if ti.static(not self.touches_grains):
+                self.grid.count[None] = 0
             for body in ti.static(range(len(self.laws))):
-                self.to_particles(self.particles, body, dt)
-                if ti.static(len(self.features.moving_colliders) > 0):
-                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, body, out)
+                self.to_particles(self.particles, body, dt, stamp + 1)
+            if ti.static(self.touches_grains):
+                for body in ti.static(range(len(self.laws))):
+                    if ti.static(len(self.features.moving_solids) > 0):
+                        backstop(self.particles, self.grid, self, motion, s, dt, self.origin, body, out)
+                if ti.static(len(self.features.shells) > 0):
+                    gather_cut(self, motion, s, dt, corner, out)
+                self.mark_blocks(self.particles, stamp + 1)
             if s == substeps - 1:
                 for body in ti.static(range(len(self.laws))):
                     self.take_momentum(self.particles, body, corner, out)
                 self.take_status(out)
 
     @ti.func
-    def activate(self, stamp: ti.i32):
-        """List and clear the blocks that this substep touches."""
+    def mark_blocks(self, P: ti.template(), stamp: ti.i32):
+        """List the blocks that the stencils of all grains reach."""
         self.grid.count[None] = 0
-        mark_packs(self.grid, self.particles.x, self.particles.n_packs, 1.0 / self.cell, stamp)
+        last = -1
+        for q in range(P.n_packs):
+            nodes, _ = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
+            last = mark_pack(self.grid, nodes, last, stamp)
 
     @ti.func
-    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt):
+    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt, out: ti.template()):
         """Strain, plastic flow, stress; then momentum, mass and the stress's push to the grid."""
         p = [keep(self.numbers.parameters[body, i]) for i in range(PARAMETERS)]
         density = self.numbers.densities[body]
         force = -dt * 4.0 / (self.cell * self.cell)
         for q in range(P.ranges[body][0], P.ranges[body][1]):
             C = [keep(P.C[i][q]) for i in range(9)]
-            tau = self.stress(P, law, q, dt, C, p)
+            tau = stress(self, P, law, q, dt, C, p)
             volume = P.volume[q]
             mass = density * volume
+            if ti.static(self.features.body_acceleration):
+                self.push(P, q, mass, dt, out)
             self.spread(P, q, mass, force * volume, C, tau)
 
     @ti.func
-    def stress(self, P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
-        """Advance what the material remembers, and return its Kirchhoff stress [Pa]."""
-        if ti.static(law.state == "volume"):
-            P.j[q] = P.j[q] + dt * (1.0 + P.j[q]) * (C[0] + C[4] + C[8])
-            return law.stress(keep(P.j[q]), C, p)
-        elif ti.static(law.state == "cauchy_green"):
-            return self.tensor_stress(P, law, q, dt, C, p)
-        else:
-            return self.hencky_stress(P, law, q, dt, C, p)
-
-    @ti.func
-    def tensor_stress(self, P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
-        """Stress straight from b."""
-        e = advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)])
-        for i in ti.static(range(6)):
-            P.e[i][q] = e[i]
-        return law.stress(e, p)
-
-    @ti.func
-    def hencky_stress(self, P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
-        """Return mapping on the Hencky strain, written back to e; the stress."""
-        e = advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)])
-        trial = self.logarithm(e)
-        if ti.static(law.plastic):
-            remembered = C[0] * 0.0
-            if ti.static(law.has_volume_correction):
-                remembered = P.vc[q]
-            h, expansion = law.return_mapping(trial, remembered, p)
-            if ti.static(law.has_volume_correction):
-                P.vc[q] = expansion
-            back = self.exponential(h)
-            for i in ti.static(range(6)):
-                P.e[i][q] = back[i]
-            return law.stress(h, p)
-        else:
-            for i in ti.static(range(6)):
-                P.e[i][q] = e[i]
-            return law.stress(trial, p)
+    def push(self, P: ti.template(), q, mass, dt, out: ti.template()):
+        """Body acceleration of a pack, credited with gravity."""
+        for d in ti.static(range(3)):
+            P.v[d][q] = P.v[d][q] + dt * P.acceleration[d][q]
+        for l in ti.static(range(4)):
+            x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) + self.origin[d] for d in range(3)])
+            p = ti.cast(dt * mass[l], ti.f64) * ti.Vector([ti.cast(P.acceleration[d][q][l], ti.f64) for d in range(3)])
+            moment = x.cross(p)
+            for d in ti.static(range(3)):
+                out[GRAVITY_ROW, d] = out[GRAVITY_ROW, d] + p[d]
+                out[GRAVITY_ROW, 3 + d] = out[GRAVITY_ROW, 3 + d] + moment[d]
 
     @ti.func
     def spread(self, P: ti.template(), q, mass, force, C: ti.template(), tau: ti.template()):
         """Scatter a pack: affine momentum Q = force tau + mass C, per cell."""
         Q = [keep((force * tau[FULL[i]] + mass * C[i]) * self.cell) for i in range(9)]
-        node_x, fx = first_node(P.x[0][q], 1.0 / self.cell)
-        node_y, fy = first_node(P.x[1][q], 1.0 / self.cell)
-        node_z, fz = first_node(P.x[2][q], 1.0 / self.cell)
-        px = mass * P.v[0][q] - Q[0] * fx - Q[1] * fy - Q[2] * fz
-        py = mass * P.v[1][q] - Q[3] * fx - Q[4] * fy - Q[5] * fz
-        pz = mass * P.v[2][q] - Q[6] * fx - Q[7] * fy - Q[8] * fz
-        wx, wy, wz = weights(fx), weights(fy), weights(fz)
+        base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
+        px = mass * P.v[0][q] - Q[0] * f[0] - Q[1] * f[1] - Q[2] * f[2]
+        py = mass * P.v[1][q] - Q[3] * f[0] - Q[4] * f[1] - Q[5] * f[2]
+        pz = mass * P.v[2][q] - Q[6] * f[0] - Q[7] * f[1] - Q[8] * f[2]
+        wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         for l in ti.static(range(4)):
-            scatter_lane(
-                self.grid.nodes, clamped([node_x, node_y, node_z], l, self.grid.nodes),
-                ti.Vector([px[l], py[l], pz[l], mass[l]]),
-                ti.Vector([Q[0][l], Q[3][l], Q[6][l], 0.0]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], 0.0]),
-                ti.Vector([Q[2][l], Q[5][l], Q[8][l], 0.0]),
-                lane(wx, l), lane(wy, l), lane(wz, l))
+            node = [keep(base[d][l]) for d in range(3)]
+            if ti.static(len(self.features.shells) > 0):
+                if P.side[q][l] != 0:
+                    keep_for_cut(self.cuts, q, l, node, f, [px, py, pz], mass, Q)
+                else:
+                    scatter_lane(
+                        self.grid.nodes, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
+                        ti.Vector([Q[0][l], Q[3][l], Q[6][l], 0.0]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], 0.0]),
+                        ti.Vector([Q[2][l], Q[5][l], Q[8][l], 0.0]), lane(wx, l), lane(wy, l), lane(wz, l))
+            else:
+                scatter_lane(
+                    self.grid.nodes, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
+                    ti.Vector([Q[0][l], Q[3][l], Q[6][l], 0.0]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], 0.0]),
+                    ti.Vector([Q[2][l], Q[5][l], Q[8][l], 0.0]), lane(wx, l), lane(wy, l), lane(wz, l))
 
     @ti.func
-    def to_particles(self, P: ti.template(), body: ti.template(), dt):
-        """Velocity, affine velocity and position of every pack of a body."""
+    def to_particles(self, P: ti.template(), body: ti.template(), dt, next_stamp: ti.i32):
+        """Velocity, affine velocity and position of every pack of a body; lists the blocks of the next substep."""
+        last = -1
         for q in range(P.ranges[body][0], P.ranges[body][1]):
-            node_x, fx = first_node(P.x[0][q], 1.0 / self.cell)
-            node_y, fy = first_node(P.x[1][q], 1.0 / self.cell)
-            node_z, fz = first_node(P.x[2][q], 1.0 / self.cell)
-            wx, wy, wz = weights(fx), weights(fy), weights(fz)
-            v = [keep(fx * 0.0) for _ in range(3)]
-            B = [keep(fx * 0.0) for _ in range(9)]
+            base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
+            wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+            v = [keep(f[0] * 0.0) for _ in range(3)]
+            B = [keep(f[0] * 0.0) for _ in range(9)]
             for l in ti.static(range(4)):
                 value, moment_i, moment_j, moment_k = gather_lane(
-                    self.grid.nodes, clamped([node_x, node_y, node_z], l, self.grid.nodes),
-                    lane(wx, l), lane(wy, l), lane(wz, l))
+                    self.grid.nodes, [keep(base[d][l]) for d in range(3)], lane(wx, l), lane(wy, l), lane(wz, l))
                 for r in ti.static(range(3)):
                     v[r][l] = value[r]
                     B[3 * r][l] = moment_i[r]
                     B[3 * r + 1][l] = moment_j[r]
                     B[3 * r + 2][l] = moment_k[r]
             gradient = 4.0 / self.cell
-            f = [fx, fy, fz]
             for r in ti.static(range(3)):
                 P.v[r][q] = v[r]
-                # the clamp holds a grain that an inaccurate step would carry through a wall
-                P.x[r][q] = ti.max(ti.min(P.x[r][q] + dt * v[r], self.corner + self.span[r]), self.corner)
+                P.x[r][q] = self.moved(P.x[r][q] + dt * v[r], r)
                 for c in ti.static(range(3)):
                     P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
+            if ti.static(not self.touches_grains):
+                nodes, _ = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
+                last = mark_pack(self.grid, nodes, last, next_stamp)
+
+    @ti.func
+    def moved(self, x, axis: ti.template()):
+        """A coordinate (or a pack of them) after a move: wrapped on a periodic axis, held by the walls on another."""
+        low = self.corner
+        high = self.corner + self.span[axis]
+        result = x
+        if ti.static(self.features.periodic[axis]):
+            result = ti.select(x < low, x + self.span[axis], ti.select(x >= high, x - self.span[axis], x))
+        else:  # holds a grain that an inaccurate step would carry through a wall
+            result = ti.max(ti.min(x, high), low)
+        return result
 
     @ti.func
     def take_momentum(self, P: ti.template(), body: ti.template(), corner, out: ti.template()):

@@ -9,14 +9,6 @@ from mpm.strain import keep
 
 
 @ti.func
-def first_node(x, inverse_cell):
-    """First node of the stencil, as a float pack, and the particle's offset from it in cells, in [0.5, 1.5)."""
-    scaled = x * inverse_cell
-    node = ti.floor(scaled - 0.5)
-    return node, scaled - node
-
-
-@ti.func
 def weights(f):
     """Quadratic B-spline weights of the three nodes at offset f."""
     return [

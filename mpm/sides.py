@@ -1,0 +1,227 @@
+"""Thin shells on the grid: which side of a shell nodes and grains are on, and the transfers across it.
+
+A grain within reach of a shell keeps the side on which it came (its label) until it leaves the neighbourhood or
+passes the rim. Towards nodes on the other side it writes to, and reads from, the second layer of the grid: there its
+material meets the shell, and nothing else. Grains with a label are few; the packs leave them out, and they are
+transferred one by one from a list.
+"""
+
+
+from mpm.backend import real_type, ti
+from mpm.grid import BLOCK, Grid, activate, clear, first_nodes
+from mpm.ledger import credit, position
+from mpm.shell import FAR
+from mpm.surface import tool_frame
+from mpm.transfer import weights
+
+NEAR = 1.75
+"""Cells between a shell and the middle of a stencil within which the stencil can reach across it."""
+RECOVERY = 0.2
+"""Cells by which the backstop corrects a grain's next position at most."""
+
+
+class CutFields:
+    """Sides of nodes, and the list of the grains with a side, in the order of the packs."""
+
+    def __init__(self, grid: Grid, precision: str, n_particles: int) -> None:
+        real = real_type(precision)
+        self.side = ti.field(ti.i32, grid.shape)
+        """+1 or -1 on the two sides of the closest shell, 0 beyond its rim and far from any."""
+        self.shell = ti.field(ti.i32, grid.shape)
+        """Index of the closest shell plus one; 0 far from any."""
+        self.gap = ti.Vector.field(4, real, grid.shape)
+        """Normal towards the positive side and signed distance [m]."""
+        self.labelled = ti.field(ti.i32, tuple(n // BLOCK for n in grid.shape))
+        """Whether a block's nodes hold labels."""
+        self.count = ti.field(ti.i32, ())
+        """Grains on the list."""
+        self.slot = ti.Vector.field(2, ti.i32, n_particles)
+        """Pack and lane."""
+        self.base = ti.Vector.field(3, ti.i32, n_particles)
+        """First node of the stencil."""
+        self.offset = ti.Vector.field(3, real, n_particles)
+        """Offset from it in cells."""
+        self.q = [ti.Vector.field(4, real, n_particles) for _ in range(4)]
+        """Momentum and mass, and the columns of the affine momentum per cell."""
+
+
+@ti.func
+def label_nodes(scene: ti.template(), motion: ti.template(), s: ti.i32, stamp: ti.i32, corner):
+    """Sides of the nodes of active blocks near a shell; activates the second layer of blocks that hold any."""
+    grid, cuts = ti.static(scene.grid, scene.cuts)
+    before = grid.count[None]
+    for n in range(before):
+        block = grid.active[n]
+        near = 0
+        for row, index in ti.static(scene.features.shell_rows):
+            c_t, _, _, _ = tool_frame(motion, row, s)
+            middle = position(block * BLOCK, corner, scene.cell) + 0.5 * (BLOCK - 1) * scene.cell
+            r = ti.cast(middle, grid.nodes.dtype) - c_t
+            if r.norm() < scene.colliders[index].sdf.radius + 2.6 * scene.cell:
+                near = 1
+        if near + cuts.labelled[block] > 0:
+            cuts.labelled[block] = near
+            sides = 0
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                for c in range(BLOCK):
+                    sides += label_node(scene, motion, s, block * BLOCK + ti.Vector([a, b, c]), corner)
+            if sides > 0:
+                activate(grid, block + ti.Vector([grid.width // BLOCK, 0, 0]), stamp)
+    clear(grid, before, grid.count[None])
+
+
+@ti.func
+def label_node(scene: ti.template(), motion: ti.template(), s: ti.i32, I, corner):
+    """Store side, shell and gap of a node; returns whether it has a side."""
+    grid, cuts = ti.static(scene.grid, scene.cuts)
+    closest = ti.cast(FAR, grid.nodes.dtype)
+    side, shell = 0, 0
+    for row, index in ti.static(scene.features.shell_rows):
+        c_t, R, _, _ = tool_frame(motion, row, s)
+        r = ti.cast(position(I, corner, scene.cell), grid.nodes.dtype) - c_t
+        n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
+        if ti.abs(phi) < closest:
+            closest = ti.abs(phi)
+            shell = index + 1
+            side = sided * (1 if phi >= 0 else -1)
+            n = R @ n_t
+            cuts.gap[I] = ti.Vector([n[0], n[1], n[2], phi])
+    cuts.shell[I] = shell
+    cuts.side[I] = side
+    return ti.abs(side)
+
+
+@ti.func
+def label_grains(scene: ti.template(), motion: ti.template(), s: ti.i32, stamp: ti.i32, corner):
+    """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it. Empties the list."""
+    grid, cuts, P = ti.static(scene.grid, scene.cuts, scene.particles)
+    cuts.count[None] = 0
+    for q in range(P.n_packs):
+        nodes, f = first_nodes(grid, P.x, q, 1.0 / scene.cell)
+        near = 0
+        for l in ti.static(range(4)):
+            near += cuts.labelled[(nodes[0][l] + 1) // BLOCK, (nodes[1][l] + 1) // BLOCK, (nodes[2][l] + 1) // BLOCK]
+        if near > 0 or ti.abs(P.side[q]).sum() > 0:
+            for l in range(4):
+                hot = ti.Vector([ti.cast(l == i, ti.i32) for i in range(4)])
+                J = ti.Vector([nodes[d].dot(hot) + 1 for d in range(3)])
+                bright = ti.cast(hot, grid.nodes.dtype)
+                before = ti.cast(P.side[q].dot(bright), ti.i32)
+                side = 0
+                if cuts.labelled[J // BLOCK] > 0 and cuts.shell[J] > 0 and ti.abs(cuts.gap[J][3]) < NEAR * scene.cell:
+                    for row, index in ti.static(scene.features.shell_rows):
+                        if cuts.shell[J] == index + 1:
+                            c_t, R, _, _ = tool_frame(motion, row, s)
+                            r = ti.Vector([P.x[d][q].dot(bright) + scene.origin[d] - c_t[d] for d in range(3)])
+                            _, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
+                            side = sided * (index + 1) * (1 if phi >= 0 else -1)
+                    if side != 0 and ti.abs(before) == ti.abs(side):
+                        side = before
+                P.side[q] = P.side[q] * (1.0 - bright) + ti.cast(side, grid.nodes.dtype) * bright
+
+
+@ti.func
+def keep_for_cut(cuts: ti.template(), q, l: ti.template(), node: ti.template(), f: ti.template(), p: ti.template(),
+                 mass, Q: ti.template()):
+    """Put lane l of pack q on the list, with what it would have scattered."""
+    c = cuts.count[None]
+    cuts.count[None] = c + 1
+    cuts.slot[c] = ti.Vector([q, l])
+    cuts.base[c] = ti.Vector([node[0], node[1], node[2]])
+    cuts.offset[c] = ti.Vector([f[0][l], f[1][l], f[2][l]])
+    cuts.q[0][c] = ti.Vector([p[0][l], p[1][l], p[2][l], mass[l]])
+    for d in ti.static(range(3)):
+        cuts.q[1 + d][c] = ti.Vector([Q[d][l], Q[3 + d][l], Q[6 + d][l], 0.0])
+
+
+@ti.func
+def layered(grid: ti.template(), cuts: ti.template(), I, side):
+    """The node that a grain with this side exchanges momentum with: in the second layer across its shell."""
+    J = I
+    if cuts.side[I] * side < 0 and cuts.shell[I] == ti.abs(side):
+        J[0] += grid.width
+    return J
+
+
+@ti.func
+def side_of(P: ti.template(), slot):
+    """Side label of a slot (pack, lane)."""
+    label = 0
+    for l in ti.static(range(4)):
+        if slot[1] == l:
+            label = ti.cast(P.side[slot[0]][l], ti.i32)
+    return label
+
+
+@ti.func
+def scatter_cut(scene: ti.template()):
+    """Scatter the grains of the list."""
+    grid, cuts = ti.static(scene.grid, scene.cuts)
+    for c in range(cuts.count[None]):
+        side = side_of(scene.particles, cuts.slot[c])
+        f = cuts.offset[c]
+        wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+        for i, j, k in ti.static(ti.ndrange(3, 3, 3)):
+            I = layered(grid, cuts, cuts.base[c] + ti.Vector([i, j, k]), side)
+            q = cuts.q[0][c] + float(i) * cuts.q[1][c] + float(j) * cuts.q[2][c] + float(k) * cuts.q[3][c]
+            grid.nodes[I] = grid.nodes[I] + (wx[i] * wy[j] * wz[k]) * q
+
+
+@ti.func
+def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, corner, out: ti.template()):
+    """Gather the grains of the list again, from the layers that they scattered to, and stop those that would pass."""
+    grid, cuts, P = ti.static(scene.grid, scene.cuts, scene.particles)
+    for n in range(cuts.count[None]):
+        slot = cuts.slot[n]
+        side = side_of(P, slot)
+        f = cuts.offset[n]
+        wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+        v = f * 0.0
+        B = ti.Matrix.zero(grid.nodes.dtype, 3, 3)
+        for i, j, k in ti.static(ti.ndrange(3, 3, 3)):
+            q = grid.nodes[layered(grid, cuts, cuts.base[n] + ti.Vector([i, j, k]), side)]
+            p = (wx[i] * wy[j] * wz[k]) * ti.Vector([q[0], q[1], q[2]])
+            v += p
+            B += p.outer_product(ti.Vector([float(i), float(j), float(k)]) - f)
+        x = (ti.cast(cuts.base[n], grid.nodes.dtype) + f) * scene.cell
+        v = stop_grain(scene, motion, s, dt, x, v, cuts.q[0][n][3], side, corner, out)
+        hot = ti.Vector([ti.cast(slot[1] == l, grid.nodes.dtype) for l in range(4)])
+        gradient = 4.0 / scene.cell
+        for r in ti.static(range(3)):
+            put(P.v[r], slot[0], hot, v[r])
+            put(P.x[r], slot[0], hot, scene.moved(x[r] + dt * v[r], r))
+            for c in ti.static(range(3)):
+                put(P.C[3 * r + c], slot[0], hot, gradient * B[r, c])
+
+
+@ti.func
+def put(field: ti.template(), q, hot, value):
+    """Store a value in the lane of a pack that is hot."""
+    field[q] = field[q] * (1.0 - hot) + value * hot
+
+
+@ti.func
+def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v, mass, side, corner,
+               out: ti.template()):
+    """The grain's velocity, corrected where it would carry the grain into the shell's half thickness.
+
+    Nodes hold a material back, not each of its grains: this stops the last of them. Credited to the shell.
+    """
+    result = v
+    for row, index in ti.static(scene.features.shell_rows):
+        if ti.abs(side) == index + 1:
+            c_t, R, linear, angular = tool_frame(motion, row, s)
+            r = ti.Vector([x[d] + scene.origin[d] + dt * v[d] - c_t[d] for d in range(3)])
+            n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
+            own = ti.cast(1 if side > 0 else -1, scene.grid.nodes.dtype)
+            depth = scene.numbers.half_thickness[index] - own * phi
+            if sided > 0 and depth > 0:
+                normal = own * (R @ n_t)
+                push = ti.min(depth, RECOVERY * scene.cell) / dt
+                slide = v - linear - angular.cross(r)
+                slide = slide - slide.dot(normal) * normal
+                held = ti.min(scene.numbers.frictions[index] * push / slide.norm(1e-12), 1.0)
+                result = v + push * normal - held * slide
+                place = ti.Vector([ti.cast(x[d], ti.f64) for d in range(3)]) + corner
+                credit(out, scene.first_collider_row + index, place, mass * (result - v))
+    return result
