@@ -2,7 +2,7 @@
 
 import numpy as np
 import trimesh
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import cKDTree
 
 BAND = 4.0
@@ -86,22 +86,47 @@ def sheet_distances(
     """Signed distances [m] to an open surface at lower + spacing * (i, j, k), and where they have a side.
 
     Positive on the side that the faces' normals point to; `far` outside the band. A point whose closest point lies
-    on the rim has no side. The sign comes from normals interpolated between vertices, so that it holds over edges.
+    on the rim has no side, beyond one step from it. Within BAND spacings the distance is that to the closest
+    triangle, farther out that to the closest of samples half a spacing apart, good to a fiftieth of a spacing. The
+    sign comes from normals interpolated between vertices, so that it holds over edges.
     """
-    count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
-    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
-    samples = np.concatenate([samples, mesh.triangles_center])
-    faces = np.concatenate([faces, np.arange(len(mesh.faces))])
+    samples, faces, on_rim = _sheet_samples(mesh, spacing)
     points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
     tree = cKDTree(samples)
-    reach, _ = tree.query(points, distance_upper_bound=band + 2 * spacing)
+    reach, closest = tree.query(points, distance_upper_bound=band + 2 * spacing)
     values, sided = np.full(len(points), far), np.zeros(len(points), bool)
-    # far from the surface neighbouring samples have neighbouring triangles, and the sign is not in question
-    for chosen, neighbours in ((reach < BAND * spacing, NEIGHBOURS), ((reach >= BAND * spacing) & (reach < np.inf), 3)):
-        if np.any(chosen):
-            _, candidates = tree.query(points[chosen], k=neighbours)
-            values[chosen], sided[chosen] = _signed_closest(mesh, points[chosen], faces[candidates], spacing)
-    return values.reshape(shape), sided.reshape(shape)
+    known, near = reach < np.inf, reach < BAND * spacing
+    foot, face = samples[closest[known]], faces[closest[known]]
+    values[known] = _side(mesh, points[known], foot, face) * reach[known]
+    sided[known] = ~on_rim[closest[known]]
+    _, candidates = tree.query(points[near], k=NEIGHBOURS)
+    values[near], sided[near] = _signed_closest(mesh, points[near], faces[candidates], spacing)
+    # one step past the rim, so that the nearest lattice point never ends the sheet short of it
+    past = binary_dilation(sided.reshape(shape), np.ones((3, 3, 3))) & known.reshape(shape)
+    return values.reshape(shape), past
+
+
+def _sheet_samples(mesh: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (n, 3) on a surface and along its rim, their faces (n,), and whether they lie on the rim (n,)."""
+    count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
+    samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
+    parts, owners = [samples, mesh.triangles_center], [faces, np.arange(len(mesh.faces))]
+    n_inside = len(samples) + len(mesh.faces)
+    for edge in trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1):
+        a, b = mesh.vertices[mesh.edges[edge]]
+        u = np.linspace(0, 1, max(2, int(4 * np.linalg.norm(b - a) / spacing)))[:, None]
+        parts.append(a + u * (b - a))
+        owners.append(np.full(len(u), mesh.edges_face[edge]))
+    samples = np.concatenate(parts)
+    return samples, np.concatenate(owners), np.arange(len(samples)) >= n_inside
+
+
+def _side(mesh: trimesh.Trimesh, points: np.ndarray, foot: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """+1 or -1 (n,): side on which points lie of their closest points `foot` on faces."""
+    size = np.sqrt(mesh.area_faces[face])[:, None, None]  # barycentric weights of millimetre triangles want units
+    weights = trimesh.triangles.points_to_barycentric(mesh.triangles[face] / size, foot / size[:, 0])
+    normals = np.einsum("nk,nkd->nd", weights, mesh.vertex_normals[mesh.faces[face]])
+    return np.where(np.einsum("nd,nd->n", points - foot, normals) < 0, -1.0, 1.0)
 
 
 def _signed_closest(
@@ -117,10 +142,8 @@ def _signed_closest(
         nearer = distance < best
         best[nearer], foot[nearer], face[nearer] = distance[nearer], closest[nearer], column[nearer]
     weights = trimesh.triangles.points_to_barycentric(mesh.triangles[face] / spacing, foot)
-    normals = np.einsum("nk,nkd->nd", weights, mesh.vertex_normals[mesh.faces[face]])
-    side = np.where(np.einsum("nd,nd->n", scaled - foot, normals) < 0, -1.0, 1.0)
     # edge i of a face joins corners i and i + 1; the foot is on it where the third weight vanishes
     rim = np.zeros((len(mesh.faces), 3), bool)
     rim.reshape(-1)[trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)] = True
-    on_edge = weights[:, [2, 0, 1]] < 1e-6
-    return side * best * spacing, ~np.any(rim[face] & on_edge, axis=1)
+    on_rim = np.any(rim[face] & (weights[:, [2, 0, 1]] < 1e-6), axis=1)
+    return _side(mesh, points, foot * spacing, face) * best * spacing, ~on_rim

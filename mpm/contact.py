@@ -30,42 +30,56 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
     first_moment = ti.Vector.zero(ti.f64, 3)
     for n in range(grid.count[None]):
         block = grid.active[n] * BLOCK
+        # summed per block about its corner, in the field's precision: 64 numbers of one size
+        mass = ti.cast(0.0, grid.nodes.dtype)
+        lever = ti.Vector.zero(grid.nodes.dtype, 3)
         for a, b in ti.ndrange(BLOCK, BLOCK):
             for c in range(BLOCK):
                 I = block + ti.Vector([a, b, c])
                 q = grid.nodes[I]
                 if q[3] > 0:
+                    mass += q[3]
+                    lever += q[3] * ti.Vector([float(a), float(b), float(c)])
                     v = ti.Vector([q[0], q[1], q[2]]) / q[3] + dt * gravity
-                    J = in_first_layer(grid, I)
-                    place = position(J, origin, cell)
-                    weight += ti.cast(q[3], ti.f64)
-                    first_moment += ti.cast(q[3], ti.f64) * place
-                    if ti.static(len(scene.features.static_colliders) > 0):
-                        owner = scene.node_owner[J]
-                        if owner > 0:
-                            contact = scene.node_contact[J]
-                            normal = ti.Vector([contact[0], contact[1], contact[2]])
-                            new = coulomb(v, v * 0.0, normal, scene.numbers.frictions[owner - 1])
-                            credit(out, scene.first_collider_row + owner - 1, place, q[3] * (new - v))
-                            v = new
-                    if ti.static(len(scene.features.shells) > 0):
-                        v = shell_contact(scene, motion, s, I, J, v, q[3], place, out)
-                    for k, index in ti.static(enumerate(scene.features.moving_solids)):
-                        c_t, R, linear, angular = tool_frame(motion, k, s)
-                        r = ti.cast(place, grid.nodes.dtype) - c_t
-                        if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
-                            n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
-                            if phi < 0:
-                                new = coulomb(v, linear + angular.cross(r), R @ n_t, scene.numbers.frictions[index])
-                                credit(out, scene.first_collider_row + index, place, q[3] * (new - v))
-                                v = new
+                    if ti.static(scene.meets_colliders):
+                        v = collide(scene, motion, s, I, v, q[3], origin, cell, out)
                     grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
-    for d in ti.static(range(3)):
-        g = ti.cast(gravity[d], ti.f64) * dt
-        out[GRAVITY_ROW, d] = out[GRAVITY_ROW, d] + weight * g
+        weight += ti.cast(mass, ti.f64)
+        first_moment += ti.cast(mass, ti.f64) * position(in_first_layer(grid, block), origin, cell) \
+            + cell * ti.cast(lever, ti.f64)
+    p = weight * dt * ti.cast(gravity, ti.f64)
     moment = first_moment.cross(ti.cast(gravity, ti.f64)) * dt
     for d in ti.static(range(3)):
+        out[GRAVITY_ROW, d] = out[GRAVITY_ROW, d] + p[d]
         out[GRAVITY_ROW, 3 + d] = out[GRAVITY_ROW, 3 + d] + moment[d]
+
+
+@ti.func
+def collide(scene: ti.template(), motion: ti.template(), s: ti.i32, I, before, mass, origin, cell, out: ti.template()):
+    """Velocity of a node after contact with static colliders, shells and moving solids, each credited."""
+    v = before
+    J = in_first_layer(scene.grid, I)
+    place = position(J, origin, cell)
+    if ti.static(len(scene.features.static_colliders) > 0):
+        owner = scene.node_owner[J]
+        if owner > 0:
+            contact = scene.node_contact[J]
+            normal = ti.Vector([contact[0], contact[1], contact[2]])
+            new = coulomb(v, v * 0.0, normal, scene.numbers.frictions[owner - 1])
+            credit(out, scene.first_collider_row + owner - 1, place, mass * (new - v))
+            v = new
+    if ti.static(len(scene.features.shells) > 0):
+        v = shell_contact(scene, motion, s, I, J, v, mass, place, out)
+    for k, index in ti.static(enumerate(scene.features.moving_solids)):
+        c_t, R, linear, angular = tool_frame(motion, k, s)
+        r = ti.cast(place, scene.grid.nodes.dtype) - c_t
+        if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
+            n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
+            if phi < 0:
+                new = coulomb(v, linear + angular.cross(r), R @ n_t, scene.numbers.frictions[index])
+                credit(out, scene.first_collider_row + index, place, mass * (new - v))
+                v = new
+    return v
 
 
 @ti.func
@@ -79,10 +93,11 @@ def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, 
     side = scene.cuts.side[J]
     if side != 0:
         gap = scene.cuts.gap[J]
-        material = ti.cast(side if I[0] < scene.grid.width else -side, scene.grid.nodes.dtype)
+        own = I[0] < scene.grid.width
+        material = ti.cast(1 if (side > 0) == own else -1, scene.grid.nodes.dtype)
         for row, index in ti.static(scene.features.shell_rows):
-            if scene.cuts.shell[J] == index + 1 and material * gap[3] < scene.numbers.half_thickness[index]:
-                c_t, _, linear, angular = tool_frame(motion, row, s)
+            if ti.abs(side) == index + 1 and material * gap[3] < scene.numbers.half_thickness[index]:
+                c_t, R_t, linear, angular = tool_frame(motion, row, s)
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
                 r = ti.cast(place, scene.grid.nodes.dtype) - c_t
                 result = coulomb(v, linear + angular.cross(r), normal, scene.numbers.frictions[index])

@@ -26,6 +26,8 @@ class Numbers:
         """Coulomb coefficient of each collider."""
         self.half_thickness = ti.field(real, max(len(colliders), 1))
         """Half thickness [m] of each collider that is a shell."""
+        self.zero = ti.field(real, ())
+        """0, unknown to the compiler: a vector with a literal zero is taken apart into scalars (twice the time)."""
         self.gravity = ti.Vector.field(3, real, ())
         """[m/s^2]"""
         self.wall_friction = ti.field(real, ())

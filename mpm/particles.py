@@ -42,6 +42,8 @@ class ParticleFields:
         """Acceleration of a grain besides gravity [m/s^2]."""
         self.side = pack_field() if features.shells else None
         """Side of the closest shell, as plus or minus its collider's index plus one; 0 away from shells."""
+        self.gap = pack_field() if features.shells else None
+        """Signed distance to that shell at the start of the substep [m]."""
         self.volume = pack_field()
         """Initial volume V0 [m^3]; zero in the lanes that fill up a pack."""
         self.index = self._order(bodies, grid)

@@ -11,6 +11,8 @@ from mpm.strain import keep
 
 BAND = 2.7
 """Cells from the mid-surface within which a node can share a stencil with a grain on the other side: 1.5 sqrt(3)."""
+LATTICE_STEP = 0.2
+"""Cells between the points of the lattice, where the user names no distance."""
 FAR = 1.0
 """Distance [m] that stands for "outside the band"."""
 
@@ -18,20 +20,21 @@ FAR = 1.0
 class Shell:
     """Signed distance to a mid-surface, with the place where it ends (the rim) marked: beyond it there are no sides."""
 
-    def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float) -> None:
-        self.mesh, self.thickness, self.spacing = mesh, float(thickness), float(spacing)
+    def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float | None) -> None:
+        self.mesh, self.thickness, self.wanted_spacing = mesh, float(thickness), spacing
         self.extent = float(np.linalg.norm(mesh.vertices, axis=1).max())
         """Radius [m] of the ball about the frame's origin that holds the surface."""
         self.radius = self.extent
         self.values = self.sided = None
 
     @classmethod
-    def from_mesh(cls, mid_surface: trimesh.Trimesh, thickness: float, spacing: float = 1e-3) -> "Shell":
-        """Shell of `thickness` [m] about a surface, open or closed; `spacing` [m] of the lattice of its distances.
+    def from_mesh(cls, mid_surface: trimesh.Trimesh, thickness: float, spacing: float | None = None) -> "Shell":
+        """Shell of `thickness` [m] about a surface, open or closed; `spacing` [m] of the lattice of its distances, or
+        None: a fifth of the grid's cell, which places a smooth surface to a thousandth of the cell.
 
         Raises InvalidValue for a thickness that is not positive or a surface whose faces do not agree on their sides.
         """
-        if thickness <= 0 or spacing <= 0:
+        if thickness <= 0 or (spacing is not None and spacing <= 0):
             raise InvalidValue(f"Shell: thickness = {thickness} m, spacing = {spacing} m; accepted: positive lengths")
         if len(mid_surface.faces) == 0:
             raise InvalidValue("Shell: the mid-surface has no faces")
@@ -44,6 +47,7 @@ class Shell:
     def allocate(self, cell: float) -> None:
         """Bake distances within the band that cells of `cell` [m] need; needs a running backend."""
         band = BAND * cell
+        self.spacing = self.wanted_spacing or LATTICE_STEP * cell
         self.radius = self.extent + band
         lower = self.mesh.bounds[0] - band
         shape = np.ceil((self.mesh.bounds[1] + band - lower) / self.spacing).astype(int) + 1

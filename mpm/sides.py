@@ -14,8 +14,10 @@ from mpm.shell import FAR
 from mpm.surface import tool_frame
 from mpm.transfer import weights
 
-NEAR = 1.75
-"""Cells between a shell and the middle of a stencil within which the stencil can reach across it."""
+CURVATURE = 0.5
+"""Cells by which a curved shell may come closer to a stencil's outer nodes than its tangent plane."""
+WATCHED = 0.6
+"""Cells from the shell within which a grain can come to it in a substep: its own travel and the shell's."""
 RECOVERY = 0.2
 """Cells by which the backstop corrects a grain's next position at most."""
 
@@ -26,9 +28,9 @@ class CutFields:
     def __init__(self, grid: Grid, precision: str, n_particles: int) -> None:
         real = real_type(precision)
         self.side = ti.field(ti.i32, grid.shape)
-        """+1 or -1 on the two sides of the closest shell, 0 beyond its rim and far from any."""
+        """Plus or minus the closest shell's collider index plus one, by side; 0 beyond its rim and far from any."""
         self.shell = ti.field(ti.i32, grid.shape)
-        """Index of the closest shell plus one; 0 far from any."""
+        """The closest shell's collider index plus one, beyond the rim too; 0 far from any."""
         self.gap = ti.Vector.field(4, real, grid.shape)
         """Normal towards the positive side and signed distance [m]."""
         self.labelled = ti.field(ti.i32, tuple(n // BLOCK for n in grid.shape))
@@ -48,76 +50,81 @@ class CutFields:
 @ti.func
 def label_nodes(scene: ti.template(), motion: ti.template(), s: ti.i32, stamp: ti.i32, corner):
     """Sides of the nodes of active blocks near a shell; activates the second layer of blocks that hold any."""
-    grid, cuts = ti.static(scene.grid, scene.cuts)
-    before = grid.count[None]
+    before = scene.grid.count[None]
     for n in range(before):
-        block = grid.active[n]
+        block = scene.grid.active[n]
         near = 0
         for row, index in ti.static(scene.features.shell_rows):
-            c_t, _, _, _ = tool_frame(motion, row, s)
+            c_t, R_t, u_t, w_t = tool_frame(motion, row, s)
             middle = position(block * BLOCK, corner, scene.cell) + 0.5 * (BLOCK - 1) * scene.cell
-            r = ti.cast(middle, grid.nodes.dtype) - c_t
+            r = ti.cast(middle, scene.grid.nodes.dtype) - c_t
             if r.norm() < scene.colliders[index].sdf.radius + 2.6 * scene.cell:
                 near = 1
-        if near + cuts.labelled[block] > 0:
-            cuts.labelled[block] = near
+        if near + scene.cuts.labelled[block] > 0:
+            scene.cuts.labelled[block] = near
             sides = 0
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 for c in range(BLOCK):
                     sides += label_node(scene, motion, s, block * BLOCK + ti.Vector([a, b, c]), corner)
             if sides > 0:
-                activate(grid, block + ti.Vector([grid.width // BLOCK, 0, 0]), stamp)
-    clear(grid, before, grid.count[None])
+                activate(scene.grid, block + ti.Vector([scene.grid.width // BLOCK, 0, 0]), stamp)
+    clear(scene.grid, before, scene.grid.count[None])
 
 
 @ti.func
 def label_node(scene: ti.template(), motion: ti.template(), s: ti.i32, I, corner):
     """Store side, shell and gap of a node; returns whether it has a side."""
-    grid, cuts = ti.static(scene.grid, scene.cuts)
-    closest = ti.cast(FAR, grid.nodes.dtype)
+    closest = ti.cast(FAR, scene.grid.nodes.dtype)
     side, shell = 0, 0
     for row, index in ti.static(scene.features.shell_rows):
-        c_t, R, _, _ = tool_frame(motion, row, s)
-        r = ti.cast(position(I, corner, scene.cell), grid.nodes.dtype) - c_t
+        c_t, R, u_t, w_t = tool_frame(motion, row, s)
+        r = ti.cast(position(I, corner, scene.cell), scene.grid.nodes.dtype) - c_t
         n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
         if ti.abs(phi) < closest:
             closest = ti.abs(phi)
             shell = index + 1
-            side = sided * (1 if phi >= 0 else -1)
+            side = sided * shell * (1 if phi >= 0 else -1)
             n = R @ n_t
-            cuts.gap[I] = ti.Vector([n[0], n[1], n[2], phi])
-    cuts.shell[I] = shell
-    cuts.side[I] = side
+            scene.cuts.gap[I] = ti.Vector([n[0], n[1], n[2], phi])
+    scene.cuts.shell[I] = shell
+    scene.cuts.side[I] = side
     return ti.abs(side)
+
+
+@ti.func
+def reaches_across(scene: ti.template(), J):
+    """Whether some node of the stencil about node J can lie on the other side of the closest shell."""
+    gap = scene.cuts.gap[J]
+    return ti.abs(gap[3]) < (ti.abs(gap[0]) + ti.abs(gap[1]) + ti.abs(gap[2]) + CURVATURE) * scene.cell
 
 
 @ti.func
 def label_grains(scene: ti.template(), motion: ti.template(), s: ti.i32, stamp: ti.i32, corner):
     """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it. Empties the list."""
-    grid, cuts, P = ti.static(scene.grid, scene.cuts, scene.particles)
-    cuts.count[None] = 0
-    for q in range(P.n_packs):
-        nodes, f = first_nodes(grid, P.x, q, 1.0 / scene.cell)
+    scene.cuts.count[None] = 0
+    for q in range(scene.particles.n_packs):
+        nodes, f = first_nodes(scene.grid, scene.particles.x, q, 1.0 / scene.cell)
         near = 0
         for l in ti.static(range(4)):
-            near += cuts.labelled[(nodes[0][l] + 1) // BLOCK, (nodes[1][l] + 1) // BLOCK, (nodes[2][l] + 1) // BLOCK]
-        if near > 0 or ti.abs(P.side[q]).sum() > 0:
+            near += scene.cuts.labelled[(nodes[0][l] + 1) // BLOCK, (nodes[1][l] + 1) // BLOCK, (nodes[2][l] + 1) // BLOCK]
+        if near > 0 or ti.abs(scene.particles.side[q]).sum() > 0:
             for l in range(4):
                 hot = ti.Vector([ti.cast(l == i, ti.i32) for i in range(4)])
                 J = ti.Vector([nodes[d].dot(hot) + 1 for d in range(3)])
-                bright = ti.cast(hot, grid.nodes.dtype)
-                before = ti.cast(P.side[q].dot(bright), ti.i32)
+                bright = ti.cast(hot, scene.grid.nodes.dtype)
+                before = ti.cast(scene.particles.side[q].dot(bright), ti.i32)
                 side = 0
-                if cuts.labelled[J // BLOCK] > 0 and cuts.shell[J] > 0 and ti.abs(cuts.gap[J][3]) < NEAR * scene.cell:
+                if scene.cuts.labelled[J // BLOCK] > 0 and scene.cuts.shell[J] > 0 and reaches_across(scene, J):
                     for row, index in ti.static(scene.features.shell_rows):
-                        if cuts.shell[J] == index + 1:
-                            c_t, R, _, _ = tool_frame(motion, row, s)
-                            r = ti.Vector([P.x[d][q].dot(bright) + scene.origin[d] - c_t[d] for d in range(3)])
-                            _, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
+                        if scene.cuts.shell[J] == index + 1:
+                            c_t, R, u_t, w_t = tool_frame(motion, row, s)
+                            r = ti.Vector([scene.particles.x[d][q].dot(bright) + scene.origin[d] - c_t[d] for d in range(3)])
+                            n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
                             side = sided * (index + 1) * (1 if phi >= 0 else -1)
+                            scene.particles.gap[q] = scene.particles.gap[q] * (1.0 - bright) + phi * bright
                     if side != 0 and ti.abs(before) == ti.abs(side):
                         side = before
-                P.side[q] = P.side[q] * (1.0 - bright) + ti.cast(side, grid.nodes.dtype) * bright
+                scene.particles.side[q] = scene.particles.side[q] * (1.0 - bright) + ti.cast(side, scene.grid.nodes.dtype) * bright
 
 
 @ti.func
@@ -135,63 +142,78 @@ def keep_for_cut(cuts: ti.template(), q, l: ti.template(), node: ti.template(), 
 
 
 @ti.func
-def layered(grid: ti.template(), cuts: ti.template(), I, side):
+def layered(grid: ti.template(), cuts: ti.template(), base, offset: ti.template(), side):
     """The node that a grain with this side exchanges momentum with: in the second layer across its shell."""
-    J = I
-    if cuts.side[I] * side < 0 and cuts.shell[I] == ti.abs(side):
-        J[0] += grid.width
-    return J
+    I = base + ti.Vector([offset[0], offset[1], offset[2]])
+    if cuts.side[I] == -side:
+        I[0] += grid.width
+    return I
+
+
+@ti.func
+def lane_of(field: ti.template(), slot):
+    """Value of a pack field in a slot (pack, lane)."""
+    value = field[slot[0]][0]
+    for l in ti.static(range(1, 4)):
+        if slot[1] == l:
+            value = field[slot[0]][l]
+    return value
 
 
 @ti.func
 def side_of(P: ti.template(), slot):
     """Side label of a slot (pack, lane)."""
-    label = 0
-    for l in ti.static(range(4)):
-        if slot[1] == l:
-            label = ti.cast(P.side[slot[0]][l], ti.i32)
-    return label
+    return ti.cast(lane_of(P.side, slot), ti.i32)
 
 
 @ti.func
 def scatter_cut(scene: ti.template()):
     """Scatter the grains of the list."""
-    grid, cuts = ti.static(scene.grid, scene.cuts)
-    for c in range(cuts.count[None]):
-        side = side_of(scene.particles, cuts.slot[c])
-        f = cuts.offset[c]
+    for c in range(scene.cuts.count[None]):
+        side = side_of(scene.particles, scene.cuts.slot[c])
+        f = scene.cuts.offset[c]
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
-        for i, j, k in ti.static(ti.ndrange(3, 3, 3)):
-            I = layered(grid, cuts, cuts.base[c] + ti.Vector([i, j, k]), side)
-            q = cuts.q[0][c] + float(i) * cuts.q[1][c] + float(j) * cuts.q[2][c] + float(k) * cuts.q[3][c]
-            grid.nodes[I] = grid.nodes[I] + (wx[i] * wy[j] * wz[k]) * q
+        q_i = scene.cuts.q[0][c]
+        for i in ti.static(range(3)):
+            q_j = q_i
+            for j in ti.static(range(3)):
+                q_k = q_j
+                for k in ti.static(range(3)):
+                    I = layered(scene.grid, scene.cuts, scene.cuts.base[c], (i, j, k), side)
+                    scene.grid.nodes[I] = scene.grid.nodes[I] + q_k * (wx[i] * wy[j] * wz[k])
+                    q_k = q_k + scene.cuts.q[3][c]
+                q_j = q_j + scene.cuts.q[2][c]
+            q_i = q_i + scene.cuts.q[1][c]
 
 
 @ti.func
 def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, corner, out: ti.template()):
     """Gather the grains of the list again, from the layers that they scattered to, and stop those that would pass."""
-    grid, cuts, P = ti.static(scene.grid, scene.cuts, scene.particles)
-    for n in range(cuts.count[None]):
-        slot = cuts.slot[n]
-        side = side_of(P, slot)
-        f = cuts.offset[n]
+    for n in range(scene.cuts.count[None]):
+        slot = scene.cuts.slot[n]
+        side = side_of(scene.particles, slot)
+        f = scene.cuts.offset[n]
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
-        v = f * 0.0
-        B = ti.Matrix.zero(grid.nodes.dtype, 3, 3)
+        value = ti.Vector.zero(scene.grid.nodes.dtype, 4)
+        moment = [value + 0.0, value + 0.0, value + 0.0]
         for i, j, k in ti.static(ti.ndrange(3, 3, 3)):
-            q = grid.nodes[layered(grid, cuts, cuts.base[n] + ti.Vector([i, j, k]), side)]
-            p = (wx[i] * wy[j] * wz[k]) * ti.Vector([q[0], q[1], q[2]])
-            v += p
-            B += p.outer_product(ti.Vector([float(i), float(j), float(k)]) - f)
-        x = (ti.cast(cuts.base[n], grid.nodes.dtype) + f) * scene.cell
-        v = stop_grain(scene, motion, s, dt, x, v, cuts.q[0][n][3], side, corner, out)
-        hot = ti.Vector([ti.cast(slot[1] == l, grid.nodes.dtype) for l in range(4)])
+            p = (wx[i] * wy[j] * wz[k]) * scene.grid.nodes[
+                layered(scene.grid, scene.cuts, scene.cuts.base[n], (i, j, k), side)]
+            value += p
+            for axis, step in ti.static(((0, i), (1, j), (2, k))):
+                if ti.static(step > 0):
+                    moment[axis] += float(step) * p
+        v = ti.Vector([value[0], value[1], value[2]])
+        x = (ti.cast(scene.cuts.base[n], scene.grid.nodes.dtype) + f) * scene.cell
+        free = v
+        v = stop_grain(scene, motion, s, dt, x, free, scene.cuts.q[0][n][3], side, slot, corner, out)
+        hot = ti.Vector([ti.cast(slot[1] == l, scene.grid.nodes.dtype) for l in range(4)])
         gradient = 4.0 / scene.cell
         for r in ti.static(range(3)):
-            put(P.v[r], slot[0], hot, v[r])
-            put(P.x[r], slot[0], hot, scene.moved(x[r] + dt * v[r], r))
+            put(scene.particles.v[r], slot[0], hot, v[r])
+            put(scene.particles.x[r], slot[0], hot, scene.moved(x[r] + dt * v[r], r))
             for c in ti.static(range(3)):
-                put(P.C[3 * r + c], slot[0], hot, gradient * B[r, c])
+                put(scene.particles.C[3 * r + c], slot[0], hot, gradient * (moment[c][r] - free[r] * f[c]))
 
 
 @ti.func
@@ -201,7 +223,7 @@ def put(field: ti.template(), q, hot, value):
 
 
 @ti.func
-def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v, mass, side, corner,
+def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v, mass, side, slot, corner,
                out: ti.template()):
     """The grain's velocity, corrected where it would carry the grain into the shell's half thickness.
 
@@ -209,12 +231,13 @@ def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v,
     """
     result = v
     for row, index in ti.static(scene.features.shell_rows):
-        if ti.abs(side) == index + 1:
+        own = ti.cast(1 if side > 0 else -1, scene.grid.nodes.dtype)
+        thick = scene.numbers.half_thickness[index]
+        if ti.abs(side) == index + 1 and own * lane_of(scene.particles.gap, slot) < thick + WATCHED * scene.cell:
             c_t, R, linear, angular = tool_frame(motion, row, s)
             r = ti.Vector([x[d] + scene.origin[d] + dt * v[d] - c_t[d] for d in range(3)])
             n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
-            own = ti.cast(1 if side > 0 else -1, scene.grid.nodes.dtype)
-            depth = scene.numbers.half_thickness[index] - own * phi
+            depth = thick - own * phi
             if sided > 0 and depth > 0:
                 normal = own * (R @ n_t)
                 push = ti.min(depth, RECOVERY * scene.cell) / dt

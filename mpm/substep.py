@@ -40,6 +40,7 @@ class Substeps:
         self.first_collider_row = FIRST_COLLIDER_ROW
         self.rows = FIRST_COLLIDER_ROW + len(scene.colliders) + 2
         self.momentum, self.status = self.rows - 2, self.rows - 1
+        self.meets_colliders = len(scene.colliders) > 0
         self.touches_grains = len(scene.features.moving_solids) + len(scene.features.shells) > 0
 
     @ti.kernel
@@ -138,6 +139,7 @@ class Substeps:
         py = mass * P.v[1][q] - Q[3] * f[0] - Q[4] * f[1] - Q[5] * f[2]
         pz = mass * P.v[2][q] - Q[6] * f[0] - Q[7] * f[1] - Q[8] * f[2]
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+        zero = self.numbers.zero[None]
         for l in ti.static(range(4)):
             node = [keep(base[d][l]) for d in range(3)]
             if ti.static(len(self.features.shells) > 0):
@@ -146,13 +148,13 @@ class Substeps:
                 else:
                     scatter_lane(
                         self.grid.nodes, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
-                        ti.Vector([Q[0][l], Q[3][l], Q[6][l], 0.0]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], 0.0]),
-                        ti.Vector([Q[2][l], Q[5][l], Q[8][l], 0.0]), lane(wx, l), lane(wy, l), lane(wz, l))
+                        ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]),
+                        ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]), lane(wx, l), lane(wy, l), lane(wz, l))
             else:
                 scatter_lane(
                     self.grid.nodes, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
-                    ti.Vector([Q[0][l], Q[3][l], Q[6][l], 0.0]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], 0.0]),
-                    ti.Vector([Q[2][l], Q[5][l], Q[8][l], 0.0]), lane(wx, l), lane(wy, l), lane(wz, l))
+                    ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]),
+                    ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]), lane(wx, l), lane(wy, l), lane(wz, l))
 
     @ti.func
     def to_particles(self, P: ti.template(), body: ti.template(), dt, next_stamp: ti.i32):
