@@ -81,11 +81,12 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def sheet_distances(
-    mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...], band: float, far: float
+    mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...], band: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Signed distances [m] to an open surface at lower + spacing * (i, j, k), and where they have a side.
 
-    Positive on the side that the faces' normals point to; `far` outside the band. A point whose closest point lies
+    Positive on the side that the faces' normals point to; outside the band, where nothing has a side, the value of the
+    closest point in it. A point whose closest point lies
     on the rim has no side, beyond one step from it. Within BAND spacings the distance is that to the closest
     triangle, farther out that to the closest of samples half a spacing apart, good to a fiftieth of a spacing. The
     sign comes from normals interpolated between vertices, so that it holds over edges.
@@ -94,7 +95,7 @@ def sheet_distances(
     points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
     tree = cKDTree(samples)
     reach, closest = tree.query(points, distance_upper_bound=band + 2 * spacing)
-    values, sided = np.full(len(points), far), np.zeros(len(points), bool)
+    values, sided = np.zeros(len(points)), np.zeros(len(points), bool)
     known, near = reach < np.inf, reach < BAND * spacing
     foot, face = samples[closest[known]], faces[closest[known]]
     values[known] = _side(mesh, points[known], foot, face) * reach[known]
@@ -103,7 +104,8 @@ def sheet_distances(
     values[near], sided[near] = _signed_closest(mesh, points[near], faces[candidates], spacing)
     # one step past the rim, so that the nearest lattice point never ends the sheet short of it
     past = binary_dilation(sided.reshape(shape), np.ones((3, 3, 3))) & known.reshape(shape)
-    return values.reshape(shape), past
+    nearest = distance_transform_edt(~known.reshape(shape), return_distances=False, return_indices=True)
+    return values.reshape(shape)[tuple(nearest)], past
 
 
 def _sheet_samples(mesh: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

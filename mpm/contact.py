@@ -6,6 +6,10 @@ from mpm.ledger import GRAVITY_ROW, credit, position
 from mpm.strain import keep
 from mpm.surface import coulomb, tool_frame
 
+FACE = 0.51
+"""Cells in front of a shell's face within which a node counts as on it. Half a cell puts the walls that nodes can make
+on average where the shell is: thrust on a gate is right to 2.5 % at any place between nodes, 5 % without."""
+
 
 @ti.kernel
 def cache_static(node_contact: ti.template(), node_owner: ti.template(), shape: ti.template(), owner: ti.i32,
@@ -87,7 +91,7 @@ def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, 
     """Velocity of a node's material after contact with the closest shell, which gets the impulse.
 
     The second layer holds what the shell cuts off from the node, the first what is on the node's own side; that meets
-    the shell only where the node lies within its thickness.
+    the shell only where the node lies on its face or behind.
     """
     result = v
     side = scene.cuts.side[J]
@@ -96,7 +100,7 @@ def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, 
         own = I[0] < scene.grid.width
         material = ti.cast(1 if (side > 0) == own else -1, scene.grid.nodes.dtype)
         for row, index in ti.static(scene.features.shell_rows):
-            if ti.abs(side) == index + 1 and material * gap[3] < scene.numbers.half_thickness[index]:
+            if ti.abs(side) == index + 1 and material * gap[3] < scene.numbers.half_thickness[index] + FACE * scene.cell:
                 c_t, R_t, linear, angular = tool_frame(motion, row, s)
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
                 r = ti.cast(place, scene.grid.nodes.dtype) - c_t

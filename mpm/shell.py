@@ -14,7 +14,7 @@ BAND = 2.7
 LATTICE_STEP = 0.2
 """Cells between the points of the lattice, where the user names no distance."""
 FAR = 1.0
-"""Distance [m] that stands for "outside the band"."""
+"""Distance [m] outside the lattice."""
 
 
 class Shell:
@@ -54,7 +54,7 @@ class Shell:
         if np.prod(shape.astype(float)) > MAX_LATTICE:
             raise InvalidValue(f"Shell: {tuple(shape)} lattice points; give a spacing above {self.spacing} m")
         self.lower, self.shape = tuple(float(c) for c in lower), tuple(int(n) for n in shape)
-        self.host, sided = sheet_distances(self.mesh, lower, self.spacing, self.shape, band, FAR)
+        self.host, sided = sheet_distances(self.mesh, lower, self.spacing, self.shape, band)
         self.values = ti.field(ti.f32, self.shape)
         self.values.from_numpy(self.host.astype(np.float32))
         self.sided = ti.field(ti.i8, self.shape)

@@ -16,7 +16,7 @@ from mpm.transfer import weights
 
 CURVATURE = 0.5
 """Cells by which a curved shell may come closer to a stencil's outer nodes than its tangent plane."""
-WATCHED = 0.6
+WATCHED = 0.9
 """Cells from the shell within which a grain can come to it in a substep: its own travel and the shell's."""
 RECOVERY = 0.2
 """Cells by which the backstop corrects a grain's next position at most."""
@@ -225,9 +225,10 @@ def put(field: ti.template(), q, hot, value):
 @ti.func
 def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v, mass, side, slot, corner,
                out: ti.template()):
-    """The grain's velocity, corrected where it would carry the grain into the shell's half thickness.
+    """The grain's velocity, corrected where it would carry its cube (half an edge from the centre) into the shell.
 
-    Nodes hold a material back, not each of its grains: this stops the last of them. Credited to the shell.
+    Nodes hold a material back, but not where the shell is, nor each of its grains: this stops the last of them, and
+    keeps the material's edge at the shell's face. Credited to the shell.
     """
     result = v
     for row, index in ti.static(scene.features.shell_rows):
@@ -237,7 +238,8 @@ def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v,
             c_t, R, linear, angular = tool_frame(motion, row, s)
             r = ti.Vector([x[d] + scene.origin[d] + dt * v[d] - c_t[d] for d in range(3)])
             n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
-            depth = thick - own * phi
+            size = 0.5 * ti.pow(lane_of(scene.particles.volume, slot), 1.0 / 3.0)
+            depth = thick + size - own * phi
             if sided > 0 and depth > 0:
                 normal = own * (R @ n_t)
                 push = ti.min(depth, RECOVERY * scene.cell) / dt

@@ -1,0 +1,22 @@
+"""Cases with answers that nobody here wrote: each a file with its set-up, its reference and the source of that.
+
+A case has `NAME`, `SOURCE`, `measure(**choices) -> Record` and `BANDS`, the accepted range of each error at named
+choices. `robosim.cases.find(name)` imports one.
+"""
+
+from importlib import import_module
+from types import ModuleType
+
+from robosim.errors import UnknownName
+
+NAMES = (
+    "free_fall", "axis_aligned", "bar", "vortex", "spin", "column_weight", "hydrostatic", "dam_break", "slope",
+    "column_collapse", "lock_gate", "shell_leak",
+)
+
+
+def find(name: str) -> ModuleType:
+    """The module of a case; raises UnknownName."""
+    if name not in NAMES:
+        raise UnknownName("case", name, NAMES)
+    return import_module(f"robosim.cases.{name}")
