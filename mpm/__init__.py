@@ -4,7 +4,19 @@ from mpm.backend import init
 from mpm.body import Body
 from mpm.collider import Collider
 from mpm.elasticity import Elastic
-from mpm.errors import BackendError, InvalidValue, MpmError, SimulationDiverged, TimeStepTooLarge, UnknownName
+from mpm.diagnostics import Diagnostics
+from mpm.errors import (
+    BackendError,
+    InvalidValue,
+    MpmError,
+    MpmWarning,
+    NarrowPassage,
+    OverlappingBodies,
+    SimulationDiverged,
+    StrongCompression,
+    TimeStepTooLarge,
+    UnknownName,
+)
 from mpm.features import Features
 from mpm.fluid import NewtonianFluid
 from mpm.grid import Grid
@@ -20,18 +32,23 @@ __all__ = [
     "BackendError",
     "Body",
     "Collider",
+    "Diagnostics",
     "DruckerPrager",
     "Elastic",
     "Features",
     "Grid",
     "InvalidValue",
     "MpmError",
+    "MpmWarning",
+    "NarrowPassage",
     "NewtonianFluid",
+    "OverlappingBodies",
     "Pose",
     "Sdf",
     "Shell",
     "SimulationDiverged",
     "Solver",
+    "StrongCompression",
     "TimeStepTooLarge",
     "Twist",
     "UnknownName",

@@ -149,3 +149,26 @@ def _signed_closest(
     rim.reshape(-1)[trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)] = True
     on_rim = np.any(rim[face] & (weights[:, [2, 0, 1]] < 1e-6), axis=1)
     return _side(mesh, points, foot * spacing, face) * best * spacing, ~on_rim
+
+
+def passage_width(mesh: trimesh.Trimesh, samples: int = 400) -> float:
+    """Smallest gap [m] between parts of a surface that face each other across free space; infinite without one.
+
+    Rays from the surface along its normals (for a sheet along both) until they meet it from the front.
+    """
+    if mesh.is_convex:
+        return np.inf
+    size = mesh.scale  # trimesh's tolerances are absolute: its rays pass millimetre triangles by
+    mesh = trimesh.Trimesh(mesh.vertices * (1000.0 / size), mesh.faces, process=False)
+    points, faces = trimesh.sample.sample_surface(mesh, samples, seed=0)[:2]
+    normals = mesh.face_normals[faces]
+    if not mesh.is_watertight:
+        points, normals = np.concatenate([points, points]), np.concatenate([normals, -normals])
+    triangles, rays, hits = mesh.ray.intersects_id(points + 1e-2 * normals, normals, multiple_hits=False,
+                                                   return_locations=True)
+    facing = np.abs(np.einsum("nd,nd->n", mesh.face_normals[triangles], normals[rays])) > 0.7
+    if not np.any(facing):
+        return np.inf
+    # the twentieth part of the gaps may be shorter: a corner's few short rays are no passage
+    widths = np.sort(np.linalg.norm(hits - points[rays], axis=1)[facing])
+    return float(widths[len(widths) // 20]) * size / 1000.0

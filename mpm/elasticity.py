@@ -35,8 +35,6 @@ class Hencky:
     plastic = False
     """Whether the law has a `return_mapping`."""
     has_volume_correction = False
-    small_strain = False
-    """Elastic strains stay below 0.2, where the series logarithm is exact to single precision."""
 
     def __post_init__(self) -> None:
         name = type(self).__name__

@@ -33,12 +33,30 @@ class TimeStepTooLarge(InvalidValue):
         )
 
 
+class MpmWarning(UserWarning):
+    """Base of the warnings that `mpm` gives: the run goes on, its result is suspect."""
+
+
+class OverlappingBodies(MpmWarning):
+    """Two bodies fill the same space."""
+
+
+class StrongCompression(MpmWarning):
+    """A body too soft for its own weight."""
+
+
+class NarrowPassage(MpmWarning):
+    """A gap between walls that is too narrow for the cells."""
+
+
 class SimulationDiverged(MpmError):
     """A non-finite or absurd state, with where and when it was found.
 
     Attributes: time [s], step (substeps since the start), particle (index), position [m] (3,), speed [m/s],
-    cfl (speed * dt / cell).
+    cfl (speed * dt / cell), diagnostics (of the whole field, see `mpm.diagnostics`).
     """
+
+    diagnostics: object = None
 
     def __init__(
         self, *, time: float, step: int, particle: int, position: tuple[float, ...], speed: float, cfl: float

@@ -10,7 +10,7 @@ class Features:
     precision: str
     """"f32" or "f64"."""
     integrator: str
-    """"series" or "exact": how strain is taken from and put back into b."""
+    """"series", "exact" or "auto": how strain is taken from and put back into b."""
     volume_correction: bool
     """Some material remembers expansion."""
     tensor_state: bool

@@ -21,7 +21,6 @@ class NewtonianFluid:
 
     state = "volume"
     has_volume_correction = False
-    small_strain = True
 
     def __post_init__(self) -> None:
         check_range("NewtonianFluid", "bulk_modulus [Pa]", self.bulk_modulus, 1e-9, math.inf)

@@ -31,7 +31,6 @@ class DruckerPrager(Hencky):
 
     plastic = True
     has_volume_correction = True
-    small_strain = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -88,7 +87,6 @@ class VonMises(Hencky):
     yield_stress: float
 
     plastic = True
-    small_strain = True
 
     def __post_init__(self) -> None:
         super().__post_init__()

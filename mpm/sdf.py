@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from mpm.backend import ti
-from mpm.bake import signed_distances
+from mpm.bake import passage_width, signed_distances
 from mpm.errors import InvalidValue
 from mpm.strain import keep
 
@@ -106,6 +106,8 @@ class Lattice:
         self.spacing = float(spacing)
         corners = np.array([lower, np.asarray(lower) + (np.array(values.shape) - 1) * spacing])
         self.radius = float(np.linalg.norm(np.abs(corners).max(0)))
+        self.passage = np.inf
+        """Narrowest gap [m] between its own walls, where it was made from a mesh."""
         self.values = None
 
     def allocate(self) -> None:
@@ -161,11 +163,14 @@ class Sdf:
         parts = mesh if isinstance(mesh, list) else [mesh]
         for part in parts:
             if not part.is_watertight:
-                raise InvalidValue("Sdf.from_mesh: the mesh has open edges; a solid needs a closed surface")
+                raise InvalidValue("Sdf.from_mesh: the mesh has open edges, and a solid is closed; close it, or make it a thin "
+                                   "shell with Shell.from_mesh(mesh, thickness)")
         bounds = np.array([part.bounds for part in parts])
         lower = bounds[:, 0].min(0) - margin
         shape = np.ceil((bounds[:, 1].max(0) + margin - lower) / spacing).astype(int) + 1
         if np.prod(shape.astype(float)) > MAX_LATTICE:
             raise InvalidValue(f"Sdf.from_mesh: {tuple(shape)} lattice points; give a spacing above {spacing} m")
         values = np.min([signed_distances(part, lower, spacing, tuple(shape)) for part in parts], axis=0)
-        return Lattice(values, lower, spacing)
+        lattice = Lattice(values, lower, spacing)
+        lattice.passage = min(passage_width(part) for part in parts)
+        return lattice

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 from mpm.backend import ti
-from mpm.bake import sheet_distances
+from mpm.bake import passage_width, sheet_distances
 from mpm.errors import InvalidValue
 from mpm.sdf import MAX_LATTICE
 from mpm.strain import keep
@@ -25,6 +25,8 @@ class Shell:
         self.extent = float(np.linalg.norm(mesh.vertices, axis=1).max())
         """Radius [m] of the ball about the frame's origin that holds the surface."""
         self.radius = self.extent
+        self.passage = passage_width(mesh) - self.thickness
+        """Narrowest gap [m] between its own walls."""
         self.values = self.sided = None
 
     @classmethod

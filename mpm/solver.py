@@ -1,14 +1,15 @@
 """The solver: bodies, colliders and walls on one grid, advanced by explicit MLS-MPM."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from mpm.backend import PRECISIONS, default_precision, real_type, session_precision, ti
 from mpm.body import Body
 from mpm.collider import Collider
+from mpm.checks import check_scene
 from mpm.contact import cache_static
+from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, energy_of, momentum_of
 from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
 from mpm.features import Features
 from mpm.grid import Grid, GridFields
@@ -18,28 +19,13 @@ from mpm.particles import LANES, ParticleFields
 from mpm.sdf import Lattice
 from mpm.shell import Shell
 from mpm.sides import CutFields
-from mpm.strain import INTEGRATORS
+from mpm.strain import INTEGRATORS, SERIES_LIMIT
 from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.timestep import COURANT_FRACTION, isolated_particle_bound, travel_bound, viscous_bound
 from mpm.walls import Walls
 
 MAX_SUBSTEPS = 64
 """Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
-
-
-class Momentum(NamedTuple):
-    """Linear [N s] (3,) and angular [N m s] (3,) momentum, about the world's origin, with the affine part."""
-
-    linear: np.ndarray
-    angular: np.ndarray
-
-
-class Energy(NamedTuple):
-    """Kinetic (affine part included), potential (against z = 0) and elastic energy [J]."""
-
-    kinetic: float
-    potential: float
-    elastic: float
 
 
 def _material_bound(cell: float, body: Body) -> float:
@@ -54,8 +40,9 @@ class Solver:
 
     dt: substep [s], or None for `COURANT_FRACTION` of the bound; a dt above the bound raises TimeStepTooLarge.
     A collider that moves faster than dt allows is followed with smaller substeps. precision: "f32", "f64" or None
-    (init's). integrator: "series", "exact" or None: series in single precision where every law keeps elastic strains
-    small, exact otherwise.
+    (init's). integrator: "series", "exact", "auto" or None. "auto" takes the series while no strain leaves the range
+    in which it is exact to single precision, and the eigenvalues while one does; None is "auto" in single precision
+    and "exact" in double. body_acceleration: (n_particles, 3) [m/s^2], see `set_body_acceleration`.
     """
 
     def __init__(
@@ -68,10 +55,10 @@ class Solver:
         self.precision = precision or session
         if self.precision not in PRECISIONS:
             raise UnknownName("precision", precision, PRECISIONS)
-        small = all(body.material.small_strain for body in bodies)
-        integrator = integrator or ("series" if self.precision == "f32" and small else "exact")
-        if integrator not in INTEGRATORS:
-            raise UnknownName("integrator", integrator, INTEGRATORS)
+        takes_logarithms = any(body.material.state == "hencky" for body in bodies)
+        integrator = integrator or ("auto" if self.precision == "f32" and takes_logarithms else "exact")
+        if integrator not in (*INTEGRATORS, "auto"):
+            raise UnknownName("integrator", integrator, (*INTEGRATORS, "auto"))
         if not bodies:
             raise InvalidValue("Solver: bodies is empty; give at least one Body")
         for body in bodies:
@@ -80,6 +67,7 @@ class Solver:
         self.walls = walls or Walls()
         self.walls.check(grid)
         self.gravity = np.asarray(gravity, float)
+        check_scene(grid, self.bodies, self.colliders, self.gravity)
         self.bound = min(_material_bound(grid.cell, body) for body in bodies)
         if dt is not None and dt > self.bound:
             raise TimeStepTooLarge(dt, self.bound, "isolated particle")
@@ -127,7 +115,10 @@ class Solver:
                     numbers = np.concatenate([pose.position, pose.matrix.ravel()])
                     cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
             self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls.friction, self.precision)
-            self._substeps = Substeps(self)
+            self._kernels: dict[str, Substeps] = {}
+            self.integrator = "series" if self.features.integrator == "auto" else self.features.integrator
+            """The one in use."""
+            self._substeps = self._kernels[self.integrator] = Substeps(self, self.integrator)
         self._no_motion = np.zeros((1, 1, 18), self._dtype)
         self._out = np.zeros((self._substeps.rows, 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
@@ -201,9 +192,24 @@ class Solver:
             self._stamp += n
             self.time += n * dt
             self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
-            squares, fastest = self._out[self._substeps.status, :2]
+            squares, fastest, strain = self._out[self._substeps.status, :3]
             if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise self._diverged(dt)
+            if self.features.integrator == "auto":
+                self._choose_integrator(strain)
+
+    def _choose_integrator(self, strain: float) -> None:
+        """Leave the series when the largest entry of e passes its limit, return to it below half of that."""
+        wanted = self.integrator
+        if strain > SERIES_LIMIT:
+            wanted = "exact"
+        elif strain < 0.5 * SERIES_LIMIT:
+            wanted = "series"
+        if wanted != self.integrator:
+            if wanted not in self._kernels:
+                with default_precision(self.precision):
+                    self._kernels[wanted] = Substeps(self, wanted)
+            self._substeps, self.integrator = self._kernels[wanted], wanted
 
     def _motion_table(self, screws: list[ScrewSamples], first: int, n: int) -> np.ndarray:
         """Origin, matrix, linear and angular velocity of the moving colliders in n substeps (k, n, 18)."""
@@ -213,13 +219,14 @@ class Solver:
         return np.array(rows, self._dtype)
 
     def _diverged(self, dt: float) -> SimulationDiverged:
-        velocities = self.velocities()
-        speeds = np.linalg.norm(velocities, axis=1)
+        speeds = np.linalg.norm(self.velocities(), axis=1)
         worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
-        return SimulationDiverged(
+        error = SimulationDiverged(
             time=self.time, step=self.steps, particle=worst, position=tuple(self.positions()[worst]),
             speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / self.grid.cell),
         )
+        error.diagnostics = self.diagnostics()
+        return error
 
     # readings ------------------------------------------------------------------------------------------------------
     def positions(self) -> np.ndarray:
@@ -248,32 +255,15 @@ class Solver:
 
     def momentum(self) -> Momentum:
         """Momentum of all grains, summed in float64."""
-        m, x, v = self.masses()[:, None], self.positions(), self.velocities()
-        C = self.particles.read(self.particles.C).astype(float).reshape(-1, 3, 3)
-        spin = np.stack([C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], -1)
-        angular = m * (np.cross(x, v) + self.grid.cell**2 / 4.0 * spin)
-        return Momentum((m * v).sum(0), angular.sum(0))
+        return momentum_of(self)
 
     def energy(self) -> Energy:
         """Energy of all grains, summed in float64; elastic energy of Hencky strains, and of a fluid's volume."""
-        m, x, v = self.masses(), self.positions(), self.velocities()
-        C = self.particles.read(self.particles.C).astype(float)
-        kinetic = 0.5 * m @ ((v**2).sum(1) + self.grid.cell**2 / 4.0 * (C**2).sum(1))
-        volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
-        elastic = 0.0
-        first = 0
-        for body, count in zip(self.bodies, self.particles.counts):
-            chosen = slice(first, first + count)
-            first += count
-            if body.material.state == "volume":
-                j = self.particles.read([self.particles.j])[chosen, 0].astype(float)
-                elastic += 0.5 * body.material.lam * volume[chosen] @ j**2
-                continue
-            e = self.particles.read(self.particles.e)[chosen].astype(float)
-            b = np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-            h = 0.5 * np.log(np.maximum(np.linalg.eigvalsh(b), 1e-30))
-            elastic += volume[chosen] @ (body.material.mu * (h**2).sum(1) + 0.5 * body.material.lam * h.sum(1) ** 2)
-        return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ self.gravity), float(elastic))
+        return energy_of(self)
+
+    def diagnostics(self) -> Diagnostics:
+        """Mass, momentum, energy, CFL number, compaction, escaped and non-finite grains."""
+        return diagnostics_of(self)
 
     # snapshots -----------------------------------------------------------------------------------------------------
     def state(self) -> dict[str, np.ndarray]:

@@ -210,3 +210,5 @@ def exponential_exact(h: ti.template()):
 
 INTEGRATORS = {"series": (hencky_series, exponential_series), "exact": (hencky_exact, exponential_exact)}
 """Name -> (logarithm, exponential)."""
+SERIES_LIMIT = 0.26
+"""Largest entry of e up to which the series is exact to single precision: |h| = 0.15 in compression."""

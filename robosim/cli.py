@@ -7,10 +7,13 @@ from pathlib import Path
 
 import mpm
 from robosim.bench import SCENES, SIZES, bench_field
+from robosim.cases import NAMES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
+from robosim.report_cases import run_cases
 from robosim.resources import config_names
 from robosim.session import rehearse
+from robosim.stability import AXES, run_matrix
 
 EXAMPLE = "example:\n  robosim rehearse spoon --material sugar --camera close --out out/sugar"
 
@@ -39,6 +42,18 @@ def parser() -> argparse.ArgumentParser:
     bench.add_argument("--yardsticks", type=Path, help="folder with scripts to measure in the same run")
     bench.add_argument("--out", type=Path, help="folder for bench_field.json")
     bench.set_defaults(run=lambda a: bench_field(a.sizes, a.scenes, a.yardsticks, a.out))
+    report = commands.add_parser("report", help="run cases with known answers: error against run time",
+                                 epilog="example:\n  robosim report axis_aligned vortex --out out/report",
+                                 formatter_class=argparse.RawDescriptionHelpFormatter)
+    report.add_argument("cases", nargs="*", metavar="CASE", help=f"of: {', '.join(NAMES)} (default: all)")
+    report.add_argument("--out", type=Path, required=True, help="folder for report.jsonl, one line a run")
+    report.set_defaults(run=lambda a: run_cases(a.cases, a.out))
+    stable = commands.add_parser("stability", help="judge stiff and extreme cases",
+                                 epilog="example:\n  robosim stability courant drop_height --out out/stability",
+                                 formatter_class=argparse.RawDescriptionHelpFormatter)
+    stable.add_argument("axes", nargs="*", metavar="AXIS", help=f"of: {', '.join(AXES)} (default: all)")
+    stable.add_argument("--out", type=Path, required=True, help="folder for stability.json")
+    stable.set_defaults(run=lambda a: run_matrix(a.axes, a.out))
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top

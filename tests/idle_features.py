@@ -7,6 +7,7 @@ import json
 import sys
 
 import numpy as np
+import trimesh
 
 import mpm
 
@@ -14,18 +15,24 @@ CELL = 0.02
 FAR = mpm.Pose(np.array([0.42, 0.42, 0.42]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def state(colliders: list[mpm.Collider], bodies: int = 1) -> dict[str, np.ndarray]:
+def block() -> np.ndarray:
+    """Positions [m] (n, 3) of the sand."""
+    return mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), CELL / 2, np.random.default_rng(0))
+
+
+def state(colliders: list[mpm.Collider], bodies: int = 1, **more: object) -> dict[str, np.ndarray]:
     """State of the sand after 0.03 s; a second body lies far from it."""
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
-    positions = mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), CELL / 2, np.random.default_rng(0))
+    positions = block()
     listed = [mpm.Body(sand, positions, volume=1e-6)]
     if bodies == 2:
         drop = mpm.sample_box((0.4, 0.02, 0.0), (0.44, 0.06, 0.04), CELL / 2)
         listed.append(mpm.Body(mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0), drop, volume=1e-6))
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.5, 0.5, 0.5), CELL), bodies=listed, colliders=colliders, dt=2e-4)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.5, 0.5, 0.5), CELL), bodies=listed, colliders=colliders, dt=2e-4,
+                        **more)
     solver.advance(0.03)
     return {name: solver.particles.read(fields)[: len(positions)] for name, fields in
-            solver.particles.named_fields().items() if name != "j"}
+            solver.particles.named_fields().items() if name not in ("j", "side")}
 
 
 def main() -> int:
@@ -36,6 +43,8 @@ def main() -> int:
         "moving collider": state([mpm.Collider(ball, pose=FAR)]),
         "static collider": state([mpm.Collider(ball, pose=FAR, static=True)]),
         "second body": state([], bodies=2),
+        "shell": state([mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(3, 0.03), 1e-3), pose=FAR)]),
+        "body acceleration": state([], body_acceleration=np.zeros((len(block()), 3))),
     }
     agree = {name: all(bool((plain[k] == other[k]).all()) for k in plain) for name, other in scenes.items()}
     print(json.dumps(agree))

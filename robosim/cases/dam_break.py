@@ -12,6 +12,8 @@ NAME = "dam_break"
 SOURCE = "Martin & Moyce 1952, Phil. Trans. R. Soc. A 244:312, fig. 3, a = 2.25 in, digitised in PySPH's db_exp_data.py"
 BANDS = {"mean": 0.15, "max": 0.18, "front speed": 0.08}
 """Relative errors at most, of the front for T <= 5.1 and of its speed from T = 2 to 5.1; the mean is signed."""
+SWEEP = [{"cells": n, "courant": c} for c in (0.2, 0.4) for n in (10, 20, 40)]
+"""Choices that the report runs."""
 WIDTH = 0.05715
 FRONT = np.array([
     (0.832, 1.217), (1.219, 1.474), (1.997, 2.292), (2.547, 2.995), (3.345, 4.134), (4.034, 4.944), (4.418, 5.881),

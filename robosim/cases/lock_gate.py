@@ -10,6 +10,8 @@ NAME = "lock_gate"
 SOURCE = "hydrostatics: F = rho g w (h1^2 - h2^2) / 2, torque about the floor rho g w (h1^3 - h2^3) / 6"
 BANDS = {"force": 0.03, "torque": 0.03, "crossed": 0.0}
 """Relative errors of the means over the second half, and the share of grains that changed sides."""
+SWEEP = [{"thickness_cells": t, "offset_cells": o} for t in (0.3, 1.0, 2.0) for o in (0.0, 0.25, 0.5, 0.75)]
+"""Choices that the report runs."""
 DEEP, SHALLOW, CHAMBER, WIDTH = 0.10, 0.05, 0.10, 0.02
 DENSITY, G, SOUND = 1000.0, 9.81, 12.0
 

@@ -51,12 +51,14 @@ class Clock:
         self.seconds += time.perf_counter() - begin
 
     def settle(self, duration: float, window: float = 2e-3, keep: float = 0.8) -> None:
-        """Advance to rest by kinetic damping: of all velocities `keep` is left after every window [s]."""
+        """Advance to rest by kinetic damping: of all velocities `keep` is left after every window [s].
+
+        C stays: the next substep takes its strain from it, which the positions have already followed.
+        """
         for _ in range(round(duration / window)):
             self.advance(window)
             state = self.solver.state()
             state["v"] *= keep
-            state["C"] *= keep
             self.solver.load(state)
 
     def record(self, case: str, choices: dict, errors: dict[str, float], **readings: float) -> Record:

@@ -14,6 +14,8 @@ NAME = "shell_leak"
 SOURCE = "impenetrability, and Newton's third law: what the grains gain, gravity, walls and the shell have given"
 BANDS = {"crossed": 0.0, "momentum": 1e-4}
 """Grains through the wall, and the unaccounted share of the impulse exchanged with the shell."""
+SWEEP = [{"cell": c, "offset": o / 10} for c in (0.005, 0.01) for o in range(10)]
+"""Choices that the report runs."""
 AXES = np.array([0.035, 0.025, 0.030])
 """Semi-axes [m] of the half ellipsoid below z = 0."""
 HOST_DT = 2e-3

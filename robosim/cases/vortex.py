@@ -13,6 +13,8 @@ NAME = "vortex"
 SOURCE = "Kamojjala et al. 2015, Eng. w. Computers 31:193 (generalized vortex); parameters of Uintah's MMS.cc"
 BANDS = {"rms at 40 cells per metre": 0.02, "order 20 to 40": 1.5}
 """Error at most [amplitudes in m], order at least."""
+SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for c in (0.2, 0.5) for n in (10, 20, 40)]
+"""Choices that the report runs."""
 E, NU, DENSITY = 1000.0, 0.3, 1000.0
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
 

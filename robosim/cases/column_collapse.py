@@ -1,0 +1,96 @@
+"""A round column of sand, released all at once, runs out over a floor: how far, and how high it stays.
+
+The radius that holds 99 % of the grains stands for the deposit's rim. Seconds are compared at equal error with Newton's
+implicit solver, which computed the whole round: `quarter` (two planes of symmetry, a fourth of the grains) is a saving
+that any solver could make.
+"""
+
+import math
+
+import numpy as np
+
+import mpm
+from mpm.sampling import JITTER
+from robosim.cases.record import Clock, Record
+
+NAME = "column_collapse"
+SOURCE = ("Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a < 1.7, r0 (1 + 1.6 sqrt(a)) above; "
+          "h = r0 a for a < 1, 0.88 r0 a^(1/6) from 1.7; at rest after 3 sqrt(h0 / g)")
+BANDS = {"least run-out, a = 1": 0.85, "most run-out, a = 1": 1.5, "run-out, a = 3": 0.35, "height": 0.25,
+         "drift": 0.005}
+"""(r99 - r0) / r0 for a = 1, its relative error for a = 3, relative error of the height; rms velocity left [m/s]."""
+RADIUS, DENSITY, NU, G = 0.1, 1600.0, 0.3, 9.81
+FLOOR_FRICTION = 0.5
+PHI_DEG = 25.377
+"""Friction angle with which the cone of triaxial compression carries tan 30 deg in simple shear."""
+NEWTON = np.array([(0.03, 3.56, 0.2000), (0.02, 7.75, 0.2126), (0.0125, 25.2, 0.2205)])
+"""Cell [m], seconds and r99 [m] for a = 1 of Newton 1.8's SolverImplicitMPM (Warp on one core, dt 4 ms, 8 grains per
+cell, the whole round), measured where `reference_layout.py 50000` reads NEWTON_YARDSTICK."""
+NEWTON_YARDSTICK = 1060.0
+"""[ns per particle and substep]; seconds on two machines compare in the ratio of this figure."""
+
+
+def rim(a: float) -> float:
+    """Radius [m] of the deposit of a column a r0 high."""
+    return RADIUS * (1 + (1.24 * a if a < 1.7 else 1.6 * math.sqrt(a)))
+
+
+def crest(a: float) -> float:
+    """Height [m] of the deposit; from a = 1 to 1.7, where the source leaves a gap, by the fit for tall columns."""
+    return RADIUS * (a if a < 1 else 0.88 * a ** (1 / 6))
+
+
+def fill(a: float, cell: float, per_cell: int, quarter: bool) -> np.ndarray:
+    """Grains (n, 3) [m] about the column's foot: jittered sites of a lattice of half cells, all of them (8 per cell),
+    the face-centred half (4) or the body-centred fourth (2)."""
+    half, height = cell / 2, a * RADIUS
+    n, layers = math.ceil(RADIUS / half), round(height / half)
+    sites = np.stack(np.meshgrid(*[np.arange(0 if quarter else -n, n)] * 2, np.arange(layers), indexing="ij"), -1)
+    sites = sites.reshape(-1, 3)
+    if per_cell == 4:
+        sites = sites[sites.sum(1) % 2 == 0]
+    elif per_cell == 2:
+        sites = sites[np.all(sites % 2 == sites[:, :1] % 2, axis=1)]
+    grains = (sites + 0.5) * (half, half, height / layers)
+    grains = grains[np.hypot(*grains[:, :2].T) <= RADIUS]
+    return grains + np.random.default_rng(0).uniform(-JITTER, JITTER, grains.shape) * half
+
+
+def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, courant: float, precision: str) -> mpm.Solver:
+    """The column before its release, about the z axis."""
+    sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=PHI_DEG)
+    grains = fill(a, cell, per_cell, quarter)
+    volume = math.pi * RADIUS**2 * a * RADIUS / (4 if quarter else 1) / len(grains)
+    room = math.ceil(1.5 * rim(a) / cell) * cell
+    near = 0.0 if quarter else -room
+    side = "roller" if quarter else "friction"
+    walls = mpm.Walls(friction=FLOOR_FRICTION, lower=(side, side, "friction"))
+    # at a few loosened grains the strain leaves the range of the series, whose error there moves nothing that is read;
+    # eigenvalues for all would take four times as long
+    return mpm.Solver(
+        grid=mpm.Grid((near, near, 0), (room, room, 1.2 * a * RADIUS + 2 * cell), cell), walls=walls,
+        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), precision=precision,
+        dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY),
+        integrator="series" if precision == "f32" else None)
+
+
+def measure(*, a: float = 1.0, cells: float = 12, per_cell: int = 4, E: float = 1.5e4, courant: float = 0.7,
+            precision: str = "f32", quarter: bool = True, duration: float | None = None) -> Record:
+    """Errors of rim and height; cells per radius, E [Pa] for a = 1, duration [s] or None for twice the source's time.
+
+    E grows with a, so that columns of all heights are compressed alike.
+    """
+    cell, duration = RADIUS / cells, duration or 0.6 * math.sqrt(a)
+    solver = column(a, cell, per_cell, quarter, E * a, courant, precision)
+    clock = Clock(solver)
+    clock.advance(duration)
+    positions = solver.positions()
+    radii = np.hypot(*positions[:, :2].T)
+    r99 = np.quantile(radii, 0.99)
+    height = np.quantile(positions[radii < 0.2 * RADIUS, 2], 0.99)
+    errors = {"rim": r99 / rim(a) - 1, "run-out": (r99 - RADIUS) / (rim(a) - RADIUS) - 1, "height": height / crest(a) - 1,
+              "drift": np.sqrt((solver.velocities() ** 2).sum(1).mean())}
+    choices = {"a": a, "cells": cells, "per_cell": per_cell, "E": E, "courant": courant, "precision": precision,
+               "quarter": quarter, "duration": duration}
+    return clock.record(NAME, choices, errors, r99=r99, run_out=(r99 - RADIUS) / RADIUS, height=height,
+                        outermost=radii.max())

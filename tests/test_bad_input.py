@@ -1,0 +1,94 @@
+"""What is refused, and what is only suspicious: each names the value and the remedy."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import mpm
+
+SAND = {"E": 1e5, "nu": 0.2, "density": 1500.0, "friction_angle_deg": 30.0}
+
+
+def solver(bodies: list[mpm.Body], colliders: list[mpm.Collider] | None = None, cell: float = 0.01, **more) -> mpm.Solver:
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=bodies, colliders=colliders, **more)
+
+
+def block(lower: float = 0.05, upper: float = 0.1, **material) -> mpm.Body:
+    positions = mpm.sample_box((lower,) * 3, (upper,) * 3, 0.005)
+    return mpm.Body(mpm.DruckerPrager(**(SAND | material)), positions, volume=0.005**3)
+
+
+@pytest.mark.parametrize(("wrong", "message"), [
+    ({"density": -1.0}, "density"), ({"friction_angle_deg": 90.0}, "friction_angle_deg = 90"),
+    ({"friction_angle_deg": -1.0}, "friction_angle_deg"), ({"E": 0.0}, "E"), ({"nu": 0.5}, "nu")])
+def test_materials_refuse(wrong: dict[str, float], message: str) -> None:
+    with pytest.raises(mpm.InvalidValue, match=message):
+        mpm.DruckerPrager(**(SAND | wrong))
+
+
+def test_bodies_are_neither_empty_nor_outside() -> None:
+    with pytest.raises(mpm.InvalidValue, match="shape"):
+        mpm.Body(mpm.DruckerPrager(**SAND), np.zeros((0, 3)), volume=1e-6)
+    with pytest.raises(mpm.InvalidValue, match="outside the grid"):
+        solver([block(0.15, 0.25)])
+
+
+def test_overlapping_bodies_are_reported() -> None:
+    with pytest.warns(mpm.OverlappingBodies, match="of body 1 lie within half a grain of one of body 0"):
+        solver([block(0.05, 0.1), block(0.08, 0.13)])
+
+
+def test_a_body_too_soft_for_its_weight_is_reported() -> None:
+    with pytest.warns(mpm.StrongCompression, match="times its E"):
+        solver([block(0.01, 0.19, E=1e3)])
+
+
+def test_open_mesh_for_a_solid_offers_the_shell() -> None:
+    sheet = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]])
+    with pytest.raises(mpm.InvalidValue, match="Shell.from_mesh"):
+        mpm.Sdf.from_mesh(sheet)
+    with pytest.raises(mpm.InvalidValue, match="thickness = 0"):
+        mpm.Shell.from_mesh(sheet, 0.0)
+    twisted = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]], [[0, 1, 2], [1, 2, 3]])
+    with pytest.raises(mpm.InvalidValue, match="opposite ways"):
+        mpm.Shell.from_mesh(twisted, 1e-3)
+
+
+def test_a_narrow_neck_is_reported() -> None:
+    profile = np.array([[0.0, 0.0], [0.03, 0.0], [0.03, 0.05], [0.008, 0.07], [0.008, 0.09]])
+    bottle = mpm.Shell.from_mesh(trimesh.creation.revolve(profile), 1e-3)
+    assert bottle.passage == pytest.approx(0.015, rel=0.03)  # the faces of a 32-sided neck, less the thickness
+    pose = mpm.Pose(np.array([0.1, 0.1, 0.05]), mpm.Pose.identity().quaternion)
+    with pytest.warns(mpm.NarrowPassage, match="it will jam; give cells of at most 3.7 mm"):
+        solver([block(0.09, 0.11)], [mpm.Collider(bottle, pose=pose)], cell=0.005)
+
+
+def test_walls_refuse() -> None:
+    with pytest.raises(mpm.InvalidValue, match="both sides are periodic or none"):
+        mpm.Walls(lower=("periodic", "slip", "slip"), upper=("slip", "slip", "slip"))
+    slab = mpm.sample_box((0, 0, 0), (0.1, 0.01, 0.1), 0.005)
+    body = mpm.Body(mpm.DruckerPrager(**SAND), slab, volume=0.005**3)
+    with pytest.raises(mpm.InvalidValue, match="one cell along y between two walls"):
+        mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.01, 0.1), 0.01), bodies=[body])
+
+
+def test_divergence_says_everything() -> None:
+    field = solver([block()])
+    state = field.state()
+    state["v"][7] = 1e6
+    field.load(state)
+    with pytest.raises(mpm.SimulationDiverged) as caught:
+        field.advance(field.dt)
+    assert caught.value.diagnostics.mass == pytest.approx(1500 * 0.05**3)
+    assert caught.value.speed > 1e3
+    state["v"][7] = np.nan
+    field.load(state)
+    with pytest.raises(mpm.SimulationDiverged) as caught:
+        field.advance(field.dt)
+    assert caught.value.diagnostics.first_non_finite is not None
+
+
+def test_diagnostics_of_a_resting_block() -> None:
+    seen = solver([block()], gravity=(0, 0, 0)).diagnostics()
+    assert seen.mass == pytest.approx(0.1875) and seen.cfl == 0 and seen.escaped == 0
+    assert seen.compaction == pytest.approx(0, abs=1e-12) and seen.first_non_finite is None
