@@ -3,8 +3,8 @@
 from mpm.backend import init
 from mpm.body import Body
 from mpm.collider import Collider
-from mpm.elasticity import Elastic
 from mpm.diagnostics import Diagnostics
+from mpm.elasticity import Elastic
 from mpm.errors import (
     BackendError,
     InvalidValue,

@@ -12,7 +12,7 @@ Shape = Box | Capsule | Lattice | Plane | Shell | Sphere
 
 @dataclass(frozen=True, eq=False)
 class Collider:
-    """A solid or a shell with Coulomb friction. A static solid never moves, and costs a lookup per node, no distance."""
+    """A solid or a shell with Coulomb friction. A static solid never moves; it costs a lookup a node."""
 
     sdf: Shape
     friction: float = 0.5

@@ -4,7 +4,7 @@ from mpm.backend import ti
 from mpm.grid import BLOCK, in_first_layer
 from mpm.ledger import GRAVITY_ROW, credit, position
 from mpm.strain import keep
-from mpm.surface import coulomb, tool_frame
+from mpm.surface import coulomb, surface_velocity, tool_axes, tool_origin
 
 FACE = 0.51
 """Cells in front of a shell's face within which a node counts as on it. Half a cell puts the walls that nodes can make
@@ -75,12 +75,12 @@ def collide(scene: ti.template(), motion: ti.template(), s: ti.i32, I, before, m
     if ti.static(len(scene.features.shells) > 0):
         v = shell_contact(scene, motion, s, I, J, v, mass, place, out)
     for k, index in ti.static(enumerate(scene.features.moving_solids)):
-        c_t, R, linear, angular = tool_frame(motion, k, s)
+        c_t, R = tool_origin(motion, k, s), tool_axes(motion, k, s)
         r = ti.cast(place, scene.grid.nodes.dtype) - c_t
         if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
             n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
             if phi < 0:
-                new = coulomb(v, linear + angular.cross(r), R @ n_t, scene.numbers.frictions[index])
+                new = coulomb(v, surface_velocity(motion, k, s, r), R @ n_t, scene.numbers.frictions[index])
                 credit(out, scene.first_collider_row + index, place, mass * (new - v))
                 v = new
     return v
@@ -100,11 +100,11 @@ def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, 
         own = I[0] < scene.grid.width
         material = ti.cast(1 if (side > 0) == own else -1, scene.grid.nodes.dtype)
         for row, index in ti.static(scene.features.shell_rows):
-            if ti.abs(side) == index + 1 and material * gap[3] < scene.numbers.half_thickness[index] + FACE * scene.cell:
-                c_t, R_t, linear, angular = tool_frame(motion, row, s)
+            face = scene.numbers.half_thickness[index] + FACE * scene.cell
+            if ti.abs(side) == index + 1 and material * gap[3] < face:
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
-                r = ti.cast(place, scene.grid.nodes.dtype) - c_t
-                result = coulomb(v, linear + angular.cross(r), normal, scene.numbers.frictions[index])
+                r = ti.cast(place, scene.grid.nodes.dtype) - tool_origin(motion, row, s)
+                result = coulomb(v, surface_velocity(motion, row, s, r), normal, scene.numbers.frictions[index])
                 credit(out, scene.first_collider_row + index, place, mass * (result - v))
     return result
 
@@ -119,7 +119,7 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
     """
     for q in range(particles.ranges[body][0], particles.ranges[body][1]):
         for k, index in ti.static(enumerate(scene.features.moving_solids)):
-            c_t, R, linear, angular = tool_frame(motion, k, s)
+            c_t, R = tool_origin(motion, k, s), tool_axes(motion, k, s)
             d2 = (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
                 + (particles.x[2][q] + origin[2] - c_t[2]) ** 2
             for lane in range(4):
@@ -131,7 +131,7 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                     n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
                     if phi < 0:
                         normal = R @ n_t
-                        approach = (v - linear - angular.cross(r)).dot(normal)
+                        approach = (v - surface_velocity(motion, k, s, r)).dot(normal)
                         dv = normal * ti.max(-approach, 0.0)
                         mass = scene.numbers.densities[body] * particles.volume[q].dot(hot)
                         # the grain acts where it was before the move: x - dt v

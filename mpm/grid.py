@@ -30,7 +30,7 @@ class Grid:
             raise InvalidValue(f"Grid: cell = {self.cell} m; accepted: a positive length")
         span = np.subtract(self.upper, self.lower)
         if span.shape != (3,) or np.any(span < (1 - 1e-9) * self.cell):
-            raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is not a box of one cell of {self.cell} m or more")
+            raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is no box of a cell of {self.cell} m or more")
 
     @property
     def cells(self) -> np.ndarray:
@@ -108,7 +108,7 @@ def first_nodes(grid: ti.template(), x: ti.template(), q, inverse_cell):
 
 @ti.func
 def mark_pack(grid: ti.template(), nodes: ti.template(), last: ti.i32, stamp: ti.i32):
-    """Activate the blocks that the stencils of a pack reach; `last` is the key of the lane before, the key is returned."""
+    """Activate the blocks that the stencils of a pack reach; `last` is the key of the lane before; returns the key."""
     key_before = last
     for lane in ti.static(range(4)):
         b = [keep(nodes[d][lane] // BLOCK) for d in range(3)]

@@ -47,9 +47,8 @@ def column(grid: ti.template(), block, a, b, axis, node):
     e = unit(axis)
     corner = block * BLOCK
     I = corner * (1 - e) + node * e + a * unit((axis + 1) % 3) + b * unit((axis + 2) % 3)
-    if ti.static(grid.layers == 2):
-        if axis == 0 and corner[0] >= grid.width:
-            I[0] += grid.width
+    if axis == 0 and corner[0] >= grid.width:
+        I[0] += grid.width  # in the second layer
     return I
 
 

@@ -163,8 +163,8 @@ class Sdf:
         parts = mesh if isinstance(mesh, list) else [mesh]
         for part in parts:
             if not part.is_watertight:
-                raise InvalidValue("Sdf.from_mesh: the mesh has open edges, and a solid is closed; close it, or make it a thin "
-                                   "shell with Shell.from_mesh(mesh, thickness)")
+                raise InvalidValue("Sdf.from_mesh: the mesh has open edges, and a solid is closed; close it, or make "
+                                   "it a thin shell with Shell.from_mesh(mesh, thickness)")
         bounds = np.array([part.bounds for part in parts])
         lower = bounds[:, 0].min(0) - margin
         shape = np.ceil((bounds[:, 1].max(0) + margin - lower) / spacing).astype(int) + 1

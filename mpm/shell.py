@@ -42,8 +42,8 @@ class Shell:
             raise InvalidValue("Shell: the mid-surface has no faces")
         surface = trimesh.Trimesh(mid_surface.vertices, mid_surface.faces, process=True)
         if not surface.is_winding_consistent:
-            raise InvalidValue("Shell: neighbouring faces of the mid-surface wind in opposite ways; a sheet has two sides, "
-                               "edges shared by three faces are not accepted (split the mesh into several shells)")
+            raise InvalidValue("Shell: neighbouring faces of the mid-surface wind in opposite ways; a sheet has two "
+                               "sides: turn faces over, and split edges of three faces into several shells")
         return cls(surface, thickness, spacing)
 
     def allocate(self, cell: float) -> None:

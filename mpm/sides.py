@@ -11,7 +11,7 @@ from mpm.backend import real_type, ti
 from mpm.grid import BLOCK, Grid, activate, clear, first_nodes
 from mpm.ledger import credit, position
 from mpm.shell import FAR
-from mpm.surface import tool_frame
+from mpm.surface import surface_velocity, tool_axes, tool_origin
 from mpm.transfer import weights
 
 CURVATURE = 0.5
@@ -55,9 +55,8 @@ def label_nodes(scene: ti.template(), motion: ti.template(), s: ti.i32, stamp: t
         block = scene.grid.active[n]
         near = 0
         for row, index in ti.static(scene.features.shell_rows):
-            c_t, R_t, u_t, w_t = tool_frame(motion, row, s)
             middle = position(block * BLOCK, corner, scene.cell) + 0.5 * (BLOCK - 1) * scene.cell
-            r = ti.cast(middle, scene.grid.nodes.dtype) - c_t
+            r = ti.cast(middle, scene.grid.nodes.dtype) - tool_origin(motion, row, s)
             if r.norm() < scene.colliders[index].sdf.radius + 2.6 * scene.cell:
                 near = 1
         if near + scene.cuts.labelled[block] > 0:
@@ -77,8 +76,8 @@ def label_node(scene: ti.template(), motion: ti.template(), s: ti.i32, I, corner
     closest = ti.cast(FAR, scene.grid.nodes.dtype)
     side, shell = 0, 0
     for row, index in ti.static(scene.features.shell_rows):
-        c_t, R, u_t, w_t = tool_frame(motion, row, s)
-        r = ti.cast(position(I, corner, scene.cell), scene.grid.nodes.dtype) - c_t
+        R = tool_axes(motion, row, s)
+        r = ti.cast(position(I, corner, scene.cell), scene.grid.nodes.dtype) - tool_origin(motion, row, s)
         n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
         if ti.abs(phi) < closest:
             closest = ti.abs(phi)
@@ -99,32 +98,41 @@ def reaches_across(scene: ti.template(), J):
 
 
 @ti.func
-def label_grains(scene: ti.template(), motion: ti.template(), s: ti.i32, stamp: ti.i32, corner):
+def label_grains(scene: ti.template(), P: ti.template(), motion: ti.template(), s: ti.i32):
     """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it. Empties the list."""
     scene.cuts.count[None] = 0
-    for q in range(scene.particles.n_packs):
-        nodes, f = first_nodes(scene.grid, scene.particles.x, q, 1.0 / scene.cell)
+    for q in range(P.n_packs):
+        nodes = first_nodes(scene.grid, P.x, q, 1.0 / scene.cell)[0]
         near = 0
         for l in ti.static(range(4)):
-            near += scene.cuts.labelled[(nodes[0][l] + 1) // BLOCK, (nodes[1][l] + 1) // BLOCK, (nodes[2][l] + 1) // BLOCK]
-        if near > 0 or ti.abs(scene.particles.side[q]).sum() > 0:
+            near += scene.cuts.labelled[ti.Vector([nodes[d][l] + 1 for d in range(3)]) // BLOCK]
+        if near > 0 or ti.abs(P.side[q]).sum() > 0:
             for l in range(4):
                 hot = ti.Vector([ti.cast(l == i, ti.i32) for i in range(4)])
                 J = ti.Vector([nodes[d].dot(hot) + 1 for d in range(3)])
                 bright = ti.cast(hot, scene.grid.nodes.dtype)
-                before = ti.cast(scene.particles.side[q].dot(bright), ti.i32)
-                side = 0
-                if scene.cuts.labelled[J // BLOCK] > 0 and scene.cuts.shell[J] > 0 and reaches_across(scene, J):
-                    for row, index in ti.static(scene.features.shell_rows):
-                        if scene.cuts.shell[J] == index + 1:
-                            c_t, R, u_t, w_t = tool_frame(motion, row, s)
-                            r = ti.Vector([scene.particles.x[d][q].dot(bright) + scene.origin[d] - c_t[d] for d in range(3)])
-                            n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
-                            side = sided * (index + 1) * (1 if phi >= 0 else -1)
-                            scene.particles.gap[q] = scene.particles.gap[q] * (1.0 - bright) + phi * bright
-                    if side != 0 and ti.abs(before) == ti.abs(side):
-                        side = before
-                scene.particles.side[q] = scene.particles.side[q] * (1.0 - bright) + ti.cast(side, scene.grid.nodes.dtype) * bright
+                before = ti.cast(P.side[q].dot(bright), ti.i32)
+                x = ti.Vector([P.x[d][q].dot(bright) + scene.origin[d] for d in range(3)])
+                side, phi = grain_side(scene, motion, s, J, x)
+                if side != 0 and ti.abs(before) == ti.abs(side):
+                    side = before
+                put(P.gap, q, bright, phi)
+                put(P.side, q, bright, ti.cast(side, scene.grid.nodes.dtype))
+
+
+@ti.func
+def grain_side(scene: ti.template(), motion: ti.template(), s: ti.i32, J, x):
+    """Side label of a grain at x whose stencil lies about node J, and its signed distance; 0 where nothing is cut."""
+    side = 0
+    gap = ti.cast(FAR, scene.grid.nodes.dtype)
+    if scene.cuts.labelled[J // BLOCK] > 0 and scene.cuts.shell[J] > 0 and reaches_across(scene, J):
+        for row, index in ti.static(scene.features.shell_rows):
+            if scene.cuts.shell[J] == index + 1:
+                y = tool_axes(motion, row, s).transpose() @ (x - tool_origin(motion, row, s))
+                _n, phi, sided = scene.colliders[index].sdf.at(y)
+                gap = phi
+                side = sided * (index + 1) * (1 if phi >= 0 else -1)
+    return side, gap
 
 
 @ti.func
@@ -235,7 +243,7 @@ def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v,
         own = ti.cast(1 if side > 0 else -1, scene.grid.nodes.dtype)
         thick = scene.numbers.half_thickness[index]
         if ti.abs(side) == index + 1 and own * lane_of(scene.particles.gap, slot) < thick + WATCHED * scene.cell:
-            c_t, R, linear, angular = tool_frame(motion, row, s)
+            c_t, R = tool_origin(motion, row, s), tool_axes(motion, row, s)
             r = ti.Vector([x[d] + scene.origin[d] + dt * v[d] - c_t[d] for d in range(3)])
             n_t, phi, sided = scene.colliders[index].sdf.at(R.transpose() @ r)
             size = 0.5 * ti.pow(lane_of(scene.particles.volume, slot), 1.0 / 3.0)
@@ -243,7 +251,7 @@ def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v,
             if sided > 0 and depth > 0:
                 normal = own * (R @ n_t)
                 push = ti.min(depth, RECOVERY * scene.cell) / dt
-                slide = v - linear - angular.cross(r)
+                slide = v - surface_velocity(motion, row, s, r)
                 slide = slide - slide.dot(normal) * normal
                 held = ti.min(scene.numbers.frictions[index] * push / slide.norm(1e-12), 1.0)
                 result = v + push * normal - held * slide

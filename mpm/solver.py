@@ -6,8 +6,8 @@ import numpy as np
 
 from mpm.backend import PRECISIONS, default_precision, real_type, session_precision, ti
 from mpm.body import Body
-from mpm.collider import Collider
 from mpm.checks import check_scene
+from mpm.collider import Collider
 from mpm.contact import cache_static
 from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, energy_of, momentum_of
 from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
@@ -19,7 +19,7 @@ from mpm.particles import LANES, ParticleFields
 from mpm.sdf import Lattice
 from mpm.shell import Shell
 from mpm.sides import CutFields
-from mpm.strain import INTEGRATORS, SERIES_LIMIT
+from mpm.strain import INTEGRATORS
 from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.timestep import COURANT_FRACTION, isolated_particle_bound, travel_bound, viscous_bound
 from mpm.walls import Walls
@@ -40,9 +40,9 @@ class Solver:
 
     dt: substep [s], or None for `COURANT_FRACTION` of the bound; a dt above the bound raises TimeStepTooLarge.
     A collider that moves faster than dt allows is followed with smaller substeps. precision: "f32", "f64" or None
-    (init's). integrator: "series", "exact", "auto" or None. "auto" takes the series while no strain leaves the range
-    in which it is exact to single precision, and the eigenvalues while one does; None is "auto" in single precision
-    and "exact" in double. body_acceleration: (n_particles, 3) [m/s^2], see `set_body_acceleration`.
+    (init's). integrator: "series", "exact", "auto" or None. "auto" takes the eigenvalues for grains whose strain leaves
+    the range in which the series is exact to single precision; None is "auto" in single precision, "exact" in double.
+    body_acceleration: (n_particles, 3) [m/s^2], see `set_body_acceleration`.
     """
 
     def __init__(
@@ -57,8 +57,8 @@ class Solver:
             raise UnknownName("precision", precision, PRECISIONS)
         takes_logarithms = any(body.material.state == "hencky" for body in bodies)
         integrator = integrator or ("auto" if self.precision == "f32" and takes_logarithms else "exact")
-        if integrator not in (*INTEGRATORS, "auto"):
-            raise UnknownName("integrator", integrator, (*INTEGRATORS, "auto"))
+        if integrator not in INTEGRATORS:
+            raise UnknownName("integrator", integrator, INTEGRATORS)
         if not bodies:
             raise InvalidValue("Solver: bodies is empty; give at least one Body")
         for body in bodies:
@@ -115,10 +115,7 @@ class Solver:
                     numbers = np.concatenate([pose.position, pose.matrix.ravel()])
                     cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
             self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls.friction, self.precision)
-            self._kernels: dict[str, Substeps] = {}
-            self.integrator = "series" if self.features.integrator == "auto" else self.features.integrator
-            """The one in use."""
-            self._substeps = self._kernels[self.integrator] = Substeps(self, self.integrator)
+            self._substeps = Substeps(self)
         self._no_motion = np.zeros((1, 1, 18), self._dtype)
         self._out = np.zeros((self._substeps.rows, 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
@@ -131,8 +128,9 @@ class Solver:
         if not self.features.body_acceleration:
             raise InvalidValue("the solver has no body acceleration; build it with body_acceleration=(n, 3) or zeros")
         values = np.asarray(accelerations, float)
-        if values.shape != (sum(self.particles.counts), 3):
-            raise InvalidValue(f"body_acceleration has shape {values.shape}; accepted: {(sum(self.particles.counts), 3)}")
+        accepted = (sum(self.particles.counts), 3)
+        if values.shape != accepted:
+            raise InvalidValue(f"body_acceleration has shape {values.shape}; accepted: {accepted}")
         self.particles.write(self.particles.acceleration, values)
 
     # motion of colliders -------------------------------------------------------------------------------------------
@@ -192,24 +190,9 @@ class Solver:
             self._stamp += n
             self.time += n * dt
             self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
-            squares, fastest, strain = self._out[self._substeps.status, :3]
+            squares, fastest = self._out[self._substeps.status, :2]
             if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise self._diverged(dt)
-            if self.features.integrator == "auto":
-                self._choose_integrator(strain)
-
-    def _choose_integrator(self, strain: float) -> None:
-        """Leave the series when the largest entry of e passes its limit, return to it below half of that."""
-        wanted = self.integrator
-        if strain > SERIES_LIMIT:
-            wanted = "exact"
-        elif strain < 0.5 * SERIES_LIMIT:
-            wanted = "series"
-        if wanted != self.integrator:
-            if wanted not in self._kernels:
-                with default_precision(self.precision):
-                    self._kernels[wanted] = Substeps(self, wanted)
-            self._substeps, self.integrator = self._kernels[wanted], wanted
 
     def _motion_table(self, screws: list[ScrewSamples], first: int, n: int) -> np.ndarray:
         """Origin, matrix, linear and angular velocity of the moving colliders in n substeps (k, n, 18)."""

@@ -208,7 +208,42 @@ def exponential_exact(h: ti.template()):
     return compose([keep(expm1(2.0 * d[i])) for i in range(3)], v)
 
 
-INTEGRATORS = {"series": (hencky_series, exponential_series), "exact": (hencky_exact, exponential_exact)}
-"""Name -> (logarithm, exponential)."""
 SERIES_LIMIT = 0.26
-"""Largest entry of e up to which the series is exact to single precision: |h| = 0.15 in compression."""
+"""Largest entry of e, or of 2 h, up to which the series are exact to single precision: |h| = 0.15 in compression."""
+
+
+@ti.func
+def largest(a: ti.template()):
+    """Largest entry of the four tensors of a pack."""
+    diagonal = ti.max(ti.abs(a[0]), ti.abs(a[1]), ti.abs(a[2]))
+    return ti.max(diagonal, ti.abs(a[3]), ti.abs(a[4]), ti.abs(a[5])).max()
+
+
+@ti.func
+def hencky_auto(e: ti.template()):
+    """The series, or for a pack that holds a large strain the eigenvalues."""
+    h = hencky_series(e)
+    if largest(e) > SERIES_LIMIT:
+        exact = hencky_exact(e)
+        for i in ti.static(range(6)):
+            h[i] = exact[i]
+    return h
+
+
+@ti.func
+def exponential_auto(h: ti.template()):
+    """The series, or for a pack that holds a large strain the eigenvalues."""
+    e = exponential_series(h)
+    if 2.0 * largest(h) > SERIES_LIMIT:
+        exact = exponential_exact(h)
+        for i in ti.static(range(6)):
+            e[i] = exact[i]
+    return e
+
+
+INTEGRATORS = {
+    "series": (hencky_series, exponential_series),
+    "exact": (hencky_exact, exponential_exact),
+    "auto": (hencky_auto, exponential_auto),
+}
+"""Name -> (logarithm, exponential)."""

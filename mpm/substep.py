@@ -22,7 +22,7 @@ FULL = (0, 3, 4, 3, 1, 5, 4, 5, 2)
 class Substeps:
     """The kernel of one solver; reads the solver's fields and features, both fixed."""
 
-    def __init__(self, scene, integrator: str) -> None:  # noqa: ANN001  (a Solver; importing it would be a cycle)
+    def __init__(self, scene) -> None:  # noqa: ANN001  (a Solver; importing it here would be a cycle)
         self.particles, self.grid = scene.particles, scene.fields
         self.numbers, self.cuts = scene.numbers, scene.cuts
         self.features, self.colliders = scene.features, scene.colliders
@@ -36,7 +36,7 @@ class Substeps:
         self.cells = tuple(int(c) for c in scene.grid.cells)
         self.span = tuple(float(c) * self.cell for c in scene.grid.cells)
         self.corner = GHOST * self.cell
-        self.logarithm, self.exponential = INTEGRATORS[integrator]
+        self.logarithm, self.exponential = INTEGRATORS[scene.features.integrator]
         self.first_collider_row = FIRST_COLLIDER_ROW
         self.rows = FIRST_COLLIDER_ROW + len(scene.colliders) + 2
         self.momentum, self.status = self.rows - 2, self.rows - 1
@@ -63,7 +63,7 @@ class Substeps:
             clear(self.grid, 0, self.grid.count[None])
             if ti.static(len(self.features.shells) > 0):
                 label_nodes(self, motion, s, stamp, corner)
-                label_grains(self, motion, s, stamp, corner)
+                label_grains(self, self.particles, motion, s)
             for body in ti.static(range(len(self.laws))):
                 self.to_grid(self.particles, self.laws[body], body, dt, out)
             if ti.static(len(self.features.shells) > 0):
@@ -214,7 +214,7 @@ class Substeps:
 
     @ti.func
     def take_status(self, out: ti.template()):
-        """Sum of squared velocities (not finite if anything is not), the largest speed and the largest entry of e."""
+        """Sum of squared velocities (not finite if anything is not) and the largest speed."""
         total = ti.cast(0.0, ti.f64)
         fastest = ti.cast(0.0, ti.f64)
         for q in range(self.particles.n_packs):
@@ -223,9 +223,3 @@ class Substeps:
             fastest = ti.max(fastest, ti.cast(v2.max(), ti.f64))
         out[self.status, 0] = total
         out[self.status, 1] = ti.sqrt(fastest)
-        if ti.static(self.features.tensor_state):
-            strain = self.particles.e[0][0] * 0.0
-            for q in range(self.particles.n_packs):
-                for i in ti.static(range(6)):
-                    strain = ti.max(strain, ti.abs(self.particles.e[i][q]))
-            out[self.status, 2] = ti.cast(strain.max(), ti.f64)

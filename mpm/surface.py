@@ -21,9 +21,21 @@ def coulomb(v, surface, normal, friction):
 
 
 @ti.func
-def tool_frame(motion: ti.template(), k: ti.i32, s: ti.i32):
-    """Origin, rotation matrix, linear and angular velocity of moving collider k in substep s."""
-    m = [keep(motion[k, s, c]) for c in range(18)]
-    return (ti.Vector([m[0], m[1], m[2]]),
-            ti.Matrix([[m[3], m[4], m[5]], [m[6], m[7], m[8]], [m[9], m[10], m[11]]]),
-            ti.Vector([m[12], m[13], m[14]]), ti.Vector([m[15], m[16], m[17]]))
+def tool_origin(motion: ti.template(), k: ti.i32, s: ti.i32):
+    """Origin of moving collider k in substep s."""
+    return ti.Vector([motion[k, s, c] for c in ti.static(range(3))])
+
+
+@ti.func
+def tool_axes(motion: ti.template(), k: ti.i32, s: ti.i32):
+    """Rotation matrix of moving collider k in substep s."""
+    m = [keep(motion[k, s, 3 + c]) for c in range(9)]
+    return ti.Matrix([[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]])
+
+
+@ti.func
+def surface_velocity(motion: ti.template(), k: ti.i32, s: ti.i32, r):
+    """Velocity of moving collider k in substep s at r from its origin."""
+    linear = ti.Vector([motion[k, s, 12 + c] for c in ti.static(range(3))])
+    angular = ti.Vector([motion[k, s, 15 + c] for c in ti.static(range(3))])
+    return linear + angular.cross(r)

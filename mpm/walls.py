@@ -31,7 +31,7 @@ class Walls:
                 raise UnknownName("wall condition", condition, CONDITIONS)
         for axis, pair in zip("xyz", zip(self.lower, self.upper)):
             if "periodic" in pair and pair[0] != pair[1]:
-                raise InvalidValue(f"Walls: {axis} is {pair[0]} below and {pair[1]} above; both sides are periodic or none")
+                raise InvalidValue(f"Walls: {axis} is {pair[0]} and {pair[1]}; both sides are periodic or none")
         if self.friction < 0:
             raise InvalidValue(f"Walls: friction = {self.friction}; accepted: 0 or more")
 
@@ -45,7 +45,7 @@ class Walls:
         """Raise InvalidValue when two walls are closer than two cells: their mirror images would meet."""
         for axis, cells, periodic in zip("xyz", grid.cells, self.periodic):
             if cells < 2 and not periodic:
-                raise InvalidValue(f"Grid: one cell along {axis} between two walls; accepted: 2 or more, or periodic sides")
+                raise InvalidValue(f"Grid: one cell along {axis} between walls; accepted: 2 or more, or periodic sides")
 
 
 def wall_table(walls: Walls, grid: Grid) -> np.ndarray:

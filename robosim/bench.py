@@ -11,18 +11,21 @@ from pathlib import Path
 import numpy as np
 
 import mpm
+from robosim.cases.shell_leak import AXES, bowl
 from robosim.errors import UnknownName
 from robosim.output import OutputFolder
 
 SIZES = (300, 2880, 50_000)
 """Grains: a spoonful, a container at 8 mm cells, a kitchen bed."""
-SCENES = ("sand", "sand_with_tool", "fluid", "clay")
+SCENES = ("sand", "sand_with_tool", "sand_with_shell", "fluid", "clay")
 NODES = 64
 """Cells along each side of the unit cube that is the workspace."""
 SUBSTEPS = 10
 """Substeps in one launch, as in a host step of the paper's ancestors."""
 WORK = 3e6
-"""Grains times substeps that one repetition measures."""
+"""Grains times substeps that one repetition measures, at most."""
+LAUNCHES = 30
+"""Launches of one repetition at most; each begins at the same state, so that all scenes are timed in the same shape."""
 YARDSTICKS = {
     "reference_layout.py": ("reference", r'"ns_per_particle_substep": ([0-9.]+)'),
     "lane_fused.py": ("prototype", r"ns/particle-substep ([0-9.]+)"),
@@ -30,15 +33,18 @@ YARDSTICKS = {
 """File in the folder given by --yardsticks -> (name, where its output states the figure)."""
 
 
-def time_scene(scene: str, grains: int, repetitions: int = 5) -> dict[str, float]:
+def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float]:
     """Compile time [s] and median ns per grain and substep of one scene, in this process."""
     solver = _solver(scene, grains)
+    state = solver.state()
     begin = time.perf_counter()
     solver.advance(SUBSTEPS * solver.dt)
     compile_time = time.perf_counter() - begin
-    launches = max(5, int(WORK / grains / SUBSTEPS))
+    launches = min(max(5, int(WORK / grains / SUBSTEPS)), LAUNCHES)
     figures = []
     for _ in range(repetitions):
+        solver.load(state)
+        solver.advance(SUBSTEPS * solver.dt)
         begin = time.perf_counter()
         for _ in range(launches):
             solver.advance(SUBSTEPS * solver.dt)
@@ -55,10 +61,18 @@ def _solver(scene: str, grains: int) -> mpm.Solver:
     law = laws.get(scene, mpm.DruckerPrager(E=1000.0, nu=0.2, density=1.0, friction_angle_deg=30.0))
     side = (grains / 8) ** (1 / 3) * cell
     corner = np.array([0.3, 0.3, 2 * cell])
-    positions = np.random.default_rng(0).uniform(0, 1, (grains, 3)) * side + corner
+    positions = np.random.default_rng(0).uniform(0, 1, (2 * grains, 3)) * side + corner
+    if scene == "sand_with_shell":  # no grain begins in the wall
+        height = np.linalg.norm(positions - corner - [side / 2, side / 2, side], axis=1)
+        positions = positions[np.abs(height - side / 4) > 0.5 * cell]
+    positions = positions[:grains]
     colliders = []
+    pose = mpm.Pose(corner + [side / 2, side / 2, side], mpm.Pose.identity().quaternion)
+    if scene == "sand_with_shell":
+        mesh = bowl()
+        mesh.vertices *= side / 4 / AXES
+        colliders = [mpm.Collider(mpm.Shell.from_mesh(mesh, 1e-3), friction=0.1, pose=pose)]
     if scene == "sand_with_tool":
-        pose = mpm.Pose(corner + [side / 2, side / 2, side], np.array([1.0, 0.0, 0.0, 0.0]))
         colliders = [mpm.Collider(mpm.Sdf.box((side / 4,) * 3), friction=0.1, pose=pose)]
     top = 1.0 - 4 * cell
     body = mpm.Body(law, positions, volume=(cell / 2) ** 3)

@@ -1,4 +1,4 @@
-"""What the field does in stiff and extreme cases: stable, refused with a reason, or unstable with what went wrong first.
+"""What the field does in stiff and extreme cases: stable, refused with a reason, or unstable and what failed first.
 
 Stable means all of: finite; every principal stretch between 0.05 and 20; no grain outside the walls; speeds below
 twice what the drop gives plus a tenth of the sound speed; mechanical energy never more than 1 % above the start's;

@@ -3,8 +3,20 @@
 import numpy as np
 import pytest
 
-from robosim.cases import NAMES, axis_aligned, bar, column_weight, dam_break, find, free_fall, hydrostatic, lock_gate
-from robosim.cases import shell_leak, spin, vortex
+from robosim.cases import (
+    NAMES,
+    axis_aligned,
+    bar,
+    column_weight,
+    dam_break,
+    find,
+    free_fall,
+    hydrostatic,
+    lock_gate,
+    shell_leak,
+    spin,
+    vortex,
+)
 from robosim.errors import UnknownName
 
 

@@ -58,7 +58,8 @@ def test_periodic_sides_repeat_space(boundary: str) -> None:
     if boundary == "roller":
         velocities[:, 0] = 0.0
     sides = (boundary, "periodic", "periodic")
-    body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), positions, velocities=velocities, volume=(cell / 2) ** 3)
+    material = mpm.Elastic(E=1e5, nu=0.3, density=1000.0)
+    body = mpm.Body(material, positions, velocities=velocities, volume=(cell / 2) ** 3)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (n * cell,) * 3, cell), bodies=[body], gravity=(0, 0, 0),
                         walls=mpm.Walls(lower=sides, upper=sides), precision="f64")
     solver.advance(0.5)

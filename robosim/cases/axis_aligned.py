@@ -10,8 +10,8 @@ import mpm
 from robosim.cases.record import Clock, Record
 
 NAME = "axis_aligned"
-SOURCE = ("Wallstedt & Guilkey 2008, J. Comput. Phys. 227:9628; in 3-D Kamojjala et al. 2015, Eng. w. Computers 31:193, "
-          "with the parameters of Uintah's MMS.cc")
+SOURCE = ("Wallstedt & Guilkey 2008, J. Comput. Phys. 227:9628; in 3-D Kamojjala et al. 2015, Eng. w. Computers "
+          "31:193, with the parameters of Uintah's MMS.cc")
 BANDS = {"rms at 16 cells": 0.02, "rms at 32 cells": 0.008, "order 8 to 16": 1.7, "order 16 to 32": 1.4}
 """Errors at most, orders at least."""
 SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for c in (0.2, 0.5) for n in (8, 16, 32)]

@@ -74,11 +74,12 @@ def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, couran
         integrator="series" if precision == "f32" else None)
 
 
-def measure(*, a: float = 1.0, cells: float = 12, per_cell: int = 4, E: float = 1.5e4, courant: float = 0.7,
+def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 2e4, courant: float = 0.7,
             precision: str = "f32", quarter: bool = True, duration: float | None = None) -> Record:
     """Errors of rim and height; cells per radius, E [Pa] for a = 1, duration [s] or None for twice the source's time.
 
-    E grows with a, so that columns of all heights are compressed alike.
+    E grows with a, so that columns of all heights are compressed alike, by 3 % on average at 2e4. The rim is the same
+    to some 1 % for half or one and a half times that; the height is not: soft or coarse columns sag at the axis.
     """
     cell, duration = RADIUS / cells, duration or 0.6 * math.sqrt(a)
     solver = column(a, cell, per_cell, quarter, E * a, courant, precision)
@@ -88,9 +89,9 @@ def measure(*, a: float = 1.0, cells: float = 12, per_cell: int = 4, E: float = 
     radii = np.hypot(*positions[:, :2].T)
     r99 = np.quantile(radii, 0.99)
     height = np.quantile(positions[radii < 0.2 * RADIUS, 2], 0.99)
-    errors = {"rim": r99 / rim(a) - 1, "run-out": (r99 - RADIUS) / (rim(a) - RADIUS) - 1, "height": height / crest(a) - 1,
-              "drift": np.sqrt((solver.velocities() ** 2).sum(1).mean())}
+    errors = {"rim": r99 / rim(a) - 1, "run-out": (r99 - RADIUS) / (rim(a) - RADIUS) - 1,
+              "height": height / crest(a) - 1, "drift": np.sqrt((solver.velocities() ** 2).sum(1).mean())}
     choices = {"a": a, "cells": cells, "per_cell": per_cell, "E": E, "courant": courant, "precision": precision,
                "quarter": quarter, "duration": duration}
-    return clock.record(NAME, choices, errors, r99=r99, run_out=(r99 - RADIUS) / RADIUS, height=height,
+    return clock.record(NAME, choices, errors, r99=r99, run_out=(r99 - RADIUS) / RADIUS, crest=height,
                         outermost=radii.max())

@@ -6,8 +6,8 @@ import mpm
 from robosim.cases.record import Clock, Record
 
 NAME = "column_weight"
-SOURCE = ("statics; error measure of Coombs & Augarde 2020, Adv. Eng. Softw. 139:102748; settlement of the Hencky column "
-          "from E ln l / l = P")
+SOURCE = ("statics; error measure of Coombs & Augarde 2020, Adv. Eng. Softw. 139:102748; settlement of the Hencky "
+          "column from E ln l / l = P")
 BANDS = {"stress at 20 cells": 0.03, "stress at 40 cells": 0.015, "settlement": 0.02}
 """Relative errors at most."""
 SWEEP = [{"cells": n, "precision": p, "integrator": i}

@@ -1,4 +1,4 @@
-"""A block of elastic material falls: every grain where symplectic Euler puts it, whatever the grid's place and speed."""
+"""An elastic block falls: every grain where symplectic Euler puts it, whatever the grid's place and speed."""
 
 import numpy as np
 

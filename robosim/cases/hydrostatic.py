@@ -38,6 +38,7 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water")
         pressure = -BULK * 0.5 * np.log1p(state["e"].astype(float)[:, :3]).sum(1)
     gradient, surface = np.polyfit(depth, pressure, 1)
     top = depth < cell
-    errors = {"gradient": gradient / (DENSITY * G) - 1, "base": (surface + gradient * DEPTH) / (DENSITY * G * DEPTH) - 1,
+    base = surface + gradient * DEPTH
+    errors = {"gradient": gradient / (DENSITY * G) - 1, "base": base / (DENSITY * G * DEPTH) - 1,
               "height": (solver.positions()[top, 2] + depth[top]).mean() / HEIGHT - 1}
     return clock.record(NAME, {"cells": cells, "precision": precision, "material": material}, errors)

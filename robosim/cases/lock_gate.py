@@ -1,4 +1,4 @@
-"""Water stands 10 cm deep on one side of a thin plate and 5 cm on the other: thrust, torque about the floor, and leaks."""
+"""Water stands 10 cm deep on one side of a thin plate, 5 cm on the other: thrust, torque about the floor, leaks."""
 
 import numpy as np
 import trimesh
