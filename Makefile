@@ -18,10 +18,10 @@ rehearse: $(VENV)/.run gl
 	set -x; $(BIN)/robosim rehearse spoon --out $(OUT) $$video
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n 2 -m "not slow"
 
 test-slow: $(VENV)/.test
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -n 2 -m slow
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .

@@ -16,6 +16,8 @@ SOURCE = "balance of momentum of an infinite slope; m3 = 3 alpha / sqrt(2), the 
 BANDS = {"low at 32 cells": -0.20, "high at 32 cells": 0.10}
 """Relative error of the acceleration. It shrinks from 8 cells to 16 to 32, and the acceleration is nearer to the
 prediction than to g (sin theta - tan phi cos theta), the reading `by_angle`."""
+SWEEP = [{"cells": n, "courant": c} for c in (0.2, 0.5) for n in (8, 16, 32)]
+"""Choices that the report runs."""
 HEIGHT, DENSITY, NU, G = 0.05, 1600.0, 0.3, 9.81
 SETTLING, RAMP, FIT_FROM, END = 0.03, 0.03, 0.12, 0.30
 """[s]: damped rest under the normal pull, then from zero on the tangential pull's rise, and the span of the fit."""
