@@ -164,8 +164,7 @@ def passage_width(mesh: trimesh.Trimesh, samples: int = 400) -> float:
     normals = mesh.face_normals[faces]
     if not mesh.is_watertight:
         points, normals = np.concatenate([points, points]), np.concatenate([normals, -normals])
-    triangles, rays, hits = mesh.ray.intersects_id(points + 1e-2 * normals, normals, multiple_hits=False,
-                                                   return_locations=True)
+    hits, rays, triangles = mesh.ray.intersects_location(points + 1e-2 * normals, normals, multiple_hits=False)
     facing = np.abs(np.einsum("nd,nd->n", mesh.face_normals[triangles], normals[rays])) > 0.7
     if not np.any(facing):
         return np.inf

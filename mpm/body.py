@@ -29,5 +29,7 @@ class Body:
             raise InvalidValue("Body: positions hold non-finite numbers")
         if self.volume is None or not np.all(np.asarray(self.volume, float) > 0):
             raise InvalidValue(f"Body: volume = {self.volume}; accepted: the positive volume of a particle [m^3]")
+        if np.size(self.volume) not in (1, len(positions)):
+            raise InvalidValue(f"Body: volume has shape {np.shape(self.volume)}; accepted: () or ({len(positions)},)")
         if self.velocities is not None and np.shape(self.velocities) != positions.shape:
             raise InvalidValue(f"Body: velocities have shape {np.shape(self.velocities)}; accepted: {positions.shape}")

@@ -1,7 +1,7 @@
 """Contact of grid nodes and grains with colliders: Coulomb friction, and a backstop behind it."""
 
 from mpm.backend import ti
-from mpm.grid import BLOCK, in_first_layer
+from mpm.grid import BLOCK, in_first_layer, mark_place
 from mpm.ledger import GRAVITY_ROW, credit, position
 from mpm.strain import keep
 from mpm.surface import coulomb, surface_velocity, tool_axes, tool_origin
@@ -111,7 +111,7 @@ def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, 
 
 @ti.func
 def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
-             dt, origin, body: ti.template(), out: ti.template()):
+             dt, origin, body: ti.template(), next_stamp: ti.i32, out: ti.template()):
     """Take from every grain that has come to lie inside a moving collider what carries it deeper; credit the collider.
 
     Grid nodes cannot stop the last few grains at a curved or thin wall. What is taken is the approach, and the way that
@@ -122,7 +122,8 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
             c_t, R = tool_origin(motion, k, s), tool_axes(motion, k, s)
             d2 = (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
                 + (particles.x[2][q] + origin[2] - c_t[2]) ** 2
-            for lane in range(4):
+            lanes = 4 if d2.min() < ti.static(scene.colliders[index].sdf.radius ** 2) else 0
+            for lane in range(lanes):
                 hot = ti.Vector([ti.cast(lane == l, grid.nodes.dtype) for l in range(4)])
                 if d2.dot(hot) < ti.static(scene.colliders[index].sdf.radius ** 2):
                     x = ti.Vector([keep(particles.x[d][q].dot(hot)) for d in range(3)])
@@ -140,3 +141,4 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                         for d in ti.static(range(3)):
                             particles.v[d][q] = particles.v[d][q] + dv[d] * hot
                             particles.x[d][q] = particles.x[d][q] + dt * dv[d] * hot
+                        mark_place(grid, x + dt * dv, 1.0 / scene.cell, next_stamp)

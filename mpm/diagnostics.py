@@ -33,7 +33,7 @@ class Diagnostics(NamedTuple):
     cfl: float
     """Cells that the fastest grain travels in a substep."""
     compaction: float
-    """Largest loss of volume of a grain, 1 - J."""
+    """Largest elastic loss of volume of a grain, 1 - J."""
     escaped: int
     """Grains that lie on a wall's plane: an accurate run leaves none there for long."""
     first_non_finite: int | None
@@ -73,7 +73,8 @@ def diagnostics_of(solver: "Solver") -> Diagnostics:
     bad = np.flatnonzero(~finite)
     lower = np.asarray(solver.grid.lower)
     upper = lower + solver.grid.cells * solver.grid.cell
-    on_wall = np.any(((x <= lower) | (x >= upper)) & ~np.array(solver.features.periodic), axis=1)
+    hair = 1e-4 * solver.grid.cell
+    on_wall = np.any(((x <= lower + hair) | (x >= upper - hair)) & ~np.array(solver.features.periodic), axis=1)
     with np.errstate(invalid="ignore", over="ignore"):
         speeds = np.linalg.norm(v, axis=1)
         fastest = float(np.max(speeds[finite], initial=0.0))

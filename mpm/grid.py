@@ -107,27 +107,42 @@ def first_nodes(grid: ti.template(), x: ti.template(), q, inverse_cell):
 
 
 @ti.func
-def mark_pack(grid: ti.template(), nodes: ti.template(), last: ti.i32, stamp: ti.i32):
+def mark_pack(grid: ti.template(), x: ti.template(), q, inverse_cell, last: ti.i32, stamp: ti.i32):
     """Activate the blocks that the stencils of a pack reach; `last` is the key of the lane before; returns the key."""
-    key_before = last
+    nodes = first_nodes(grid, x, q, inverse_cell)[0]
+    key = last
     for lane in ti.static(range(4)):
-        b = [keep(nodes[d][lane] // BLOCK) for d in range(3)]
-        # one bit for each way in which a stencil can reach over the upper faces of the block
-        reach = [keep((nodes[d][lane] + 2) // BLOCK - b[d]) for d in range(3)]
-        way = reach[0] * 4 + reach[1] * 2 + reach[2]
-        key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 + way
-        if key != key_before:  # neighbours in memory are mostly neighbours in space
-            key_before = key
-            if grid.seed[b[0], b[1], b[2]][0] != stamp:
-                grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, 0])
-            ways = grid.seed[b[0], b[1], b[2]][1]
-            if (ways & (1 << way)) == 0:
-                grid.seed[b[0], b[1], b[2]] = ti.Vector([stamp, ways | (1 << way)])
-                for i in range(b[0], b[0] + reach[0] + 1):
-                    for j in range(b[1], b[1] + reach[1] + 1):
-                        for k in range(b[2], b[2] + reach[2] + 1):
-                            activate(grid, ti.Vector([i, j, k]), stamp)
-    return key_before
+        key = mark(grid, ti.Vector([nodes[d][lane] for d in range(3)]), key, stamp)
+    return key
+
+
+@ti.func
+def mark(grid: ti.template(), node, last: ti.i32, stamp: ti.i32):
+    """Activate the blocks of the stencil that begins at a node, unless its key is `last`; returns the key."""
+    b = node // BLOCK
+    # one bit for each way in which a stencil can reach over the upper faces of the block
+    reach = (node + 2) // BLOCK - b
+    way = reach[0] * 4 + reach[1] * 2 + reach[2]
+    key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 + way
+    if key != last:  # neighbours in memory are mostly neighbours in space
+        if grid.seed[b][0] != stamp:
+            grid.seed[b] = ti.Vector([stamp, 0])
+        ways = grid.seed[b][1]
+        if (ways & (1 << way)) == 0:
+            grid.seed[b] = ti.Vector([stamp, ways | (1 << way)])
+            for i in range(b[0], b[0] + reach[0] + 1):
+                for j in range(b[1], b[1] + reach[1] + 1):
+                    for k in range(b[2], b[2] + reach[2] + 1):
+                        activate(grid, ti.Vector([i, j, k]), stamp)
+    return key
+
+
+@ti.func
+def mark_place(grid: ti.template(), x, inverse_cell, stamp: ti.i32):
+    """Activate the blocks of one grain's stencil; x (3,) as the particles keep it."""
+    node = ti.Vector([ti.cast(ti.floor(x[d] * inverse_cell - 0.5), ti.i32) for d in range(3)])
+    last = ti.Vector([grid.width - 3, grid.nodes.shape[1] - 3, grid.nodes.shape[2] - 3])
+    mark(grid, ti.max(ti.min(node, last), 0), -1, stamp)
 
 
 @ti.func

@@ -75,25 +75,26 @@ def normal4(axis, inward, real: ti.template()):
 
 
 @ti.func
-def home_node(grid: ti.template(), I, axis, cells):
-    """The node inside that an outer node of a periodic axis is an image of; I itself where it is inside."""
+def home_node(grid: ti.template(), I, periodic: ti.template(), cells: ti.template()):
+    """The node inside that an outer node of periodic axes is an image of; I itself where it is inside."""
+    home = I
     J = in_first_layer(grid, I)
-    e = unit(axis)
-    place = J.dot(e)
-    return I + e * (GHOST + (place - GHOST + 2 * cells) % cells - place)
+    for d in ti.static(range(3)):
+        if ti.static(periodic[d]):
+            home[d] += GHOST + (J[d] - GHOST + 2 * cells[d]) % cells[d] - J[d]
+    return home
 
 
 @ti.func
-def fold_periodic(grid: ti.template(), axis: ti.template(), cells: ti.template(), stamp):
+def fold_periodic(grid: ti.template(), periodic: ti.template(), cells: ti.template(), stamp):
     """Add the momentum of images to their home nodes; an image keeps a negative mass until it is given back."""
-    before = grid.count[None]
-    for active in range(before):
+    for active in range(grid.count[None]):
         block = grid.active[active] * BLOCK
         for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
             I = block + ti.Vector([a, b, c])
-            home = home_node(grid, I, axis, cells)
+            home = home_node(grid, I, periodic, cells)
             q = grid.nodes[I]
-            if home[axis] != I[axis] and q[3] > 0:
+            if (home != I).any() and q[3] > 0:
                 if grid.stamp[home // BLOCK] != stamp:
                     activate(grid, home // BLOCK, stamp)
                     clear(grid, grid.count[None] - 1, grid.count[None])
@@ -103,14 +104,14 @@ def fold_periodic(grid: ti.template(), axis: ti.template(), cells: ti.template()
 
 
 @ti.func
-def unfold_periodic(grid: ti.template(), axis: ti.template(), cells: ti.template()):
+def unfold_periodic(grid: ti.template(), periodic: ti.template(), cells: ti.template()):
     """Give images the velocity of their home nodes."""
     for active in range(grid.count[None]):
         block = grid.active[active] * BLOCK
         for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
             I = block + ti.Vector([a, b, c])
-            home = home_node(grid, I, axis, cells)
-            if home[axis] != I[axis] and grid.nodes[I][3] < 0:
+            home = home_node(grid, I, periodic, cells)
+            if (home != I).any() and grid.nodes[I][3] < 0:
                 grid.nodes[I] = grid.nodes[home]
 
 
@@ -127,7 +128,9 @@ def fold(grid: ti.template(), table: ti.template(), stamp, dt, gravity):
                 for a, b in ti.ndrange(BLOCK, BLOCK):
                     W = column(grid, block, a, b, axis, node)
                     at_wall = grid.nodes[W]
-                    if at_wall[3] > 0:  # a stencil that reaches a ghost reaches the wall's node too
+                    # a stencil that reaches a ghost reaches the wall's node too; in the second layer the mirror node
+                    # may hold the other side's material, and the shell stops what is there
+                    if at_wall[3] > 0 and W[0] < grid.width:
                         ghost = W - unit(axis) * inward
                         m_g = ghost_mass(grid, ghost, stamp)
                         if m_g > 0 and not folded_earlier(table, in_first_layer(grid, W), axis):

@@ -83,6 +83,8 @@ class ParticleFields:
     def named_fields(self) -> dict[str, list]:
         """The fields of a snapshot."""
         named = {"x": self.x, "v": self.v, "C": self.C}
+        if self.acceleration:
+            named["acceleration"] = self.acceleration
         if self.e:
             named["e"] = self.e
         for name, field in (("j", self.j), ("vc", self.vc), ("side", self.side)):

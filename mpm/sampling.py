@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike
 
 from mpm.errors import InvalidValue
 
@@ -9,7 +10,7 @@ JITTER = 0.25
 """Largest displacement of a grain from its lattice site, in spacings: breaks the lattice without making gaps."""
 
 
-def _lattice(lower: np.ndarray, upper: np.ndarray, spacing: float, rng: np.random.Generator | None) -> np.ndarray:
+def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None) -> np.ndarray:
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if spacing <= 0 or np.any(upper - lower < spacing):
         raise InvalidValue(f"spacing {spacing} m does not fit into the box {lower} .. {upper} m")
@@ -23,14 +24,14 @@ def _lattice(lower: np.ndarray, upper: np.ndarray, spacing: float, rng: np.rando
 
 
 def sample_box(
-    lower: np.ndarray, upper: np.ndarray, spacing: float, rng: np.random.Generator | None = None
+    lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None = None
 ) -> np.ndarray:
     """Positions [m] (n, 3) that fill the box [lower, upper] m about `spacing` apart, jittered when rng is given."""
     return _lattice(lower, upper, spacing, rng)
 
 
 def sample_cylinder(
-    centre: np.ndarray, radius: float, height: float, spacing: float, rng: np.random.Generator | None = None
+    centre: ArrayLike, radius: float, height: float, spacing: float, rng: np.random.Generator | None = None
 ) -> np.ndarray:
     """Positions [m] (n, 3) in an upright cylinder that stands on `centre` [m] (3,)."""
     centre = np.asarray(centre, float)

@@ -1,5 +1,7 @@
 """Thin shells: a mid-surface with a thickness, grains on both sides, far thinner than a cell."""
 
+import copy
+
 import numpy as np
 import trimesh
 
@@ -36,18 +38,24 @@ class Shell:
 
         Raises InvalidValue for a thickness that is not positive or a surface whose faces do not agree on their sides.
         """
-        if thickness <= 0 or (spacing is not None and spacing <= 0):
+        if not thickness > 0 or (spacing is not None and not spacing > 0):
             raise InvalidValue(f"Shell: thickness = {thickness} m, spacing = {spacing} m; accepted: positive lengths")
         if len(mid_surface.faces) == 0:
             raise InvalidValue("Shell: the mid-surface has no faces")
         surface = trimesh.Trimesh(mid_surface.vertices, mid_surface.faces, process=True)
-        if not surface.is_winding_consistent:
-            raise InvalidValue("Shell: neighbouring faces of the mid-surface wind in opposite ways; a sheet has two "
-                               "sides: turn faces over, and split edges of three faces into several shells")
+        shared = np.unique(surface.edges_sorted, axis=0, return_counts=True)[1]
+        if not surface.is_winding_consistent or shared.max() > 2:
+            raise InvalidValue("Shell: neighbouring faces of the mid-surface wind in opposite ways, or three share "
+                               "an edge; a sheet has two sides: turn faces over, or make several shells")
         return cls(surface, thickness, spacing)
 
-    def allocate(self, cell: float) -> None:
-        """Bake distances within the band that cells of `cell` [m] need; needs a running backend."""
+    def baked(self, cell: float) -> "Shell":
+        """The shell with distances within the band that cells of `cell` [m] need; needs a running backend."""
+        ready = copy.copy(self)
+        ready._bake(cell)
+        return ready
+
+    def _bake(self, cell: float) -> None:
         band = BAND * cell
         self.spacing = self.wanted_spacing or LATTICE_STEP * cell
         self.radius = self.extent + band

@@ -8,7 +8,7 @@ transferred one by one from a list.
 
 
 from mpm.backend import real_type, ti
-from mpm.grid import BLOCK, Grid, activate, clear, first_nodes
+from mpm.grid import BLOCK, Grid, activate, clear, first_nodes, mark_place
 from mpm.ledger import credit, position
 from mpm.shell import FAR
 from mpm.surface import surface_velocity, tool_axes, tool_origin
@@ -16,7 +16,7 @@ from mpm.transfer import weights
 
 CURVATURE = 0.5
 """Cells by which a curved shell may come closer to a stencil's outer nodes than its tangent plane."""
-WATCHED = 0.9
+WATCHED = 1.3
 """Cells from the shell within which a grain can come to it in a substep: its own travel and the shell's."""
 RECOVERY = 0.2
 """Cells by which the backstop corrects a grain's next position at most."""
@@ -64,14 +64,14 @@ def label_nodes(scene: ti.template(), motion: ti.template(), s: ti.i32, stamp: t
             sides = 0
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 for c in range(BLOCK):
-                    sides += label_node(scene, motion, s, block * BLOCK + ti.Vector([a, b, c]), corner)
+                    sides += label_node(scene, motion, s, near, block * BLOCK + ti.Vector([a, b, c]), corner)
             if sides > 0:
                 activate(scene.grid, block + ti.Vector([scene.grid.width // BLOCK, 0, 0]), stamp)
     clear(scene.grid, before, scene.grid.count[None])
 
 
 @ti.func
-def label_node(scene: ti.template(), motion: ti.template(), s: ti.i32, I, corner):
+def label_node(scene: ti.template(), motion: ti.template(), s: ti.i32, near: ti.i32, I, corner):
     """Store side, shell and gap of a node; returns whether it has a side."""
     closest = ti.cast(FAR, scene.grid.nodes.dtype)
     side, shell = 0, 0
@@ -85,6 +85,8 @@ def label_node(scene: ti.template(), motion: ti.template(), s: ti.i32, I, corner
             side = sided * shell * (1 if phi >= 0 else -1)
             n = R @ n_t
             scene.cuts.gap[I] = ti.Vector([n[0], n[1], n[2], phi])
+    if near == 0:  # of a block that has gone out of reach
+        shell, side = 0, 0
     scene.cuts.shell[I] = shell
     scene.cuts.side[I] = side
     return ti.abs(side)
@@ -102,11 +104,15 @@ def label_grains(scene: ti.template(), P: ti.template(), motion: ti.template(), 
     """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it. Empties the list."""
     scene.cuts.count[None] = 0
     for q in range(P.n_packs):
-        nodes = first_nodes(scene.grid, P.x, q, 1.0 / scene.cell)[0]
         near = 0
-        for l in ti.static(range(4)):
-            near += scene.cuts.labelled[ti.Vector([nodes[d][l] + 1 for d in range(3)]) // BLOCK]
+        for row, index in ti.static(scene.features.shell_rows):
+            c_t = tool_origin(motion, row, s)
+            d2 = (P.x[0][q] + scene.origin[0] - c_t[0]) ** 2 + (P.x[1][q] + scene.origin[1] - c_t[1]) ** 2 \
+                + (P.x[2][q] + scene.origin[2] - c_t[2]) ** 2
+            if d2.min() < scene.colliders[index].sdf.radius ** 2:
+                near = 1
         if near > 0 or ti.abs(P.side[q]).sum() > 0:
+            nodes = first_nodes(scene.grid, P.x, q, 1.0 / scene.cell)[0]
             for l in range(4):
                 hot = ti.Vector([ti.cast(l == i, ti.i32) for i in range(4)])
                 J = ti.Vector([nodes[d].dot(hot) + 1 for d in range(3)])
@@ -195,7 +201,8 @@ def scatter_cut(scene: ti.template()):
 
 
 @ti.func
-def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, corner, out: ti.template()):
+def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, corner, next_stamp: ti.i32,
+               out: ti.template()):
     """Gather the grains of the list again, from the layers that they scattered to, and stop those that would pass."""
     for n in range(scene.cuts.count[None]):
         slot = scene.cuts.slot[n]
@@ -217,11 +224,14 @@ def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, corne
         v = stop_grain(scene, motion, s, dt, x, free, scene.cuts.q[0][n][3], side, slot, corner, out)
         hot = ti.Vector([ti.cast(slot[1] == l, scene.grid.nodes.dtype) for l in range(4)])
         gradient = 4.0 / scene.cell
+        moved = x + dt * v
         for r in ti.static(range(3)):
+            moved[r] = scene.moved(moved[r], r)
             put(scene.particles.v[r], slot[0], hot, v[r])
-            put(scene.particles.x[r], slot[0], hot, scene.moved(x[r] + dt * v[r], r))
+            put(scene.particles.x[r], slot[0], hot, moved[r])
             for c in ti.static(range(3)):
                 put(scene.particles.C[3 * r + c], slot[0], hot, gradient * (moment[c][r] - free[r] * f[c]))
+        mark_place(scene.grid, moved, 1.0 / scene.cell, next_stamp)
 
 
 @ti.func

@@ -1,6 +1,7 @@
 """The solver: bodies, colliders and walls on one grid, advanced by explicit MLS-MPM."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -69,6 +70,8 @@ class Solver:
         self.gravity = np.asarray(gravity, float)
         check_scene(grid, self.bodies, self.colliders, self.gravity)
         self.bound = min(_material_bound(grid.cell, body) for body in bodies)
+        if dt is not None and not dt > 0:
+            raise InvalidValue(f"Solver: dt = {dt} s; accepted: a positive time, or None")
         if dt is not None and dt > self.bound:
             raise TimeStepTooLarge(dt, self.bound, "isolated particle")
         self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
@@ -97,11 +100,11 @@ class Solver:
         with default_precision(self.precision):
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
             self.fields = GridFields(self.grid, self.precision, layers=2 if self.features.shells else 1)
-            for collider in self.colliders:
+            for i, collider in enumerate(self.colliders):
                 if isinstance(collider.sdf, Lattice):
                     collider.sdf.allocate()
                 elif isinstance(collider.sdf, Shell):
-                    collider.sdf.allocate(self.grid.cell)
+                    self.colliders[i] = replace(collider, sdf=collider.sdf.baked(self.grid.cell))
             self.cuts = None
             if self.features.shells:
                 self.cuts = CutFields(self.grid, self.precision, self.particles.n_packs * LANES)
@@ -136,7 +139,7 @@ class Solver:
     # motion of colliders -------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, end: Pose) -> None:
         """Move a collider along the screw from begin to end during the next advance."""
-        if index not in self.features.moving_colliders:
+        if index not in self.features.moving_colliders or self.colliders[index].static:
             raise InvalidValue(f"collider {index} cannot move; movable: {self.features.moving_colliders}")
         self._motion[index] = (begin, end)
 
@@ -183,8 +186,9 @@ class Solver:
                 if not self._listed:
                     self._stamp += 1  # blocks that the last advance listed for its next substep carry the old one
                     self._substeps.mark(self._stamp + 1)
-                    self._listed = True
+                self._listed = False  # an interrupted launch leaves no list
                 self._substeps.run(n, self._stamp + 1, dt, motion, self._out)
+                self._listed = True
             self.ledger += self._out
             self.steps += n
             self._stamp += n
@@ -250,7 +254,7 @@ class Solver:
 
     # snapshots -----------------------------------------------------------------------------------------------------
     def state(self) -> dict[str, np.ndarray]:
-        """Everything that the future depends on, exact to the bit."""
+        """Everything that the future depends on besides run-time numbers such as gravity, exact to the bit."""
         named = self.particles.named_fields()
         arrays = {name: self.particles.read(fields) for name, fields in named.items()}
         poses = np.array([np.concatenate(pose) for pose in self._poses]).reshape(-1, 7)
@@ -267,5 +271,6 @@ class Solver:
             self.particles.write(fields, state[name])
         self.time, self.steps = float(state["time"]), int(state["steps"])
         self._poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+        self._motion.clear()
         self._momentum = self.momentum()
         self._listed = False

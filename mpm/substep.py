@@ -40,8 +40,8 @@ class Substeps:
         self.first_collider_row = FIRST_COLLIDER_ROW
         self.rows = FIRST_COLLIDER_ROW + len(scene.colliders) + 2
         self.momentum, self.status = self.rows - 2, self.rows - 1
+        self.is_periodic = any(scene.features.periodic)
         self.meets_colliders = len(scene.colliders) > 0
-        self.touches_grains = len(scene.features.moving_solids) + len(scene.features.shells) > 0
 
     @ti.kernel
     def mark(self, stamp: ti.i32):
@@ -68,26 +68,21 @@ class Substeps:
                 self.to_grid(self.particles, self.laws[body], body, dt, out)
             if ti.static(len(self.features.shells) > 0):
                 scatter_cut(self)
-            for axis in ti.static(range(3)):
-                if ti.static(self.features.periodic[axis]):
-                    fold_periodic(self.grid, axis, self.cells[axis], stamp)
+            if ti.static(self.is_periodic):
+                fold_periodic(self.grid, self.features.periodic, self.cells, stamp)
             fold(self.grid, self.walls, stamp, dt, gravity)
             update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out)
             unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out)
-            for axis in ti.static((2, 1, 0)):
-                if ti.static(self.features.periodic[axis]):
-                    unfold_periodic(self.grid, axis, self.cells[axis])
-            if ti.static(not self.touches_grains):
-                self.grid.count[None] = 0
+            if ti.static(self.is_periodic):
+                unfold_periodic(self.grid, self.features.periodic, self.cells)
+            self.grid.count[None] = 0
             for body in ti.static(range(len(self.laws))):
                 self.to_particles(self.particles, body, dt, stamp + 1)
-            if ti.static(self.touches_grains):
+            if ti.static(len(self.features.shells) > 0):
+                gather_cut(self, motion, s, dt, corner, stamp + 1, out)
+            if ti.static(len(self.features.moving_solids) > 0):
                 for body in ti.static(range(len(self.laws))):
-                    if ti.static(len(self.features.moving_solids) > 0):
-                        backstop(self.particles, self.grid, self, motion, s, dt, self.origin, body, out)
-                if ti.static(len(self.features.shells) > 0):
-                    gather_cut(self, motion, s, dt, corner, out)
-                self.mark_blocks(self.particles, stamp + 1)
+                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, body, stamp + 1, out)
             if s == substeps - 1:
                 for body in ti.static(range(len(self.laws))):
                     self.take_momentum(self.particles, body, corner, out)
@@ -99,8 +94,7 @@ class Substeps:
         self.grid.count[None] = 0
         last = -1
         for q in range(P.n_packs):
-            nodes, _ = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
-            last = mark_pack(self.grid, nodes, last, stamp)
+            last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, stamp)
 
     @ti.func
     def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt, out: ti.template()):
@@ -179,9 +173,7 @@ class Substeps:
                 P.x[r][q] = self.moved(P.x[r][q] + dt * v[r], r)
                 for c in ti.static(range(3)):
                     P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
-            if ti.static(not self.touches_grains):
-                nodes, _ = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
-                last = mark_pack(self.grid, nodes, last, next_stamp)
+            last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, next_stamp)
 
     @ti.func
     def moved(self, x, axis: ti.template()):

@@ -15,7 +15,8 @@ Sides = tuple[str, str, str]
 @dataclass(frozen=True, kw_only=True)
 class Walls:
     """Condition per side. friction: may leave the wall, Coulomb friction; slip: may leave, no friction; roller: normal
-    velocity zero for good, no friction; stick: velocity zero; periodic: what leaves on one side enters on the other.
+    velocity zero for good, no friction; stick: velocity zero; periodic: what leaves on one side enters on the other
+    (grains alone: a collider that reaches over such a side is not repeated on the other).
     """
 
     friction: float = 0.5
@@ -25,6 +26,12 @@ class Walls:
     upper: Sides = ("friction", "friction", "friction")
     """Conditions at the upper x, y and z walls."""
 
+    @classmethod
+    def all(cls, condition: str, friction: float = 0.5) -> "Walls":
+        """The same condition at all six sides."""
+        sides = (condition, condition, condition)
+        return cls(friction=friction, lower=sides, upper=sides)
+
     def __post_init__(self) -> None:
         for condition in (*self.lower, *self.upper):
             if condition not in CONDITIONS:
@@ -32,7 +39,7 @@ class Walls:
         for axis, pair in zip("xyz", zip(self.lower, self.upper)):
             if "periodic" in pair and pair[0] != pair[1]:
                 raise InvalidValue(f"Walls: {axis} is {pair[0]} and {pair[1]}; both sides are periodic or none")
-        if self.friction < 0:
+        if not self.friction >= 0:
             raise InvalidValue(f"Walls: friction = {self.friction}; accepted: 0 or more")
 
     @property

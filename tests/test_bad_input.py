@@ -70,7 +70,7 @@ def test_walls_refuse() -> None:
         mpm.Walls(lower=("periodic", "slip", "slip"), upper=("slip", "slip", "slip"))
     slab = mpm.sample_box((0, 0, 0), (0.1, 0.01, 0.1), 0.005)
     body = mpm.Body(mpm.DruckerPrager(**SAND), slab, volume=0.005**3)
-    with pytest.raises(mpm.InvalidValue, match="one cell along y between two walls"):
+    with pytest.raises(mpm.InvalidValue, match="one cell along y between walls"):
         mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.01, 0.1), 0.01), bodies=[body])
 
 
@@ -93,4 +93,6 @@ def test_divergence_says_everything() -> None:
 def test_diagnostics_of_a_resting_block() -> None:
     seen = solver([block()], gravity=(0, 0, 0)).diagnostics()
     assert seen.mass == pytest.approx(0.1875) and seen.cfl == 0 and seen.escaped == 0
+    on_floor = mpm.Body(mpm.DruckerPrager(**SAND), np.array([[0.05, 0.05, 0.0], [0.05, 0.05, 0.05]]), volume=1e-7)
+    assert solver([on_floor], gravity=(0, 0, 0)).diagnostics().escaped == 1
     assert seen.compaction == pytest.approx(0, abs=1e-12) and seen.first_non_finite is None

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import mpm
 
@@ -35,7 +36,7 @@ def test_ledger_closes_against_walls(condition: str, precision: str, bound: floa
     material = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
     body = mpm.Body(material, positions, volume=(cell / 2) ** 3,
                     velocities=np.tile([-1.0, 0.5, -0.5], (len(positions), 1)))
-    walls = mpm.Walls(lower=(condition,) * 3, upper=(condition,) * 3)
+    walls = mpm.Walls.all(condition)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=[body], walls=walls,
                         precision=precision)
     before, total, exchanged = solver.momentum(), np.zeros(6), np.zeros(2)
@@ -51,7 +52,7 @@ def test_ledger_closes_against_walls(condition: str, precision: str, bound: floa
 
 @pytest.mark.parametrize("boundary", ["periodic", "roller"])
 def test_periodic_sides_repeat_space(boundary: str) -> None:
-    """A standing shear wave u_y(x) of one period between periodic sides keeps its momentum, and what leaves enters."""
+    """Material that fills space drifts through it unstrained, and what leaves on one side enters on the other."""
     cell, n = 0.05, 8
     positions = mpm.sample_box((0, 0, 0), (n * cell,) * 3, cell / 2)
     velocities = np.tile([3.0, -2.0, 1.0], (len(positions), 1))
@@ -86,6 +87,50 @@ def test_periodic_axis_shifts_nothing() -> None:
         moved[:, 0] = np.mod(moved[:, 0] - shift + 0.1, 0.32)
         ends.append(moved)
     assert np.abs(ends[0] - ends[1]).max() <= 1e-9
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_block_across_a_periodic_corner_keeps_its_momentum(axes: int) -> None:
+    """A lone block that drifts over the seam of one, two or three axes."""
+    cell = 0.02
+    positions = np.mod(mpm.sample_box((0.11,) * 3, (0.21,) * 3, cell / 2), 0.16 + 1e-9)
+    sides = ("periodic",) * axes + ("slip",) * (3 - axes)
+    positions[:, axes:] = mpm.sample_box((0.04,) * 3, (0.14,) * 3, cell / 2)[:, axes:]
+    drift = np.array([1.0, 1.0, 0.5]) * (np.arange(3) < axes)
+    body = mpm.Body(mpm.Elastic(E=1e4, nu=0.3, density=1000.0), positions, volume=(cell / 2) ** 3,
+                    velocities=np.tile(drift, (len(positions), 1)))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16,) * 3, cell), bodies=[body], gravity=(0, 0, 0), precision="f64",
+                        walls=mpm.Walls(lower=sides, upper=sides))
+    solver.advance(0.05)
+    mass = solver.masses().sum()
+    assert solver.momentum().linear / mass == pytest.approx(drift, abs=1e-12)
+
+
+def test_ledger_closes_with_shell_and_solid_together() -> None:
+    """Sand on a plate near the floor, struck by a moving ball: what the grains gain, somebody gave."""
+    cell = 0.01
+    corners = [[-0.06, -0.06, 0], [0.06, -0.06, 0], [0.06, 0.06, 0], [-0.06, 0.06, 0]]
+    plate = mpm.Shell.from_mesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]), 1e-3)
+    upright = mpm.Pose.identity().quaternion
+    grains = mpm.sample_box((0.06, 0.06, 0.008), (0.14, 0.14, 0.05), cell / 2)
+    sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+    ball = mpm.Pose(np.array([0.1, 0.1, 0.085]), upright)
+    solver = mpm.Solver(
+        grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.15), cell), precision="f64",
+        bodies=[mpm.Body(sand, grains, volume=(cell / 2) ** 3)],
+        colliders=[mpm.Collider(plate, pose=mpm.Pose(np.array([0.1, 0.1, 0.003]), upright)),
+                   mpm.Collider(mpm.Sdf.sphere(0.03), pose=ball)])
+    before, given, exchanged = solver.momentum(), np.zeros(6), 0.0
+    for step in range(30):
+        begin, end = (mpm.Pose(ball.position - [0, 0, 1e-3 * n], upright) for n in (step, step + 1))
+        solver.set_collider_motion(1, begin, end)
+        solver.advance(2e-3)
+        given += solver.ledger[:4].sum(0)
+        exchanged += np.abs(solver.ledger[:4]).sum()
+    after = solver.momentum()
+    assert np.abs(after.linear - before.linear - given[:3]).max() <= 1e-12 * exchanged
+    assert np.abs(after.angular - before.angular - given[3:]).max() <= 1e-12 * exchanged
+    assert solver.positions()[:, 2].min() > 0.003  # all still above the plate, 0.3 cells over the floor
 
 
 def test_body_acceleration_is_gravity() -> None:

@@ -56,7 +56,7 @@ def measure(*, cells: int = 16, courant: float = 0.2, precision: str = "f64", mo
     cosine = AMPLITUDE * np.pi * SPEED * np.cos(np.pi * PHASE)
     body = mpm.Body(mpm.Elastic(E=E, nu=NU, density=DENSITY, model=model), X + displacement(X, 0),
                     velocities=cosine * np.sin(np.pi * X), volume=(cell / 2) ** 3)
-    rollers = mpm.Walls(lower=("roller",) * 3, upper=("roller",) * 3)
+    rollers = mpm.Walls.all("roller")
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), cell), bodies=[body], walls=rollers, gravity=(0, 0, 0),
                         dt=dt * (1 + 1e-9), precision=precision, body_acceleration=np.zeros_like(X))
     state = solver.state()

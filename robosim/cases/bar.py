@@ -25,7 +25,7 @@ def measure(*, cells: int = 50, courant: float = 0.2, precision: str = "f64", pe
     velocity[:, 0] = SPEED * np.sin(BETA * positions[:, 0])
     body = mpm.Body(mpm.Elastic(E=E, nu=0.0, density=DENSITY, model="neo_hookean"), positions,
                     volume=(cell / 2) ** 3, velocities=velocity)
-    rollers = mpm.Walls(lower=("roller",) * 3, upper=("roller",) * 3)
+    rollers = mpm.Walls.all("roller")
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (LENGTH + 3 * cell, 4 * cell, 4 * cell), cell), bodies=[body],
                         gravity=(0, 0, 0), walls=rollers, dt=courant * cell / np.sqrt(E / DENSITY),
                         precision=precision)

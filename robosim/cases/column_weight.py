@@ -23,7 +23,7 @@ def measure(*, cells: int = 20, precision: str = "f32", integrator: str | None =
     positions = mpm.sample_box((0, 0, 0), (4 * cell, 4 * cell, LENGTH), cell / 2)
     depth = LENGTH - positions[:, 2]
     law = mpm.Elastic(E=E, nu=NU, density=DENSITY)
-    rollers = mpm.Walls(lower=("roller",) * 3, upper=("roller",) * 3)
+    rollers = mpm.Walls.all("roller")
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.25), cell), walls=rollers,
                         bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)], precision=precision,
                         integrator=integrator)

@@ -26,7 +26,7 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water")
     law = mpm.NewtonianFluid(bulk_modulus=BULK, density=DENSITY, viscosity=0.001)
     if material == "sand":
         law = mpm.DruckerPrager(E=3e5 * (1 - 2 * 0.3), nu=0.3, density=DENSITY, friction_angle_deg=0.0)
-    rollers = mpm.Walls(lower=("roller",) * 3, upper=("roller",) * 3)
+    rollers = mpm.Walls.all("roller")
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.12), cell), walls=rollers,
                         bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)], precision=precision)
     clock = Clock(solver)
