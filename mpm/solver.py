@@ -165,6 +165,14 @@ class Solver:
             longest = min(longest, travel_bound(self.grid.cell, float(speed) / duration))
         return max(1, math.ceil(duration / longest - 1e-9))
 
+    def compile(self) -> None:
+        """Compile now what the first advance would; nothing moves."""
+        with default_precision(self.precision):
+            self._stamp += 1
+            self._substeps.mark(self._stamp)
+            self._substeps.run(0, self._stamp + 1, self.dt, self._no_motion, self._out)
+        self._listed = False
+
     # time ----------------------------------------------------------------------------------------------------------
     def advance(self, duration: float) -> None:
         """Advance by `duration` [s] in equal substeps of at most `dt`.

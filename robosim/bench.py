@@ -38,7 +38,7 @@ def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float
     solver = _solver(scene, grains)
     state = solver.state()
     begin = time.perf_counter()
-    solver.advance(SUBSTEPS * solver.dt)
+    solver.compile()
     compile_time = time.perf_counter() - begin
     launches = min(max(5, int(WORK / grains / SUBSTEPS)), LAUNCHES)
     figures = []

@@ -37,15 +37,13 @@ class Clock:
     def __init__(self, solver: mpm.Solver) -> None:
         self.solver = solver
         self.seconds = self.compile_seconds = 0.0
-        self._state = solver.state()
 
     def advance(self, duration: float) -> None:
         """Advance by `duration` [s]."""
         if self.compile_seconds == 0.0:
             begin = time.perf_counter()
-            self.solver.advance(self.solver.dt)
+            self.solver.compile()
             self.compile_seconds = time.perf_counter() - begin
-            self.solver.load(self._state)
         begin = time.perf_counter()
         self.solver.advance(duration)
         self.seconds += time.perf_counter() - begin
