@@ -3,6 +3,7 @@
 from mpm.backend import ti
 from mpm.grid import BLOCK, in_first_layer, mark_place
 from mpm.ledger import GRAVITY_ROW, credit, position
+from mpm.mobility import list_node, shared
 from mpm.strain import keep
 from mpm.surface import coulomb, surface_velocity, tool_axes, tool_origin
 
@@ -80,9 +81,12 @@ def collide(scene: ti.template(), motion: ti.template(), s: ti.i32, I, before, m
         if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
             n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
             if phi < 0:
-                new = coulomb(v, surface_velocity(motion, k, s, r), R @ n_t, scene.numbers.frictions[index])
-                credit(out, scene.first_collider_row + index, place, mass * (new - v))
-                v = new
+                if ti.static(scene.mobile_place[index] >= 0):
+                    list_node(scene.mobiles, scene.mobile_place[index], I, R @ n_t)
+                else:
+                    new = coulomb(v, surface_velocity(motion, k, s, r), R @ n_t, scene.numbers.frictions[index])
+                    credit(out, scene.first_collider_row + index, place, mass * (new - v))
+                    v = new
     return v
 
 
@@ -103,15 +107,18 @@ def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, 
             face = scene.numbers.half_thickness[index] + FACE * scene.cell
             if ti.abs(side) == index + 1 and material * gap[3] < face:
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
-                r = ti.cast(place, scene.grid.nodes.dtype) - tool_origin(motion, row, s)
-                result = coulomb(v, surface_velocity(motion, row, s, r), normal, scene.numbers.frictions[index])
-                credit(out, scene.first_collider_row + index, place, mass * (result - v))
+                if ti.static(scene.mobile_place[index] >= 0):
+                    list_node(scene.mobiles, scene.mobile_place[index], I, normal)
+                else:
+                    r = ti.cast(place, scene.grid.nodes.dtype) - tool_origin(motion, row, s)
+                    result = coulomb(v, surface_velocity(motion, row, s, r), normal, scene.numbers.frictions[index])
+                    credit(out, scene.first_collider_row + index, place, mass * (result - v))
     return result
 
 
 @ti.func
 def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
-             dt, origin, body: ti.template(), next_stamp: ti.i32, out: ti.template()):
+             mobile: ti.template(), dt, origin, body: ti.template(), next_stamp: ti.i32, out: ti.template()):
     """Take from every grain that has come to lie inside a moving collider what carries it deeper; credit the collider.
 
     Grid nodes cannot stop the last few grains at a curved or thin wall. What is taken is the approach, and the way that
@@ -133,10 +140,12 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                     if phi < 0:
                         normal = R @ n_t
                         approach = (v - surface_velocity(motion, k, s, r)).dot(normal)
-                        dv = normal * ti.max(-approach, 0.0)
                         mass = scene.numbers.densities[body] * particles.volume[q].dot(hot)
                         # the grain acts where it was before the move: x - dt v
                         place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + origin[d] for d in range(3)])
+                        dv = normal * ti.max(-approach, 0.0)
+                        if ti.static(scene.mobile_place[index] >= 0):
+                            dv = shared(scene, mobile, motion, s, index, k, place, mass, dv)
                         credit(out, scene.first_collider_row + index, place, mass * dv)
                         for d in ti.static(range(3)):
                             particles.v[d][q] = particles.v[d][q] + dv[d] * hot

@@ -25,6 +25,8 @@ class Features:
     """Solid colliders that are given a motion."""
     shells: tuple[int, ...]
     """Thin colliders, with grains on both sides; they may move."""
+    mobile: tuple[int, ...]
+    """Moving colliders that contact moves too; their motion is solved for in the launch."""
     static_colliders: tuple[int, ...]
     """Colliders that never move: their contact is looked up once per node."""
 
@@ -37,3 +39,8 @@ class Features:
     def shell_rows(self) -> tuple[tuple[int, int], ...]:
         """(row of the motion table, index of the collider) of every shell."""
         return tuple((len(self.moving_solids) + i, index) for i, index in enumerate(self.shells))
+
+    @property
+    def mobile_rows(self) -> tuple[tuple[int, int], ...]:
+        """(place among the mobile colliders, row of the motion table) of each of them."""
+        return tuple((b, self.moving_colliders.index(index)) for b, index in enumerate(self.mobile))

@@ -10,6 +10,7 @@ transferred one by one from a list.
 from mpm.backend import real_type, ti
 from mpm.grid import BLOCK, Grid, activate, clear, first_nodes, mark_place
 from mpm.ledger import credit, position
+from mpm.mobility import shared
 from mpm.shell import FAR
 from mpm.surface import surface_velocity, tool_axes, tool_origin
 from mpm.transfer import weights
@@ -201,8 +202,8 @@ def scatter_cut(scene: ti.template()):
 
 
 @ti.func
-def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, corner, next_stamp: ti.i32,
-               out: ti.template()):
+def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, corner,
+               next_stamp: ti.i32, out: ti.template()):
     """Gather the grains of the list again, from the layers that they scattered to, and stop those that would pass."""
     for n in range(scene.cuts.count[None]):
         slot = scene.cuts.slot[n]
@@ -221,7 +222,7 @@ def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, corne
         v = ti.Vector([value[0], value[1], value[2]])
         x = (ti.cast(scene.cuts.base[n], scene.grid.nodes.dtype) + f) * scene.cell
         free = v
-        v = stop_grain(scene, motion, s, dt, x, free, scene.cuts.q[0][n][3], side, slot, corner, out)
+        v = stop_grain(scene, motion, s, mobile, dt, x, free, scene.cuts.q[0][n][3], side, slot, corner, out)
         hot = ti.Vector([ti.cast(slot[1] == l, scene.grid.nodes.dtype) for l in range(4)])
         gradient = 4.0 / scene.cell
         moved = x + dt * v
@@ -241,8 +242,8 @@ def put(field: ti.template(), q, hot, value):
 
 
 @ti.func
-def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v, mass, side, slot, corner,
-               out: ti.template()):
+def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, x, v, mass, side,
+               slot, corner, out: ti.template()):
     """The grain's velocity, corrected where it would carry its cube (half an edge from the centre) into the shell.
 
     Nodes hold a material back, but not where the shell is, nor each of its grains: this stops the last of them, and
@@ -264,7 +265,10 @@ def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, dt, x, v,
                 slide = v - surface_velocity(motion, row, s, r)
                 slide = slide - slide.dot(normal) * normal
                 held = ti.min(scene.numbers.frictions[index] * push / slide.norm(1e-12), 1.0)
-                result = v + push * normal - held * slide
+                dv = push * normal - held * slide
                 place = ti.Vector([ti.cast(x[d], ti.f64) for d in range(3)]) + corner
-                credit(out, scene.first_collider_row + index, place, mass * (result - v))
+                if ti.static(scene.mobile_place[index] >= 0):
+                    dv = shared(scene, mobile, motion, s, index, row, place, mass, dv)
+                credit(out, scene.first_collider_row + index, place, mass * dv)
+                result = v + dv
     return result

@@ -14,6 +14,8 @@ from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, energ
 from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
 from mpm.features import Features
 from mpm.grid import Grid, GridFields
+from mpm.mobility import MobileFields
+from mpm.mobility_table import MobilityTable
 from mpm.motion import Pose, ScrewSamples, Twist, Wrench, logarithm, screw
 from mpm.numbers import Numbers
 from mpm.particles import LANES, ParticleFields
@@ -85,11 +87,13 @@ class Solver:
             body_acceleration=body_acceleration is not None, periodic=self.walls.periodic,
             moving_solids=tuple(i for i, c in enumerate(self.colliders) if not (c.static or isinstance(c.sdf, Shell))),
             shells=tuple(i for i, c in enumerate(self.colliders) if isinstance(c.sdf, Shell)),
+            mobile=tuple(i for i, c in enumerate(self.colliders) if c.mobile),
             static_colliders=tuple(i for i, c in enumerate(self.colliders)
                                    if c.static and not isinstance(c.sdf, Shell)),
         )
         self._poses = [collider.pose for collider in self.colliders]
         self._motion: dict[int, tuple[Pose, Pose]] = {}
+        self.mobility = MobilityTable(self.features.mobile)
         self._dtype = np.float64 if self.precision == "f64" else np.float32
         self._build()
         if body_acceleration is not None:
@@ -108,6 +112,10 @@ class Solver:
             self.cuts = None
             if self.features.shells:
                 self.cuts = CutFields(self.grid, self.precision, self.particles.n_packs * LANES)
+            self.mobiles = None
+            if self.features.mobile:
+                capacities = [self._nodes_near(self.colliders[i].sdf.radius) for i in self.features.mobile]
+                self.mobiles = MobileFields(capacities, self.precision)
             self.node_contact = self.node_owner = None
             if self.features.static_colliders:
                 self.node_contact = ti.Vector.field(4, real_type(self.precision), self.grid.shape)
@@ -119,7 +127,6 @@ class Solver:
                     cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
             self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls.friction, self.precision)
             self._substeps = Substeps(self)
-        self._no_motion = np.zeros((1, 1, 18), self._dtype)
         self._out = np.zeros((self._substeps.rows, 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
@@ -136,12 +143,40 @@ class Solver:
             raise InvalidValue(f"body_acceleration has shape {values.shape}; accepted: {accepted}")
         self.particles.write(self.particles.acceleration, values)
 
+    def _nodes_near(self, radius: float) -> int:
+        """Nodes, layers counted, that a ball of this radius [m] can hold."""
+        across = 2.0 * radius / self.grid.cell + 2.0
+        return self.fields.layers * int(min(across**3, float(np.prod(self.grid.shape))))
+
     # motion of colliders -------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, end: Pose) -> None:
         """Move a collider along the screw from begin to end during the next advance."""
-        if index not in self.features.moving_colliders or self.colliders[index].static:
-            raise InvalidValue(f"collider {index} cannot move; movable: {self.features.moving_colliders}")
+        if index not in self.features.moving_colliders or self.colliders[index].static or self.colliders[index].mobile:
+            movable = tuple(i for i in self.features.moving_colliders if i not in self.features.mobile)
+            raise InvalidValue(f"collider {index} cannot be given a motion; it can: {movable}")
         self._motion[index] = (begin, end)
+
+    def set_collider_mobility(
+        self, index: int, W: np.ndarray, free_twist: np.ndarray, *, twist: np.ndarray | None = None,
+        pose: Pose | None = None, centre: np.ndarray | None = None, others: dict[int, np.ndarray] | None = None,
+    ) -> None:
+        """How a mobile collider moves during the next advance, if grains touch it and if they do not.
+
+        W: (6, 6) change of its twist (linear, angular) by an impulse (linear, angular) on it, both in world axes about
+        its centre, symmetric and positive semi-definite. free_twist: (6,) its twist at the end of the advance if no
+        grain touched it. twist: (6,) now, or None: where the last advance ended. pose: of its frame now, or None:
+        likewise. centre: [m] (3,) in the world, or None: the frame's origin. others: changes (6, 6) of its twist by
+        impulses on other mobile colliders, by their index, where one mechanism holds both.
+        """
+        if index not in self.features.mobile:
+            raise InvalidValue(f"collider {index} is not mobile; mobile: {self.features.mobile}")
+        if pose is not None:
+            self._poses[index] = pose
+        self.mobility.set(index, self._poses[index], W, free_twist, twist, centre, others or {})
+
+    def collider_twist(self, index: int) -> Twist:
+        """Twist of a mobile collider about its centre, where the last advance ended."""
+        return self.mobility.twist(index)
 
     def _take_motions(self) -> list[tuple[Pose, Twist]]:
         """Begin and body twist of the moving colliders in the coming advance; one without a motion rests."""
@@ -163,6 +198,9 @@ class Solver:
             if np.any(twist.angular):
                 speed += np.linalg.norm(twist.angular) * self.colliders[index].sdf.radius
             longest = min(longest, travel_bound(self.grid.cell, float(speed) / duration))
+        for index in self.features.mobile:
+            speed = self.mobility.fastest(index, self.colliders[index].sdf.radius)
+            longest = min(longest, travel_bound(self.grid.cell, speed))
         return max(1, math.ceil(duration / longest - 1e-9))
 
     def compile(self) -> None:
@@ -170,8 +208,12 @@ class Solver:
         with default_precision(self.precision):
             self._stamp += 1
             self._substeps.mark(self._stamp)
-            self._substeps.run(0, self._stamp + 1, self.dt, self._no_motion, self._out)
+            self._substeps.run(0, self._stamp + 1, self.dt, self._motion_of_nothing(),
+                               self.mobility.table, self._out)
         self._listed = False
+
+    def _motion_of_nothing(self) -> np.ndarray:
+        return np.zeros((max(len(self.features.moving_colliders), 1), 1, 18), self._dtype)
 
     # time ----------------------------------------------------------------------------------------------------------
     def advance(self, duration: float) -> None:
@@ -185,19 +227,21 @@ class Solver:
         total = self._substeps_for(duration, motions)
         dt = self.substep = duration / total
         screws = [screw(begin, twist, duration, total) for begin, twist in motions]
+        self.mobility.begin(self._poses, duration)
         self.ledger[:] = 0.0
         for first in range(0, total, MAX_SUBSTEPS):
             n = min(MAX_SUBSTEPS, total - first)
-            motion = self._motion_table(screws, first, n) if screws else self._no_motion
+            motion = self._motion_table(screws, first, n) if screws else self._motion_of_nothing()
             self._out[:] = 0.0
             with default_precision(self.precision):
                 if not self._listed:
                     self._stamp += 1  # blocks that the last advance listed for its next substep carry the old one
                     self._substeps.mark(self._stamp + 1)
                 self._listed = False  # an interrupted launch leaves no list
-                self._substeps.run(n, self._stamp + 1, dt, motion, self._out)
+                self._substeps.run(n, self._stamp + 1, dt, motion, self.mobility.table, self._out)
                 self._listed = True
             self.ledger += self._out
+            self.mobility.end(self._poses)
             self.steps += n
             self._stamp += n
             self.time += n * dt
@@ -266,7 +310,8 @@ class Solver:
         named = self.particles.named_fields()
         arrays = {name: self.particles.read(fields) for name, fields in named.items()}
         poses = np.array([np.concatenate(pose) for pose in self._poses]).reshape(-1, 7)
-        return arrays | {"time": np.array(self.time), "steps": np.array(self.steps), "poses": poses}
+        return arrays | {"time": np.array(self.time), "steps": np.array(self.steps), "poses": poses,
+                         "twists": self.mobility.twists.copy()}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Return to a state of this solver or of one built from the same scene."""
@@ -279,6 +324,7 @@ class Solver:
             self.particles.write(fields, state[name])
         self.time, self.steps = float(state["time"]), int(state["steps"])
         self._poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+        self.mobility.twists[:] = state["twists"]
         self._motion.clear()
         self._momentum = self.momentum()
         self._listed = False

@@ -6,6 +6,7 @@ from mpm.contact import backstop, update_nodes
 from mpm.grid import GHOST, clear, first_nodes, mark_pack
 from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW
 from mpm.mirror import fold, fold_periodic, unfold, unfold_periodic
+from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
 from mpm.sides import gather_cut, keep_for_cut, label_grains, label_nodes, scatter_cut
 from mpm.strain import INTEGRATORS, keep
@@ -24,7 +25,7 @@ class Substeps:
 
     def __init__(self, scene) -> None:  # noqa: ANN001  (a Solver; importing it here would be a cycle)
         self.particles, self.grid = scene.particles, scene.fields
-        self.numbers, self.cuts = scene.numbers, scene.cuts
+        self.numbers, self.cuts, self.mobiles = scene.numbers, scene.cuts, scene.mobiles
         self.features, self.colliders = scene.features, scene.colliders
         self.node_contact, self.node_owner = scene.node_contact, scene.node_owner
         self.laws = [body.material for body in scene.bodies]
@@ -41,6 +42,8 @@ class Substeps:
         self.rows = FIRST_COLLIDER_ROW + len(scene.colliders) + 2
         self.momentum, self.status = self.rows - 2, self.rows - 1
         self.is_periodic = any(scene.features.periodic)
+        self.mobile_place = tuple(scene.features.mobile.index(i) if i in scene.features.mobile else -1
+                                  for i in range(len(scene.colliders)))
         self.meets_colliders = len(scene.colliders) > 0
 
     @ti.kernel
@@ -52,8 +55,9 @@ class Substeps:
 
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
-            out: ti.types.ndarray()):
-        """Advance by `substeps` of dt [s]; motion (k, substeps, 18) of the moving colliders; out: ledger and status."""
+            mobile: ti.types.ndarray(), out: ti.types.ndarray()):
+        """Advance by `substeps` of dt [s]; motion (k, substeps, 18) of the moving colliders; mobile: those that contact
+        moves (see `mobility`), read and written; out: ledger and status."""
         ti.loop_config(serialize=True)
         for s in range(substeps):
             stamp = first_stamp + s
@@ -61,6 +65,8 @@ class Substeps:
             corner = ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
                                 ti.cast(self.origin[2], ti.f64)])
             clear(self.grid, 0, self.grid.count[None])
+            if ti.static(len(self.features.mobile) > 0):
+                begin_mobiles(self, mobile, motion, s, dt)
             if ti.static(len(self.features.shells) > 0):
                 label_nodes(self, motion, s, stamp, corner)
                 label_grains(self, self.particles, motion, s)
@@ -72,6 +78,9 @@ class Substeps:
                 fold_periodic(self.grid, self.features.periodic, self.cells, stamp)
             fold(self.grid, self.walls, stamp, dt, gravity)
             update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out)
+            if ti.static(len(self.features.mobile) > 0):
+                meet(self, mobile, corner, out)
+                move_mobiles(self, mobile, motion, s, dt)
             unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out)
             if ti.static(self.is_periodic):
                 unfold_periodic(self.grid, self.features.periodic, self.cells)
@@ -79,10 +88,11 @@ class Substeps:
             for body in ti.static(range(len(self.laws))):
                 self.to_particles(self.particles, body, dt, stamp + 1)
             if ti.static(len(self.features.shells) > 0):
-                gather_cut(self, motion, s, dt, corner, stamp + 1, out)
+                gather_cut(self, motion, s, mobile, dt, corner, stamp + 1, out)
             if ti.static(len(self.features.moving_solids) > 0):
                 for body in ti.static(range(len(self.laws))):
-                    backstop(self.particles, self.grid, self, motion, s, dt, self.origin, body, stamp + 1, out)
+                    backstop(self.particles, self.grid, self, motion, s, mobile, dt, self.origin, body,
+                             stamp + 1, out)
             if s == substeps - 1:
                 for body in ti.static(range(len(self.laws))):
                     self.take_momentum(self.particles, body, corner, out)

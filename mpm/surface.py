@@ -21,6 +21,25 @@ def coulomb(v, surface, normal, friction):
 
 
 @ti.func
+def coulomb_slope(v, surface, normal, friction):
+    """Derivative (3, 3) of `coulomb` by the surface's velocity."""
+    relative = v - surface
+    approach = relative.dot(normal)
+    identity = ti.Matrix([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    result = 0.0 * identity
+    if approach < 0:
+        slide = relative - approach * normal
+        speed = slide.norm(1e-12)
+        held = -friction * approach / speed
+        result = identity
+        if held < 1:
+            along = slide / speed
+            across = identity - normal.outer_product(normal) - along.outer_product(along)
+            result = (normal - friction * along).outer_product(normal) + held * across
+    return result
+
+
+@ti.func
 def tool_origin(motion: ti.template(), k: ti.i32, s: ti.i32):
     """Origin of moving collider k in substep s."""
     return ti.Vector([motion[k, s, c] for c in ti.static(range(3))])
