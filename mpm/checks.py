@@ -23,11 +23,16 @@ def check_scene(grid: Grid, bodies: list[Body], colliders: list[Collider], gravi
             _check_overlap(i, first, j, bodies[j])
         _check_compression(i, first, gravity)
     for k, collider in enumerate(colliders):
-        width = getattr(collider.sdf, "passage", np.inf)
-        if width < CELLS_IN_A_PASSAGE * grid.cell:
-            warnings.warn(NarrowPassage(
-                f"collider {k} has a passage of {1e3 * width:.1f} mm, {width / grid.cell:.1f} cells: it will jam; give "
-                f"cells of at most {1e3 * width / CELLS_IN_A_PASSAGE:.2g} mm"), stacklevel=4)
+        check_passage(grid, k, collider, stacklevel=5)
+
+
+def check_passage(grid: Grid, k: int, collider: Collider, stacklevel: int = 4) -> None:
+    """Warn of a collider k with a gap through which its grains cannot flow."""
+    width = getattr(collider.sdf, "passage", np.inf)
+    if width < CELLS_IN_A_PASSAGE * grid.cell:
+        warnings.warn(NarrowPassage(
+            f"collider {k} has a passage of {1e3 * width:.1f} mm, {width / grid.cell:.1f} cells: it will jam; give "
+            f"cells of at most {1e3 * width / CELLS_IN_A_PASSAGE:.2g} mm"), stacklevel=stacklevel)
 
 
 def _check_overlap(i: int, first: Body, j: int, second: Body) -> None:

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 from mpm.errors import InvalidValue
 from mpm.motion import Pose
-from mpm.sdf import Box, Capsule, Lattice, Plane, Sphere
+from mpm.compound import Solid, Union
 from mpm.shell import Shell
 
-Shape = Box | Capsule | Lattice | Plane | Shell | Sphere
+Shape = Solid | Union | Shell
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,11 @@
 
 from dataclasses import dataclass
 
+from mpm.body import Body
+from mpm.collider import Collider
+from mpm.shell import Shell
+from mpm.walls import Walls
+
 
 @dataclass(frozen=True)
 class Features:
@@ -44,3 +49,20 @@ class Features:
     def mobile_rows(self) -> tuple[tuple[int, int], ...]:
         """(place among the mobile colliders, row of the motion table) of each of them."""
         return tuple((b, self.moving_colliders.index(index)) for b, index in enumerate(self.mobile))
+
+
+def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,
+                body_acceleration: bool) -> Features:
+    """What a scene has."""
+    thin = [isinstance(c.sdf, Shell) for c in colliders]
+    return Features(
+        precision=precision, integrator=integrator,
+        volume_correction=any(b.material.has_volume_correction for b in bodies),
+        tensor_state=any(b.material.state != "volume" for b in bodies),
+        volume_state=any(b.material.state == "volume" for b in bodies),
+        body_acceleration=body_acceleration, periodic=walls.periodic,
+        moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
+        shells=tuple(i for i in range(len(colliders)) if thin[i]),
+        mobile=tuple(i for i, c in enumerate(colliders) if c.mobile),
+        static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
+    )

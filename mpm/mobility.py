@@ -13,9 +13,10 @@ from mpm.backend import real_type, ti
 from mpm.ledger import position
 from mpm.surface import coulomb, coulomb_slope
 
-CENTRE, AXES, LEVER, TWIST, RATE, RESPONSE = 0, 3, 12, 15, 21, 27
+CENTRE, AXES, LEVER, TWIST, RATE, IMPULSE, RESPONSE = 0, 3, 12, 15, 21, 27, 33
 """Columns of the table of mobile colliders: centre; frame's axes; origin of the frame from the centre, in the frame;
-twist about the centre; its free rate of change; then the twist's answers to impulses on every mobile collider."""
+twist about the centre; its free rate of change; impulse received in this advance, about the centre as it moves; then
+the twist's answers to impulses on every mobile collider."""
 MAX_PASSES = 12
 """Sweeps over the listed nodes in one solve; two or three are the rule."""
 TOLERANCE = {"f32": 1e-5, "f64": 1e-11}
@@ -120,6 +121,8 @@ def push(scene: ti.template(), mobile: ti.template(), b: ti.template(), force, t
     """Change the twists of all mobile colliders by an impulse on one of them, about its centre."""
     size = ti.static(6 * len(scene.features.mobile))
     P = [force[0], force[1], force[2], torque[0], torque[1], torque[2]]
+    for i in ti.static(range(6)):
+        mobile[b, IMPULSE + i] = mobile[b, IMPULSE + i] + P[i]
     for a in ti.static(range(len(scene.features.mobile))):
         for i in ti.static(range(6)):
             change = ti.cast(0.0, ti.f64)

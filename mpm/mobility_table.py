@@ -3,8 +3,8 @@
 import numpy as np
 
 from mpm.errors import InvalidValue
-from mpm.mobility import AXES, CENTRE, LEVER, RATE, RESPONSE, TWIST
-from mpm.motion import Pose, Twist
+from mpm.mobility import AXES, CENTRE, IMPULSE, LEVER, RATE, RESPONSE, TWIST
+from mpm.motion import Pose, Twist, Wrench
 
 SYMMETRY = 1e-6
 """Part of a mobility's norm by which it may miss symmetry, or an eigenvalue zero: rounding of whoever measured it."""
@@ -58,7 +58,8 @@ class MobilityTable:
             row[AXES:LEVER] = R.ravel()
             row[LEVER:TWIST] = R.T @ (poses[index].position - centre)
             row[TWIST:RATE] = self.twists[b]
-            row[RATE:RESPONSE] = (self._free[b] - self.twists[b]) / duration
+            row[IMPULSE:RESPONSE] = 0.0
+            row[RATE:IMPULSE] = (self._free[b] - self.twists[b]) / duration
             row[RESPONSE:] = self._responses[b].reshape(6, 6 * n).ravel()
 
     def end(self, poses: list[Pose]) -> None:
@@ -69,6 +70,11 @@ class MobilityTable:
             R = row[AXES:LEVER].reshape(3, 3)
             poses[index] = Pose.from_matrix(row[CENTRE:AXES] + R @ row[LEVER:TWIST], R)
             self.twists[b] = row[TWIST:RATE]
+
+    def impulse(self, index: int) -> Wrench:
+        """Received in the last advance, about the centre as it moved."""
+        values = self.table[self.indices.index(index), IMPULSE:RESPONSE]
+        return Wrench(values[:3].copy(), values[3:].copy())
 
     def twist(self, index: int) -> Twist:
         values = self.twists[self.indices.index(index)]

@@ -11,6 +11,29 @@ LANES = 4
 """Particles in a pack. Four fills the registers of common processors; eight spills them."""
 
 
+@ti.data_oriented
+class Snapshot:
+    """A copy of pack fields."""
+
+    def __init__(self, fields: list, n_packs: int) -> None:
+        self.n_packs, self.fields = n_packs, fields
+        self.copies = [ti.Vector.field(LANES, field.dtype, n_packs) for field in fields]
+
+    @ti.kernel
+    def keep(self):
+        ti.loop_config(serialize=True)
+        for q in range(self.n_packs):
+            for i in ti.static(range(len(self.fields))):
+                self.copies[i][q] = self.fields[i][q]
+
+    @ti.kernel
+    def rewind(self):
+        ti.loop_config(serialize=True)
+        for q in range(self.n_packs):
+            for i in ti.static(range(len(self.fields))):
+                self.fields[i][q] = self.copies[i][q]
+
+
 class ParticleFields:
     """Fields of all particles; entry q, lane l is particle LANES q + l. Positions are relative to the grid's corner."""
 
@@ -47,6 +70,7 @@ class ParticleFields:
         self.volume = pack_field()
         """Initial volume V0 [m^3]; zero in the lanes that fill up a pack."""
         self.index = self._order(bodies, grid)
+        self._kept: Snapshot | None = None
         self._dtype = np.float64 if features.precision == "f64" else np.float32
         volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
         velocities = [np.zeros((n, 3)) if body.velocities is None else body.velocities
@@ -79,6 +103,20 @@ class ParticleFields:
     def read(self, fields: list) -> np.ndarray:
         """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
         return np.stack([field.to_numpy().reshape(-1)[self.index] for field in fields], -1)
+
+    def keep(self) -> None:
+        """Copy the state aside, on the device."""
+        self._snapshot().keep()
+
+    def rewind(self) -> None:
+        """Return to the state last kept."""
+        self._snapshot().rewind()
+
+    def _snapshot(self) -> "Snapshot":
+        if self._kept is None:
+            fields = [field for named in self.named_fields().values() for field in named]
+            self._kept = Snapshot(fields, self.n_packs)
+        return self._kept
 
     def named_fields(self) -> dict[str, list]:
         """The fields of a snapshot."""

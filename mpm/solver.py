@@ -7,35 +7,29 @@ import numpy as np
 
 from mpm.backend import PRECISIONS, default_precision, real_type, session_precision, ti
 from mpm.body import Body
-from mpm.checks import check_scene
+from mpm.checks import check_passage, check_scene
 from mpm.collider import Collider
+from mpm.compound import HeightField, Union
 from mpm.contact import cache_static
 from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, energy_of, momentum_of
 from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
-from mpm.features import Features
+from mpm.features import features_of
 from mpm.grid import Grid, GridFields
+from mpm.lattice import Lattice
 from mpm.mobility import MobileFields
 from mpm.mobility_table import MobilityTable
 from mpm.motion import Pose, ScrewSamples, Twist, Wrench, logarithm, screw
 from mpm.numbers import Numbers
 from mpm.particles import LANES, ParticleFields
-from mpm.sdf import Lattice
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
 from mpm.substep import SPEED_LIMIT, Substeps
-from mpm.timestep import COURANT_FRACTION, isolated_particle_bound, travel_bound, viscous_bound
+from mpm.timestep import COURANT_FRACTION, material_bound, travel_bound
 from mpm.walls import Walls
 
 MAX_SUBSTEPS = 64
 """Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
-
-
-def _material_bound(cell: float, body: Body) -> float:
-    """Time step [s] at which a lone particle of the body becomes unstable."""
-    law = body.material
-    elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
-    return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
 
 
 class Solver:
@@ -71,41 +65,34 @@ class Solver:
         self.walls.check(grid)
         self.gravity = np.asarray(gravity, float)
         check_scene(grid, self.bodies, self.colliders, self.gravity)
-        self.bound = min(_material_bound(grid.cell, body) for body in bodies)
+        self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
         if dt is not None and not dt > 0:
             raise InvalidValue(f"Solver: dt = {dt} s; accepted: a positive time, or None")
         if dt is not None and dt > self.bound:
             raise TimeStepTooLarge(dt, self.bound, "isolated particle")
+        self.asked_dt = dt
+        """What the user asked for, or None."""
         self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._stamp = 0
-        self.features = Features(
-            precision=self.precision, integrator=integrator,
-            volume_correction=any(b.material.has_volume_correction for b in bodies),
-            tensor_state=any(b.material.state != "volume" for b in bodies),
-            volume_state=any(b.material.state == "volume" for b in bodies),
-            body_acceleration=body_acceleration is not None, periodic=self.walls.periodic,
-            moving_solids=tuple(i for i, c in enumerate(self.colliders) if not (c.static or isinstance(c.sdf, Shell))),
-            shells=tuple(i for i, c in enumerate(self.colliders) if isinstance(c.sdf, Shell)),
-            mobile=tuple(i for i, c in enumerate(self.colliders) if c.mobile),
-            static_colliders=tuple(i for i, c in enumerate(self.colliders)
-                                   if c.static and not isinstance(c.sdf, Shell)),
-        )
-        self._poses = [collider.pose for collider in self.colliders]
-        self._motion: dict[int, tuple[Pose, Pose]] = {}
-        self.mobility = MobilityTable(self.features.mobile)
+        self._integrator, self._accelerated = integrator, body_acceleration is not None
         self._dtype = np.float64 if self.precision == "f64" else np.float32
         self._build()
         if body_acceleration is not None:
             self.set_body_acceleration(body_acceleration)
 
     def _build(self) -> None:
-        """Allocate the fields that the features ask for and the kernels that read them."""
+        """Allocate the fields that the scene asks for and the kernels that read them."""
+        self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self._integrator,
+                                    self._accelerated)
+        self._poses = [collider.pose for collider in self.colliders]
+        self._motion: dict[int, tuple[Pose, Pose]] = {}
+        self.mobility = MobilityTable(self.features.mobile)
         with default_precision(self.precision):
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
             self.fields = GridFields(self.grid, self.precision, layers=2 if self.features.shells else 1)
             for i, collider in enumerate(self.colliders):
-                if isinstance(collider.sdf, Lattice):
+                if isinstance(collider.sdf, HeightField | Lattice | Union):
                     collider.sdf.allocate()
                 elif isinstance(collider.sdf, Shell):
                     self.colliders[i] = replace(collider, sdf=collider.sdf.baked(self.grid.cell))
@@ -131,7 +118,34 @@ class Solver:
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()
+        self._kept: tuple | None = None
         self._listed = False  # whether the blocks of the next substep are on the grid's list
+
+    # scene -----------------------------------------------------------------------------------------------------------
+    def add_collider(self, collider: Collider) -> int:
+        """Add a collider before the first advance; returns its index."""
+        self._rebuild([*self.colliders, collider])
+        check_passage(self.grid, len(self.colliders) - 1, collider)
+        return len(self.colliders) - 1
+
+    def make_mobile(self, index: int) -> None:
+        """Let contact move a moving collider, before the first advance; see `set_collider_mobility`."""
+        if index not in self.features.moving_colliders or self.colliders[index].static:
+            raise InvalidValue(f"collider {index} cannot move; movable: {self.features.moving_colliders}")
+        if not self.colliders[index].mobile:
+            self._rebuild([replace(c, mobile=c.mobile or i == index) for i, c in enumerate(self.colliders)])
+
+    def _rebuild(self, colliders: list[Collider]) -> None:
+        if self.steps > 0:
+            raise InvalidValue("the scene is fixed by the first advance; add colliders before it")
+        before, gravity = self.state(), self.numbers.gravity[None]
+        self.colliders = colliders
+        self._build()
+        for name, fields in self.particles.named_fields().items():
+            if name in before:
+                self.particles.write(fields, before[name])
+        self.numbers.gravity[None] = gravity
+        self._momentum = self.momentum()
 
     def set_body_acceleration(self, accelerations: np.ndarray) -> None:
         """Accelerations [m/s^2] (n_particles, 3) besides gravity from now on; the solver was built with some."""
@@ -173,6 +187,10 @@ class Solver:
         if pose is not None:
             self._poses[index] = pose
         self.mobility.set(index, self._poses[index], W, free_twist, twist, centre, others or {})
+
+    def collider_pose(self, index: int) -> Pose:
+        """Where the last advance left a collider."""
+        return self._poses[index]
 
     def collider_twist(self, index: int) -> Twist:
         """Twist of a mobile collider about its centre, where the last advance ended."""
@@ -282,8 +300,10 @@ class Solver:
         return volume * np.repeat([b.material.density for b in self.bodies], self.particles.counts)
 
     def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
-        """Impulse [N s], [N m s] that the collider received during the last advance, about a point [m] (3,), or its
-        origin at the end of that advance."""
+        """Impulse [N s], [N m s] that the collider received during the last advance, about a point [m] (3,). None: about
+        a mobile collider's centre as it moved, of another the frame's origin at the end of that advance."""
+        if about is None and index in self.features.mobile:
+            return self.mobility.impulse(index)
         linear, angular = -self.ledger[self._substeps.first_collider_row + index].reshape(2, 3)
         point = self._poses[index].position if about is None else np.asarray(about)
         return Wrench(linear, angular - np.cross(point, linear))
@@ -303,6 +323,22 @@ class Solver:
     def diagnostics(self) -> Diagnostics:
         """Mass, momentum, energy, CFL number, compaction, escaped and non-finite grains."""
         return diagnostics_of(self)
+
+    # going back ------------------------------------------------------------------------------------------------------
+    def keep(self) -> None:
+        """Remember the state until the next `keep`: a copy beside the state, far cheaper than `state`."""
+        self.particles.keep()
+        self._kept = (self.time, self.steps, list(self._poses), self.mobility.twists.copy(), self._momentum)
+
+    def rewind(self) -> None:
+        """Return to the state last kept, any number of times."""
+        if self._kept is None:
+            raise InvalidValue("rewind: nothing was kept; call keep() before what may have to be repeated")
+        self.particles.rewind()
+        self.time, self.steps, poses, twists, self._momentum = self._kept
+        self._poses, self.mobility.twists[:] = list(poses), twists
+        self._motion.clear()
+        self._listed = False
 
     # snapshots -----------------------------------------------------------------------------------------------------
     def state(self) -> dict[str, np.ndarray]:

@@ -28,3 +28,9 @@ def viscous_bound(cell: float, density: float, viscosity: float) -> float:
 def travel_bound(cell: float, speed: float) -> float:
     """Bound [s] from a tool's largest speed [m/s]."""
     return TRAVEL_FRACTION * cell / speed if speed > 0 else math.inf
+
+
+def material_bound(cell: float, law: object) -> float:
+    """Time step [s] at which a lone particle of a material becomes unstable."""
+    elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)  # pyright: ignore[reportAttributeAccessIssue]
+    return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))  # pyright: ignore[reportAttributeAccessIssue]

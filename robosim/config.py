@@ -141,7 +141,7 @@ class RehearsalConfig(Table):
     grasp: Literal["weld"]
     host_dt: float = Field(gt=0.0, le=1e-3)
     """MuJoCo step [s]."""
-    coupling: Literal["one_way", "lagged"] = "lagged"
+    coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
     collision_thickness: PositiveFloat
     """Thickness [m] of the tool's wall as the grains see it, grown outward with the bowl's volume kept."""
     grasp_time: PositiveFloat

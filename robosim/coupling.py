@@ -1,141 +1,247 @@
 """The coupling of a MuJoCo scene and a field of grains."""
 
-from typing import Literal, NamedTuple
+import warnings
+import weakref
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
 
 import mpm
-from mpm.solver import Momentum
-from robosim.errors import ConfigError, RobotDiverged, UnknownName
+from robosim.errors import BodyLeftGrid, ConfigError, RobotDiverged, UnknownName
 from robosim.frames import body_pose
+from robosim.geoms import collider_of
+from robosim.ledger import Impulse, Ledger, close_ledger, empty_ledger
+from robosim.twin import Foresight, Twin
 
-COUPLINGS = ("one_way", "lagged")
+__all__ = ["Coupling", "GranularPlugin", "Impulse", "Ledger"]
+
 BAD_STATES = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-Coupling = Literal["one_way", "lagged"]
-
-
-class Impulse(NamedTuple):
-    """Linear [N s] (3,) and angular [N m s] (3,) impulse, the latter about the world's origin."""
-
-    linear: np.ndarray
-    angular: np.ndarray
-
-
-class Ledger(NamedTuple):
-    """Who gave momentum to the grains in one step; `residual` is what nobody accounts for."""
-
-    grains: Impulse
-    """Change of the grains' momentum."""
-    gravity: Impulse
-    walls: Impulse
-    bodies: dict[str, Impulse]
-    """Given by each coupled body; the body received the opposite."""
-    static: Impulse
-    """Given by colliders that never move."""
-    residual: Impulse
+Coupling = Literal["one_way", "lagged", "mobility"]
+TOLERANCE = 0.1
+"""Default share of a body's change of speed by grains by which it may miss what was foreseen."""
+NEGLIGIBLE = 1e-3
+"""[m/s] by which a body may miss what was foreseen in any case."""
+MAX_REPEATS = 4
+_coupled: "weakref.WeakValueDictionary[tuple[int, str], GranularPlugin]" = weakref.WeakValueDictionary()
+"""Who has coupled which body of which MjData."""
 
 
 class GranularPlugin:
-    """Couples named bodies of any MuJoCo model to colliders of a solver, both ways, every step.
+    """Couples bodies of any MuJoCo model to colliders of a solver, both ways, every step.
 
-    model, data: the MuJoCo scene; the plugin adds to `data.xfrc_applied` and never overwrites it. solver: holds a
-    moving collider per coupled body, whose signed distance is given in the body's frame. bodies: body name ->
-    index of its collider. coupling: "one_way" moves the colliders and feeds nothing back; "lagged" predicts the bodies'
-    motion over the step without this step's grain forces, and applies the impulse that the grains then gave.
+    model, data: the MuJoCo scene. The plugin adds to `data.xfrc_applied` for the step and takes that away again; the
+    user's own forces, actuators and callbacks act as ever. bodies: body name -> index of its collider in the solver, in
+    the body's frame, or None: made of the body's geoms (see `geoms.collider_of`) before the solver's first advance.
+
+    coupling: "mobility" solves contact and the bodies' motion together in every substep, with the bodies' answer to
+    impulses probed from MuJoCo in every step. "lagged" moves the bodies as if the grains pushed as in the step before,
+    and applies afterwards what they gave: the usual scheme, here for comparison; light bodies need tiny steps.
+    "one_way" moves the colliders and feeds nothing back.
+
+    tolerance: with "mobility", the share of a body's change of speed by grains by which MuJoCo may miss what was
+    foreseen (a grasp that slips, a motor at its limit) before the step is taken back and repeated; None: never.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver, *,
-                 bodies: dict[str, int], coupling: Coupling = "lagged") -> None:
-        if coupling not in COUPLINGS:
-            raise UnknownName("coupling", coupling, COUPLINGS)
-        names = [model.body(i).name for i in range(model.nbody)]
-        movable = solver.features.moving_colliders
-        for name, collider in bodies.items():
-            if name not in names:
-                raise UnknownName("body of the MuJoCo model", name, names)
-            if collider not in movable:
-                raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")
-        if len(set(bodies.values())) != len(bodies):
-            raise ConfigError(f"two bodies share a collider: {bodies}")
-        self.model, self.data, self.solver, self.coupling = model, data, solver, coupling
-        self._bodies = {name: (model.body(name).id, collider) for name, collider in bodies.items()}
-        self._scratch = mujoco.MjData(model)
+                 bodies: dict[str, int | None], coupling: Coupling = "mobility",
+                 tolerance: float | None = TOLERANCE) -> None:
+        if coupling not in get_args(Coupling):
+            raise UnknownName("coupling", coupling, get_args(Coupling))
+        if tolerance is not None and not tolerance > 0:
+            raise ConfigError(f"tolerance = {tolerance}; accepted: a positive share, or None")
+        self.model, self.data, self.solver = model, data, solver
+        self.coupling, self.tolerance = coupling, tolerance
+        mujoco.mj_kinematics(model, data)
+        self._colliders = self._claim(bodies)
+        ids = {name: model.body(name).id for name in self._colliders}
+        self._moving = [name for name, c in self._colliders.items() if not solver.colliders[c].static]
+        self._driven = [name for name in self._moving if model.body_mocapid[ids[name]] >= 0]
+        """Mocap bodies: moved by the user from step to step, by nothing else."""
+        self._dynamic = [name for name in self._moving if name not in self._driven]
+        self._ids = ids
+        if coupling == "mobility":
+            for name in self._dynamic:
+                solver.make_mobile(self._colliders[name])
+        self._check_clock()
+        self._check_reach()
+        self._twin = Twin(model, [ids[name] for name in self._dynamic])
+        self._driven_poses = {name: body_pose(data, ids[name]) for name in self._driven}
         self._applied = np.zeros((model.nbody, 6))
         """Grain wrenches of the last step: what the next prediction starts from."""
-        self.ledger = self._empty_ledger()
+        self.outside: set[str] = set()
+        """Coupled bodies that are off the solver's grid now."""
+        self.miss = np.zeros((len(self._dynamic), 6))
+        """Twists (B, 6) after the last step, less those foreseen: linear [m/s], angular [rad/s]; for "mobility"."""
+        self.repeats = 0
+        """Times that the last step was repeated."""
+        self.ledger = empty_ledger(self._colliders)
 
     def step(self) -> None:
         """One coupled `mj_step`.
 
-        1. Read where each coupled body is, with positions fresh even after the user changed qpos.
-        2. Predict its motion over the step; hand it to the solver as a screw.
+        1. Read where each coupled body is, how it moves and, for "mobility", how it answers to impulses.
+        2. Foresee its motion over the step; hand it to the solver.
         3. Advance the grains; every change of their momentum is credited to somebody.
         4. Apply the impulse to the bodies as a wrench; step MuJoCo.
-        5. Close the ledger; raise RobotDiverged when MuJoCo's state went bad.
+        5. Compare with what was foreseen; repeat the step if it missed.
+        6. Close the ledger; raise RobotDiverged when MuJoCo's state went bad.
         """
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
+        self._twin.begin(self.data)
         before = self.solver.momentum_after_advance()
-        begin = {name: body_pose(self.data, body) for name, (body, _) in self._bodies.items()}
-        end = self._predict()
-        for name, (_, collider) in self._bodies.items():
-            self.solver.set_collider_motion(collider, begin[name], end[name])
-        self.solver.advance(self.model.opt.timestep)
-        self._apply_and_step()
-        self.ledger = self._close_ledger(before)
+        self._move_driven()
+        if self.coupling == "mobility" and self._dynamic:
+            self._step_together()
+        else:
+            self._move_as_foreseen()
+            self.solver.advance(self.model.opt.timestep)
+            self._apply_and_step()
+        self.ledger = close_ledger(self.solver, before, self._colliders)
+        self._watch_grid()
         self._check_robot()
+
+    def wrench(self, body: str) -> mpm.Wrench:
+        """Mean wrench [N], [N m] that the grains put on a body in the last step, about its centre of mass; zero for
+        "one_way"."""
+        if body not in self._colliders:
+            raise UnknownName("coupled body", body, self._colliders)
+        row = self._applied[self._ids[body]]
+        return mpm.Wrench(row[:3].copy(), row[3:].copy())
+
+    # the step ------------------------------------------------------------------------------------------------------
+    def _move_driven(self) -> None:
+        for name in self._driven:
+            now = body_pose(self.data, self._ids[name])
+            self.solver.set_collider_motion(self._colliders[name], self._driven_poses[name], now)
+            self._driven_poses[name] = now
+
+    def _move_as_foreseen(self) -> None:
+        """Hand the solver the motion that the bodies would have if the grains pushed as in the step before."""
+        ends = self._twin.poses_after(self._applied)
+        for name, end in zip(self._dynamic, ends):
+            self.solver.set_collider_motion(self._colliders[name], body_pose(self.data, self._ids[name]), end)
+
+    def _step_together(self) -> None:
+        """Advance grains and bodies together; repeat while MuJoCo misses what was foreseen."""
+        foresight = self._twin.foresee(self._applied)
+        free, weight, last = foresight.free.copy(), 1.0, None
+        if self.tolerance is not None:
+            self.solver.keep()
+        for self.repeats in range(MAX_REPEATS + 1):
+            self._hand_over(foresight, free)
+            self.solver.advance(self.model.opt.timestep)
+            solved = np.array([np.concatenate(self.solver.collider_twist(self._colliders[n])) for n in self._dynamic])
+            self._apply_and_step()
+            self._twin.bring(self.data, [self._end(name) for name in self._dynamic])
+            self.miss = self._twin.twists(self.data) - solved
+            if self.repeats == MAX_REPEATS or not self._misses(solved - free):
+                return
+            # the answers were linearised; shift what is foreseen by what was missed (Aitken's relaxation)
+            if last is not None:
+                change = (self.miss - last).ravel()
+                weight = float(np.clip(-weight * (last.ravel() @ change) / max(change @ change, 1e-300), 0.1, 1.0))
+            free, last = free + weight * self.miss, self.miss
+            self.solver.rewind()
+            self._twin.restart(self.data)
+
+    def _hand_over(self, foresight: Foresight, free: np.ndarray) -> None:
+        """Give the solver the bodies' places, velocities and answers to impulses."""
+        indices = [self._colliders[name] for name in self._dynamic]
+        W = foresight.mobility.reshape(len(indices), 6, len(indices), 6)
+        for i, name in enumerate(self._dynamic):
+            body = self._ids[name]
+            self.solver.set_collider_mobility(
+                indices[i], W[i, :, i], free[i], twist=foresight.twists[i], pose=body_pose(self.data, body),
+                centre=self.data.xipos[body], others={indices[j]: W[i, :, j] for j in range(len(indices)) if j != i})
+
+    def _end(self, name: str) -> mpm.Pose | None:
+        """Where the substeps took a body that grains touched."""
+        touched = np.any(self._applied[self._ids[name]])
+        return self.solver.collider_pose(self._colliders[name]) if touched else None
+
+    def _misses(self, change: np.ndarray) -> bool:
+        """Whether some body's twist is off by more than the tolerance; change: of its twist by grains."""
+        if self.tolerance is None:
+            return False
+        sizes = [min(self.solver.colliders[self._colliders[name]].sdf.radius, 1.0) for name in self._dynamic]
+
+        def speeds(twists: np.ndarray) -> np.ndarray:
+            return np.linalg.norm(twists[:, :3], axis=1) + sizes * np.linalg.norm(twists[:, 3:], axis=1)
+
+        return bool(np.any(speeds(self.miss) > NEGLIGIBLE + self.tolerance * speeds(change)))
+
+    def _apply_and_step(self) -> None:
+        """Add the grains' wrenches to the user's own for one step, then take them away again."""
+        self._applied[:] = 0.0
+        if self.coupling != "one_way":
+            for name in self._dynamic:
+                body = self._ids[name]
+                about = None if self.coupling == "mobility" else self.data.xipos[body]
+                impulse = self.solver.collider_impulse(self._colliders[name], about=about)
+                self._applied[body] = np.concatenate(impulse) / self.model.opt.timestep
+        own = self.data.xfrc_applied.copy()
+        self.data.xfrc_applied += self._applied
+        self._twin.finish(self.data)
+        self.data.xfrc_applied[:] = own
+
+    # checks --------------------------------------------------------------------------------------------------------
+    def _claim(self, bodies: dict[str, int | None]) -> dict[str, int]:
+        """The collider of each body, made where none is given; raises on names that do not fit."""
+        names = [self.model.body(i).name for i in range(self.model.nbody)]
+        for name in bodies:
+            if name not in names:
+                raise UnknownName("body of the MuJoCo model", name, names)
+            if _coupled.get((id(self.data), name), self) is not self:
+                raise ConfigError(f"body {name!r} is coupled by another plugin already; a body's grains are in one "
+                                  f"solver: give both fields to that solver as bodies")
+        given = [c for c in bodies.values() if c is not None]
+        if len(set(given)) != len(given):
+            raise ConfigError(f"two bodies share a collider: {bodies}")
+        movable = self.solver.features.moving_colliders
+        for name, collider in bodies.items():
+            if collider is not None and collider not in movable:
+                raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")
+        claimed = {}
+        for name, collider in bodies.items():
+            if collider is None:
+                made = collider_of(self.model, self.data, self.model.body(name).id, self.solver.grid.cell)
+                collider = self.solver.add_collider(made)
+            claimed[name] = collider
+            _coupled[id(self.data), name] = self
+        return claimed
+
+    def _check_clock(self) -> None:
+        """A substep that the user asked for divides the host step."""
+        if self.solver.asked_dt is not None:
+            ratio = self.model.opt.timestep / self.solver.asked_dt
+            if abs(ratio - round(ratio)) > 1e-6 * ratio:
+                raise ConfigError(f"the host step {self.model.opt.timestep} s is {ratio:.6g} substeps of "
+                                  f"{self.solver.asked_dt} s; accepted: a whole number, or dt=None for the solver")
+
+    def _off_grid(self, name: str) -> bool:
+        """Whether a body's ball lies outside the solver's grid."""
+        grid, collider = self.solver.grid, self.solver.colliders[self._colliders[name]]
+        radius, place = collider.sdf.radius, self.data.xpos[self._ids[name]]
+        upper = np.asarray(grid.lower) + grid.cells * grid.cell
+        return bool(np.any(place + radius < grid.lower) or np.any(place - radius > upper))
+
+    def _check_reach(self) -> None:
+        for name in self._colliders:
+            if self._off_grid(name):
+                raise ConfigError(f"body {name!r} is at {tuple(self.data.xpos[self._ids[name]].round(4))} m, outside "
+                                  f"the solver's grid {self.solver.grid.lower} .. {self.solver.grid.upper} m; enlarge "
+                                  f"the grid, or place the body in it")
+
+    def _watch_grid(self) -> None:
+        """Tell of bodies that leave the grid; their contact has ended, and begins anew when they return."""
+        outside = {name for name in self._moving if self._off_grid(name)}
+        for name in outside - self.outside:
+            warnings.warn(BodyLeftGrid(f"body {name!r} left the solver's grid at t = {self.data.time:.6g} s; it meets "
+                                       f"no grains until it returns"), stacklevel=3)
+        self.outside = outside
 
     def _check_robot(self) -> None:
         """MuJoCo resets a bad state by itself and goes on; only its warning counters tell."""
         bad = [w.name for w in BAD_STATES if self.data.warning[w].number > 0]
         if bad:
             raise RobotDiverged(float(self.data.time), bad)
-
-    def wrench(self, body: str) -> mpm.Wrench:
-        """Mean wrench [N], [N m] that the grains put on a body in the last step, about its centre of mass; zero for
-        "one_way"."""
-        row = self._applied[self._bodies[body][0]]
-        return mpm.Wrench(row[:3].copy(), row[3:].copy())
-
-    def _predict(self) -> dict[str, mpm.Pose]:
-        """Poses of the bodies after the step, if the grains pushed as in the step before."""
-        scratch = self._scratch
-        mujoco.mj_copyData(scratch, self.model, self.data)
-        scratch.xfrc_applied += self._applied
-        mujoco.mj_step(self.model, scratch)
-        mujoco.mj_kinematics(self.model, scratch)
-        return {name: body_pose(scratch, body) for name, (body, _) in self._bodies.items()}
-
-    def _apply_and_step(self) -> None:
-        """Add the grains' wrenches to the user's own for one mj_step, then take them away again."""
-        self._applied[:] = 0.0
-        if self.coupling != "one_way":
-            for body, collider in self._bodies.values():
-                impulse = self.solver.collider_impulse(collider, about=self.data.xipos[body])
-                self._applied[body] = np.concatenate(impulse) / self.model.opt.timestep
-        own = self.data.xfrc_applied.copy()
-        self.data.xfrc_applied += self._applied
-        mujoco.mj_step(self.model, self.data)
-        self.data.xfrc_applied[:] = own
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_comVel(self.model, self.data)
-
-    def _empty_ledger(self) -> Ledger:
-        zero = Impulse(np.zeros(3), np.zeros(3))
-        return Ledger(zero, zero, zero, dict.fromkeys(self._bodies, zero), zero, zero)
-
-    def _close_ledger(self, before: Momentum) -> Ledger:
-        grains = np.concatenate(self.solver.momentum_after_advance()) - np.concatenate(before)
-        rows = self.solver.ledger
-        given = {name: rows[2 + collider] for name, (_, collider) in self._bodies.items()}
-        coupled = {collider for _, collider in self._bodies.values()}
-        rest = sum((rows[2 + i] for i in range(len(self.solver.colliders)) if i not in coupled), np.zeros(6))
-        residual = grains - rows[0] - rows[1] - rest - sum(given.values(), np.zeros(6))
-
-        def impulse(row: np.ndarray) -> Impulse:
-            return Impulse(row[:3].copy(), row[3:].copy())
-
-        return Ledger(impulse(grains), impulse(rows[0]), impulse(rows[1]),
-                      {name: impulse(row) for name, row in given.items()}, impulse(rest), impulse(residual))

@@ -36,3 +36,11 @@ class RobotDiverged(RobosimError):
     def __init__(self, time: float, warnings: list[str]) -> None:
         self.time, self.warnings = time, warnings
         super().__init__(f"the robot diverged at t = {time:.6g} s: MuJoCo reports {', '.join(warnings)}")
+
+
+class RobosimWarning(UserWarning):
+    """Base of every warning that `robosim` gives."""
+
+
+class BodyLeftGrid(RobosimWarning):
+    """A coupled body is where the solver has no nodes: it meets no grains until it comes back."""

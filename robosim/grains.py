@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 import mpm
-from mpm.sdf import Lattice
+from mpm.lattice import Lattice
 from mpm.timestep import isolated_particle_bound
 from robosim.config import MaterialConfig, RehearsalConfig
 from robosim.errors import ConfigError

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 import mpm
 from mpm.backend import default_precision, ti
@@ -45,17 +46,33 @@ def test_open_mesh_is_refused() -> None:
         mpm.Sdf.from_mesh(mesh)
 
 
+TURN = Rotation.from_rotvec([0.4, -0.3, 0.8]).as_matrix()
 SHAPES = {
     "plane": mpm.Sdf.plane((0.3, 0.2, 0.9)), "sphere": mpm.Sdf.sphere(0.02), "capsule": mpm.Sdf.capsule(0.01, 0.02),
-    "box": mpm.Sdf.box((0.02, 0.015, 0.01)),
+    "box": mpm.Sdf.box((0.02, 0.015, 0.01)), "cylinder": mpm.Sdf.cylinder(0.012, 0.01),
+    "height_field": mpm.Sdf.height_field(np.add.outer(2e-3 * np.linspace(0, 1, 9) ** 2, 1e-3 * np.linspace(0, 1, 7) ** 2), (0.02, 0.018)),
+    "union": mpm.Sdf.union([
+        (mpm.Sdf.box((0.004, 0.006, 0.005)), mpm.Pose.from_matrix(np.array([0.008, 0, 0]), TURN)),
+        (mpm.Sdf.cylinder(0.005, 0.004), mpm.Pose.from_matrix(np.array([-0.006, 0.003, 0.002]), TURN.T))]),
 }
+
+
+def test_ellipsoid_is_exact_at_its_surface() -> None:
+    half = np.array([0.03, 0.02, 0.01])
+    ellipsoid = mpm.Sdf.ellipsoid(half)
+    u = np.random.default_rng(0).normal(size=(500, 3))
+    u /= np.linalg.norm(u, axis=1)[:, None]
+    normal = (u / half) / np.linalg.norm(u / half, axis=1)[:, None]
+    for offset in (-2e-4, 0.0, 2e-4):
+        points = half * u + offset * normal
+        assert ellipsoid.distance(points) == pytest.approx(offset, abs=1e-12 + 0.06 * abs(offset))
 
 
 @pytest.mark.parametrize("name", [*SHAPES, "lattice"])
 def test_kernel_distance_and_normal_are_the_hosts(name: str) -> None:
     """What the kernels read equals the host's distance, and the normal is its gradient."""
     shape = SHAPES.get(name) or mpm.Sdf.from_mesh(trimesh.creation.box((0.03, 0.03, 0.03)), spacing=1e-3)
-    if name == "lattice":
+    if hasattr(shape, "allocate"):
         shape.allocate()
     points = np.random.default_rng(5).uniform(-0.016, 0.016, (300, 3))
     out = np.zeros((300, 4))

@@ -1,0 +1,136 @@
+"""Signed distance of analytic solids. Negative inside, metres.
+
+Every shape, here and elsewhere, has `radius`, of a ball about the frame's origin that holds the solid, `at(y)` for
+kernels (outward normal and distance at y) and `distance(points)` for the host.
+"""
+
+import numpy as np
+
+from mpm.backend import ti
+
+
+class Plane:
+    """The half space below a plane through the frame's origin; the normal [-] (3,) points out of the solid."""
+
+    radius = 1e6
+
+    def __init__(self, normal: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> None:
+        self.normal = tuple(float(c) for c in np.asarray(normal) / np.linalg.norm(normal))
+
+    @ti.func
+    def at(self, y):
+        n = ti.Vector([self.normal[0], self.normal[1], self.normal[2]])
+        return n, y.dot(n)
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        return points @ np.asarray(self.normal)
+
+
+class Sphere:
+    """A ball of radius r [m] about the frame's origin."""
+
+    def __init__(self, r: float) -> None:
+        self.r, self.radius = float(r), float(r)
+
+    @ti.func
+    def at(self, y):
+        distance = y.norm(1e-12)
+        return y / distance, distance - self.r
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(points, axis=-1) - self.r
+
+
+class Capsule:
+    """Points within r [m] of the segment of half length h [m] along the frame's z axis."""
+
+    def __init__(self, r: float, h: float) -> None:
+        self.r, self.h, self.radius = float(r), float(h), float(r + h)
+
+    @ti.func
+    def at(self, y):
+        rest = y
+        rest[2] = y[2] - ti.math.clamp(y[2], -self.h, self.h)
+        distance = rest.norm(1e-12)
+        return rest / distance, distance - self.r
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        rest = points - np.clip(points[..., 2:], -self.h, self.h) * [0.0, 0.0, 1.0]
+        return np.linalg.norm(rest, axis=-1) - self.r
+
+
+class Box:
+    """A box of half sizes [m] (3,) about the frame's origin."""
+
+    def __init__(self, half: tuple[float, float, float]) -> None:
+        self.half = tuple(float(c) for c in half)
+        self.radius = float(np.linalg.norm(half))
+
+    @ti.func
+    def at(self, y):
+        # inside, the nearest face decides; outside, the offset from the nearest surface point
+        out = ti.Vector([ti.abs(y[d]) - self.half[d] for d in ti.static(range(3))])
+        side = ti.Vector([ti.select(y[d] < 0, -1.0, 1.0) for d in ti.static(range(3))])
+        deepest = out.max()
+        n = side * 0.0
+        phi = deepest
+        if deepest < 0:
+            for d in ti.static(range(3)):
+                if out[d] == deepest:
+                    n = side * 0.0
+                    n[d] = side[d]
+        else:
+            away = ti.max(out, 0.0)
+            phi = away.norm(1e-12)
+            n = side * away / phi
+        return n, phi
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        out = np.abs(points) - self.half
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
+
+
+class Cylinder:
+    """Points within r [m] of the frame's z axis and within h [m] of its xy plane."""
+
+    def __init__(self, r: float, h: float) -> None:
+        self.r, self.h, self.radius = float(r), float(h), float(np.hypot(r, h))
+
+    @ti.func
+    def at(self, y):
+        around = ti.sqrt(y[0] * y[0] + y[1] * y[1] + 1e-24)
+        side, end = around - self.r, ti.abs(y[2]) - self.h
+        radial = y / around
+        radial[2] = 0.0 * y[2]
+        axial = 0.0 * y
+        axial[2] = ti.select(y[2] < 0, -1.0, 1.0)
+        phi = ti.max(side, end)
+        n = ti.select(side > end, radial, axial)
+        if side > 0 and end > 0:  # off the edge
+            phi = ti.sqrt(side * side + end * end)
+            n = (side * radial + end * axial) / phi
+        return n, phi
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        out = np.stack([np.hypot(points[..., 0], points[..., 1]) - self.r, np.abs(points[..., 2]) - self.h], -1)
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
+
+
+class Ellipsoid:
+    """An ellipsoid of half axes [m] (3,). Distances are of first order: exact at the surface, where contact is."""
+
+    def __init__(self, half: tuple[float, float, float]) -> None:
+        self.half = tuple(float(c) for c in half)
+        self.radius = max(self.half)
+
+    @ti.func
+    def at(self, y):
+        scaled = ti.Vector([y[d] / self.half[d] for d in ti.static(range(3))])
+        slope = ti.Vector([scaled[d] / self.half[d] for d in ti.static(range(3))])
+        size, steepness = scaled.norm(1e-12), slope.norm(1e-12)
+        return slope / steepness, size * (size - 1.0) / steepness
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        scaled = points / self.half
+        size = np.linalg.norm(scaled, axis=-1)
+        return size * (size - 1.0) / np.maximum(np.linalg.norm(scaled / self.half, axis=-1), 1e-12)

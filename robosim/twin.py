@@ -1,0 +1,176 @@
+"""A copy of the MuJoCo state on which a step is tried out before it is taken."""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import mpm
+from robosim.errors import ConfigError
+from robosim.frames import body_pose
+
+PROBE = 0.01
+"""Probing impulse, as a share of what the body's weight gives in a step: within one state of sticking contacts."""
+PROBE_ARM = 0.05
+"""[m] at which the probing impulse pulls when it probes rotation."""
+RANK = 1e-9
+"""Share of the largest answer below which a direction counts as fixed."""
+INDEFINITE = 1e-2
+"""Share of its norm by which a probed mobility may be negative: solver tolerance. More is a mechanism that pushes back
+stronger than it was pushed."""
+
+
+class Foresight(NamedTuple):
+    """How the coupled bodies would move over the coming step, all in world axes about their centres of mass."""
+
+    twists: np.ndarray
+    """Now (B, 6): linear, angular."""
+    free: np.ndarray
+    """After the step, if no grain touched (B, 6)."""
+    mobility: np.ndarray
+    """Change of the twists after the step by impulses on the bodies (6 B, 6 B)."""
+
+
+class Twin:
+    """Tries steps of a MuJoCo scene without touching it.
+
+    A step is `begin` (positions and velocities), any number of trials, and `finish`; together they are one `mj_step`.
+    """
+
+    def __init__(self, model: mujoco.MjModel, bodies: list[int]) -> None:
+        self.model, self.bodies = model, bodies
+        self._start, self._trial = mujoco.MjData(model), mujoco.MjData(model)
+        # a Runge-Kutta step evaluates everything anew within it: such a step cannot be shared with its trials
+        self._whole = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        euler = model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+        self._integrate = mujoco.mj_Euler if euler else mujoco.mj_implicit
+
+    def begin(self, data: mujoco.MjData) -> None:
+        """Evaluate positions and velocities, fresh even after the user changed qpos, and remember the state."""
+        if self._whole:
+            mujoco.mj_forward(self.model, data)
+        else:
+            mujoco.mj_step1(self.model, data)
+        mujoco.mj_copyData(self._start, self.model, data)
+
+    def restart(self, data: mujoco.MjData) -> None:
+        """Back to the state after `begin`."""
+        mujoco.mj_copyData(data, self.model, self._start)
+
+    def finish(self, data: mujoco.MjData) -> None:
+        """Step, with the forces that data holds now; frames and velocities are those after the step."""
+        if self._whole:
+            mujoco.mj_step(self.model, data)
+        else:
+            mujoco.mj_step2(self.model, data)
+        self._refresh(data)
+
+    def bring(self, data: mujoco.MjData, poses: list[mpm.Pose | None]) -> None:
+        """Move the bodies the little way to poses, along what impulses on them would move; None: where it is.
+
+        MuJoCo moves a body over a whole step with the velocity at its end, whenever in the step an impulse came.
+        """
+        n = len(self.bodies)
+        offset = np.zeros((n, 6))
+        for i, (body, pose) in enumerate(zip(self.bodies, poses)):
+            if pose is not None:
+                # of the centre of mass, which lies at xipos, seen from the frame
+                arm = data.xmat[body].reshape(3, 3).T @ (data.xipos[body] - data.xpos[body])
+                R = pose.matrix
+                offset[i, :3] = pose.position + R @ arm - data.xipos[body]
+                offset[i, 3:] = Rotation.from_matrix(R @ data.xmat[body].reshape(3, 3).T).as_rotvec()
+        impulses = np.linalg.lstsq(self._mobility, offset.ravel(), rcond=RANK)[0]
+        mujoco.mj_integratePos(self.model, data.qpos, self._joint_answers @ impulses, 1.0)
+        self._refresh(data)
+
+    def _refresh(self, data: mujoco.MjData) -> None:
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        mujoco.mj_comVel(self.model, data)
+
+    def poses_after(self, load: np.ndarray) -> list[mpm.Pose]:
+        """Frames of the bodies after the step under wrenches (nbody, 6) besides the scene's own forces."""
+        mujoco.mj_copyData(self._trial, self.model, self._start)
+        self._trial.xfrc_applied += load
+        self.finish(self._trial)
+        return [body_pose(self._trial, body) for body in self.bodies]
+
+    def twists(self, data: mujoco.MjData) -> np.ndarray:
+        """Twists (B, 6) of the bodies about their centres of mass: linear, angular."""
+        result, row = np.empty((len(self.bodies), 6)), np.empty(6)
+        for i, body in enumerate(self.bodies):
+            mujoco.mj_objectVelocity(self.model, data, mujoco.mjtObj.mjOBJ_BODY, body, row, 0)
+            result[i, :3], result[i, 3:] = row[3:], row[:3]
+        return result
+
+    def foresee(self, load: np.ndarray) -> Foresight:
+        """Probe the step about the wrenches (nbody, 6) that the grains are expected to put on the bodies.
+
+        The answers hold arm posture, drives, joint friction and grasp as they are now, because it is MuJoCo's own step
+        that answers.
+        """
+        trial, model, h = self._trial, self.model, self.model.opt.timestep
+        now = self.twists(self._start)
+        jacobian = self._jacobian()
+        mujoco.mj_copyData(trial, model, self._start)
+        trial.xfrc_applied += load
+        if not self._whole:
+            mujoco.mj_fwdActuation(model, trial)
+        base = self._velocities_after()
+        end, warm = (trial.qpos.copy(), trial.qvel.copy()), trial.qacc.copy()
+        loaded, n = trial.xfrc_applied.copy(), len(self.bodies)
+        answers = np.empty((self.model.nv, 6 * n))
+        for i, body in enumerate(self.bodies):
+            unit = PROBE * h * max(model.body_mass[body], 1e-6) * 9.81
+            for k in range(6):
+                size = unit if k < 3 else unit * PROBE_ARM
+                self._rewind(loaded, warm)
+                trial.xfrc_applied[body, k] += size / h
+                answers[:, 6 * i + k] = (self._velocities_after() - base) / size
+        trial.qpos[:], trial.qvel[:] = end
+        self._refresh(trial)
+        impulses = h * load[self.bodies].ravel()
+        W = self._reciprocal(jacobian @ answers)
+        self._mobility, self._joint_answers = W, answers
+        return Foresight(now, self.twists(trial) - (W @ impulses).reshape(n, 6), W)
+
+    def _rewind(self, loaded: np.ndarray, warm: np.ndarray) -> None:
+        """Back to before the trial's integration."""
+        trial = self._trial
+        if self._whole:
+            mujoco.mj_copyData(trial, self.model, self._start)
+        else:
+            trial.qpos[:], trial.qvel[:] = self._start.qpos, self._start.qvel
+            trial.qacc_warmstart[:] = warm
+        trial.xfrc_applied[:] = loaded
+
+    def _velocities_after(self) -> np.ndarray:
+        """Joint velocities after the trial's step."""
+        if self._whole:
+            mujoco.mj_step(self.model, self._trial)
+        else:
+            mujoco.mj_fwdAcceleration(self.model, self._trial)
+            mujoco.mj_fwdConstraint(self.model, self._trial)
+            self._integrate(self.model, self._trial)
+        return self._trial.qvel.copy()
+
+    def _jacobian(self) -> np.ndarray:
+        """Twists of the bodies per joint velocity (6 B, nv)."""
+        rows = []
+        for body in self.bodies:
+            linear, angular = np.empty((3, self.model.nv)), np.empty((3, self.model.nv))
+            mujoco.mj_jacBodyCom(self.model, self._start, linear, angular, body)
+            rows += [linear, angular]
+        return np.concatenate(rows)
+
+    def _reciprocal(self, W: np.ndarray) -> np.ndarray:
+        """The probed mobility made symmetric and positive semi-definite."""
+        W = 0.5 * (W + W.T)
+        values, axes = np.linalg.eigh(W)
+        if values[0] < -INDEFINITE * np.linalg.norm(W):
+            names = ", ".join(self.model.body(b).name for b in self.bodies)
+            raise ConfigError(f"the mobility of {names} is not positive semi-definite: eigenvalue {values[0]:.3g} of "
+                              f"{values[-1]:.3g}; something in the scene, such as a controller with negative damping, "
+                              f"pushes back stronger than it is pushed")
+        return W if values[0] >= 0 else (axes * np.maximum(values, 0.0)) @ axes.T
