@@ -8,20 +8,21 @@ from mpm.strain import keep
 from mpm.surface import coulomb, surface_velocity, tool_axes, tool_origin
 
 FACE = 0.51
-"""Cells in front of a shell's face within which a node counts as on it. Half a cell puts the walls that nodes can make
-on average where the shell is: thrust on a gate is right to 2.5 % at any place between nodes, 5 % without."""
+"""Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
+make on average where the face is: thrust on a gate is right to 2.5 % at any place between nodes, 5 % without, and the
+impact on a bar to 2 % instead of 11 %."""
 
 
 @ti.kernel
 def cache_static(node_contact: ti.template(), node_owner: ti.template(), shape: ti.template(), owner: ti.i32,
                  pose: ti.types.ndarray(), corner: ti.types.vector(3, ti.f64), cell: ti.f64):
-    """Store normal and distance (n, phi) of a collider that never moves at the nodes inside it."""
+    """Store normal and distance (n, phi) of a collider that never moves at the nodes inside it or on its face."""
     ti.loop_config(serialize=True)
     for I in ti.grouped(node_contact):
         c = ti.Vector([pose[0], pose[1], pose[2]])
         R = ti.Matrix([[pose[3], pose[4], pose[5]], [pose[6], pose[7], pose[8]], [pose[9], pose[10], pose[11]]])
         n, phi = shape.at(R.transpose() @ (ti.cast(I, ti.f64) * cell + corner - c))
-        if phi < 0 and (node_owner[I] == 0 or phi < node_contact[I][3]):
+        if phi < FACE * cell and (node_owner[I] == 0 or phi < node_contact[I][3]):
             world = R @ n
             node_contact[I] = ti.Vector([world[0], world[1], world[2], phi])
             node_owner[I] = owner + 1
@@ -78,9 +79,9 @@ def collide(scene: ti.template(), motion: ti.template(), s: ti.i32, I, before, m
     for k, index in ti.static(enumerate(scene.features.moving_solids)):
         c_t, R = tool_origin(motion, k, s), tool_axes(motion, k, s)
         r = ti.cast(place, scene.grid.nodes.dtype) - c_t
-        if r.norm_sqr() < ti.static(scene.colliders[index].sdf.radius ** 2):
+        if r.norm_sqr() < ti.static((scene.colliders[index].sdf.radius + FACE * scene.cell) ** 2):
             n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
-            if phi < 0:
+            if phi < ti.static(FACE * scene.cell):
                 if ti.static(scene.mobile_place[index] >= 0):
                     list_node(scene.mobiles, scene.mobile_place[index], I, R @ n_t)
                 else:

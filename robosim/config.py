@@ -172,9 +172,9 @@ class RehearsalConfig(Table):
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
         walls = self.collision_thickness / self.field.cell
-        if not 1.5 - 1e-9 <= walls <= 2.0 + 1e-9:
+        if not 0.5 - 1e-9 <= walls <= 1.0 + 1e-9:
             raise ValueError(f"collision_thickness = {self.collision_thickness} m is {walls:.2f} cells of "
-                             f"{self.field.cell} m; accepted: 1.5 to 2 (thinner leaks, thicker is no spoon)")
+                             f"{self.field.cell} m; accepted: 0.5 to 1 (thinner leaks, thicker is no spoon)")
         if self.field.dt is not None and abs(self.host_dt / self.field.dt - round(self.host_dt / self.field.dt)) > 1e-6:
             raise ValueError(f"field.dt = {self.field.dt} s divides host_dt = {self.host_dt} s "
                              f"{self.host_dt / self.field.dt:.4f} times; accepted: a whole number")

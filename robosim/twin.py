@@ -16,9 +16,9 @@ PROBE_ARM = 0.05
 """[m] at which the probing impulse pulls when it probes rotation."""
 RANK = 1e-9
 """Share of the largest answer below which a direction counts as fixed."""
-INDEFINITE = 1e-2
-"""Share of its norm by which a probed mobility may be negative: solver tolerance. More is a mechanism that pushes back
-stronger than it was pushed."""
+INDEFINITE = 0.5
+"""Share of the largest answer by which a probed mobility may be negative: where dry friction is about to give way, one
+probe sticks and the next slides. More is a mechanism that moves against what pushes it."""
 
 
 class Foresight(NamedTuple):
@@ -67,11 +67,12 @@ class Twin:
         self._refresh(data)
 
     def bring(self, data: mujoco.MjData, poses: list[mpm.Pose | None]) -> None:
-        """Move the bodies the little way to poses, along what impulses on them would move; None: where it is.
+        """Move the bodies the little way to poses, along what impulses on them would move, and keep their twists; None:
+        where it is.
 
         MuJoCo moves a body over a whole step with the velocity at its end, whenever in the step an impulse came.
         """
-        n = len(self.bodies)
+        n, twists = len(self.bodies), self.twists(data)
         offset = np.zeros((n, 6))
         for i, (body, pose) in enumerate(zip(self.bodies, poses)):
             if pose is not None:
@@ -80,9 +81,16 @@ class Twin:
                 R = pose.matrix
                 offset[i, :3] = pose.position + R @ arm - data.xipos[body]
                 offset[i, 3:] = Rotation.from_matrix(R @ data.xmat[body].reshape(3, 3).T).as_rotvec()
+        if not offset.any():
+            return
         impulses = np.linalg.lstsq(self._mobility, offset.ravel(), rcond=RANK)[0]
         mujoco.mj_integratePos(self.model, data.qpos, self._joint_answers @ impulses, 1.0)
         self._refresh(data)
+        # the same joint velocities are another twist in the new place
+        answers = self._jacobian(data) @ self._joint_answers
+        change = (twists - self.twists(data)).ravel()
+        data.qvel += self._joint_answers @ np.linalg.lstsq(answers, change, rcond=RANK)[0]
+        mujoco.mj_comVel(self.model, data)
 
     def _refresh(self, data: mujoco.MjData) -> None:
         mujoco.mj_kinematics(self.model, data)
@@ -112,7 +120,7 @@ class Twin:
         """
         trial, model, h = self._trial, self.model, self.model.opt.timestep
         now = self.twists(self._start)
-        jacobian = self._jacobian()
+        jacobian = self._jacobian(self._start)
         mujoco.mj_copyData(trial, model, self._start)
         trial.xfrc_applied += load
         if not self._whole:
@@ -155,12 +163,12 @@ class Twin:
             self._integrate(self.model, self._trial)
         return self._trial.qvel.copy()
 
-    def _jacobian(self) -> np.ndarray:
+    def _jacobian(self, data: mujoco.MjData) -> np.ndarray:
         """Twists of the bodies per joint velocity (6 B, nv)."""
         rows = []
         for body in self.bodies:
             linear, angular = np.empty((3, self.model.nv)), np.empty((3, self.model.nv))
-            mujoco.mj_jacBodyCom(self.model, self._start, linear, angular, body)
+            mujoco.mj_jacBodyCom(self.model, data, linear, angular, body)
             rows += [linear, angular]
         return np.concatenate(rows)
 
@@ -168,7 +176,7 @@ class Twin:
         """The probed mobility made symmetric and positive semi-definite."""
         W = 0.5 * (W + W.T)
         values, axes = np.linalg.eigh(W)
-        if values[0] < -INDEFINITE * np.linalg.norm(W):
+        if values[0] < -INDEFINITE * values[-1]:
             names = ", ".join(self.model.body(b).name for b in self.bodies)
             raise ConfigError(f"the mobility of {names} is not positive semi-definite: eigenvalue {values[0]:.3g} of "
                               f"{values[-1]:.3g}; something in the scene, such as a controller with negative damping, "

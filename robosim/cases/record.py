@@ -3,6 +3,7 @@
 import json
 import resource
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 
 import mpm
@@ -40,12 +41,16 @@ class Clock:
 
     def advance(self, duration: float) -> None:
         """Advance by `duration` [s]."""
+        self.run(lambda: self.solver.advance(duration))
+
+    def run(self, work: Callable[[], None]) -> None:
+        """Do something that advances the solver."""
         if self.compile_seconds == 0.0:
             begin = time.perf_counter()
             self.solver.compile()
             self.compile_seconds = time.perf_counter() - begin
         begin = time.perf_counter()
-        self.solver.advance(duration)
+        work()
         self.seconds += time.perf_counter() - begin
 
     def settle(self, duration: float, window: float = 2e-3, keep: float = 0.8) -> None:
