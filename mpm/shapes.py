@@ -8,6 +8,8 @@ import numpy as np
 
 from mpm.backend import ti
 
+NEAR = 1e-6
+"""[m] from a face within which rounding decides on which side a point is."""
 
 class Plane:
     """The half space below a plane through the frame's origin; the normal [-] (3,) points out of the solid."""
@@ -74,14 +76,14 @@ class Box:
         deepest = out.max()
         n = side * 0.0
         phi = deepest
-        if deepest < 0:
+        if deepest < NEAR:  # at the surface too, where the offset from the nearest point has no direction
             for d in ti.static(range(3)):
                 if out[d] == deepest:
                     n = side * 0.0
                     n[d] = side[d]
         else:
             away = ti.max(out, 0.0)
-            phi = away.norm(1e-12)
+            phi = away.norm()
             n = side * away / phi
         return n, phi
 

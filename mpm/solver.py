@@ -122,24 +122,14 @@ class Solver:
         self._listed = False  # whether the blocks of the next substep are on the grid's list
 
     # scene -----------------------------------------------------------------------------------------------------------
-    def add_collider(self, collider: Collider) -> int:
-        """Add a collider before the first advance; returns its index."""
-        self._rebuild([*self.colliders, collider])
-        check_passage(self.grid, len(self.colliders) - 1, collider)
-        return len(self.colliders) - 1
-
-    def make_mobile(self, index: int) -> None:
-        """Let contact move a moving collider, before the first advance; see `set_collider_mobility`."""
-        if index not in self.features.moving_colliders or self.colliders[index].static:
-            raise InvalidValue(f"collider {index} cannot move; movable: {self.features.moving_colliders}")
-        if not self.colliders[index].mobile:
-            self._rebuild([replace(c, mobile=c.mobile or i == index) for i, c in enumerate(self.colliders)])
-
-    def _rebuild(self, colliders: list[Collider]) -> None:
+    def set_colliders(self, colliders: list[Collider]) -> None:
+        """Replace the scene's colliders before the first advance; the grains stay as they are."""
         if self.steps > 0:
-            raise InvalidValue("the scene is fixed by the first advance; add colliders before it")
+            raise InvalidValue("the scene is fixed by the first advance; set its colliders before it")
         before, gravity = self.state(), self.numbers.gravity[None]
-        self.colliders = colliders
+        self.colliders = list(colliders)
+        for k, collider in enumerate(self.colliders):
+            check_passage(self.grid, k, collider)
         self._build()
         for name, fields in self.particles.named_fields().items():
             if name in before:

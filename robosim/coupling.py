@@ -2,6 +2,8 @@
 
 import warnings
 import weakref
+from dataclasses import replace
+from itertools import zip_longest
 from typing import Literal, get_args
 
 import mujoco
@@ -60,9 +62,6 @@ class GranularPlugin:
         """Mocap bodies: moved by the user from step to step, by nothing else."""
         self._dynamic = [name for name in self._moving if name not in self._driven]
         self._ids = ids
-        if coupling == "mobility":
-            for name in self._dynamic:
-                solver.make_mobile(self._colliders[name])
         self._check_clock()
         self._check_reach()
         self._twin = Twin(model, [ids[name] for name in self._dynamic])
@@ -201,13 +200,18 @@ class GranularPlugin:
         for name, collider in bodies.items():
             if collider is not None and collider not in movable:
                 raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")
-        claimed = {}
+        claimed, colliders = {}, list(self.solver.colliders)
         for name, collider in bodies.items():
+            body = self.model.body(name).id
             if collider is None:
-                made = collider_of(self.model, self.data, self.model.body(name).id, self.solver.grid.cell)
-                collider = self.solver.add_collider(made)
+                collider = len(colliders)
+                colliders.append(collider_of(self.model, self.data, body, self.solver.grid.cell))
+            if self.coupling == "mobility" and not colliders[collider].static and self.model.body_mocapid[body] < 0:
+                colliders[collider] = replace(colliders[collider], mobile=True)
             claimed[name] = collider
             _coupled[id(self.data), name] = self
+        if any(c is not old for c, old in zip_longest(colliders, self.solver.colliders)):
+            self.solver.set_colliders(colliders)
         return claimed
 
     def _check_clock(self) -> None:
