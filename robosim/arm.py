@@ -62,6 +62,13 @@ class Arm:
         whole = pinocchio.computeFrameJacobian(self.model, self.data, self.full(q), self.frame, pinocchio.LOCAL)
         return whole[:, self.v_index]
 
+    def rigid_torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Torques [N m] (7,) on the links' side of the joints for a motion: inertia, Coriolis, gravity."""
+        v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
+        v[self.v_index], a[self.v_index] = qd, qdd
+        tau = pinocchio.rnea(self.model, self.data, self.full(q), v, a)[self.v_index]
+        return tau - self.model.armature[self.v_index] * qdd
+
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Joint torques [N m] (7,) for a motion: inertia, armature, Coriolis, gravity, viscous and dry friction."""
         v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)

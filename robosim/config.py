@@ -138,7 +138,8 @@ class RehearsalConfig(Table):
     description: str
     tool: Literal["spoon"]
     material: str
-    grasp: Literal["weld"]
+    grasp: Literal["weld", "friction"]
+    """Fixed in the hand, or held by the fingers alone."""
     host_dt: float = Field(gt=0.0, le=1e-3)
     """MuJoCo step [s]."""
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"

@@ -9,7 +9,9 @@ ARM = [f"A{i}" for i in range(1, 8)]
 POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 COLUMNS = (
     ["time_s"] + [f"q_{a}_rad" for a in ARM] + [f"qd_{a}_rad_s" for a in ARM] + [f"qdd_{a}_rad_s2" for a in ARM]
-    + [f"torque_{a}_Nm" for a in ARM] + [f"commanded_{c}" for c in POSE] + [f"reached_{c}" for c in POSE]
+    + [f"torque_{a}_Nm" for a in ARM] + [f"sensed_torque_{a}_Nm" for a in ARM]
+    + [f"external_torque_{a}_Nm" for a in ARM] + [f"wrist_{c}" for c in ("fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm")]
+    + [f"commanded_{c}" for c in POSE] + [f"reached_{c}" for c in POSE]
 )
 
 
@@ -23,6 +25,10 @@ class Step(NamedTuple):
     torque: np.ndarray
     demand: np.ndarray
     """Torques before clipping at the limits (7,) [N m]."""
+    joint_torque: np.ndarray
+    """What the joint torque sensors feel (7,) [N m]."""
+    external_torque: np.ndarray
+    """What the controller takes for outside forces (7,) [N m]."""
     commanded: np.ndarray
     """Tool pose (7,): position, quaternion."""
     reached: np.ndarray
@@ -79,6 +85,7 @@ class Recording:
     def write_csv(self, path: Path) -> None:
         """trajectory.csv: one row a step."""
         rows = np.column_stack([self.array(name).reshape(len(self.steps), -1) for name in
-                                ("time", "q", "qd", "qdd", "torque", "commanded", "reached")])
+                                ("time", "q", "qd", "qdd", "torque", "joint_torque", "external_torque", "wrist",
+                                 "commanded", "reached")])
         with path.open("w") as file:
             np.savetxt(file, rows, delimiter=",", header=",".join(COLUMNS), comments="", fmt="%.9g")

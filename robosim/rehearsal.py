@@ -16,12 +16,14 @@ from robosim.config import MaterialConfig, RehearsalConfig, load_material
 from robosim.counting import at_the_border, in_spoon
 from robosim.coupling import GranularPlugin
 from robosim.frames import body_pose
+from robosim.grasp import Grasp
 from robosim.kinematics import PathSolution, solve_path
 from robosim.path import CommandedPath
 from robosim.recording import EnergySample, Recording, Sample, Step
-from robosim.scene import FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, scene_spec
+from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, scene_spec
 from robosim.servo import Servo
 from robosim.smoothing import JointState, SmoothMotion
+from robosim.torque_sensors import TorqueSensors
 
 PATH_SAMPLING = 0.01
 """[s] between the poses at which the path is solved for joint angles."""
@@ -62,6 +64,8 @@ class Rehearsal:
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
         self.data.qpos[self.scene.arm_qpos] = planned.motion.state(0.0).q
         mujoco.mj_forward(self.model, self.data)
+        self.grasp = Grasp(self.model, self.data, self.scene.tool)
+        self.sensors = TorqueSensors(self.model, self.data, ARM_JOINTS, planned.arm)
         law = grain_field.material(self.material)
         self.grains = grain_field.build(config, law, self.tool_pose(), seed)
         self.solver = self.grains.solver
@@ -109,7 +113,10 @@ class Rehearsal:
         wanted = self.plan.motion.state(self.time - self.config.grasp_time)
         torque = self._command(wanted)
         speeds, twist = self.data.qvel[self.scene.arm_dofs].copy(), self._tool_twist()
+        if self.time >= self.config.grasp_time:
+            self.grasp.release()
         self.plugin.step()
+        self.grasp.watch()
         self.contacts.count()
         self.recording.steps.append(self._read(torque, speeds, twist))
         if index % SAMPLE_EVERY == 0:
@@ -146,8 +153,11 @@ class Rehearsal:
         parts = [ledger.gravity, ledger.walls, ledger.static, *ledger.bodies.values()]
         mean = 0.5 * (twist + self._tool_twist())
         power = wrench.force @ mean[3:] + wrench.torque @ mean[:3]
+        q, qdd = data.qpos[s.arm_qpos].copy(), (qd - speeds) / self.config.host_dt
+        # the sensors hold the values of the step's beginning, like MuJoCo's accelerations
+        external = self.sensors.external(q - self.config.host_dt * qd, speeds, qdd)
         return Step(
-            self.time, data.qpos[s.arm_qpos].copy(), qd, (qd - speeds) / self.config.host_dt, torque, self.servo.demand,
+            self.time, q, qd, qdd, torque, self.servo.demand, self.sensors.torques(), external,
             np.concatenate(commanded), np.concatenate(end), self._wrist(),
             np.concatenate(ledger.residual),
             np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)]),

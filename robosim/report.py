@@ -76,6 +76,7 @@ def figures(run: Rehearsal) -> dict[str, object]:
         "tool_tracking_error_max": float(tracking_error(run).max()),
         "path_error_inside_max": path_error_inside(run),
         "motion_stretched_by": run.plan.motion.delay,
+        "grasp": config.grasp, "grasp_slip": run.grasp.slip, "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
         "particles_lost": int(rec.sampled("lost").max()),
     }
 
@@ -130,7 +131,8 @@ def wrist_payload(run: Rehearsal) -> float:
     """Load [kg] from the wrist sensor at rest: force along gravity less the weight of hand and tool."""
     begin, end = weighing(run)
     window = run.recording.between(begin, end)
-    hand = run.model.body("palm").subtreemass[0]
+    tool = 0.0 if run.config.grasp == "weld" else run.model.body(run.config.tool).mass[0]
+    hand = run.model.body("palm").subtreemass[0] + tool
     # the sensor's sign is that of the child on the parent; at rest only its magnitude along gravity matters
     return float(abs(run.recording.array("wrist")[window, 2].mean()) / G - hand)
 

@@ -12,6 +12,7 @@ from mpm import Pose
 from robosim.config import ContainerConfig, RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.frames import container_pose
+from robosim.grasp import make_loose
 from robosim.resources import folder
 
 ARM_JOINTS = tuple(f"A{i}" for i in range(1, 8))
@@ -40,18 +41,18 @@ def _quiet_prefixes() -> Iterator[None]:
             mujoco.set_mju_user_warning(None)
 
 
-def robot_spec(tool: str) -> mujoco.MjSpec:
-    """Arm, hand and the tool fixed in the hand where the fingers close round its handle."""
+def robot_spec(tool: str | None) -> mujoco.MjSpec:
+    """Arm, hand and the tool fixed in the hand where the fingers close round its handle; None: no tool."""
     arm = load_spec("robots", "iiwa14", "iiwa14.xml")
     hand = load_spec("grippers", "robotiq_3f", "robotiq_3f.xml")
-    part = load_spec("tools", tool, f"{tool}.xml")
     T_grip = _site_in_body(hand, "grip", "palm")
-    T_handle = _site_in_body(part, f"{tool}_grip", tool)
-    X = T_grip @ T_handle.inverse()
     with _quiet_prefixes():
         arm.attach(hand, site=arm.site("flange"), prefix="")
-        frame = arm.body("palm").add_frame(pos=X.position, quat=X.quaternion)
-        frame.attach_body(part.body(tool), "", "")
+        if tool is not None:
+            part = load_spec("tools", tool, f"{tool}.xml")
+            X = T_grip @ _site_in_body(part, f"{tool}_grip", tool).inverse()
+            frame = arm.body("palm").add_frame(pos=X.position, quat=X.quaternion)
+            frame.attach_body(part.body(tool), "", "")
     return arm
 
 
@@ -82,12 +83,16 @@ def scene_spec(config: RehearsalConfig) -> mujoco.MjSpec:
     """Specification of the whole rigid scene."""
     spec = load_spec("workcell", "workcell.xml")
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    robot = robot_spec(config.tool)
+    robot = robot_spec(config.tool if config.grasp == "weld" else None)
     with _quiet_prefixes():
         spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
+        if config.grasp == "friction":
+            make_loose(spec, compiled(robot_spec(config.tool)), config.tool,
+                       load_spec("tools", config.tool, f"{config.tool}.xml"))
         for name, container in config.containers.items():
             add_container(spec, name, container)
     add_wrist_sensor(spec)
+    add_torque_sensors(spec)
     spec.option.timestep = config.host_dt
     return spec
 
@@ -110,6 +115,15 @@ def add_wrist_sensor(spec: mujoco.MjSpec) -> None:
     kinds = {"wrist_force": mujoco.mjtSensor.mjSENS_FORCE, "wrist_torque": mujoco.mjtSensor.mjSENS_TORQUE}
     for name, kind in kinds.items():
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="wrist_sensor")
+
+
+def add_torque_sensors(spec: mujoco.MjSpec) -> None:
+    """A torque sensor in each joint, on the link's side of motor, rotor and bearing friction."""
+    for name in ARM_JOINTS:
+        body = spec.joint(name).parent
+        body.add_site(name=f"{name}_torque_site", pos=spec.joint(name).pos, group=4)
+        spec.add_sensor(name=f"{name}_torque", type=mujoco.mjtSensor.mjSENS_TORQUE, objtype=mujoco.mjtObj.mjOBJ_SITE,
+                        objname=f"{name}_torque_site")
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

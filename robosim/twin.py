@@ -7,7 +7,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.errors import ConfigError
 from robosim.frames import body_pose
 
 PROBE = 0.01
@@ -16,9 +15,6 @@ PROBE_ARM = 0.05
 """[m] at which the probing impulse pulls when it probes rotation."""
 RANK = 1e-9
 """Share of the largest answer below which a direction counts as fixed."""
-INDEFINITE = 0.5
-"""Share of the largest answer by which a probed mobility may be negative: where dry friction is about to give way, one
-probe sticks and the next slides. More is a mechanism that moves against what pushes it."""
 
 
 class Foresight(NamedTuple):
@@ -173,12 +169,11 @@ class Twin:
         return np.concatenate(rows)
 
     def _reciprocal(self, W: np.ndarray) -> np.ndarray:
-        """The probed mobility made symmetric and positive semi-definite."""
+        """The symmetric, positive semi-definite part of a probed mobility.
+
+        Where dry friction is about to give way one probe sticks and the next slides, and what they answer is neither;
+        the step is then repeated if MuJoCo answers otherwise than this part.
+        """
         W = 0.5 * (W + W.T)
         values, axes = np.linalg.eigh(W)
-        if values[0] < -INDEFINITE * values[-1]:
-            names = ", ".join(self.model.body(b).name for b in self.bodies)
-            raise ConfigError(f"the mobility of {names} is not positive semi-definite: eigenvalue {values[0]:.3g} of "
-                              f"{values[-1]:.3g}; something in the scene, such as a controller with negative damping, "
-                              f"pushes back stronger than it is pushed")
         return W if values[0] >= 0 else (axes * np.maximum(values, 0.0)) @ axes.T
