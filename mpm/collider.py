@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
+from mpm.compound import Solid, Union
 from mpm.errors import InvalidValue
 from mpm.motion import Pose
-from mpm.compound import Solid, Union
 from mpm.shell import Shell
 
 Shape = Solid | Union | Shell

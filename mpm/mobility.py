@@ -4,7 +4,8 @@ In every substep the nodes inside a mobile collider are listed instead of being 
 impulses that Coulomb contact with a collider of twist V gives the nodes, and W its mobility, V = V* - W sum G^T p(V) is
 solved by Newton's method in six unknowns, whatever the number of nodes: no mass ratio is too large for it. The same
 impulses then act on both, so that what the grains gain the collider loses, to rounding. (The reduction of a body's
-contacts to six unknowns follows Batty et al. 2007, ACM TOG 26(3):100; Daviet and Bertails-Descoubes 2016, ACM TOG 35(4).)
+contacts to six unknowns follows Batty et al. 2007, ACM TOG 26(3):100, and Daviet and Bertails-Descoubes 2016, ACM TOG
+35(4):102.)
 """
 
 import numpy as np
@@ -172,7 +173,8 @@ def reaction(scene: ti.template(), mobile: ti.template(), b: ti.template(), inde
             p = ti.cast(q[3] * change, ti.f64)
             force -= p
             torque -= r.cross(p)
-            K = ti.cast(q[3] * coulomb_slope(v, surface, scene.mobiles.normal[n], scene.numbers.frictions[index]), ti.f64)
+            slope = coulomb_slope(v, surface, scene.mobiles.normal[n], scene.numbers.frictions[index])
+            K = ti.cast(q[3] * slope, ti.f64)
             zero = 0.0 * r[0]
             X = ti.Matrix([[zero, -r[2], r[1]], [r[2], zero, -r[0]], [-r[1], r[0], zero]])
             A += K

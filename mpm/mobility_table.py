@@ -69,7 +69,8 @@ class MobilityTable:
             row = self.table[b]
             R = row[AXES:LEVER].reshape(3, 3)
             poses[index] = Pose.from_matrix(row[CENTRE:AXES] + R @ row[LEVER:TWIST], R)
-            self.twists[b] = row[TWIST:RATE]
+            self.twists[b] = self._free[b] = row[TWIST:RATE]
+            self._centres[b] = row[CENTRE:AXES].copy()
 
     def impulse(self, index: int) -> Wrench:
         """Received in the last advance, about the centre as it moved."""
@@ -84,7 +85,7 @@ class MobilityTable:
 def _finite(index: int, name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     array = np.asarray(values, float)
     if array.shape != shape or not np.isfinite(array).all():
-        raise InvalidValue(f"mobility of collider {index}: {name} = {values}; accepted: finite numbers of shape {shape}")
+        raise InvalidValue(f"mobility of collider {index}: {name} = {values}; accepted: finite numbers, shape {shape}")
     return array.copy()
 
 

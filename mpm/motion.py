@@ -109,3 +109,11 @@ def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
     matrices = R @ Rotation.from_rotvec(rotations).as_matrix()
     positions = begin.position + np.einsum("ij,njk,nk->ni", R, left_jacobian(rotations), steps)
     return ScrewSamples(positions, matrices, matrices @ (linear / duration), matrices @ (angular / duration))
+
+
+def motion_table(screws: list[ScrewSamples], first: int, n: int, dtype: type) -> np.ndarray:
+    """Origin, matrix, linear and angular velocity of moving frames in n substeps from `first` on (k, n, 18)."""
+    chosen = slice(first, first + n)
+    rows = [np.concatenate([s.positions[chosen], s.matrices[chosen].reshape(n, 9), s.linear[chosen],
+                            s.angular[chosen]], axis=1) for s in screws]
+    return np.array(rows, dtype)

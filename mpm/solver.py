@@ -18,7 +18,7 @@ from mpm.grid import Grid, GridFields
 from mpm.lattice import Lattice
 from mpm.mobility import MobileFields
 from mpm.mobility_table import MobilityTable
-from mpm.motion import Pose, ScrewSamples, Twist, Wrench, logarithm, screw
+from mpm.motion import Pose, Twist, Wrench, logarithm, motion_table, screw
 from mpm.numbers import Numbers
 from mpm.particles import LANES, ParticleFields
 from mpm.shell import Shell
@@ -216,12 +216,9 @@ class Solver:
         with default_precision(self.precision):
             self._stamp += 1
             self._substeps.mark(self._stamp)
-            self._substeps.run(0, self._stamp + 1, self.dt, self._motion_of_nothing(),
-                               self.mobility.table, self._out)
+            self._substeps.run(0, self._stamp + 1, self.dt, np.zeros((1, 1, 18), self._dtype), self.mobility.table,
+                               self._out)
         self._listed = False
-
-    def _motion_of_nothing(self) -> np.ndarray:
-        return np.zeros((max(len(self.features.moving_colliders), 1), 1, 18), self._dtype)
 
     # time ----------------------------------------------------------------------------------------------------------
     def advance(self, duration: float) -> None:
@@ -239,7 +236,7 @@ class Solver:
         self.ledger[:] = 0.0
         for first in range(0, total, MAX_SUBSTEPS):
             n = min(MAX_SUBSTEPS, total - first)
-            motion = self._motion_table(screws, first, n) if screws else self._motion_of_nothing()
+            motion = motion_table(screws, first, n, self._dtype) if screws else np.zeros((1, 1, 18), self._dtype)
             self._out[:] = 0.0
             with default_precision(self.precision):
                 if not self._listed:
@@ -249,21 +246,14 @@ class Solver:
                 self._substeps.run(n, self._stamp + 1, dt, motion, self.mobility.table, self._out)
                 self._listed = True
             self.ledger += self._out
-            self.mobility.end(self._poses)
             self.steps += n
             self._stamp += n
             self.time += n * dt
             self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
             squares, fastest = self._out[self._substeps.status, :2]
-            if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.grid.cell:
+            if not math.isfinite(squares + self.mobility.table.sum()) or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise self._diverged(dt)
-
-    def _motion_table(self, screws: list[ScrewSamples], first: int, n: int) -> np.ndarray:
-        """Origin, matrix, linear and angular velocity of the moving colliders in n substeps (k, n, 18)."""
-        chosen = slice(first, first + n)
-        rows = [np.concatenate([s.positions[chosen], s.matrices[chosen].reshape(n, 9), s.linear[chosen],
-                                s.angular[chosen]], axis=1) for s in screws]
-        return np.array(rows, self._dtype)
+            self.mobility.end(self._poses)
 
     def _diverged(self, dt: float) -> SimulationDiverged:
         speeds = np.linalg.norm(self.velocities(), axis=1)
@@ -290,8 +280,8 @@ class Solver:
         return volume * np.repeat([b.material.density for b in self.bodies], self.particles.counts)
 
     def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
-        """Impulse [N s], [N m s] that the collider received during the last advance, about a point [m] (3,). None: about
-        a mobile collider's centre as it moved, of another the frame's origin at the end of that advance."""
+        """Impulse [N s], [N m s] that the collider received during the last advance, about a point [m] (3,), or None:
+        a mobile collider's centre as it moved, another's origin at the end of that advance."""
         if about is None and index in self.features.mobile:
             return self.mobility.impulse(index)
         linear, angular = -self.ledger[self._substeps.first_collider_row + index].reshape(2, 3)

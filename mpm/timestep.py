@@ -1,6 +1,7 @@
 """The largest stable time step."""
 
 import math
+from typing import Any
 
 COURANT_FRACTION = 0.75
 """Default share of the isolated-particle bound: leaves room for compression, which stiffens the logarithmic strain."""
@@ -30,7 +31,7 @@ def travel_bound(cell: float, speed: float) -> float:
     return TRAVEL_FRACTION * cell / speed if speed > 0 else math.inf
 
 
-def material_bound(cell: float, law: object) -> float:
+def material_bound(cell: float, law: Any) -> float:
     """Time step [s] at which a lone particle of a material becomes unstable."""
-    elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)  # pyright: ignore[reportAttributeAccessIssue]
-    return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))  # pyright: ignore[reportAttributeAccessIssue]
+    elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
+    return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))

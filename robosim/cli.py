@@ -13,7 +13,7 @@ from robosim.film import CAMERAS
 from robosim.report_cases import run_cases
 from robosim.resources import config_names
 from robosim.session import rehearse
-from robosim.stability import AXES, run_matrix
+from robosim.stability import AXES, COMPARISONS, run_matrix
 
 EXAMPLE = "example:\n  robosim rehearse spoon --material sugar --camera close --out out/sugar"
 
@@ -51,7 +51,8 @@ def parser() -> argparse.ArgumentParser:
     stable = commands.add_parser("stability", help="judge stiff and extreme cases",
                                  epilog="example:\n  robosim stability courant drop_height --out out/stability",
                                  formatter_class=argparse.RawDescriptionHelpFormatter)
-    stable.add_argument("axes", nargs="*", metavar="AXIS", help=f"of: {', '.join(AXES)} (default: all)")
+    stable.add_argument("axes", nargs="*", metavar="AXIS", help=f"of: {', '.join(AXES)} (default: all of these); to "
+                        f"compare couplings: {', '.join(COMPARISONS)}")
     stable.add_argument("--out", type=Path, required=True, help="folder for stability.json")
     stable.set_defaults(run=lambda a: run_matrix(a.axes, a.out))
     for entry in entry_points(group="robosim.commands"):

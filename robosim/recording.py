@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 ARM = [f"A{i}" for i in range(1, 8)]
+WRENCH = ["fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm"]
 POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 COLUMNS = (
     ["time_s"] + [f"q_{a}_rad" for a in ARM] + [f"qd_{a}_rad_s" for a in ARM] + [f"qdd_{a}_rad_s2" for a in ARM]
     + [f"torque_{a}_Nm" for a in ARM] + [f"sensed_torque_{a}_Nm" for a in ARM]
-    + [f"external_torque_{a}_Nm" for a in ARM] + [f"wrist_{c}" for c in ("fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm")]
+    + [f"external_torque_{a}_Nm" for a in ARM] + [f"wrist_{c}" for c in WRENCH]
     + [f"commanded_{c}" for c in POSE] + [f"reached_{c}" for c in POSE]
 )
 

@@ -7,7 +7,7 @@ momentum accounted for to 1e-5 of what was exchanged.
 
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,36 +15,16 @@ import numpy as np
 from tqdm import tqdm
 
 import mpm
+from robosim.coupled_stability import COMPARISONS, COUPLED_AXES
 from robosim.errors import UnknownName
 from robosim.output import OutputFolder
+from robosim.verdict import DENSITY, NU, G, Verdict, sand, sound, stretches, verdict_of
 
-G, DENSITY, NU, CELL = 9.81, 1500.0, 0.3, 0.005
+CELL = 0.005
 MILD = 0.2
 """Courant number whose result the others must agree with."""
 WINDOW = 5e-3
 """Time [s] between two looks at the state."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """One cell of the matrix."""
-
-    axis: str
-    value: float | str
-    verdict: str
-    """"stable", "refused" or "unstable"."""
-    reason: str = ""
-    readings: dict[str, float] = field(default_factory=dict)
-
-
-def sound(E: float) -> float:
-    """Speed of pressure waves [m/s]."""
-    return float(np.sqrt(E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)) / DENSITY))
-
-
-def sand(E: float = 1e5, phi: float = 30.0) -> mpm.DruckerPrager:
-    """The sand of the matrix."""
-    return mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi)
 
 
 def watch(solver: mpm.Solver, duration: float, drop: float, wave: float) -> tuple[str, dict[str, float]]:
@@ -69,7 +49,7 @@ def watch(solver: mpm.Solver, duration: float, drop: float, wave: float) -> tupl
         given += rows.sum(0)
         exchanged += np.abs(rows).sum()
         x, v, energy = solver.positions(), solver.velocities(), solver.energy()
-        stretch = _stretches(solver)
+        stretch = stretches(solver)
         rise = max(0.0, float(solver.momentum().linear[2] / solver.masses().sum()))
         seen["fastest"] = max(seen["fastest"], float(np.linalg.norm(v, axis=1).max()))
         seen["energy_gain"] = max(seen["energy_gain"], (sum(energy) - total) / scale)
@@ -88,13 +68,6 @@ def watch(solver: mpm.Solver, duration: float, drop: float, wave: float) -> tupl
         if seen["momentum"] > 1e-5:
             return f"momentum off by {seen['momentum']:.2g}" + at, seen
     return "", seen
-
-
-def _stretches(solver: mpm.Solver) -> np.ndarray:
-    """Principal stretches (n, 3)."""
-    e = solver.state()["e"].astype(float)
-    b = np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-    return np.sqrt(np.linalg.eigvalsh(b))
 
 
 def bed(material: mpm.DruckerPrager) -> mpm.Solver:
@@ -121,12 +94,12 @@ def stiffness(E: float) -> Verdict:
     top = solver.positions()[:, 2].max() + CELL / 4 if not failed else np.nan
     if not failed and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
         failed = f"settled height {top:.4g} m of 0.1 m"
-    return _verdict("E", E, failed, seen | {"height": float(top)})
+    return verdict_of("E", E, failed, seen | {"height": float(top)})
 
 
 def friction_angle(phi: float) -> Verdict:
     """Fluid at 0 degrees, beyond Mohr-Coulomb's reach at 60."""
-    return _verdict("friction_angle_deg", phi, *watch(block(sand(phi=phi)), 0.3, 0.04, sound(1e5)))
+    return verdict_of("friction_angle_deg", phi, *watch(block(sand(phi=phi)), 0.3, 0.04, sound(1e5)))
 
 
 def courant(number: float) -> Verdict:
@@ -139,7 +112,7 @@ def courant(number: float) -> Verdict:
     seen["height"] = float(solver.positions()[:, 2].mean())
     if not failed and number != MILD and abs(seen["height"] / _mild_height() - 1) > 0.03:
         failed = f"settled height {seen['height']:.4g} m, {_mild_height():.4g} m at Courant number {MILD}"
-    return _verdict("courant", number, failed, seen)
+    return verdict_of("courant", number, failed, seen)
 
 
 @lru_cache
@@ -156,7 +129,7 @@ def drop_height(height: float) -> Verdict:
     failed, seen = watch(block(sand(1e6), drop=height), 0.3, height + 0.04, sound(1e6))
     if not failed and seen["rebound"] > 0.05:
         failed = f"rebound {seen['rebound']:.2%} of the energy"
-    return _verdict("drop_height", height, failed, seen)
+    return verdict_of("drop_height", height, failed, seen)
 
 
 def lone_grains(place: str) -> Verdict:
@@ -167,7 +140,7 @@ def lone_grains(place: str) -> Verdict:
     state = solver.state()
     state["e"][:, :3] = 2e-3
     solver.load(state)
-    return _verdict("lone_grain", place, *watch(solver, 20_000 * solver.dt, 0.1, sound(1e5)))
+    return verdict_of("lone_grain", place, *watch(solver, 20_000 * solver.dt, 0.1, sound(1e5)))
 
 
 def degenerate(kind: str) -> Verdict:
@@ -182,11 +155,7 @@ def degenerate(kind: str) -> Verdict:
         solver.load(state)
     # the strain is put in by hand: its energy is the start's
     solver.advance(solver.dt)
-    return _verdict("degenerate", kind, *watch(solver, 0.1, 0.04, 20 * sound(1e5)))
-
-
-def _verdict(axis: str, value: float | str, failed: str, seen: dict[str, float]) -> Verdict:
-    return Verdict(axis, value, "unstable" if failed else "stable", failed, seen)
+    return verdict_of("degenerate", kind, *watch(solver, 0.1, 0.04, 20 * sound(1e5)))
 
 
 AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
@@ -196,6 +165,7 @@ AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
     "drop_height": (drop_height, (0.01, 0.1, 1.0, 5.0)),
     "lone_grain": (lone_grains, ("free", "wall", "corner")),
     "degenerate": (degenerate, ("rest", "equal stretches", "squeezed", "inverted")),
+    **COUPLED_AXES,
 }
 """Name -> (judge, values)."""
 
@@ -203,16 +173,17 @@ AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
 def run_matrix(axes: list[str], out: Path) -> int:
     """Judge the cells of the axes (all when the list is empty) into stability.json; returns 1 if one is unstable."""
     for axis in axes:
-        if axis not in AXES:
-            raise UnknownName("axis", axis, AXES)
+        if axis not in AXES and axis not in COMPARISONS:
+            raise UnknownName("axis", axis, [*AXES, *COMPARISONS])
     folder = OutputFolder(out)
     mpm.init()
     verdicts: list[Verdict] = []
-    cells = [(axis, value) for axis in axes or AXES for value in AXES[axis][1]]
+    every = AXES | COMPARISONS
+    cells = [(axis, value) for axis in axes or AXES for value in every[axis][1]]
     for axis, value in tqdm(cells, unit="cell", disable=None):
         with warnings.catch_warnings():  # a heap squeezed by its own weight is one of the cells
             warnings.simplefilter("ignore", mpm.StrongCompression)
-            verdicts.append(AXES[axis][0](value))
+            verdicts.append(every[axis][0](value))
         folder.write_json("stability.json", [asdict(verdict) for verdict in verdicts])
         tqdm.write(f"{axis:20} {value!s:16} {verdicts[-1].verdict:9} {verdicts[-1].reason}")
     return int(any(verdict.verdict == "unstable" for verdict in verdicts))

@@ -37,6 +37,9 @@ class Twin:
     def __init__(self, model: mujoco.MjModel, bodies: list[int]) -> None:
         self.model, self.bodies = model, bodies
         self._start, self._trial = mujoco.MjData(model), mujoco.MjData(model)
+        # views of the trial's arrays: looking them up anew takes longer than what a probe computes
+        self._qpos, self._qvel, self._qacc = self._trial.qpos, self._trial.qvel, self._trial.qacc
+        self._warm, self._wrenches = self._trial.qacc_warmstart, self._trial.xfrc_applied
         # a Runge-Kutta step evaluates everything anew within it: such a step cannot be shared with its trials
         self._whole = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
         euler = model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
@@ -115,49 +118,48 @@ class Twin:
         that answers.
         """
         trial, model, h = self._trial, self.model, self.model.opt.timestep
+        masses = model.body_mass[self.bodies]
         now = self.twists(self._start)
         jacobian = self._jacobian(self._start)
         mujoco.mj_copyData(trial, model, self._start)
-        trial.xfrc_applied += load
+        self._wrenches += load
         if not self._whole:
             mujoco.mj_fwdActuation(model, trial)
-        base = self._velocities_after()
-        end, warm = (trial.qpos.copy(), trial.qvel.copy()), trial.qacc.copy()
-        loaded, n = trial.xfrc_applied.copy(), len(self.bodies)
-        answers = np.empty((self.model.nv, 6 * n))
+        self._integrate_trial()
+        base, place, warm = self._qvel.copy(), self._qpos.copy(), self._qacc.copy()
+        loaded, n = self._wrenches.copy(), len(self.bodies)
+        begin = self._start.qpos.copy(), self._start.qvel.copy()
+        answers = np.empty((6 * n, model.nv))
         for i, body in enumerate(self.bodies):
-            unit = PROBE * h * max(model.body_mass[body], 1e-6) * 9.81
+            unit = PROBE * h * max(masses[i], 1e-6) * 9.81
             for k in range(6):
                 size = unit if k < 3 else unit * PROBE_ARM
-                self._rewind(loaded, warm)
-                trial.xfrc_applied[body, k] += size / h
-                answers[:, 6 * i + k] = (self._velocities_after() - base) / size
-        trial.qpos[:], trial.qvel[:] = end
+                if self._whole:
+                    mujoco.mj_copyData(trial, model, self._start)
+                else:
+                    self._qpos[:], self._qvel[:] = begin
+                    self._warm[:] = warm
+                self._wrenches[:] = loaded
+                self._wrenches[body, k] += size / h
+                self._integrate_trial()
+                np.subtract(self._qvel, base, out=answers[6 * i + k])
+                answers[6 * i + k] /= size
+        answers = answers.T
+        self._qpos[:], self._qvel[:] = place, base
         self._refresh(trial)
         impulses = h * load[self.bodies].ravel()
         W = self._reciprocal(jacobian @ answers)
         self._mobility, self._joint_answers = W, answers
         return Foresight(now, self.twists(trial) - (W @ impulses).reshape(n, 6), W)
 
-    def _rewind(self, loaded: np.ndarray, warm: np.ndarray) -> None:
-        """Back to before the trial's integration."""
-        trial = self._trial
-        if self._whole:
-            mujoco.mj_copyData(trial, self.model, self._start)
-        else:
-            trial.qpos[:], trial.qvel[:] = self._start.qpos, self._start.qvel
-            trial.qacc_warmstart[:] = warm
-        trial.xfrc_applied[:] = loaded
-
-    def _velocities_after(self) -> np.ndarray:
-        """Joint velocities after the trial's step."""
+    def _integrate_trial(self) -> None:
+        """The rest of the trial's step, from its wrenches to its velocities."""
         if self._whole:
             mujoco.mj_step(self.model, self._trial)
         else:
             mujoco.mj_fwdAcceleration(self.model, self._trial)
             mujoco.mj_fwdConstraint(self.model, self._trial)
             self._integrate(self.model, self._trial)
-        return self._trial.qvel.copy()
 
     def _jacobian(self, data: mujoco.MjData) -> np.ndarray:
         """Twists of the bodies per joint velocity (6 B, nv)."""

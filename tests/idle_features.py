@@ -41,6 +41,7 @@ def main() -> int:
     ball = mpm.Sdf.sphere(0.03)
     scenes = {
         "moving collider": state([mpm.Collider(ball, pose=FAR)]),
+        "mobile collider": state([mpm.Collider(ball, pose=FAR, mobile=True)]),
         "static collider": state([mpm.Collider(ball, pose=FAR, static=True)]),
         "second body": state([], bodies=2),
         "shell": state([mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(3, 0.03), 1e-3), pose=FAR)]),

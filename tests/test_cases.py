@@ -7,10 +7,14 @@ from robosim.cases import (
     NAMES,
     axis_aligned,
     bar,
+    bar_impact,
+    block_at_rest,
+    closed_system,
     column_collapse,
     column_weight,
     dam_break,
     find,
+    floating_cube,
     free_fall,
     hydrostatic,
     lock_gate,
@@ -157,3 +161,37 @@ def test_cases_are_found_by_name() -> None:
         assert name == case.NAME and case.SOURCE and case.BANDS
     with pytest.raises(UnknownName, match="free_fall"):
         find("fre_fall")
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("material", ["elastic", "sand"])
+def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> None:
+    """Through MuJoCo's own integration, angular momentum of the spinning ball included."""
+    for ratio in (1.0,) if precision == "f32" else (1e-3, 1.0, 1e3):
+        record = closed_system.measure(material=material, precision=precision, mass_ratio=ratio)
+        assert max(record.errors["linear"], record.errors["angular"]) <= closed_system.BANDS[precision]
+        assert record.errors["reaction"] <= closed_system.BANDS["reaction"]
+        assert record.readings["exchanged"] > 1e-4  # they met
+
+
+def test_block_is_slowed_by_the_wave_in_the_bar() -> None:
+    """At a face on a node and between nodes; a block lighter than the grid can resolve is nearer on a finer grid."""
+    for offset in (0.0, 0.25):
+        assert bar_impact.measure(offset_cells=offset).errors["speed"] <= bar_impact.BANDS["speed"]
+    coarse, fine = (bar_impact.measure(mass=0.05, cell=c) for c in (0.01, 0.005))
+    assert fine.errors["speed"] < 0.5 * coarse.errors["speed"]
+    assert coarse.readings["fastest"] <= 1.0
+
+
+@pytest.mark.parametrize(("bed", "offset"), [("elastic", 0.0), ("elastic", 0.5), ("sand", 0.25)])
+def test_block_rests_on_its_weight(bed: str, offset: float) -> None:
+    errors = block_at_rest.measure(bed=bed, offset_cells=offset).errors
+    assert all(abs(value) <= block_at_rest.BANDS[name] for name, value in errors.items()), errors
+
+
+@pytest.mark.slow
+def test_cube_floats_at_its_draught() -> None:
+    for offset in (0.0, 0.5):
+        record = floating_cube.measure(cell=0.008, offset_cells=offset)
+        assert abs(record.errors["draught"]) <= record.readings["accepted"]
+        assert abs(record.errors["weight"]) <= 0.01

@@ -18,7 +18,7 @@ def test_idle_features_equal_absent_ones() -> None:
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300, env=environment)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout.strip().splitlines()[-1]) == {
-        "moving collider": True, "static collider": True, "second body": True,
+        "moving collider": True, "mobile collider": True, "static collider": True, "second body": True,
         "shell": True, "body acceleration": True,
     }
 
@@ -29,6 +29,7 @@ def test_absent_features_take_no_memory() -> None:
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[water])
     assert solver.particles.e == [] and solver.particles.vc is None
     assert solver.node_contact is None and solver.node_owner is None and solver.cuts is None
+    assert solver.mobiles is None and solver.features.mobile == ()
     assert solver.particles.side is None and solver.particles.acceleration == [] and solver.fields.layers == 1
     assert "e" not in solver.state()
     sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)

@@ -50,7 +50,8 @@ TURN = Rotation.from_rotvec([0.4, -0.3, 0.8]).as_matrix()
 SHAPES = {
     "plane": mpm.Sdf.plane((0.3, 0.2, 0.9)), "sphere": mpm.Sdf.sphere(0.02), "capsule": mpm.Sdf.capsule(0.01, 0.02),
     "box": mpm.Sdf.box((0.02, 0.015, 0.01)), "cylinder": mpm.Sdf.cylinder(0.012, 0.01),
-    "height_field": mpm.Sdf.height_field(np.add.outer(2e-3 * np.linspace(0, 1, 9) ** 2, 1e-3 * np.linspace(0, 1, 7) ** 2), (0.02, 0.018)),
+    "height_field": mpm.Sdf.height_field(
+        np.add.outer(2e-3 * np.linspace(0, 1, 9) ** 2, 1e-3 * np.linspace(0, 1, 7) ** 2), (0.02, 0.018)),
     "union": mpm.Sdf.union([
         (mpm.Sdf.box((0.004, 0.006, 0.005)), mpm.Pose.from_matrix(np.array([0.008, 0, 0]), TURN)),
         (mpm.Sdf.cylinder(0.005, 0.004), mpm.Pose.from_matrix(np.array([-0.006, 0.003, 0.002]), TURN.T))]),

@@ -77,7 +77,7 @@ EVERY_GEOM = """
 
 
 def test_every_kind_of_geom_becomes_a_collider() -> None:
-    """Distances of the union against those of its parts; what only draws is left out, what is fixed to the body is in."""
+    """Distances of the union against those of its parts: what only draws is left out, what is fixed to it is in."""
     model = mujoco.MjModel.from_xml_string(EVERY_GEOM)
     data = mujoco.MjData(model)
     plugin = tray(model, data, (0.1, 0.1, 0.03), bodies={"stack": None, "ground": None, "world": None})

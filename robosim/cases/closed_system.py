@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.elasticity import Hencky
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 
@@ -30,7 +31,7 @@ BALL = """
 """
 
 
-def materials() -> dict[str, object]:
+def materials() -> dict[str, Hencky]:
     """What the blob is made of."""
     return {"elastic": mpm.Elastic(E=1e5, nu=0.3, density=1000.0),
             "sand": mpm.DruckerPrager(E=1e5, nu=0.2, density=1000.0, friction_angle_deg=30.0)}
@@ -38,10 +39,10 @@ def materials() -> dict[str, object]:
 
 def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: float = 1.0, cell: float = 0.01,
             coupling: str = "mobility", duration: float = 0.12) -> Record:
-    """Errors of momentum, angular momentum and reaction; mass_ratio: of ball and blob (1 kg). cell [m], duration [s]."""
+    """Errors of momentum, angular momentum, reaction; mass_ratio: of ball and blob (1 kg); cell [m]; duration [s]."""
     positions = mpm.sample_box((-SIDE / 2,) * 3, (SIDE / 2,) * 3, cell / 2)
     solver = mpm.Solver(
-        grid=mpm.Grid((-0.4,) * 3, (0.4,) * 3, cell), gravity=(0, 0, 0), precision=precision,
+        grid=mpm.Grid((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4), cell), gravity=(0, 0, 0), precision=precision,
         bodies=[mpm.Body(materials()[material], positions, volume=SIDE**3 / len(positions))],
         walls=mpm.Walls.all("slip"))
     model = mujoco.MjModel.from_xml_string(BALL.format(mass=mass_ratio, host_step=HOST_STEP))
@@ -77,4 +78,4 @@ def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: fl
     energy = solver.energy()
     return clock.record(NAME, choices, errors, final_speed=float(np.linalg.norm(data.qvel[:3])),
                         miss=float(np.abs(plugin.miss).max(initial=0.0)), kinetic=energy.kinetic,
-                        exchanged=exchanged)
+                        exchanged=float(exchanged))

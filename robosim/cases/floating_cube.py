@@ -11,7 +11,7 @@ NAME = "floating_cube"
 SOURCE = "Archimedes: draught / side = density / density of water"
 BANDS = {"cells": 0.5, "share": 0.02, "thrust": 0.03}
 """Accepted error of the draught: half a cell plus a share of it; of the thrust on a fixed immersed cube, relative."""
-SWEEP = [{"cell": c, "offset_cells": o} for c in (0.01, 0.008) for o in (0.0, 0.5)]
+SWEEP = [{"cell": c, "offset_cells": o, "fixed": f} for c in (0.01, 0.008) for o in (0.0, 0.5) for f in (False, True)]
 SIDE, WIDTH, DEPTH = 0.08, 0.24, 0.14
 DENSITY, G, SOUND = 1000.0, 9.81, 12.0
 HOST_STEP = 0.004
@@ -31,10 +31,13 @@ CUBE = """
 
 def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: float = 0.0, fixed: bool = False,
             duration: float = 1.2, precision: str = "f32") -> Record:
-    """Error of the draught in sides, or with `fixed` of the thrust on a cube wholly under water. cell [m]; duration [s];
-    offset_cells: of the cube's middle from a node along x."""
+    """Error of the draught in sides, or with `fixed` of the thrust on a cube wholly under water.
+
+    cell [m]; duration [s]; offset_cells: of the cube's middle from a node along x.
+    """
     middle = WIDTH / 2 + offset_cells * cell
-    bottom = 0.03 if fixed else DEPTH - 0.5 * SIDE
+    # on a layer of the grains' lattice: what is cut out is the cube's volume
+    bottom = round(0.03 / (cell / 2)) * cell / 2 if fixed else DEPTH - 0.5 * SIDE
     positions = mpm.sample_box((0, 0, 0), (WIDTH, WIDTH, DEPTH), cell / 2)
     volume = WIDTH**2 * DEPTH / len(positions)
     offset = np.abs(positions - [middle, WIDTH / 2, bottom + SIDE / 2]).max(1)
@@ -70,8 +73,7 @@ def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: flo
     choices = {"density_ratio": density_ratio, "cell": cell, "offset_cells": offset_cells, "fixed": fixed,
                "precision": precision}
     top = np.percentile(solver.positions()[np.abs(solver.positions()[:, 0] - middle) > 0.07, 2], 99)
-    return clock.record(NAME, choices, {"thrust": thrust} if fixed else {"draught": error, "weight": thrust + 1
-                                                                        - density_ratio},
-                        accepted=BANDS["cells"] * cell / SIDE + BANDS["share"] * density_ratio,
+    errors = {"thrust": thrust} if fixed else {"draught": error, "weight": thrust + 1 - density_ratio}
+    return clock.record(NAME, choices, errors, accepted=BANDS["cells"] * cell / SIDE + BANDS["share"] * density_ratio,
                         tilt_deg=float(np.degrees(np.arccos(min(np.mean(tilts), 1.0)))),
                         draught_from_highest_grains=float((top - (data.xpos[1][2] - SIDE / 2)) / SIDE))
