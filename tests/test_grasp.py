@@ -1,0 +1,67 @@
+"""A tool held by the fingers alone, and what the arm's sensors make of a load."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from robosim.arm import Arm
+from robosim.config import RehearsalConfig, load_rehearsal
+from robosim.grasp import Grasp
+from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, Scene, compile_scene, scene_spec
+from robosim.torque_sensors import TorqueSensors
+
+POSTURE = np.array([-0.9, 0.7, 0.45, -1.75, -0.78, -0.83, 1.8])
+
+
+def hold(config: RehearsalConfig, load: np.ndarray, duration: float) -> tuple[Scene, mujoco.MjData, Grasp, np.ndarray]:
+    """Hold the arm still, let the fingers close, take the stand away and hang a force [N] (3,) on the tool's centre."""
+    scene = compile_scene(scene_spec(config), config.tool)
+    data = mujoco.MjData(scene.model)
+    data.qpos[scene.arm_qpos] = POSTURE
+    mujoco.mj_forward(scene.model, data)
+    grasp = Grasp(scene.model, data, scene.tool)
+    arm, before = Arm(config.tool), np.zeros(7)
+    while data.time < duration:
+        q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
+        data.ctrl[scene.finger_actuators] = FINGERS_CLOSED * min(data.time / 0.3, 1.0)
+        data.ctrl[scene.arm_actuators] = 2000 * (POSTURE - q) - 100 * qd + arm.inverse_dynamics(q, 0 * q, 0 * q)
+        if data.time >= 0.5:
+            grasp.release()
+            data.xfrc_applied[scene.tool, :3] = load
+        before = qd.copy()
+        mujoco.mj_step(scene.model, data)
+        mujoco.mj_kinematics(scene.model, data)
+        grasp.watch()
+    return scene, data, grasp, before
+
+
+def test_fingers_hold_the_spoon_with_its_load() -> None:
+    config = load_rehearsal("spoon").model_copy(update={"grasp": "friction"})
+    scene, _, grasp, _ = hold(config, np.array([0.0, 0.0, -0.5]), 1.5)
+    assert scene.model.nq == 23  # seven of the arm, nine of the hand, seven of a free tool
+    assert grasp.holding
+    assert 0.0 < grasp.slip < 0.01
+    assert np.degrees(grasp.slip_angle) < 6.0
+
+
+def test_fixed_tool_does_not_slip() -> None:
+    _, _, grasp, _ = hold(load_rehearsal("spoon"), np.array([0.0, 0.0, -5.0]), 0.7)
+    assert not grasp.by_friction and grasp.slip == 0.0
+
+
+def test_external_torque_is_that_of_the_load() -> None:
+    """J^T F of a force on the spoon, at rest; without one next to nothing."""
+    config = load_rehearsal("spoon")
+    arm = Arm(config.tool)
+    felt = {}
+    for force in (0.0, -6.0):
+        scene, data, _, before = hold(config, np.array([0.0, 2.0 * (force != 0), force]), 1.5)
+        sensors = TorqueSensors(scene.model, data, ARM_JOINTS, arm)
+        q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
+        felt[force] = sensors.external(q, before, (qd - before) / scene.model.opt.timestep)
+    jacobian = np.empty((3, scene.model.nv))
+    mujoco.mj_jacBodyCom(scene.model, data, jacobian, None, scene.tool)
+    wanted = jacobian[:, scene.arm_dofs].T @ [0.0, 2.0, -6.0]
+    assert np.abs(wanted).max() > 3.0
+    assert felt[-6.0] - felt[0.0] == pytest.approx(wanted, abs=0.01 * np.abs(wanted).max())
+    assert np.abs(felt[0.0]).max() < 0.2  # the closed fingers, which the model takes as open
