@@ -6,10 +6,12 @@ import trimesh
 
 from robosim.config import RehearsalConfig
 from robosim.frames import body_pose
-from robosim.tool_shapes import spoon_components
+from robosim.grains import tool_sdf
+from robosim.scene import inner_size
+from robosim.tool_shapes import container_shell
 
-TOOL_POINTS = 1500
-"""Points on the tool's real surface that are looked up in the containers' walls."""
+RIGID_PARTICLES = 20_000
+"""Static particles on the surface of each container: 2 mm apart."""
 TOOL_WALL = 0.0015
 """Real wall [m] of the tool."""
 CONTAINER_WALL = 0.006
@@ -18,41 +20,64 @@ ROBOT = ("link1", "link2", "link3", "link4", "link5", "link6", "link7", "palm", 
 """Starts of the names of the bodies that must touch neither table nor containers; link0 stands on the table."""
 
 
-class Contacts:
-    """Counts, over all steps, of contacts between tool and containers and between robot and surroundings."""
+class RigidParticles:
+    """Static particles of the containers, looked up in the tool's signed distance."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, config: RehearsalConfig) -> None:
-        self.tool_container, self.robot_surroundings = 0, 0
+        self._tool, self._sdf = model.body(config.tool).id, tool_sdf(config.tool, TOOL_WALL)
+        places = []
+        for name in config.containers:
+            shell = container_shell(inner_size(name), wall=CONTAINER_WALL)
+            points = trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0]
+            places.append(body_pose(data, model.body(name).id).apply(points))
+        self._places = np.concatenate(places)
+        self._rim = self._places[:, 2].max()
+        self.count, self.depth = 0, 0.0
+        """Particles inside the tool, summed over all steps; the deepest [m]."""
+
+    def look(self, data: mujoco.MjData) -> None:
+        """Count this moment's particles inside the tool."""
+        pose = body_pose(data, self._tool)
+        near = np.linalg.norm(self._places - pose.position, axis=1) < self._sdf.radius
+        if pose.position[2] - self._sdf.radius < self._rim and near.any():
+            distance = self._sdf.distance(pose.inverse().apply(self._places[near]))
+            self.count += int(np.sum(distance < 0))
+            self.depth = max(self.depth, float(-distance.min()))
+
+
+class Contacts:
+    """Counts, over all steps, of contacts between tool and containers and between robot and surroundings.
+
+    What a scene does not ask for (`tool_container`) is neither made nor looked up.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, config: RehearsalConfig) -> None:
+        self._touching, self.robot_surroundings = 0, 0
         self._model, self._data = model, data
         self._tool = model.body(config.tool).id
-        parts = trimesh.util.concatenate(spoon_components(TOOL_WALL))
-        self._points = trimesh.sample.sample_surface(parts, TOOL_POINTS, seed=0)[0]
-        self._containers = [(model.body(n).id, model.site(f"{n}_inside").size) for n in config.containers]
+        self._particles = RigidParticles(model, data, config) if "sdf" in config.tool_container else None
         names = [model.body(i).name for i in range(model.nbody)]
         self._robot = np.array([n.startswith(ROBOT) for n in names])
         self._table = np.array([n == "table" for n in names])
         self._scenery = np.array([n == "table" or n in config.containers for n in names])
         self._is_container = np.array([n in config.containers for n in names])
 
+    @property
+    def tool_container(self) -> int:
+        """Contacts of tool and containers: MuJoCo's own, and container particles inside the tool."""
+        return self._touching + (self._particles.count if self._particles else 0)
+
+    @property
+    def tool_container_depth(self) -> float:
+        """How deep [m] a container was in the tool; 0 where nobody looked."""
+        return self._particles.depth if self._particles else 0.0
+
     def count(self) -> None:
-        """Add this step's contacts: MuJoCo's own, and tool points inside a container's wall."""
+        """Add this step's contacts."""
         bodies = self._model.geom_bodyid[self._data.contact.geom]
         pairs = np.concatenate([bodies, bodies[:, ::-1]])
-        self.tool_container += int(np.sum((pairs[:, 0] == self._tool) & self._is_container[pairs[:, 1]]))
+        self._touching += int(np.sum((pairs[:, 0] == self._tool) & self._is_container[pairs[:, 1]]))
         tool_on_table = (pairs[:, 0] == self._tool) & self._table[pairs[:, 1]]
         self.robot_surroundings += int(np.sum(self._robot[pairs[:, 0]] & self._scenery[pairs[:, 1]] | tool_on_table))
-        self.tool_container += self._points_in_walls()
-
-    def _points_in_walls(self) -> int:
-        world = body_pose(self._data, self._tool).apply(self._points)
-        rim = max(self._data.xpos[body][2] + 2 * half[2] for body, half in self._containers)
-        total = 0
-        if world[:, 2].min() > rim:  # most of the time the tool is above everything
-            return total
-        for body, half in self._containers:
-            y = body_pose(self._data, body).inverse().apply(world)
-            outer = np.all(np.abs(y[:, :2]) < half[:2] + CONTAINER_WALL, axis=1) \
-                & (y[:, 2] > -CONTAINER_WALL) & (y[:, 2] < 2 * half[2])
-            cavity = np.all(np.abs(y[:, :2]) < half[:2], axis=1) & (y[:, 2] > 0)
-            total += int(np.sum(outer & ~cavity))
-        return total
+        if self._particles:
+            self._particles.look(self._data)

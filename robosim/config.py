@@ -140,6 +140,9 @@ class RehearsalConfig(Table):
     material: str
     grasp: Literal["weld", "friction"]
     """Fixed in the hand, or held by the fingers alone."""
+    tool_container: list[Literal["contact", "sdf"]] = ["contact", "sdf"]
+    """How tool and containers meet: as MuJoCo's contacts, with force; as container particles in the tool's signed
+    distance, counted."""
     host_dt: float = Field(gt=0.0, le=1e-3)
     """MuJoCo step [s]."""
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"

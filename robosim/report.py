@@ -65,6 +65,7 @@ def figures(run: Rehearsal) -> dict[str, object]:
         **fate,
         "wrist_payload": payload, "wrist_payload_relative_error": _ratio(abs(payload - scooped), scooped),
         "tool_container_contacts": run.contacts.tool_container,
+        "tool_container_depth": run.contacts.tool_container_depth,
         "robot_surroundings_contacts": run.contacts.robot_surroundings,
         "momentum_residual": max(linear or 0.0, angular or 0.0),
         "momentum_residual_linear": linear, "momentum_residual_angular": angular,

@@ -91,6 +91,8 @@ def scene_spec(config: RehearsalConfig) -> mujoco.MjSpec:
                        load_spec("tools", config.tool, f"{config.tool}.xml"))
         for name, container in config.containers.items():
             add_container(spec, name, container)
+            if "contact" not in config.tool_container:
+                spec.add_exclude(name=f"{config.tool}_{name}", bodyname1=config.tool, bodyname2=name)
     add_wrist_sensor(spec)
     add_torque_sensors(spec)
     spec.option.timestep = config.host_dt

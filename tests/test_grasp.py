@@ -4,10 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
+import mpm
+from robosim import clearance
 from robosim.arm import Arm
 from robosim.config import RehearsalConfig, load_rehearsal
+from robosim.frames import container_pose
 from robosim.grasp import Grasp
-from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, Scene, compile_scene, scene_spec
+from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, Scene, compile_scene, compiled, scene_spec
 from robosim.torque_sensors import TorqueSensors
 
 POSTURE = np.array([-0.9, 0.7, 0.45, -1.75, -0.78, -0.83, 1.8])
@@ -65,3 +68,24 @@ def test_external_torque_is_that_of_the_load() -> None:
     assert np.abs(wanted).max() > 3.0
     assert felt[-6.0] - felt[0.0] == pytest.approx(wanted, abs=0.01 * np.abs(wanted).max())
     assert np.abs(felt[0.0]).max() < 0.2  # the closed fingers, which the model takes as open
+
+
+def test_container_in_the_tool_is_counted_with_its_depth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball in the spoon's place is pushed 1 mm into the source's floor; clear of it nothing is counted; unasked,
+    nothing is made."""
+    monkeypatch.setattr(clearance, "tool_sdf", lambda tool, wall: mpm.Sdf.sphere(0.03))
+    config = load_rehearsal("spoon")
+    scene = compile_scene(scene_spec(config), config.tool)
+    data = mujoco.MjData(scene.model)
+    mujoco.mj_forward(scene.model, data)
+    particles = clearance.RigidParticles(scene.model, data, config)
+    floor = container_pose(config.containers["source"])
+    for height, touched in ((0.0301, False), (0.029, True)):
+        data.xpos[scene.tool] = floor.position + [0.0, 0.0, height]
+        particles.look(data)
+        assert (particles.count > 0) == touched
+    assert particles.depth == pytest.approx(0.001, abs=1e-4)
+    bare = config.model_copy(update={"tool_container": []})
+    model = compiled(scene_spec(bare))
+    assert model.nexclude == scene.model.nexclude + 2
+    assert clearance.Contacts(model, mujoco.MjData(model), bare).tool_container_depth == 0.0

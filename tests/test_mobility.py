@@ -120,7 +120,7 @@ def test_swing_does_not_depend_on_the_host_step() -> None:
 
 
 def test_repeats_mend_a_mobility_that_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With answers half as large as MuJoCo's the bodies miss what was foreseen; repeated steps find what MuJoCo does."""
+    """With answers half as large as MuJoCo's the bodies miss what was foreseen; repeats find what MuJoCo does."""
     probe = Twin.foresee
 
     def half(self: Twin, load: np.ndarray) -> Foresight:
