@@ -154,7 +154,7 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                         place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + origin[d] for d in range(3)])
                         dv = normal * ti.min(ti.max(-approach, 0.0) + RECOVERY * scene.cell / dt, depth / dt)
                         if ti.static(scene.mobile_place[index] >= 0):
-                            dv = shared(scene, mobile, motion, s, index, k, place, mass, dv)
+                            dv = shared(scene, mobile, motion, s, index, place, mass, dv)
                         credit(out, scene.first_collider_row + index, place, mass * dv)
                         for d in ti.static(range(3)):
                             particles.v[d][q] = particles.v[d][q] + dv[d] * hot

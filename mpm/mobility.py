@@ -295,7 +295,7 @@ def give(scene: ti.template(), mobile: ti.template(), b: ti.template(), index: t
 
 @ti.func
 def shared(scene: ti.template(), mobile: ti.template(), motion: ti.template(), s: ti.i32, index: ti.template(),
-           row: ti.template(), place, mass, dv):
+           place, mass, dv):
     """What is left of a grain's change of velocity when the mobile collider gives way; moves the collider."""
     b = ti.static(scene.mobile_place[index])
     size = ti.cast(dv, ti.f64).norm(1e-30)
@@ -303,5 +303,6 @@ def shared(scene: ti.template(), mobile: ti.template(), motion: ti.template(), s
     left = dv * ti.cast(1.0 / (1.0 + ti.cast(mass, ti.f64) * way), scene.grid.nodes.dtype)
     p = -ti.cast(mass * left, ti.f64)
     push(scene, mobile, b, p, (place - vector(mobile, b, CENTRE)).cross(p))
-    velocity_to_table(mobile, motion, s, b, row)
+    for a, row in ti.static(scene.features.mobile_rows):
+        velocity_to_table(mobile, motion, s, a, row)
     return left

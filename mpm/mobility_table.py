@@ -1,5 +1,7 @@
 """The numbers of mobile colliders that a launch reads and writes, see `mobility`."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mpm.errors import InvalidValue
@@ -19,8 +21,8 @@ class MobilityTable:
         self.twists = np.zeros((n, 6))
         """Twists about the centres at the end of the last advance."""
         self._free = np.zeros((n, 6))
-        self._centres: list[np.ndarray | None] = [None] * n
-        """Of the coming advance; None: the frame's origin."""
+        self._levers = np.zeros((n, 3))
+        """From the centre to the frame's origin, in the frame."""
         self._responses = np.zeros((n, 6, n, 6))
         self.table = np.zeros((max(n, 1), RESPONSE + 36 * max(n, 1)))
         """What the kernel works on."""
@@ -39,7 +41,20 @@ class MobilityTable:
         self._free[b] = _finite(index, "free_twist", free_twist, (6,))
         if twist is not None:
             self.twists[b] = _finite(index, "twist", twist, (6,))
-        self._centres[b] = None if centre is None else _finite(index, "centre", centre, (3,))
+        if centre is None:
+            self._levers[b] = 0.0
+        else:
+            self._levers[b] = pose.matrix.T @ (pose.position - _finite(index, "centre", centre, (3,)))
+
+    def kept(self) -> dict[str, np.ndarray]:
+        """What the next advance depends on besides the poses."""
+        return {"twists": self.twists.copy(), "free_twists": self._free.copy(), "levers": self._levers.copy(),
+                "responses": self._responses.copy()}
+
+    def restore(self, kept: Mapping[str, np.ndarray]) -> None:
+        """Return to what `kept` gave."""
+        self.twists[:], self._free[:] = kept["twists"], kept["free_twists"]
+        self._levers[:], self._responses[:] = kept["levers"], kept["responses"]
 
     def fastest(self, index: int, radius: float) -> float:
         """Speed [m/s] that a collider's surface has now or would have at the end without contact."""
@@ -53,10 +68,9 @@ class MobilityTable:
         n = len(self.indices)
         for b, index in enumerate(self.indices):
             row, R = self.table[b], poses[index].matrix
-            centre = poses[index].position if self._centres[b] is None else self._centres[b]
-            row[CENTRE:AXES] = centre
+            row[CENTRE:AXES] = poses[index].position - R @ self._levers[b]
             row[AXES:LEVER] = R.ravel()
-            row[LEVER:TWIST] = R.T @ (poses[index].position - centre)
+            row[LEVER:TWIST] = self._levers[b]
             row[TWIST:RATE] = self.twists[b]
             row[IMPULSE:RESPONSE] = 0.0
             row[RATE:IMPULSE] = (self._free[b] - self.twists[b]) / duration
@@ -70,7 +84,6 @@ class MobilityTable:
             R = row[AXES:LEVER].reshape(3, 3)
             poses[index] = Pose.from_matrix(row[CENTRE:AXES] + R @ row[LEVER:TWIST], R)
             self.twists[b] = self._free[b] = row[TWIST:RATE]
-            self._centres[b] = row[CENTRE:AXES].copy()
 
     def impulse(self, index: int) -> Wrench:
         """Received in the last advance, about the centre as it moved."""

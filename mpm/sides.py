@@ -268,7 +268,7 @@ def stop_grain(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: t
                 dv = push * normal - held * slide
                 place = ti.Vector([ti.cast(x[d], ti.f64) for d in range(3)]) + corner
                 if ti.static(scene.mobile_place[index] >= 0):
-                    dv = shared(scene, mobile, motion, s, index, row, place, mass, dv)
+                    dv = shared(scene, mobile, motion, s, index, place, mass, dv)
                 credit(out, scene.first_collider_row + index, place, mass * dv)
                 result = v + dv
     return result

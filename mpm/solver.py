@@ -308,16 +308,17 @@ class Solver:
     def keep(self) -> None:
         """Remember the state until the next `keep`: a copy beside the state, far cheaper than `state`."""
         self.particles.keep()
-        self._kept = (self.time, self.steps, list(self._poses), self.mobility.twists.copy(), self._momentum)
+        mobility = self.mobility.kept()
+        self._kept = (self.time, self.steps, list(self._poses), dict(self._motion), mobility, self._momentum)
 
     def rewind(self) -> None:
         """Return to the state last kept, any number of times."""
         if self._kept is None:
             raise InvalidValue("rewind: nothing was kept; call keep() before what may have to be repeated")
         self.particles.rewind()
-        self.time, self.steps, poses, twists, self._momentum = self._kept
-        self._poses, self.mobility.twists[:] = list(poses), twists
-        self._motion.clear()
+        self.time, self.steps, poses, motion, mobility, self._momentum = self._kept
+        self._poses, self._motion = list(poses), dict(motion)
+        self.mobility.restore(mobility)
         self._listed = False
 
     # snapshots -----------------------------------------------------------------------------------------------------
@@ -327,7 +328,7 @@ class Solver:
         arrays = {name: self.particles.read(fields) for name, fields in named.items()}
         poses = np.array([np.concatenate(pose) for pose in self._poses]).reshape(-1, 7)
         return arrays | {"time": np.array(self.time), "steps": np.array(self.steps), "poses": poses,
-                         "twists": self.mobility.twists.copy()}
+                         **self.mobility.kept()}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Return to a state of this solver or of one built from the same scene."""
@@ -340,7 +341,7 @@ class Solver:
             self.particles.write(fields, state[name])
         self.time, self.steps = float(state["time"]), int(state["steps"])
         self._poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
-        self.mobility.twists[:] = state["twists"]
+        self.mobility.restore(state)
         self._motion.clear()
         self._momentum = self.momentum()
         self._listed = False

@@ -55,17 +55,22 @@ class GranularPlugin:
         self.model, self.data, self.solver = model, data, solver
         self.coupling, self.tolerance = coupling, tolerance
         mujoco.mj_kinematics(model, data)
-        self._colliders = self._claim(bodies)
-        ids = {name: model.body(name).id for name in self._colliders}
-        self._moving = [name for name, c in self._colliders.items() if not solver.colliders[c].static]
-        self._driven = [name for name in self._moving if model.body_mocapid[ids[name]] >= 0]
-        """Mocap bodies: moved by the user from step to step, by nothing else."""
-        self._dynamic = [name for name in self._moving if name not in self._driven]
-        self._ids = ids
+        self._check_names(bodies)
         self._check_clock()
-        self._check_reach()
-        self._twin = Twin(model, [ids[name] for name in self._dynamic])
-        self._driven_poses = {name: body_pose(data, ids[name]) for name in self._driven}
+        self._ids = {name: model.body(name).id for name in bodies}
+        self._driven = [name for name, body in self._ids.items() if model.body_mocapid[model.body_weldid[body]] >= 0]
+        """Mocap bodies and what is fixed to them: moved by the user from step to step, by nothing else."""
+        self._colliders, colliders = self._made_colliders(bodies)
+        self._moving = [name for name, c in self._colliders.items() if not colliders[c].static]
+        self._dynamic = [name for name in self._moving if name not in self._driven]
+        for name, c in self._colliders.items():
+            self._check_reach(name, colliders[c])
+        if any(c is not old for c, old in zip_longest(colliders, solver.colliders)):
+            solver.set_colliders(colliders)
+        for name in bodies:
+            _coupled[id(data), name] = self
+        self._twin = Twin(model, [self._ids[name] for name in self._dynamic])
+        self._fresh, self._last_time = True, float(data.time)
         self._applied = np.zeros((model.nbody, 6))
         """Grain wrenches of the last step: what the next prediction starts from."""
         self.outside: set[str] = set()
@@ -100,19 +105,24 @@ class GranularPlugin:
         self._check_robot()
 
     def wrench(self, body: str) -> mpm.Wrench:
-        """Mean wrench [N], [N m] that the grains put on a body in the last step, about its centre of mass; zero for
-        "one_way"."""
+        """Mean wrench [N], [N m] that the grains put on a body in the last step, about its centre of mass; zero with
+        "one_way" for bodies that MuJoCo moves."""
         if body not in self._colliders:
             raise UnknownName("coupled body", body, self._colliders)
-        row = self._applied[self._ids[body]]
-        return mpm.Wrench(row[:3].copy(), row[3:].copy())
+        if body in self._dynamic:
+            row = self._applied[self._ids[body]]
+            return mpm.Wrench(row[:3].copy(), row[3:].copy())
+        impulse = self.solver.collider_impulse(self._colliders[body], about=self.data.xipos[self._ids[body]])
+        return mpm.Wrench(impulse.force / self.model.opt.timestep, impulse.torque / self.model.opt.timestep)
 
     # the step ------------------------------------------------------------------------------------------------------
     def _move_driven(self) -> None:
+        restarted = self._fresh or self.data.time < self._last_time  # no way from where it was to where it is
         for name in self._driven:
             now = body_pose(self.data, self._ids[name])
-            self.solver.set_collider_motion(self._colliders[name], self._driven_poses[name], now)
-            self._driven_poses[name] = now
+            begin = now if restarted else self.solver.collider_pose(self._colliders[name])
+            self.solver.set_collider_motion(self._colliders[name], begin, now)
+        self._fresh, self._last_time = False, float(self.data.time)
 
     def _move_as_foreseen(self) -> None:
         """Hand the solver the motion that the bodies would have if the grains pushed as in the step before."""
@@ -131,7 +141,10 @@ class GranularPlugin:
             self.solver.advance(self.model.opt.timestep)
             solved = np.array([np.concatenate(self.solver.collider_twist(self._colliders[n])) for n in self._dynamic])
             self._apply_and_step()
-            self._twin.bring(self.data, [self._end(name) for name in self._dynamic])
+            ends = {i: self.solver.collider_pose(self._colliders[name]) for i, name in enumerate(self._dynamic)
+                    if self._applied[self._ids[name]].any()}
+            if ends:
+                self._twin.bring(self.data, ends)
             self.miss = self._twin.twists(self.data) - solved
             if self.repeats == MAX_REPEATS or not self._misses(solved - free):
                 return
@@ -152,11 +165,6 @@ class GranularPlugin:
             self.solver.set_collider_mobility(
                 indices[i], W[i, :, i], free[i], twist=foresight.twists[i], pose=body_pose(self.data, body),
                 centre=self.data.xipos[body], others={indices[j]: W[i, :, j] for j in range(len(indices)) if j != i})
-
-    def _end(self, name: str) -> mpm.Pose | None:
-        """Where the substeps took a body that grains touched."""
-        touched = np.any(self._applied[self._ids[name]])
-        return self.solver.collider_pose(self._colliders[name]) if touched else None
 
     def _misses(self, change: np.ndarray) -> bool:
         """Whether some body's twist is off by more than the tolerance; change: of its twist by grains."""
@@ -184,15 +192,12 @@ class GranularPlugin:
         self.data.xfrc_applied[:] = own
 
     # checks --------------------------------------------------------------------------------------------------------
-    def _claim(self, bodies: dict[str, int | None]) -> dict[str, int]:
-        """The collider of each body, made where none is given; raises on names that do not fit."""
+    def _check_names(self, bodies: dict[str, int | None]) -> None:
+        """Raise on bodies and colliders that are not there, or not free to be coupled."""
         names = [self.model.body(i).name for i in range(self.model.nbody)]
         for name in bodies:
             if name not in names:
                 raise UnknownName("body of the MuJoCo model", name, names)
-            if _coupled.get((id(self.data), name), self) is not self:
-                raise ConfigError(f"body {name!r} is coupled by another plugin already; a body's grains are in one "
-                                  f"solver: give both fields to that solver as bodies")
         given = [c for c in bodies.values() if c is not None]
         if len(set(given)) != len(given):
             raise ConfigError(f"two bodies share a collider: {bodies}")
@@ -200,19 +205,23 @@ class GranularPlugin:
         for name, collider in bodies.items():
             if collider is not None and collider not in movable:
                 raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")
-        claimed, colliders = {}, list(self.solver.colliders)
+            if (id(self.data), name) in _coupled:
+                raise ConfigError(f"body {name!r} is coupled by another plugin already; a body's grains are in one "
+                                  f"solver: give both fields to that solver as bodies")
+
+    def _made_colliders(self, bodies: dict[str, int | None]) -> tuple[dict[str, int], list[mpm.Collider]]:
+        """Index of each body's collider, and the scene's colliders with those that are made of geoms."""
+        indices, colliders = {}, list(self.solver.colliders)
         for name, collider in bodies.items():
-            body = self.model.body(name).id
             if collider is None:
                 collider = len(colliders)
-                colliders.append(collider_of(self.model, self.data, body, self.solver.grid.cell))
-            if self.coupling == "mobility" and not colliders[collider].static and self.model.body_mocapid[body] < 0:
-                colliders[collider] = replace(colliders[collider], mobile=True)
-            claimed[name] = collider
-            _coupled[id(self.data), name] = self
-        if any(c is not old for c, old in zip_longest(colliders, self.solver.colliders)):
-            self.solver.set_colliders(colliders)
-        return claimed
+                colliders.append(collider_of(self.model, self.data, self._ids[name], self.solver.grid.cell,
+                                             apart=frozenset(self._ids.values())))
+            mobile = self.coupling == "mobility" and not colliders[collider].static and name not in self._driven
+            if colliders[collider].mobile != mobile:
+                colliders[collider] = replace(colliders[collider], mobile=mobile)
+            indices[name] = collider
+        return indices, colliders
 
     def _check_clock(self) -> None:
         """A substep that the user asked for divides the host step."""
@@ -222,23 +231,21 @@ class GranularPlugin:
                 raise ConfigError(f"the host step {self.model.opt.timestep} s is {ratio:.6g} substeps of "
                                   f"{self.solver.asked_dt} s; accepted: a whole number, or dt=None for the solver")
 
-    def _off_grid(self, name: str) -> bool:
+    def _off_grid(self, name: str, collider: mpm.Collider) -> bool:
         """Whether a body's ball lies outside the solver's grid."""
-        grid, collider = self.solver.grid, self.solver.colliders[self._colliders[name]]
-        radius, place = collider.sdf.radius, self.data.xpos[self._ids[name]]
+        grid, radius, place = self.solver.grid, collider.sdf.radius, self.data.xpos[self._ids[name]]
         upper = np.asarray(grid.lower) + grid.cells * grid.cell
         return bool(np.any(place + radius < grid.lower) or np.any(place - radius > upper))
 
-    def _check_reach(self) -> None:
-        for name in self._colliders:
-            if self._off_grid(name):
-                raise ConfigError(f"body {name!r} is at {tuple(self.data.xpos[self._ids[name]].round(4))} m, outside "
-                                  f"the solver's grid {self.solver.grid.lower} .. {self.solver.grid.upper} m; enlarge "
-                                  f"the grid, or place the body in it")
+    def _check_reach(self, name: str, collider: mpm.Collider) -> None:
+        if self._off_grid(name, collider):
+            raise ConfigError(f"body {name!r} is at {tuple(self.data.xpos[self._ids[name]].round(4))} m, outside the "
+                              f"solver's grid {self.solver.grid.lower} .. {self.solver.grid.upper} m; enlarge the "
+                              f"grid, or place the body in it")
 
     def _watch_grid(self) -> None:
         """Tell of bodies that leave the grid; their contact has ended, and begins anew when they return."""
-        outside = {name for name in self._moving if self._off_grid(name)}
+        outside = {name for name in self._moving if self._off_grid(name, self.solver.colliders[self._colliders[name]])}
         for name in outside - self.outside:
             warnings.warn(BodyLeftGrid(f"body {name!r} left the solver's grid at t = {self.data.time:.6g} s; it meets "
                                        f"no grains until it returns"), stacklevel=3)

@@ -13,14 +13,15 @@ MESH_CELLS = 0.2
 """Spacing of a mesh's distances, in cells of the grid."""
 
 
-def collider_of(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: float) -> mpm.Collider:
-    """A collider in a body's frame, of its geoms and those of bodies fixed to it.
+def collider_of(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: float,
+                apart: frozenset[int] = frozenset()) -> mpm.Collider:
+    """A collider in a body's frame, of its geoms and those of bodies fixed to it, less those `apart`.
 
     Geoms that MuJoCo lets collide count, or all if none does: those that only draw are left out. Friction is the
     largest sliding friction of the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for a
     body without geoms, or with a mesh that is not closed.
     """
-    carried = [b for b in range(model.nbody) if b == body or _fixed_to(model, b, body)]
+    carried = [b for b in range(model.nbody) if b == body or _fixed_to(model, b, body, apart - {body})]
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, carried))
     colliding = geoms[(model.geom_contype[geoms] | model.geom_conaffinity[geoms]) != 0]
     chosen = colliding if len(colliding) else geoms
@@ -31,14 +32,14 @@ def collider_of(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: flo
     for geom in chosen:
         T_wg = mpm.Pose.from_matrix(data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3))
         parts.append((_shape(model, int(geom), cell), T_bw @ T_wg))
-    static = model.body_weldid[body] == 0 and model.body_mocapid[body] < 0
+    static = model.body_weldid[body] == 0 and model.body_mocapid[model.body_weldid[body]] < 0
     return mpm.Collider(mpm.Sdf.union(parts), friction=float(model.geom_friction[chosen, 0].max()),
                         pose=body_pose(data, body), static=bool(static))
 
 
-def _fixed_to(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
+def _fixed_to(model: mujoco.MjModel, body: int, ancestor: int, apart: frozenset[int]) -> bool:
     """Whether a body hangs rigidly on an ancestor. Bodies fixed to the world are not parts of one another."""
-    while body != 0 and model.body_jntnum[body] == 0 and model.body_mocapid[body] < 0 and ancestor != 0:
+    while ancestor != 0 and body not in apart | {0} and model.body_jntnum[body] == 0 and model.body_mocapid[body] < 0:
         body = model.body_parentid[body]
         if body == ancestor:
             return True

@@ -112,13 +112,14 @@ class Rehearsal:
         """
         wanted = self.plan.motion.state(self.time - self.config.grasp_time)
         torque = self._command(wanted)
-        speeds, twist = self.data.qvel[self.scene.arm_dofs].copy(), self._tool_twist()
+        q, speeds = self.data.qpos[self.scene.arm_qpos].copy(), self.data.qvel[self.scene.arm_dofs].copy()
+        twist = self._tool_twist()
         if self.time >= self.config.grasp_time:
             self.grasp.release()
         self.plugin.step()
         self.grasp.watch()
         self.contacts.count()
-        self.recording.steps.append(self._read(torque, speeds, twist))
+        self.recording.steps.append(self._read(torque, q, speeds, twist))
         if index % SAMPLE_EVERY == 0:
             self.recording.samples.append(self._sample())
         if self.scooped is None and self.time >= self.plan.path.rests[self.config.weigh_at][1] + self.config.grasp_time:
@@ -143,7 +144,7 @@ class Rehearsal:
         mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, self.scene.tool, velocity, 0)
         return velocity
 
-    def _read(self, torque: np.ndarray, speeds: np.ndarray, twist: np.ndarray) -> Step:
+    def _read(self, torque: np.ndarray, begin: np.ndarray, speeds: np.ndarray, twist: np.ndarray) -> Step:
         """The step's row, all at its end: commanded where the motion is by now, qdd as the change of qd."""
         s, data, ledger = self.scene, self.data, self.plugin.ledger
         wrench = self.plugin.wrench(self.config.tool)
@@ -155,7 +156,7 @@ class Rehearsal:
         power = wrench.force @ mean[3:] + wrench.torque @ mean[:3]
         q, qdd = data.qpos[s.arm_qpos].copy(), (qd - speeds) / self.config.host_dt
         # the sensors hold the values of the step's beginning, like MuJoCo's accelerations
-        external = self.sensors.external(q - self.config.host_dt * qd, speeds, qdd)
+        external = self.sensors.external(begin, speeds, data.qacc[s.arm_dofs])
         return Step(
             self.time, q, qd, qdd, torque, self.servo.demand, self.sensors.torques(), external,
             np.concatenate(commanded), np.concatenate(end), self._wrist(),

@@ -39,6 +39,7 @@ class Twin:
         self._start, self._trial = mujoco.MjData(model), mujoco.MjData(model)
         # views of the trial's arrays: looking them up anew takes longer than what a probe computes
         self._qpos, self._qvel, self._qacc = self._trial.qpos, self._trial.qvel, self._trial.qacc
+        self._act = self._trial.act
         self._warm, self._wrenches = self._trial.qacc_warmstart, self._trial.xfrc_applied
         # a Runge-Kutta step evaluates everything anew within it: such a step cannot be shared with its trials
         self._whole = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
@@ -65,33 +66,30 @@ class Twin:
             mujoco.mj_step2(self.model, data)
         self._refresh(data)
 
-    def bring(self, data: mujoco.MjData, poses: list[mpm.Pose | None]) -> None:
-        """Move the bodies the little way to poses, along what impulses on them would move, and keep their twists; None:
-        where it is.
+    def bring(self, data: mujoco.MjData, poses: dict[int, mpm.Pose]) -> None:
+        """Move bodies (place among the twin's -> pose) the little way to poses, along what impulses on them would move,
+        and keep their twists; the other bodies follow as they hang together.
 
         MuJoCo moves a body over a whole step with the velocity at its end, whenever in the step an impulse came.
         """
-        n, twists = len(self.bodies), self.twists(data)
-        offset = np.zeros((n, 6))
-        for i, (body, pose) in enumerate(zip(self.bodies, poses)):
-            if pose is not None:
-                # of the centre of mass, which lies at xipos, seen from the frame
-                arm = data.xmat[body].reshape(3, 3).T @ (data.xipos[body] - data.xpos[body])
-                R = pose.matrix
-                offset[i, :3] = pose.position + R @ arm - data.xipos[body]
-                offset[i, 3:] = Rotation.from_matrix(R @ data.xmat[body].reshape(3, 3).T).as_rotvec()
-        if not offset.any():
-            return
-        impulses = np.linalg.lstsq(self._mobility, offset.ravel(), rcond=RANK)[0]
+        offset, rows = [], [6 * i + k for i in poses for k in range(6)]
+        for i, pose in poses.items():
+            body, R = self.bodies[i], pose.matrix
+            axes = data.xmat[self.bodies[i]].reshape(3, 3)
+            centre = axes.T @ (data.xipos[body] - data.xpos[body])  # in the frame
+            offset += [pose.position + R @ centre - data.xipos[body], Rotation.from_matrix(R @ axes.T).as_rotvec()]
+        twists = self.twists(data)
+        impulses = np.linalg.lstsq(self._mobility[rows], np.concatenate(offset), rcond=RANK)[0]
         mujoco.mj_integratePos(self.model, data.qpos, self._joint_answers @ impulses, 1.0)
         self._refresh(data)
         # the same joint velocities are another twist in the new place
-        answers = self._jacobian(data) @ self._joint_answers
-        change = (twists - self.twists(data)).ravel()
+        answers = (self._jacobian(data) @ self._joint_answers)[rows]
+        change = (twists - self.twists(data)).ravel()[rows]
         data.qvel += self._joint_answers @ np.linalg.lstsq(answers, change, rcond=RANK)[0]
         mujoco.mj_comVel(self.model, data)
 
     def _refresh(self, data: mujoco.MjData) -> None:
+        """Frames and velocities of the present positions."""
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
         mujoco.mj_comVel(self.model, data)
@@ -128,7 +126,7 @@ class Twin:
         self._integrate_trial()
         base, place, warm = self._qvel.copy(), self._qpos.copy(), self._qacc.copy()
         loaded, n = self._wrenches.copy(), len(self.bodies)
-        begin = self._start.qpos.copy(), self._start.qvel.copy()
+        begin = self._start.qpos.copy(), self._start.qvel.copy(), self._start.act.copy()
         answers = np.empty((6 * n, model.nv))
         for i, body in enumerate(self.bodies):
             unit = PROBE * h * max(masses[i], 1e-6) * 9.81
@@ -137,7 +135,7 @@ class Twin:
                 if self._whole:
                     mujoco.mj_copyData(trial, model, self._start)
                 else:
-                    self._qpos[:], self._qvel[:] = begin
+                    self._qpos[:], self._qvel[:], self._act[:] = begin
                     self._warm[:] = warm
                 self._wrenches[:] = loaded
                 self._wrenches[body, k] += size / h

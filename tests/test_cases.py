@@ -9,6 +9,7 @@ from robosim.cases import (
     bar,
     bar_impact,
     block_at_rest,
+    carried_load,
     closed_system,
     column_collapse,
     column_weight,
@@ -167,7 +168,7 @@ def test_cases_are_found_by_name() -> None:
 @pytest.mark.parametrize("material", ["elastic", "sand"])
 def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> None:
     """Through MuJoCo's own integration, angular momentum of the spinning ball included."""
-    for ratio in (1.0,) if precision == "f32" else (1e-3, 1.0, 1e3):
+    for ratio in (1.0,) if precision == "f32" else (1e-3, 1.0):
         record = closed_system.measure(material=material, precision=precision, mass_ratio=ratio)
         assert max(record.errors["linear"], record.errors["angular"]) <= closed_system.BANDS[precision]
         assert record.errors["reaction"] <= closed_system.BANDS["reaction"]
@@ -175,9 +176,8 @@ def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> Non
 
 
 def test_block_is_slowed_by_the_wave_in_the_bar() -> None:
-    """At a face on a node and between nodes; a block lighter than the grid can resolve is nearer on a finer grid."""
-    for offset in (0.0, 0.25):
-        assert bar_impact.measure(offset_cells=offset).errors["speed"] <= bar_impact.BANDS["speed"]
+    """Between nodes, where it is worst; a block lighter than the grid can resolve is nearer on a finer grid."""
+    assert bar_impact.measure(offset_cells=0.25).errors["speed"] <= bar_impact.BANDS["speed"]
     coarse, fine = (bar_impact.measure(mass=0.05, cell=c) for c in (0.01, 0.005))
     assert fine.errors["speed"] < 0.5 * coarse.errors["speed"]
     assert coarse.readings["fastest"] <= 1.0
@@ -187,6 +187,24 @@ def test_block_is_slowed_by_the_wave_in_the_bar() -> None:
 def test_block_rests_on_its_weight(bed: str, offset: float) -> None:
     errors = block_at_rest.measure(bed=bed, offset_cells=offset).errors
     assert all(abs(value) <= block_at_rest.BANDS[name] for name, value in errors.items()), errors
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("offset", [0.0, 0.5, 0.75])
+def test_block_is_slowed_wherever_the_nodes_are(offset: float) -> None:
+    assert bar_impact.measure(offset_cells=offset).errors["speed"] <= bar_impact.BANDS["speed"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("material", "acceleration"), [("sugar", 2.0), ("flour", 2.0), ("salt", 5.0)])
+def test_wrist_feels_other_loads(material: str, acceleration: float) -> None:
+    errors = carried_load.measure(material=material, acceleration=acceleration).errors
+    assert all(error <= carried_load.BANDS[name] for name, error in errors.items()), errors
+
+
+def test_wrist_feels_the_load() -> None:
+    errors = carried_load.measure().errors
+    assert all(error <= carried_load.BANDS[name] for name, error in errors.items()), errors
 
 
 @pytest.mark.slow

@@ -84,7 +84,7 @@ def test_wrong_names_are_told() -> None:
     plugin = tray(0.2)
     with pytest.raises(UnknownName, match="'bux'; valid: box, world"):
         GranularPlugin(plugin.model, plugin.data, plugin.solver, bodies={"bux": 0})
-    with pytest.raises(UnknownName, match="'strong'; valid: lagged, one_way"):
+    with pytest.raises(UnknownName, match="'strong'; valid: lagged, mobility, one_way"):
         GranularPlugin(plugin.model, plugin.data, plugin.solver, bodies={"box": 0}, coupling="strong")  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="collider 3 .* cannot move"):
         GranularPlugin(plugin.model, plugin.data, plugin.solver, bodies={"box": 3})

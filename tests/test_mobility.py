@@ -140,11 +140,13 @@ def test_repeats_mend_a_mobility_that_is_wrong(monkeypatch: pytest.MonkeyPatch) 
     assert missed[0.02] < 0.3 * missed[None]
 
 
-@pytest.mark.parametrize("step", [2e-3, 1e-2])
-def test_light_box_rests_at_the_same_height_at_every_host_step(step: float) -> None:
-    failed, seen = rest_height(step)
-    assert not failed, failed
-    assert seen["height"] == pytest.approx(rest_height(5e-4)[1]["height"], abs=3e-4)
+def test_light_box_rests_at_the_same_height_at_every_host_step() -> None:
+    heights = []
+    for step in (5e-4, 2e-3, 1e-2):
+        failed, seen = rest_height(step)
+        assert not failed, failed
+        heights.append(seen["height"])
+    assert max(heights) - min(heights) < 3e-4
 
 
 @pytest.mark.slow
