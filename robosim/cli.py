@@ -29,10 +29,11 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("rehearsal", help=f"one of: {', '.join(config_names('rehearsals'))}; or a .yaml file of your own")
     run.add_argument("--out", type=Path, required=True, help="folder for video, pictures, report and data")
     run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
+    run.add_argument("--grasp", choices=["weld", "friction"], help="how the hand holds the tool (default: the file's)")
     run.add_argument("--camera", default="close", help=f"one of: {', '.join(CAMERAS)} (default: close)")
     run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
     run.add_argument("--seed", type=_seed, default=0, help="of the grains' places (default: 0)")
-    run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material,
+    run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material, grasp=a.grasp,
                                             camera=None if a.no_video else a.camera, seed=a.seed))
     bench = commands.add_parser("bench", help="measure the speed of the field", epilog=BENCH_EXAMPLE,
                                 formatter_class=argparse.RawDescriptionHelpFormatter)

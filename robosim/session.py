@@ -20,12 +20,14 @@ RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajecto
 """Files of an earlier run that would contradict this one's."""
 
 
-def rehearse(name: str, out: Path, *, material: str | None = None, camera: str | None = "close", seed: int = 0) -> int:
+def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
+             camera: str | None = "close", seed: int = 0) -> int:
     """Run a rehearsal and fill `out`; returns 0. camera None: no video.
 
     Input is checked before any work. Whatever ends the run, what was written is whole.
     """
-    config = load_rehearsal(name, {"material": material} if material else None)
+    chosen = {"material": material, "grasp": grasp}
+    config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
     substance = load_material(config.material)
     grains.check(config, grains.material(substance))
     if camera is not None:

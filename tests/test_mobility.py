@@ -109,6 +109,7 @@ def test_what_mujoco_does_is_what_was_foreseen() -> None:
         assert max(misses) < 0.02
 
 
+@pytest.mark.slow
 def test_swing_does_not_depend_on_the_host_step() -> None:
     places = []
     for step in (5e-4, 5e-3):

@@ -116,3 +116,15 @@ def test_the_whole_rehearsal_keeps_its_bounds(material: str, tmp_path: Path) -> 
     assert missed(json.loads((tmp_path / "out" / "report.json").read_text())) == []
 
 
+
+
+@pytest.mark.slow
+def test_held_by_friction_the_spoon_delivers_as_when_fixed(tmp_path: Path) -> None:
+    """What slips in the fingers costs no more than five points of the delivery."""
+    reports = {}
+    for grasp in ("weld", "friction"):
+        assert rehearse("spoon", tmp_path / grasp, grasp=grasp, camera=None) == 0
+        reports[grasp] = json.loads((tmp_path / grasp / "report.json").read_text())
+    assert abs(reports["friction"]["delivered_fraction"] - reports["weld"]["delivered_fraction"]) <= 0.05
+    assert 0.0 < reports["friction"]["grasp_slip"] < 0.02
+    assert reports["weld"]["grasp_slip"] == 0.0
