@@ -11,6 +11,7 @@ contacts to six unknowns follows Batty et al. 2007, ACM TOG 26(3):100, and Davie
 import numpy as np
 
 from mpm.backend import real_type, ti
+from mpm.grid import in_first_layer
 from mpm.ledger import position
 from mpm.surface import coulomb, coulomb_slope
 
@@ -149,10 +150,7 @@ def yielding(scene: ti.template(), mobile: ti.template(), b: ti.template(), plac
 @ti.func
 def lever_of(scene: ti.template(), mobile: ti.template(), b: ti.template(), I, corner):
     """From the collider's centre to a node of either layer."""
-    J = I
-    if ti.static(scene.grid.layers == 2):
-        J[0] = I[0] % scene.grid.width
-    return position(J, corner, scene.cell) - vector(mobile, b, CENTRE)
+    return position(in_first_layer(scene.grid, I), corner, scene.cell) - vector(mobile, b, CENTRE)
 
 
 @ti.func

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 import mpm
 from robosim.coupled_stability import COMPARISONS, COUPLED_AXES, rest_height
@@ -22,12 +23,16 @@ def ball_and_blob(collider: mpm.Collider, mass: float, precision: str = "f64") -
     return solver, np.diag([1 / mass] * 3 + [1 / (0.4 * mass * 0.05**2)] * 3)
 
 
-@pytest.mark.parametrize("off_centre", [False, True])
-def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool) -> None:
-    """The frame's origin may lie anywhere: the mass is where `centre` says."""
+@pytest.mark.parametrize(("off_centre", "thin"), [(False, False), (True, False), (True, True)])
+def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thin: bool) -> None:
+    """The frame's origin may lie anywhere: the mass is where `centre` says. A hollow ball is a shell."""
     start = np.array([0.11, 0.01, 0.005])
     lever = np.array([0.0, 0.02, 0.01]) if off_centre else np.zeros(3)
     sdf = mpm.Sdf.union([(mpm.Sdf.sphere(0.05), mpm.Pose(-lever, np.array([1.0, 0, 0, 0])))])
+    if thin:
+        hollow = trimesh.creation.icosphere(3, 0.049)
+        hollow.apply_translation(-lever)
+        sdf = mpm.Shell.from_mesh(hollow, 0.002)
     pose = mpm.Pose(start + lever, np.array([1.0, 0, 0, 0]))
     solver, W = ball_and_blob(mpm.Collider(sdf, friction=0.3, mobile=True, pose=pose), 0.5)
     twist, centre = np.array([-1.0, 0, 0, 0, 0, 8.0]), start
@@ -42,8 +47,8 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool) -> 
         total = np.concatenate([0.5 * linear + blob.linear,
                                 5e-4 * angular + np.cross(centre, 0.5 * linear) + blob.angular])
         assert total == pytest.approx(first, abs=1e-13)
-        W_world = W  # a ball answers alike in every direction
-        solver.set_collider_mobility(0, W_world, np.concatenate([linear, angular]), centre=centre)
+        # a ball answers alike in every direction: W needs no turning
+        solver.set_collider_mobility(0, W, np.concatenate([linear, angular]), centre=centre)
     assert linear[0] > -0.95 and abs(angular[2] - 8.0) > 0.01  # they met, with friction
 
 
