@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT.parent))  # the script also runs from a plain checkout
 
-from robosim.lofts import bezier, loft, revolve, round_ends, smoothstep, stations, superellipse, sweep  # noqa: E402
-from robosim.tool_shapes import container_shell, spoon_bowl, spoon_handle  # noqa: E402
+from robosim.shapes import TOOLS, tool_shape  # noqa: E402
+from robosim.shapes.container import container_shell  # noqa: E402
+from robosim.shapes.lofts import (  # noqa: E402
+    bezier, loft, revolve, round_ends, smoothstep, stations, superellipse, sweep,
+)
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]
@@ -183,9 +186,10 @@ def main() -> None:
     """Write every mesh of the models and print the total size."""
     total = write(arm(), ROOT / "robots/iiwa14/assets", "")
     total += write(hand(), ROOT / "grippers/robotiq_3f/assets", "")
-    spoon = {"spoon": spoon_bowl(), "handle": spoon_handle()}
-    total += write(spoon, ROOT / "tools/spoon/assets", "")
-    boxes = {"source": container_shell((0.16, 0.13, 0.08)), "target": container_shell((0.16, 0.16, 0.08))}
+    for tool in TOOLS:
+        total += write(tool_shape(tool).visuals(), ROOT / f"tools/{tool}/assets", "")
+    boxes = {"source": container_shell((0.16, 0.13, 0.08)), "target": container_shell((0.16, 0.16, 0.08)),
+             "tray": container_shell((0.20, 0.15, 0.08))}
     total += write(boxes, ROOT / "containers/assets", "")
     print(f"{total / 1e6:.2f} MB of meshes")
 

@@ -22,6 +22,7 @@ from mpm.fluid import NewtonianFluid
 from mpm.grid import Grid
 from mpm.motion import Pose, Twist, Wrench
 from mpm.plasticity import DruckerPrager, VonMises
+from mpm.region import Region
 from mpm.sampling import sample_box, sample_cylinder, sample_mesh
 from mpm.sdf import Sdf
 from mpm.shell import Shell
@@ -44,6 +45,7 @@ __all__ = [
     "NewtonianFluid",
     "OverlappingBodies",
     "Pose",
+    "Region",
     "Sdf",
     "Shell",
     "SimulationDiverged",

@@ -8,7 +8,7 @@ from robosim.config import RehearsalConfig
 from robosim.frames import body_pose
 from robosim.grains import tool_sdf
 from robosim.scene import inner_size
-from robosim.tool_shapes import container_shell
+from robosim.shapes.container import container_shell
 
 RIGID_PARTICLES = 20_000
 """Static particles on the surface of each container: 2 mm apart."""

@@ -69,7 +69,7 @@ class GranularPlugin:
             solver.set_colliders(colliders)
         for name in bodies:
             _coupled[id(data), name] = self
-        self._twin = Twin(model, [self._ids[name] for name in self._dynamic])
+        self._twin = Twin(model, data, [self._ids[name] for name in self._dynamic])
         self._fresh, self._last_time = True, float(data.time)
         self._applied = np.zeros((model.nbody, 6))
         """Grain wrenches of the last step: what the next prediction starts from."""
@@ -91,7 +91,7 @@ class GranularPlugin:
         5. Compare with what was foreseen; repeat the step if it missed.
         6. Close the ledger; raise RobotDiverged when MuJoCo's state went bad.
         """
-        self._twin.begin(self.data)
+        self._twin.begin()
         before = self.solver.momentum_after_advance()
         self._move_driven()
         if self.coupling == "mobility" and self._dynamic:
@@ -144,8 +144,8 @@ class GranularPlugin:
             ends = {i: self.solver.collider_pose(self._colliders[name]) for i, name in enumerate(self._dynamic)
                     if self._applied[self._ids[name]].any()}
             if ends:
-                self._twin.bring(self.data, ends)
-            self.miss = self._twin.twists(self.data) - solved
+                self._twin.bring(ends)
+            self.miss = self._twin.twists() - solved
             if self.repeats == MAX_REPEATS or not self._misses(solved - free):
                 return
             # the answers were linearised; shift what is foreseen by what was missed (Aitken's relaxation)
@@ -154,7 +154,7 @@ class GranularPlugin:
                 weight = float(np.clip(-weight * (last.ravel() @ change) / max(change @ change, 1e-300), 0.1, 1.0))
             free, last = free + weight * self.miss, self.miss
             self.solver.rewind()
-            self._twin.restart(self.data)
+            self._twin.restart()
 
     def _hand_over(self, foresight: Foresight, free: np.ndarray) -> None:
         """Give the solver the bodies' places, velocities and answers to impulses."""
@@ -188,7 +188,7 @@ class GranularPlugin:
                 self._applied[body] = np.concatenate(impulse) / self.model.opt.timestep
         own = self.data.xfrc_applied.copy()
         self.data.xfrc_applied += self._applied
-        self._twin.finish(self.data)
+        self._twin.finish()
         self.data.xfrc_applied[:] = own
 
     # checks --------------------------------------------------------------------------------------------------------

@@ -11,7 +11,8 @@ from robosim.config import MaterialConfig, RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.frames import container_pose
 from robosim.scene import inner_size
-from robosim.tool_shapes import container_shell, spoon_components
+from robosim.shapes import tool_shape
+from robosim.shapes.container import container_shell
 
 TOOL_SPACING = 1e-3
 """Lattice spacing [m] of the tool's signed distance: a sixth of a wall keeps trilinear values exact to 0.1 mm."""
@@ -38,8 +39,7 @@ def material(config: MaterialConfig) -> mpm.DruckerPrager:
 
 def tool_sdf(tool: str, thickness: float) -> Lattice:
     """Signed distance of a tool in its own frame, with a wall of `thickness` [m]."""
-    shapes = {"spoon": spoon_components}
-    return mpm.Sdf.from_mesh(shapes[tool](thickness), spacing=TOOL_SPACING)
+    return mpm.Sdf.from_mesh(tool_shape(tool).solid(thickness), spacing=TOOL_SPACING)
 
 
 def check(config: RehearsalConfig, law: mpm.DruckerPrager) -> None:

@@ -13,7 +13,7 @@ from robosim import grains as grain_field
 from robosim.arm import Arm
 from robosim.clearance import Contacts
 from robosim.config import MaterialConfig, RehearsalConfig, load_material
-from robosim.counting import at_the_border, in_spoon
+from robosim.counting import at_the_border, in_tool
 from robosim.coupling import GranularPlugin
 from robosim.frames import body_pose
 from robosim.grasp import Grasp
@@ -123,7 +123,7 @@ class Rehearsal:
         if index % SAMPLE_EVERY == 0:
             self.recording.samples.append(self._sample())
         if self.scooped is None and self.time >= self.plan.path.rests[self.config.weigh_at][1] + self.config.grasp_time:
-            self.scooped = in_spoon(self.solver.positions(), self.tool_pose())
+            self.scooped = in_tool(self.config.tool, self.solver.positions(), self.tool_pose())
         if index % ENERGY_EVERY == 0:
             self.recording.energies.append(EnergySample(self.time, *self.solver.energy()))
         if index % KEEP_EVERY == 0:
@@ -173,7 +173,7 @@ class Rehearsal:
 
     def _sample(self) -> Sample:
         positions = self.solver.positions()
-        mass = self._grain_mass * in_spoon(positions, self.tool_pose()).sum()
+        mass = self._grain_mass * in_tool(self.config.tool, positions, self.tool_pose()).sum()
         return Sample(self.time, float(mass), int(at_the_border(positions, self.solver.grid).sum()))
 
     def save_last_good_state(self, path: Path) -> None:

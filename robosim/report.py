@@ -6,7 +6,7 @@ import numpy as np
 
 from mpm.motion import Pose, exponential, logarithm
 from robosim.arm import SPEED_LIMITS
-from robosim.counting import in_container, in_spoon
+from robosim.counting import in_container, in_tool
 from robosim.path import CommandedPath
 from robosim.rehearsal import Rehearsal
 from robosim.scene import inner_size
@@ -113,7 +113,7 @@ def fates(run: Rehearsal, positions: np.ndarray) -> dict[str, float | None]:
     carried = np.zeros(len(mass), bool) if run.scooped is None else run.scooped
     config = run.config
     place = {name: in_container(positions, c, inner_size(name)) for name, c in config.containers.items()}
-    spoon = in_spoon(positions, run.tool_pose()) & ~place["source"] & ~place["target"]
+    spoon = in_tool(run.config.tool, positions, run.tool_pose()) & ~place["source"] & ~place["target"]
     lying = ~(place["source"] | place["target"] | spoon)
     of = mass[carried].sum()
     shares = {"delivered_fraction": place["target"], "returned_fraction": place["source"], "retained_fraction": spoon}

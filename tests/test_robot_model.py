@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from robosim.arm import SPEED_LIMITS, Arm
 from robosim.scene import ARM_JOINTS, compiled, load_spec, robot_spec
-from robosim.tool_shapes import grip_pose
+from robosim.shapes.handle import grip_pose
+from robosim.shapes.spoon import HANDLE_START
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +89,7 @@ def test_masses(pair) -> None:
 def test_spoon_is_held_where_its_handle_is() -> None:
     """The grip site in the model file lies on the handle's axis, as the shape has it, turned to the hand."""
     spec = load_spec("tools", "spoon", "spoon.xml")
-    site, pose = spec.site("spoon_grip"), grip_pose()
+    site, pose = spec.site("spoon_grip"), grip_pose(HANDLE_START)
     assert site.pos == pytest.approx(pose[:3, 3], abs=1e-5)
     matrix = Rotation.from_quat(site.quat, scalar_first=True).as_matrix()
     assert matrix == pytest.approx(pose[:3, :3], abs=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim.counting import BOWL
+from robosim.shapes.spoon import BOWL
 from robosim.grains import tool_sdf
 
 CELL = 0.005

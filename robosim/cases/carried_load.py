@@ -6,7 +6,7 @@ import numpy as np
 import mpm
 from robosim.cases.record import Clock, Record
 from robosim.config import load_material
-from robosim.counting import BOWL
+from robosim.shapes.spoon import BOWL
 from robosim.coupling import GranularPlugin
 from robosim.grains import material as law_of
 from robosim.grains import tool_sdf

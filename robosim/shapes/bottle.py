@@ -1,0 +1,47 @@
+"""The bottle: a round body with a shoulder and a neck, open on top, held round its body.
+
+Frame: on the axis, half way up the body, z towards the mouth; metres.
+"""
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+import mpm
+from robosim.shapes.lofts import revolve
+
+Array = NDArray[np.float64]
+
+WALL = 0.0015
+RADIUS, BODY, SHOULDER, NECK_RADIUS, NECK = 0.030, 0.065, 0.017, 0.017, 0.013
+"""Of the cavity: radius and height of the body, height of the shoulder, radius and height of the neck."""
+FLOOR = -BODY / 2
+MOUTH = FLOOR + BODY + SHOULDER + NECK
+INTERIOR = mpm.Region((0.0, 0.0, 0.5 * (FLOOR + MOUTH)), (1.1 * RADIUS, 1.1 * RADIUS, 0.5 * (MOUTH - FLOOR) + 0.004),
+                      round=True)
+
+
+def profile(grow: float) -> Array:
+    """Return the outline (n, 2) of (radius, z), from the floor's edge to the mouth, `grow` outside the cavity."""
+    turn = np.linspace(0.0, np.pi / 2, 7)
+    corner, r = 0.006, RADIUS + grow
+    low = [[r - corner + corner * np.sin(a), FLOOR - grow + corner * (1 - np.cos(a))] for a in turn]
+    t = np.linspace(0.0, 1.0, 10)
+    blend = t * t * (3 - 2 * t)
+    shoulder = np.stack([r + (NECK_RADIUS - RADIUS) * blend, FLOOR + BODY + SHOULDER * t], 1)
+    return np.concatenate([[[0.0, FLOOR - grow]], low, shoulder, [[NECK_RADIUS + grow, MOUTH]]])
+
+
+def vessel(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
+    """Return the wall of the bottle."""
+    return revolve(np.concatenate([profile(wall), profile(0.0)[::-1]]), around)
+
+
+def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
+    """The vessel."""
+    return [vessel(wall)]
+
+
+def visuals() -> dict[str, trimesh.Trimesh]:
+    """Meshes by file name."""
+    return {"bottle": vessel()}

@@ -1,0 +1,52 @@
+"""The flour scoop: a trough with a rounded back on a bent handle, open in front.
+
+Frame: centre of the rim plane, x to the open front, z up; metres.
+"""
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+import mpm
+from robosim.shapes.handle import handle
+from robosim.shapes.sheets import sheet_normals, wall_between
+
+Array = NDArray[np.float64]
+
+WALL = 0.0015
+LENGTH, WIDTH, DEPTH = 0.080, 0.055, 0.025
+"""Of the cavity."""
+BACK = 0.014
+"""Length over which the back is rounded."""
+HANDLE_START = (-0.0402, 0.0, -0.002)
+INTERIOR = mpm.Region((0.004, 0.0, 0.006), (0.046, 0.0335, 0.034))
+
+
+def trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
+    """Return the wall of the trough, whose flat rim lies in the plane z=0."""
+    back, front = -LENGTH / 2, LENGTH / 2
+    turn = np.linspace(0.0, np.pi / 2, along // 2)
+    x = np.concatenate([back + BACK * (1 - np.cos(turn)), np.linspace(back + BACK, front, along // 2 + 1)[1:]])
+    size = np.concatenate([np.maximum(np.sin(turn), 0.05), np.ones(along // 2)])
+    angle = np.linspace(0.0, np.pi, around + 1)
+    section = np.stack([WIDTH / 2 * np.cos(angle), -DEPTH * np.sin(angle)], -1)
+    inner = np.empty((len(x), around + 1, 3))
+    inner[:, :, 0] = x[:, None]
+    inner[:, :, 1:] = size[:, None, None] * section
+    inner[:, [0, -1], 2] = 0.0
+    outward = sheet_normals(inner)
+    outward *= np.sign(np.sum(outward[-1, around // 2] * [0.0, 0.0, -1.0]))
+    outward[:, [0, -1], 2] = 0.0  # the rim stays in its plane, the front edge too
+    outward[-1, :, 0] = 0.0
+    outward /= np.linalg.norm(outward, axis=2, keepdims=True)
+    return wall_between(inner, inner + wall * outward)
+
+
+def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
+    """Trough and handle."""
+    return [trough(wall), handle(HANDLE_START)]
+
+
+def visuals() -> dict[str, trimesh.Trimesh]:
+    """Meshes by file name."""
+    return {"scoop": trough(), "handle": handle(HANDLE_START)}

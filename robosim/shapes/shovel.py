@@ -1,0 +1,49 @@
+"""The shovel: a curved blade that pushes, hollow side ahead, on a bent handle.
+
+Frame: middle of the blade's lower edge, x ahead, z up; metres.
+"""
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+import mpm
+from robosim.shapes.handle import handle
+from robosim.shapes.sheets import sheet_normals, wall_between
+
+Array = NDArray[np.float64]
+
+WALL = 0.0015
+WIDTH, HEIGHT = 0.080, 0.045
+CURVE = 0.060
+"""Radius of the blade's curve about a lateral axis ahead of it."""
+HANDLE_START = (-0.0062, 0.0, 0.022)
+INTERIOR = mpm.Region((0.02, 0.0, 0.02), (0.03, 0.5 * WIDTH, 0.025))
+"""In front of the blade."""
+
+
+def blade(wall: float = WALL, across: int = 16, up: int = 16) -> trimesh.Trimesh:
+    """Return the blade: hollow ahead, its lower edge in the plane z=0."""
+    half = np.arcsin(0.5 * HEIGHT / CURVE)
+    angle = np.linspace(-half, half, up + 1)
+    edge = CURVE * np.cos(half)
+    z = CURVE * np.sin(angle) + 0.5 * HEIGHT
+    x = edge - CURVE * np.cos(angle)
+    y = np.linspace(-WIDTH / 2, WIDTH / 2, across + 1)
+    front = np.empty((up + 1, across + 1, 3))
+    front[:, :, 0], front[:, :, 1], front[:, :, 2] = x[:, None], y, z[:, None]
+    back = sheet_normals(front)
+    back *= np.sign(np.sum(back[up // 2, across // 2] * [-1.0, 0.0, 0.0]))
+    back[[0, -1], :, 2] = 0.0  # lower and upper edge stay in their planes
+    back /= np.linalg.norm(back, axis=2, keepdims=True)
+    return wall_between(front, front + wall * back)
+
+
+def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
+    """Blade and handle."""
+    return [blade(wall), handle(HANDLE_START)]
+
+
+def visuals() -> dict[str, trimesh.Trimesh]:
+    """Meshes by file name."""
+    return {"shovel": blade(), "handle": handle(HANDLE_START)}
