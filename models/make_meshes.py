@@ -16,7 +16,14 @@ sys.path.insert(0, str(ROOT.parent))  # the script also runs from a plain checko
 from robosim.shapes import TOOLS, tool_shape  # noqa: E402
 from robosim.shapes.container import container_shell  # noqa: E402
 from robosim.shapes.lofts import (  # noqa: E402
-    bezier, loft, revolve, round_ends, smoothstep, stations, superellipse, sweep,
+    bezier,
+    loft,
+    revolve,
+    round_ends,
+    smoothstep,
+    stations,
+    superellipse,
+    sweep,
 )
 
 Array = NDArray[np.float64]

@@ -23,10 +23,12 @@ from mpm.grid import Grid
 from mpm.motion import Pose, Twist, Wrench
 from mpm.plasticity import DruckerPrager, VonMises
 from mpm.region import Region
+from mpm.sample import Sample
 from mpm.sampling import sample_box, sample_cylinder, sample_mesh
 from mpm.sdf import Sdf
 from mpm.shell import Shell
 from mpm.solver import Solver
+from mpm.tally import Tallied, Tally
 from mpm.walls import Walls
 
 __all__ = [
@@ -46,11 +48,14 @@ __all__ = [
     "OverlappingBodies",
     "Pose",
     "Region",
+    "Sample",
     "Sdf",
     "Shell",
     "SimulationDiverged",
     "Solver",
     "StrongCompression",
+    "Tallied",
+    "Tally",
     "TimeStepTooLarge",
     "Twist",
     "UnknownName",

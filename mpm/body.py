@@ -8,12 +8,14 @@ from mpm.elasticity import Hencky
 from mpm.errors import InvalidValue
 from mpm.fluid import NewtonianFluid
 
+Material = Hencky | NewtonianFluid
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """Grains of one material."""
 
-    material: Hencky | NewtonianFluid
+    material: Material
     positions: np.ndarray
     """[m], shape (n, 3)."""
     velocities: np.ndarray | None = None

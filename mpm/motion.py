@@ -1,5 +1,6 @@
 """Rigid motion: poses, twists and wrenches with named parts, and the screw between two poses."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,13 @@ class Pose(NamedTuple):
     @property
     def matrix(self) -> np.ndarray:
         """Rotation matrix (3, 3): tool axes in world coordinates."""
-        return Rotation.from_quat(self.quaternion, scalar_first=True).as_matrix()
+        w, x, y, z = map(float, self.quaternion)
+        s = 2.0 / (w * w + x * x + y * y + z * z)
+        return np.array([
+            [1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+            [s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)],
+            [s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)],
+        ])
 
     def __matmul__(self, other: "Pose") -> "Pose":  # type: ignore[override]
         matrix = self.matrix
@@ -83,10 +90,47 @@ def left_jacobian(rotations: np.ndarray) -> np.ndarray:
 
 def logarithm(begin: Pose, end: Pose) -> Twist:
     """Body twist that carries begin to end in unit time: end = begin exp(twist)."""
-    R = begin.matrix
-    rotation = Rotation.from_matrix(R.T @ end.matrix).as_rotvec()
-    offset = R.T @ (np.asarray(end.position) - begin.position)
-    return Twist(np.linalg.solve(left_jacobian(rotation), offset), rotation)
+    rotation = relative_rotation(begin.quaternion, end.quaternion)
+    offset = begin.matrix.T @ (np.asarray(end.position) - begin.position)
+    angle = math.sqrt(rotation @ rotation)
+    if angle < 1e-4:
+        third = 1.0 / 12.0 + angle**2 / 720.0
+    else:
+        third = (1.0 - 0.5 * angle / math.tan(0.5 * angle)) / angle**2
+    turned = _cross(rotation, offset)  # V^-1 (Barfoot 2017, eq. 7.78)
+    return Twist(offset - 0.5 * turned + third * _cross(rotation, turned), rotation)
+
+
+def relative_rotation(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Rotation vector [rad] (3,), in the first frame's axes, from one unit quaternion (w, x, y, z) to another."""
+    a, b, c, d = map(float, begin)
+    w, x, y, z = map(float, end)
+    real = a * w + b * x + c * y + d * z
+    i, j, k = a * x - b * w - c * z + d * y, a * y + b * z - c * w - d * x, a * z - b * y + c * x - d * w
+    sine = math.sqrt(i * i + j * j + k * k)
+    if real < 0.0:
+        real, i, j, k = -real, -i, -j, -k
+    scale = 2.0 * math.atan2(sine, real) / sine if sine > 1e-12 else 2.0
+    return np.array([scale * i, scale * j, scale * k])
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross product of two vectors (3,): a tenth of the time that the general one takes."""
+    (p, q, r), (x, y, z) = a, b
+    return np.array([q * z - r * y, r * x - p * z, p * y - q * x])
+
+
+def turned(quaternion: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Quaternion (w, x, y, z) of a frame after a rotation vector [rad] (3,) in world axes; unit length."""
+    p, q, r = map(float, rotation)
+    half = 0.5 * math.sqrt(p * p + q * q + r * r)
+    scale = 0.5 * math.sin(half) / half if half > 1e-9 else 0.5
+    a, b, c, d = math.cos(half), scale * p, scale * q, scale * r
+    w, x, y, z = map(float, quaternion)
+    i, j, k, l = (a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y,
+                  a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w)
+    length = math.sqrt(i * i + j * j + k * k + l * l)
+    return np.array([i / length, j / length, k / length, l / length])
 
 
 def exponential(begin: Pose, twist: Twist, time: float = 1.0) -> Pose:
@@ -103,12 +147,20 @@ def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
     twist carries the frame through in unit time, `duration` [s] is what it really takes. A frame that moves along a
     screw has a constant twist in its own axes, so that no substep sees a kink.
     """
-    R, linear, angular = begin.matrix, np.asarray(twist.linear), np.asarray(twist.angular)
-    rotations = ((np.arange(n) + 1.0) / n)[:, None] * angular
-    steps = ((np.arange(n) + 1.0) / n)[:, None] * linear
-    matrices = R @ Rotation.from_rotvec(rotations).as_matrix()
-    positions = begin.position + np.einsum("ij,njk,nk->ni", R, left_jacobian(rotations), steps)
-    return ScrewSamples(positions, matrices, matrices @ (linear / duration), matrices @ (angular / duration))
+    R, linear, angular = begin.matrix, np.asarray(twist.linear, float), np.asarray(twist.angular, float)
+    u = (np.arange(n) + 1.0) / n
+    angle = math.sqrt(angular @ angular)
+    axis = angular / max(angle, 1e-30)
+    K = skew(axis)
+    sine, rest = np.sin(u * angle), 1.0 - np.cos(u * angle)
+    matrices = R @ (np.eye(3) + sine[:, None, None] * K + rest[:, None, None] * (K @ K))
+    turned = _cross(axis, linear)
+    small = angle < 1e-3
+    second = 0.5 * angle * u**2 if small else rest / angle
+    third = angle**2 / 6.0 * u**3 if small else u - sine / angle
+    steps = np.outer(u, linear) + np.outer(second, turned) + np.outer(third, _cross(axis, turned))
+    return ScrewSamples(begin.position + steps @ R.T, matrices, matrices @ (linear / duration),
+                        matrices @ (angular / duration))
 
 
 def motion_table(screws: list[ScrewSamples], first: int, n: int, dtype: type) -> np.ndarray:

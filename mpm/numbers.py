@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpm.backend import real_type, ti
-from mpm.body import Body
+from mpm.body import Body, Material
 from mpm.collider import Collider
 
 PARAMETERS = 8
@@ -32,13 +32,16 @@ class Numbers:
         """[m/s^2]"""
         self.wall_friction = ti.field(real, ())
         """Coulomb coefficient of the walls."""
-        table = np.zeros((len(bodies), PARAMETERS), dtype)
-        for row, body in zip(table, bodies):
-            row[: len(body.material.parameters)] = body.material.parameters
-        self.parameters.from_numpy(table)
-        self.densities.from_numpy(np.array([body.material.density for body in bodies], dtype))
+        for index, body in enumerate(bodies):
+            self.set_law(index, body.material)
         self.frictions.from_numpy(np.array([c.friction for c in colliders] or [0.0], dtype))
         thickness = [getattr(c.sdf, "thickness", 0.0) for c in colliders] or [0.0]
         self.half_thickness.from_numpy(0.5 * np.array(thickness, dtype))
         self.gravity[None] = [float(g) for g in gravity]
         self.wall_friction[None] = wall_friction
+
+    def set_law(self, index: int, material: Material) -> None:
+        """Write a body's parameters."""
+        for i, value in enumerate(material.parameters):
+            self.parameters[index, i] = value
+        self.densities[index] = material.density

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mpm.backend import PRECISIONS, default_precision, real_type, session_precision, ti
-from mpm.body import Body
+from mpm.body import Body, Material
 from mpm.checks import check_passage, check_scene
 from mpm.collider import Collider
 from mpm.compound import HeightField, Union
@@ -136,6 +136,21 @@ class Solver:
                 self.particles.write(fields, before[name])
         self.numbers.gravity[None] = gravity
         self._momentum = self.momentum()
+
+    def set_material(self, index: int, material: Material) -> None:
+        """Give a body other numbers of the same law from now on; nothing is compiled.
+
+        Raises TimeStepTooLarge where the new material needs a smaller dt than the solver was built with.
+        """
+        body = self.bodies[index]
+        if type(material) is not type(body.material):
+            raise InvalidValue(f"set_material: body {index} is {type(body.material).__name__}, and its law is "
+                               f"compiled; given: {type(material).__name__}")
+        bound = material_bound(self.grid.cell, material)
+        if self.dt > bound:
+            raise TimeStepTooLarge(self.dt, bound, "isolated particle")
+        self.bodies[index] = replace(body, material=material)
+        self.numbers.set_law(index, material)
 
     def set_body_acceleration(self, accelerations: np.ndarray) -> None:
         """Accelerations [m/s^2] (n_particles, 3) besides gravity from now on; the solver was built with some."""

@@ -1,13 +1,13 @@
 """Configurations: frozen, typed, checked once, before any work."""
 
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import pydantic
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
-from robosim.errors import ConfigError, UnknownName
+from robosim.errors import ConfigError
 from robosim.resources import config_path
 
 Vector3 = tuple[float, float, float]
@@ -30,29 +30,6 @@ class Quantity(Table):
 
 
 Kind = TypeVar("Kind", bound=Table)
-
-
-class MaterialConfig(Table):
-    """A granular material."""
-
-    description: str
-    density: Quantity
-    E: Quantity
-    nu: Quantity
-    friction_angle: Quantity
-    cohesion: Quantity
-    colour: tuple[float, float, float, float] = (0.95, 0.95, 0.93, 1.0)
-
-    UNITS: ClassVar[dict[str, str]] = {
-        "density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa",
-    }
-
-    @pydantic.model_validator(mode="after")
-    def _check_units(self) -> "MaterialConfig":
-        for name, unit in self.UNITS.items():
-            if getattr(self, name).unit != unit:
-                raise ValueError(f"{name}: unit {getattr(self, name).unit!r}; accepted: {unit!r}")
-        return self
 
 
 class ContainerConfig(Table):
@@ -232,17 +209,6 @@ def _child(table: object, part: int | str) -> object:
     return table
 
 
-def load_material(name: str) -> MaterialConfig:
-    """Material by name (configs/materials) or by path."""
-    return load(config_path("materials", name, "material"), MaterialConfig)
-
-
 def load_rehearsal(name: str, overrides: dict | None = None) -> RehearsalConfig:
     """Rehearsal by name (configs/rehearsals) or by path."""
-    config = load(config_path("rehearsals", name, "rehearsal"), RehearsalConfig, overrides)
-    load_material(config.material)
-    return config
-
-
-__all__ = ["ContainerConfig", "FieldConfig", "MaterialConfig", "RehearsalConfig", "UnknownName", "WaypointConfig",
-           "load", "load_material", "load_rehearsal"]
+    return load(config_path("rehearsals", name, "rehearsal"), RehearsalConfig, overrides)

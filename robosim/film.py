@@ -5,8 +5,9 @@ import itertools
 import mujoco
 import numpy as np
 
-from robosim.config import MaterialConfig, RehearsalConfig
+from robosim.config import RehearsalConfig
 from robosim.errors import UnknownName
+from robosim.materials import MaterialConfig
 from robosim.output import OutputFolder
 from robosim.rehearsal import Rehearsal
 from robosim.rendering import SceneRenderer, add_grain_skin, apply_quality

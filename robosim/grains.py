@@ -6,10 +6,11 @@ import numpy as np
 
 import mpm
 from mpm.lattice import Lattice
-from mpm.timestep import isolated_particle_bound
-from robosim.config import MaterialConfig, RehearsalConfig
+from mpm.timestep import material_bound
+from robosim.config import RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.frames import container_pose
+from robosim.materials import Law
 from robosim.scene import inner_size
 from robosim.shapes import tool_shape
 from robosim.shapes.container import container_shell
@@ -31,21 +32,15 @@ class Grains(NamedTuple):
     """[m^3] per particle."""
 
 
-def material(config: MaterialConfig) -> mpm.DruckerPrager:
-    """The law of a configured material."""
-    return mpm.DruckerPrager(E=config.E.value, nu=config.nu.value, density=config.density.value,
-                             friction_angle_deg=config.friction_angle.value, cohesion=config.cohesion.value)
-
-
 def tool_sdf(tool: str, thickness: float) -> Lattice:
     """Signed distance of a tool in its own frame, with a wall of `thickness` [m]."""
     return mpm.Sdf.from_mesh(tool_shape(tool).solid(thickness), spacing=TOOL_SPACING)
 
 
-def check(config: RehearsalConfig, law: mpm.DruckerPrager) -> None:
+def check(config: RehearsalConfig, law: Law) -> None:
     """Refuse numbers that the field cannot work with, before any work: step, fill height, region."""
     cell, dt = config.field.cell, config.field.dt
-    bound = isolated_particle_bound(cell, law.density, law.mu, law.lam)
+    bound = material_bound(cell, law)
     if dt is not None and dt > bound:
         raise mpm.TimeStepTooLarge(dt, bound, "isolated particle; field.dt")
     source = config.containers["source"]
@@ -71,7 +66,7 @@ def fill(config: RehearsalConfig, rng: np.random.Generator) -> tuple[np.ndarray,
     return container_pose(container).apply(local), float(4.0 * np.prod(upper)) / len(local)
 
 
-def build(config: RehearsalConfig, law: mpm.DruckerPrager, tool_pose: mpm.Pose, seed: int = 0) -> Grains:
+def build(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: int = 0) -> Grains:
     """The solver of a rehearsal, with the tool where the arm starts."""
     field = config.field
     colliders = [mpm.Collider(tool_sdf(config.tool, config.collision_thickness), friction=field.tool_friction,

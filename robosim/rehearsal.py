@@ -12,12 +12,13 @@ import mpm
 from robosim import grains as grain_field
 from robosim.arm import Arm
 from robosim.clearance import Contacts
-from robosim.config import MaterialConfig, RehearsalConfig, load_material
+from robosim.config import RehearsalConfig
 from robosim.counting import at_the_border, in_tool
 from robosim.coupling import GranularPlugin
 from robosim.frames import body_pose
 from robosim.grasp import Grasp
 from robosim.kinematics import PathSolution, solve_path
+from robosim.materials import MaterialConfig, law_of, load_material
 from robosim.path import CommandedPath
 from robosim.recording import EnergySample, Recording, Sample, Step
 from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, scene_spec
@@ -66,7 +67,7 @@ class Rehearsal:
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.model, self.data, self.scene.tool)
         self.sensors = TorqueSensors(self.model, self.data, ARM_JOINTS, planned.arm)
-        law = grain_field.material(self.material)
+        law = law_of(self.material)
         self.grains = grain_field.build(config, law, self.tool_pose(), seed)
         self.solver = self.grains.solver
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},

@@ -30,7 +30,7 @@ def load_spec(*parts: str) -> mujoco.MjSpec:
 
 
 @contextlib.contextmanager
-def _quiet_prefixes() -> Iterator[None]:
+def quiet_prefixes() -> Iterator[None]:
     """Attach with empty prefixes on purpose: every name of models/ is unique, and readings use them plainly."""
     mujoco.set_mju_user_warning(lambda text: None)
     with warnings.catch_warnings():
@@ -46,7 +46,7 @@ def robot_spec(tool: str | None) -> mujoco.MjSpec:
     arm = load_spec("robots", "iiwa14", "iiwa14.xml")
     hand = load_spec("grippers", "robotiq_3f", "robotiq_3f.xml")
     T_grip = _site_in_body(hand, "grip", "palm")
-    with _quiet_prefixes():
+    with quiet_prefixes():
         arm.attach(hand, site=arm.site("flange"), prefix="")
         if tool is not None:
             part = load_spec("tools", tool, f"{tool}.xml")
@@ -84,7 +84,7 @@ def scene_spec(config: RehearsalConfig) -> mujoco.MjSpec:
     spec = load_spec("workcell", "workcell.xml")
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     robot = robot_spec(config.tool if config.grasp == "weld" else None)
-    with _quiet_prefixes():
+    with quiet_prefixes():
         spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
         if config.grasp == "friction":
             make_loose(spec, compiled(robot_spec(config.tool)), config.tool,
@@ -130,7 +130,7 @@ def add_torque_sensors(spec: mujoco.MjSpec) -> None:
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The model of a specification, without MuJoCo's warning about empty prefixes."""
-    with _quiet_prefixes():
+    with quiet_prefixes():
         return spec.compile()
 
 

@@ -7,9 +7,10 @@ from tqdm import tqdm
 
 import mpm
 from robosim import grains
-from robosim.config import load_material, load_rehearsal
+from robosim.config import load_rehearsal
 from robosim.errors import RobotDiverged
 from robosim.film import Film, check_camera
+from robosim.materials import law_of, load_material
 from robosim.output import OutputFolder
 from robosim.plots import plot_report
 from robosim.rehearsal import Rehearsal, plan
@@ -29,7 +30,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     chosen = {"material": material, "grasp": grasp}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
     substance = load_material(config.material)
-    grains.check(config, grains.material(substance))
+    grains.check(config, law_of(substance))
     if camera is not None:
         check_camera(camera)
     folder = OutputFolder(out)

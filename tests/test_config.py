@@ -7,8 +7,9 @@ import yaml
 
 import mpm
 from robosim.cli import main
-from robosim.config import load_material, load_rehearsal
+from robosim.config import load_rehearsal
 from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
+from robosim.materials import load_material
 from robosim.output import OutputFolder
 from robosim.rehearsal import plan
 from robosim.resources import config_names, config_path
@@ -28,8 +29,8 @@ def written(tmp_path: Path, data: dict) -> str:
 @pytest.mark.parametrize("name", config_names("materials"))
 def test_materials_are_complete(name: str) -> None:
     material = load_material(name)
-    for quantity in (material.density, material.E, material.nu, material.friction_angle, material.cohesion):
-        assert len(quantity.source) > 10
+    for number in material.numbers():
+        assert len(getattr(material, number).source) > 10
 
 
 def test_unknown_rehearsal_material_and_camera(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -131,7 +132,7 @@ def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_unknown_names_list_the_valid_ones() -> None:
-    with pytest.raises(UnknownName, match="valid: flour, paper, salt, sand, sugar"):
+    with pytest.raises(UnknownName, match="valid: clay, flour, paper, salt, sand, sugar, water"):
         load_material("pepper")
     with pytest.raises(mpm.UnknownName, match="valid: f32, f64"):
         mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[], precision="f16")

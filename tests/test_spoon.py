@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim.shapes.spoon import BOWL
 from robosim.grains import tool_sdf
+from robosim.shapes.spoon import BOWL
 
 CELL = 0.005
 

@@ -5,11 +5,10 @@ import numpy as np
 
 import mpm
 from robosim.cases.record import Clock, Record
-from robosim.config import load_material
-from robosim.shapes.spoon import BOWL
 from robosim.coupling import GranularPlugin
-from robosim.grains import material as law_of
 from robosim.grains import tool_sdf
+from robosim.materials import law_of, load_material
+from robosim.shapes.spoon import BOWL
 
 NAME = "carried_load"
 SOURCE = "Newton's second law: force at the wrist = (mass of spoon + mass of grains) (acceleration - gravity)"

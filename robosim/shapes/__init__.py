@@ -1,7 +1,8 @@
 """Shapes of tools and containers: one source for the pictures, the signed distances and the counting of grains.
 
-A tool's module has `solid(wall)`, its parts as closed meshes with a wall thickness [m]; `visuals()`, its meshes by file
-name; and `INTERIOR`, where grains count as held.
+A tool's module has `solid(wall)`, its parts as closed meshes with a wall thickness [m]; `head(wall)`, the part that
+holds or pushes grains; `visuals()`, its meshes by file name; `WALL`, its real wall [m]; and `INTERIOR`, where grains
+count as held.
 """
 
 from importlib import import_module

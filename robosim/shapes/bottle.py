@@ -13,7 +13,7 @@ from robosim.shapes.lofts import revolve
 Array = NDArray[np.float64]
 
 WALL = 0.0015
-RADIUS, BODY, SHOULDER, NECK_RADIUS, NECK = 0.030, 0.065, 0.017, 0.017, 0.013
+RADIUS, BODY, SHOULDER, NECK_RADIUS, NECK = 0.030, 0.065, 0.015, 0.020, 0.013
 """Of the cavity: radius and height of the body, height of the shoulder, radius and height of the neck."""
 FLOOR = -BODY / 2
 MOUTH = FLOOR + BODY + SHOULDER + NECK
@@ -35,6 +35,11 @@ def profile(grow: float) -> Array:
 def vessel(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
     """Return the wall of the bottle."""
     return revolve(np.concatenate([profile(wall), profile(0.0)[::-1]]), around)
+
+
+def head(wall: float = WALL) -> trimesh.Trimesh:
+    """What the grains meet."""
+    return vessel(wall)
 
 
 def solid(wall: float = WALL) -> list[trimesh.Trimesh]:

@@ -14,12 +14,12 @@ from robosim.shapes.sheets import sheet_normals, wall_between
 Array = NDArray[np.float64]
 
 WALL = 0.0015
-LENGTH, WIDTH, DEPTH = 0.080, 0.055, 0.025
+LENGTH, WIDTH, DEPTH = 0.085, 0.060, 0.030
 """Of the cavity."""
 BACK = 0.014
 """Length over which the back is rounded."""
-HANDLE_START = (-0.0402, 0.0, -0.002)
-INTERIOR = mpm.Region((0.004, 0.0, 0.006), (0.046, 0.0335, 0.034))
+HANDLE_START = (-0.0427, 0.0, -0.002)
+INTERIOR = mpm.Region((0.004, 0.0, 0.004), (0.0485, 0.036, 0.037))
 
 
 def trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
@@ -40,6 +40,11 @@ def trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Tri
     outward[-1, :, 0] = 0.0
     outward /= np.linalg.norm(outward, axis=2, keepdims=True)
     return wall_between(inner, inner + wall * outward)
+
+
+def head(wall: float = WALL) -> trimesh.Trimesh:
+    """What the grains meet."""
+    return trough(wall)
 
 
 def solid(wall: float = WALL) -> list[trimesh.Trimesh]:

@@ -1,4 +1,4 @@
-"""The shovel: a curved blade that pushes, hollow side ahead, on a bent handle.
+"""The shovel: a curved blade with wings that pushes, hollow side ahead, on a bent handle.
 
 Frame: middle of the blade's lower edge, x ahead, z up; metres.
 """
@@ -17,6 +17,8 @@ WALL = 0.0015
 WIDTH, HEIGHT = 0.080, 0.045
 CURVE = 0.060
 """Radius of the blade's curve about a lateral axis ahead of it."""
+WINGS = 0.025
+"""How far its ends reach ahead of its middle: without wings a pile flows off to both sides."""
 HANDLE_START = (-0.0062, 0.0, 0.022)
 INTERIOR = mpm.Region((0.02, 0.0, 0.02), (0.03, 0.5 * WIDTH, 0.025))
 """In front of the blade."""
@@ -31,12 +33,18 @@ def blade(wall: float = WALL, across: int = 16, up: int = 16) -> trimesh.Trimesh
     x = edge - CURVE * np.cos(angle)
     y = np.linspace(-WIDTH / 2, WIDTH / 2, across + 1)
     front = np.empty((up + 1, across + 1, 3))
-    front[:, :, 0], front[:, :, 1], front[:, :, 2] = x[:, None], y, z[:, None]
+    front[:, :, 0] = x[:, None] + WINGS * np.abs(2.0 * y / WIDTH) ** 3
+    front[:, :, 1], front[:, :, 2] = y, z[:, None]
     back = sheet_normals(front)
     back *= np.sign(np.sum(back[up // 2, across // 2] * [-1.0, 0.0, 0.0]))
     back[[0, -1], :, 2] = 0.0  # lower and upper edge stay in their planes
     back /= np.linalg.norm(back, axis=2, keepdims=True)
     return wall_between(front, front + wall * back)
+
+
+def head(wall: float = WALL) -> trimesh.Trimesh:
+    """What the grains meet."""
+    return blade(wall)
 
 
 def solid(wall: float = WALL) -> list[trimesh.Trimesh]:

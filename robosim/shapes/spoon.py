@@ -36,6 +36,11 @@ def bowl(wall: float = WALL, around: int = 48, down: int = 20) -> trimesh.Trimes
     return loft(np.concatenate([inner[::-1], outer]), ([0.0, 0.0, -depth], [0.0, 0.0, -depth - wall]))
 
 
+def head(wall: float = WALL) -> trimesh.Trimesh:
+    """What the grains meet."""
+    return bowl(wall)
+
+
 def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
     """Bowl and handle."""
     return [bowl(wall), handle(HANDLE_START)]

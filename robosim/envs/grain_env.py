@@ -1,0 +1,185 @@
+"""The Gymnasium environment that all eight sub-tasks share."""
+
+import math
+from typing import Any, ClassVar, Literal, get_args
+
+import gymnasium
+import numpy as np
+
+import mpm
+from robosim.envs.carrier import KinematicTool
+from robosim.envs.observation import Layout, Observer
+from robosim.envs.reward import Reward
+from robosim.envs.start import settled
+from robosim.envs.task import TaskConfig, load_task
+from robosim.envs.task_field import TOOL, build_solver, build_tally
+from robosim.errors import ConfigError, UnknownName
+from robosim.materials import law_of, load_material, overridden
+
+Horizon = Literal["terminate", "truncate"]
+AXES = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
+
+
+class GrainEnv(gymnasium.Env):
+    """A tool and grains; see the classes of the sub-tasks."""
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
+    TASK: ClassVar[str] = ""
+    """Name of the configuration below configs/tasks."""
+
+    def __init__(
+        self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
+        action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate", clip_actions: bool = False,
+        randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
+        camera: str = "task", **numbers: float,
+    ) -> None:
+        self._check(render_mode, horizon, action_repeat)
+        self.task = load_task(task or self.TASK) if not isinstance(task, TaskConfig) else task
+        self.render_mode, self.horizon, self.clip_actions = render_mode, horizon, clip_actions
+        self.action_repeat, self.camera, self.arm = action_repeat, camera, arm
+        if arm:
+            raise ConfigError("arm = True is not built yet; accepted: False")
+        self.material = overridden(load_material(material or self.task.material), numbers)
+        self.randomize = self._ranges(randomize or {})
+        mpm.init()
+        self.solver = build_solver(self.task, law_of(self.material))
+        self._state = settled(self.TASK or "task", self.task, self.material, self.solver)
+        self.tally = build_tally(self.task, self.solver)
+        self.reward, self._observer = Reward(self.task), Observer(self.task, self.solver, obs)
+        self.carrier = KinematicTool(self.task, self.solver)
+        self.observation_space, self.observation_slices = self._observer.space, self._observer.slices
+        n = self.task.action.dimensions
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (n,), np.float32)
+        self._scale = np.array([self.task.action.speed] * 3 + [self.task.action.angular_speed] * (n - 3))
+        self._running, self.step_count = False, 0
+        self._start, self._now = self.task.start.pose, self.tally.read()
+        self._renderer = None
+
+    @staticmethod
+    def _check(render_mode: str | None, horizon: str, action_repeat: int) -> None:
+        """Raise on options outside their lists."""
+        if render_mode not in (None, *GrainEnv.metadata["render_modes"]):
+            raise UnknownName("render_mode", render_mode, GrainEnv.metadata["render_modes"])
+        if horizon not in get_args(Horizon):
+            raise UnknownName("horizon", horizon, get_args(Horizon))
+        if not isinstance(action_repeat, int | np.integer) or action_repeat < 1:
+            raise ConfigError(f"action_repeat = {action_repeat!r}; accepted: a whole number from 1 on")
+
+    def _ranges(self, randomize: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        """The ranges, checked: known numbers, and no pair that the time step cannot follow."""
+        for name, given in randomize.items():
+            low, high = given if np.ndim(given) == 1 and len(given) == 2 else (math.nan, math.nan)
+            if not low <= high:
+                raise ConfigError(f"randomize: {name} = {given!r}; accepted: (lowest, highest)")
+        for side in (0, 1):
+            law_of(overridden(self.material, {name: pair[side] for name, pair in randomize.items()}))
+        return dict(randomize)
+
+    # an episode -----------------------------------------------------------------------------------------------------
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode. options: {"nominal": True} for the start without its random displacement."""
+        super().reset(seed=seed)
+        unknown = set(options or {}) - {"nominal"}
+        if unknown:
+            raise UnknownName("option of reset", sorted(unknown)[0], ["nominal"])
+        nominal = bool((options or {}).get("nominal", False))
+        if self.randomize:
+            numbers = {name: float(self.np_random.uniform(*pair)) for name, pair in self.randomize.items()}
+            self.solver.set_material(0, law_of(overridden(self.material, numbers)))
+        self.solver.load(self._displaced(nominal))
+        self._start = self.solver.collider_pose(TOOL)
+        self.carrier.restart(self._start)
+        self.tally.restart()
+        self.reward.restart()
+        self._observer.restart()
+        self._running, self.step_count = True, 0
+        self._now = self.tally.read()
+        return self._observer.read(self._now, 0.0), self._info({})
+
+    def _displaced(self, nominal: bool) -> dict[str, np.ndarray]:
+        """The settled state, with tool and grains moved within the ranges of the start."""
+        state, start, action = dict(self._state), self.task.start, self.task.action
+        if nominal:
+            return state
+        tool = self.np_random.uniform(-1.0, 1.0, 3) * start.spread
+        pile = self.np_random.uniform(-1.0, 1.0, 3) * start.pile_spread
+        place = np.clip(start.position + tool, action.lower, action.upper)
+        held = self.task.container is None and start.pile is None
+        state["x"] = state["x"] + (place - np.array(start.position) if held else pile)
+        state["poses"] = state["poses"].copy()
+        state["poses"][TOOL, :3] = place
+        return state
+
+    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Hold an action for `action_repeat` steps of the simulation, or until the episode ends."""
+        if not self._running:
+            raise ConfigError("step: no episode is running; call reset first")
+        velocity = self._checked(action) * self._scale
+        linear, angular = velocity[:3], velocity[3:] if len(velocity) == 6 else np.zeros(3)
+        sums = dict.fromkeys(self.reward.terms, 0.0)
+        diverged = None
+        for _ in range(min(self.action_repeat, self.task.steps - self.step_count)):
+            try:
+                self.carrier.step(linear, angular)
+            except mpm.SimulationDiverged as error:
+                diverged = error
+                break
+            self.step_count += 1
+            self._now = self.tally.read()
+            terms = self.reward.step(self.tally, self._now, self.turned(), self.step_count == self.task.steps)
+            for name, value in terms.items():
+                sums[name] += value
+        over = self.step_count == self.task.steps
+        self._running = not over and diverged is None
+        info = self._info(sums)
+        if diverged is not None:
+            # the state before is the last that can be observed; a NaN is never traded for a reward
+            self.solver.load(self._state)
+            info["diverged"] = str(diverged)
+        observation = self._observer.read(self._now, self.step_count / self.task.steps)
+        ended = over and self.horizon == "terminate"
+        return observation, float(sum(sums.values())), ended, (over and not ended) or diverged is not None, info
+
+    def turned(self) -> float:
+        """Angle [rad] by which the tool has turned about its lateral axis since the start of the episode."""
+        R = self._start.matrix.T @ self.solver.collider_pose(TOOL).matrix
+        return math.atan2(R[0, 2], R[0, 0])
+
+    def _checked(self, action: np.ndarray) -> np.ndarray:
+        """The action as numbers, or an error that names the component."""
+        given = np.asarray(action)
+        if given.shape != self.action_space.shape:
+            raise ConfigError(f"action has shape {given.shape}; accepted: {self.action_space.shape}")
+        if not np.issubdtype(given.dtype, np.floating):
+            raise ConfigError(f"action has dtype {given.dtype}; accepted: floating-point numbers")
+        bad = np.flatnonzero(~(np.abs(given) <= 1.0))
+        if len(bad) and (not self.clip_actions or not np.all(np.isfinite(given))):
+            raise ConfigError(f"action[{bad[0]}] ({AXES[bad[0]]}) = {given[bad[0]]}; accepted: -1 to 1 "
+                              f"(clip_actions=True clips what is finite)")
+        return np.clip(given.astype(float), -1.0, 1.0)
+
+    def _info(self, terms: dict[str, float]) -> dict[str, Any]:
+        """Terms of this step's reward, score so far, physical readings."""
+        return {
+            "reward_terms": dict(terms), "tcs": self.reward.tcs, "tcs_terms": dict(self.reward.score),
+            "readings": self.reward.readings(self._now), "is_success": self.reward.succeeded(self._now),
+            "time": self.step_count * self.task.step_dt,
+        }
+
+    # keeping and drawing --------------------------------------------------------------------------------------------
+    def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The picture (height, width, 3), or None with "human", which shows it."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render: the environment was made without a render_mode")
+            return None
+        if self._renderer is None:
+            from robosim.envs.picture import Picture  # nothing of it is loaded until somebody draws
+
+            self._renderer = Picture(self.task, self.material, self.camera, window=self.render_mode == "human")
+        return self._renderer.draw(self.solver)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None

@@ -1,0 +1,126 @@
+"""What an agent sees of the grains and the tool: layouts, their bounds, and which numbers stand where."""
+
+from typing import Any, Literal, get_args
+
+import gymnasium
+import numpy as np
+
+import mpm
+from robosim.envs.task import TaskConfig
+from robosim.envs.task_field import TOOL, observed
+from robosim.errors import UnknownName
+
+Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "all"]
+FASTEST = 40.0
+"""[m/s]: a cell in a substep, beyond which a run counts as diverged."""
+
+
+class Observer:
+    """Fills observations of one layout.
+
+    flat: positions and velocities (n, 6) of every delta_d-th grain, row by row, then the tool's pose and the time; all:
+    likewise of every grain; positions, velocities: only these (n, 3); none: no grains; dict: "particles" (n, 6),
+    "tool", "time"; moments: about 40 numbers whose count does not depend on the grains.
+    """
+
+    def __init__(self, task: TaskConfig, solver: mpm.Solver, layout: Layout) -> None:
+        if layout not in get_args(Layout):
+            raise UnknownName("obs", layout, get_args(Layout))
+        self.task, self.layout = task, layout
+        indices = observed(task) if layout in ("flat", "dict", "positions", "velocities") else np.arange(
+            task.grains.count)
+        self._sample = mpm.Sample(solver, indices) if layout != "none" else None
+        self._grains = np.zeros((len(indices), 6), np.float32)
+        self._solver = solver
+        self._quaternion = np.zeros(4)
+        lower, upper = np.array(task.field.region_lower), np.array(task.field.region_upper)
+        fast = np.full(3, FASTEST)
+        self._low6, self._high6 = np.concatenate([lower, -fast]), np.concatenate([upper, fast])
+        self._lower, self._upper = lower, upper
+        self.slices: dict[str, slice] = {}
+        """Part of a flat observation -> where it stands."""
+        self.space = self._space()
+
+    def restart(self) -> None:
+        """A new episode: the quaternion's sign is free again."""
+        self._quaternion = np.zeros(4)
+
+    def read(self, now: mpm.Tallied, progress: float) -> Any:
+        """The observation of the present state, in an array of its own. progress: share of the episode."""
+        if self._sample is not None:
+            self._sample.read(self._grains)
+        tool = self._tool()
+        if self.layout == "dict":
+            return {"particles": self._grains.copy(), "tool": tool.astype(np.float32),
+                    "time": np.array([progress], np.float32)}
+        parts = {"flat": self._grains, "all": self._grains, "positions": self._grains[:, :3],
+                 "velocities": self._grains[:, 3:], "none": np.zeros(0), "moments": np.zeros(0)}
+        grains = parts[self.layout].ravel() if self.layout != "moments" else self._moments(now)
+        return np.concatenate([grains, tool, [progress]], dtype=np.float32, casting="same_kind")
+
+    def _tool(self) -> np.ndarray:
+        """Position (3,), and where the tool may turn its quaternion (w, x, y, z), without a jump of sign."""
+        pose = self._solver.collider_pose(TOOL)
+        if self.task.action.dimensions == 3:
+            return np.asarray(pose.position)
+        sign = -1.0 if self._quaternion @ pose.quaternion < 0 else 1.0
+        self._quaternion = sign * pose.quaternion
+        return np.concatenate([pose.position, self._quaternion])
+
+    def _moments(self, now: mpm.Tallied) -> np.ndarray:
+        """Numbers of the whole heap; `_moment_bounds` says which."""
+        x, v = self._grains[:, :3].astype(float), self._grains[:, 3:].astype(float)
+        pose, n = self._solver.collider_pose(TOOL), len(x)
+        middle, counted = x.mean(0), max(self.task.grains.counted, 1)
+        spread = np.cov(x.T)[np.triu_indices(3)]
+        parts = [middle, v.mean(0), spread, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
+                 middle - self.task.goal, pose.inverse().apply(middle[None])[0],
+                 [now.held / n, min(now.on_target / counted, n), now.lost / n]]
+        if self.task.kind == "scoop":
+            parts.append([now.touching / n, min(now.clearance, 0.1)])
+        return np.concatenate(parts)
+
+    def _moment_bounds(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        lower, upper, fast = self._lower, self._upper, np.full(3, FASTEST)
+        wide = upper - lower
+        share = np.full(1, self.task.grains.count / self.task.grains.counted)
+        bounds = {
+            "centre": (lower, upper), "velocity": (-fast, fast), "covariance": (-np.full(6, 1.0), np.full(6, 1.0)),
+            "extent": (np.tile(lower, 2), np.tile(upper, 2)), "velocity_spread": (0 * fast, fast),
+            "from_goal": (lower - self.task.goal, upper - self.task.goal),
+            "in_tool_frame": (-np.full(3, np.linalg.norm(wide)), np.full(3, np.linalg.norm(wide))),
+            "held": (np.zeros(1), np.ones(1)), "on_target": (np.zeros(1), share), "lost": (np.zeros(1), np.ones(1)),
+        }
+        if self.task.kind == "scoop":
+            bounds |= {"touching": (np.zeros(1), np.ones(1)), "clearance": (-np.full(1, 0.1), np.full(1, 0.1))}
+        return bounds
+
+    def _space(self) -> gymnasium.Space:
+        n = len(self._grains)
+        # the arm may follow a little beside the box that the command stays in
+        reach = 0.05
+        tool_low, tool_high = np.array(self.task.action.lower) - reach, np.array(self.task.action.upper) + reach
+        if self.task.action.dimensions == 6:
+            tool_low, tool_high = np.append(tool_low, [-1.01] * 4), np.append(tool_high, [1.01] * 4)
+        tables = {"flat": (self._low6, self._high6, n), "all": (self._low6, self._high6, n),
+                  "positions": (self._low6[:3], self._high6[:3], n),
+                  "velocities": (self._low6[3:], self._high6[3:], n)}
+        parts: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        if self.layout in tables:
+            low, high, rows = tables[self.layout]
+            parts["particles"] = (np.tile(low, rows), np.tile(high, rows))
+        if self.layout == "moments":
+            parts |= self._moment_bounds()
+        parts |= {"tool": (tool_low, tool_high), "time": (np.zeros(1), np.ones(1))}
+        if self.layout == "dict":
+            spaces = {"particles": _box(np.tile(self._low6, (n, 1)), np.tile(self._high6, (n, 1)))}
+            return gymnasium.spaces.Dict(spaces | {name: _box(*bounds) for name, bounds in parts.items()})
+        begin = 0
+        for name, (low, _) in parts.items():
+            self.slices[name] = slice(begin, begin + len(low))
+            begin += len(low)
+        return _box(np.concatenate([b[0] for b in parts.values()]), np.concatenate([b[1] for b in parts.values()]))
+
+
+def _box(low: np.ndarray, high: np.ndarray) -> gymnasium.spaces.Box:
+    return gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)

@@ -1,0 +1,119 @@
+"""Pictures of a sub-task without an arm: tool, container, target and grains on the table."""
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.envs.task import RegionConfig, TaskConfig
+from robosim.envs.task_field import TOOL, grain_volume
+from robosim.errors import ConfigError, UnknownName
+from robosim.materials import MaterialConfig
+from robosim.rendering import SceneRenderer, add_grain_skin, apply_quality
+from robosim.scene import add_container, compiled, load_spec, quiet_prefixes
+
+CAMERAS = ("task", "side", "overview", "close")
+GRAIN_RADIUS = 0.55
+"""Radius of a drawn grain, in cube roots of its volume."""
+WIDTH, HEIGHT = 640, 480
+THIN = 0.0006
+"""Thickness [m] of the marks on the table."""
+
+
+class Picture:
+    """Draws a solver's grains and tool."""
+
+    def __init__(self, task: TaskConfig, material: MaterialConfig, camera: str, *, window: bool = False) -> None:
+        if camera not in CAMERAS:
+            raise UnknownName("camera", camera, CAMERAS)
+        spec = load_spec("workcell", "workcell.xml")
+        carrier = spec.worldbody.add_body(name="carrier", mocap=True)
+        with quiet_prefixes():
+            carrier.add_frame().attach_body(load_spec("tools", task.tool, f"{task.tool}.xml").body(task.tool), "", "")
+            if task.container is not None and task.container_place is not None:
+                add_container(spec, task.container, task.container_place)
+        _marks(spec, task)
+        _cameras(spec, task)
+        apply_quality(spec)
+        add_grain_skin(spec, task.grains.count, GRAIN_RADIUS * grain_volume(task) ** (1 / 3), material.colour)
+        self._model = compiled(spec)
+        self._data = mujoco.MjData(self._model)
+        self._renderer = SceneRenderer(self._model, task.grains.count, WIDTH, HEIGHT)
+        self._camera, self._window = camera, _Window() if window else None
+
+    def draw(self, solver: mpm.Solver) -> np.ndarray | None:
+        """The picture (height, width, 3), or None once it is in the window."""
+        pose = solver.collider_pose(TOOL)
+        self._data.mocap_pos[0], self._data.mocap_quat[0] = pose.position, pose.quaternion
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        frame = self._renderer.frame(self._data, solver.positions(), self._camera)
+        if self._window is None:
+            return frame
+        self._window.show(frame)
+        return None
+
+    def close(self) -> None:
+        """Free the OpenGL context and the window."""
+        self._renderer.close()
+        if self._window is not None:
+            self._window.close()
+
+
+def _marks(spec: mujoco.MjSpec, task: TaskConfig) -> None:
+    """The target where it meets the table, or its box in the air; the stand."""
+    colour = [0.20, 0.60, 0.35, 0.55]
+    kinds = mujoco.mjtGeom
+    target = task.target
+    flat = target.half[2] >= 1.0
+    kind = (kinds.mjGEOM_ELLIPSOID if target.round else kinds.mjGEOM_BOX)
+    place = [*target.centre[:2], THIN if flat else target.centre[2]]
+    if flat or task.kind == "translate":
+        spec.worldbody.add_geom(name="target_mark", type=kind, pos=place, contype=0, conaffinity=0, mass=0,
+                                size=[*target.half[:2], THIN if flat else target.half[2]],
+                                rgba=colour if flat else [*colour[:3], 0.12])
+    if task.stand is not None:
+        _block(spec, task.stand)
+
+
+def _block(spec: mujoco.MjSpec, region: RegionConfig) -> None:
+    spec.worldbody.add_geom(name="stand", type=mujoco.mjtGeom.mjGEOM_BOX, pos=list(region.centre), contype=0,
+                            conaffinity=0, mass=0, size=list(region.half), rgba=[0.55, 0.42, 0.30, 1.0])
+
+
+def _cameras(spec: mujoco.MjSpec, task: TaskConfig) -> None:
+    """Two cameras that hold start and goal."""
+    middle = 0.5 * (np.array(task.start.position) + np.array(task.goal))
+    width = np.linalg.norm(np.array(task.start.position) - task.goal) + 0.30
+    spec.worldbody.add_body(name="task_target", pos=(middle - [0.0, 0.0, 0.03]).tolist())
+    for name, way in (("task", [0.85, -0.25, 0.55]), ("side", [1.0, 0.0, 0.12])):
+        place = middle + 1.5 * width * np.array(way) / np.linalg.norm(way)
+        spec.worldbody.add_camera(name=name, pos=place.tolist(), fovy=34.0, targetbody="task_target",
+                                  mode=mujoco.mjtCamLight.mjCAMLIGHT_TARGETBODY)
+
+
+class _Window:
+    """A window that shows frames; pygame is imported with the first."""
+
+    def __init__(self) -> None:
+        try:
+            import pygame
+        except ImportError as error:
+            raise ConfigError('render_mode = "human" needs pygame: pip install "robosim[human]"; without a display '
+                              'use "rgb_array"') from error
+        self._pygame = pygame
+        self._screen = None
+
+    def show(self, frame: np.ndarray) -> None:
+        """Replace what the window shows."""
+        if self._screen is None:
+            self._pygame.display.init()
+            self._screen = self._pygame.display.set_mode((frame.shape[1], frame.shape[0]))
+        self._pygame.event.pump()
+        self._screen.blit(self._pygame.surfarray.make_surface(np.swapaxes(frame, 0, 1)), (0, 0))
+        self._pygame.display.flip()
+
+    def close(self) -> None:
+        """Close it."""
+        if self._screen is not None:
+            self._pygame.display.quit()

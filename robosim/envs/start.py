@@ -1,0 +1,129 @@
+"""The settled state that episodes start from: made once per configuration, kept in a file, checked when read."""
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+
+import mpm
+from robosim.envs.task import TaskConfig
+from robosim.envs.task_field import TOOL
+from robosim.materials import MaterialConfig
+from robosim.shapes import tool_shape
+
+FORMAT = 2
+"""Raised when a change of the code makes other starts out of the same configuration."""
+SETTLING, WINDOW, KEEP = 1.0, 5e-3, 0.8
+"""Time to settle [s]; after every window [s] so much of all velocities is left."""
+ATTEMPTS = 8
+NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target"}
+"""Parts of a task that its start does not depend on."""
+
+
+def cache_folder() -> Path:
+    """Where settled states are kept: ROBOSIM_CACHE, or the user's cache folder."""
+    return Path(os.environ.get("ROBOSIM_CACHE") or platformdirs.user_cache_dir("robosim")) / "starts"
+
+
+def settled(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
+    """The settled state of a task: from its file, or made and kept there; the solver is left in it."""
+    numbers = {"law": type(material).__name__} | {n: getattr(material, n).value for n in material.numbers()}
+    digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers,
+                      "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
+    # other tasks and materials have files of their own; a changed configuration finds its old file stale
+    path = cache_folder() / f"{name}-{_digest(numbers)[:12]}.npz"
+    state = _read(path, digest, solver)
+    if state is None:
+        state = _settle(task, solver)
+        _keep(path, digest, state)
+    solver.load(state)
+    return state
+
+
+def _digest(words: dict) -> str:
+    """Of a table of plain values."""
+    return hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()
+
+
+def _checksum(state: dict[str, np.ndarray]) -> str:
+    """Of all arrays."""
+    total = hashlib.sha256()
+    for key in sorted(state):
+        total.update(key.encode() + np.ascontiguousarray(state[key]).tobytes())
+    return total.hexdigest()
+
+
+def _read(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.ndarray] | None:
+    """The state kept in a file, or None where there is none or it is stale; says so."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            state = {key: stored[key] for key in stored.files}
+        made_for, checksum = str(state.pop("made_for")), str(state.pop("checksum"))
+        fits = made_for == digest and checksum == _checksum(state)
+        if fits:
+            solver.load(state)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        fits, state = False, {}
+    if not fits:
+        print(f"robosim: the settled start {path} is of another configuration or damaged; it is made anew",
+              file=sys.stderr)
+    return state if fits else None
+
+
+def _keep(path: Path, digest: str, state: dict[str, np.ndarray]) -> None:
+    """Write beside and rename; a folder that cannot be written to costs the next start its time, nothing else."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
+            np.savez(file, made_for=digest, checksum=_checksum(state), **state)  # pyright: ignore[reportArgumentType]
+        os.replace(file.name, path)
+    except OSError as error:
+        print(f"robosim: the settled start is not kept: {error}", file=sys.stderr)
+
+
+def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
+    """Let the grains come to rest; what falls off the tool, then or in the time of an episode, is put back on top until
+    all of them stay."""
+    interior, held_by_tool = tool_shape(task.tool).INTERIOR, task.container is None and task.start.pile is None
+    for _ in range(ATTEMPTS):
+        for _ in range(round(SETTLING / WINDOW)):
+            solver.advance(WINDOW)
+            state = solver.state()
+            state["v"] = state["v"] * KEEP
+            solver.load(state)
+        state = solver.state() | {"time": np.array(0.0), "steps": np.array(0)}
+        if not held_by_tool:
+            return state
+        solver.advance(task.steps * task.step_dt)
+        local = solver.collider_pose(TOOL).inverse().apply(solver.positions())
+        fallen = ~interior.holds(local)
+        if not fallen.any():
+            return solver.state() | {"time": np.array(0.0), "steps": np.array(0)}
+        state = solver.state()
+        place = solver.collider_pose(TOOL).apply(_on_top(local[~fallen], interior, int(fallen.sum())))
+        state["x"][fallen] = place - solver.grid.origin
+        for name, rest in (("v", 0.0), ("C", 0.0), ("e", 0.0), ("j", 0.0), ("vc", 0.0)):
+            if name in state:
+                state[name][fallen] = rest
+        solver.load(state)
+    raise mpm.InvalidValue(f"the {task.tool} does not hold {task.grains.count} grains: {fallen.sum()} keep falling "
+                           f"off; accepted: fewer grains.count")
+
+
+def _on_top(held: np.ndarray, interior: mpm.Region, count: int) -> np.ndarray:
+    """Places (count, 3) in the tool's frame on top of the heap's middle, a grain apart."""
+    spacing = 0.006
+    side = int(np.ceil(np.sqrt(min(count, 9))))
+    grid = (np.arange(side) - (side - 1) / 2) * spacing
+    places = np.array([[x, y, z * spacing] for z in range(count // side**2 + 1) for x in grid for y in grid])[:count]
+    middle = np.linalg.norm(held[:, :2] - interior.centre[:2], axis=1) < 1.5 * side * spacing
+    top = held[middle, 2].max() if middle.any() else held[:, 2].max()
+    return places + [interior.centre[0], interior.centre[1], top + spacing]

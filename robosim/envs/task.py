@@ -1,0 +1,189 @@
+"""Configuration of a sub-task: the scene, what the agent may do, and what it is rewarded for."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+import pydantic
+from pydantic import Field, PositiveFloat, PositiveInt
+from scipy.spatial.transform import Rotation
+
+import mpm
+from robosim.config import ContainerConfig, FieldConfig, Table, Vector3, load
+from robosim.resources import config_names, config_path
+from robosim.shapes import tool_shape
+
+Kind = Literal["scoop", "translate", "pour", "move"]
+
+
+class RegionConfig(Table):
+    """A region of the world: a box, or an upright cylinder."""
+
+    centre: Vector3
+    half: Vector3
+    """Half sizes [m]."""
+    round: bool = False
+
+    @property
+    def region(self) -> mpm.Region:
+        return mpm.Region(self.centre, self.half, self.round)
+
+
+class GrainsConfig(Table):
+    """How many grains there are, and which are looked at."""
+
+    count: PositiveInt
+    """N_p"""
+    observe_every: PositiveInt = 1
+    """delta_d: the observation holds every so-manieth grain."""
+    elites: PositiveInt | None = None
+    """Grains closest to the goal that the scooping reward looks at; null: the observed ones count."""
+
+    @property
+    def counted(self) -> int:
+        """N*: grains that the reward counts."""
+        return self.elites or self.count // self.observe_every
+
+
+class StartConfig(Table):
+    """The tool's pose at the start: R = Rz(yaw) Ry(pitch)."""
+
+    position: Vector3
+    yaw_deg: float
+    pitch_deg: float = 0.0
+    spread: Vector3 = (0.0, 0.0, 0.0)
+    """Largest random displacement [m] along each axis; grains in the tool go with it."""
+    pile: RegionConfig | None = None
+    """Where the grains lie if neither the tool nor a container holds them."""
+    pile_spread: Vector3 = (0.0, 0.0, 0.0)
+    """Largest random displacement [m] of that pile."""
+
+    @property
+    def pose(self) -> mpm.Pose:
+        turn = Rotation.from_euler("ZY", (self.yaw_deg, self.pitch_deg), degrees=True)
+        return mpm.Pose(np.array(self.position), turn.as_quat(scalar_first=True))
+
+
+class ActionConfig(Table):
+    """What an action of 1 means."""
+
+    dimensions: Literal[3, 6]
+    """Translation, or translation and rotation, in world axes."""
+    speed: PositiveFloat
+    """[m/s]"""
+    angular_speed: PositiveFloat = 1.0
+    """[rad/s]"""
+    lower: Vector3
+    upper: Vector3
+    """The tool's origin stays within this box [m]."""
+
+
+class DistanceConfig(Table):
+    """R_dist = beta (gamma - sum of weighted Manhattan distances) in every step, with gamma = N* reference and
+    beta = total / (steps gamma): an episode in which nothing moves earns total (1 - start's distance / reference)."""
+
+    weights: Vector3
+    total: PositiveFloat
+    reference: PositiveFloat
+    """[m]"""
+
+
+class TurnConfig(Table):
+    """J = scale (margin - |turned - angle|), angles in rad, about the tool's lateral axis."""
+
+    scale: PositiveFloat
+    margin: PositiveFloat
+    angle_deg: float
+
+
+class RewardConfig(Table):
+    """Weights of the paper's rewards, per grain and per step of `step_dt`."""
+
+    distance: DistanceConfig
+    target: PositiveFloat
+    """beta^t: per grain, + on the target, - off it."""
+    poured: float = Field(0.0, ge=0.0)
+    """beta^p: per grain at the end, + poured out, - not."""
+    lost: float = Field(0.0, le=0.0)
+    """beta^n: per grain that leaves the bounds."""
+    contact: float = Field(0.0, ge=0.0)
+    """beta^c: per grain that touches the tool, every step."""
+    collision: float = Field(0.0, le=0.0)
+    """beta^i: every step in which the tool collides with the container."""
+    turn: TurnConfig | None = None
+
+
+class SuccessConfig(Table):
+    """What counts as success at the end."""
+
+    delivered: float = Field(gt=0.0, le=1.0)
+    """Least share of N* on the target."""
+    turn_error_deg: PositiveFloat | None = None
+
+
+class ScriptConfig(Table):
+    """A pose of the tool on the way of the scripted policy, reached at a time."""
+
+    time: float = Field(ge=0.0)
+    """[s]"""
+    position: Vector3
+    pitch_deg: float = 0.0
+
+
+class TaskConfig(Table):
+    """One of the eight sub-tasks."""
+
+    description: str
+    kind: Kind
+    tool: Literal["spoon", "scoop", "bottle", "shovel"]
+    material: str
+    grains: GrainsConfig
+    steps: PositiveInt
+    """T_s"""
+    step_dt: PositiveFloat
+    """[s]"""
+    field: FieldConfig
+    tool_wall: PositiveFloat
+    """Wall [m] of the tool as the grains see it, grown outward."""
+    container: Annotated[str | None, Field(description="model below models/containers")] = None
+    container_place: ContainerConfig | None = None
+    stand: RegionConfig | None = None
+    """A block under the tool at the start: seen, not met by grains."""
+    start: StartConfig
+    action: ActionConfig
+    goal: Vector3
+    """[m]"""
+    target: RegionConfig
+    bounds: RegionConfig
+    """A grain outside, and not in the tool, is lost (poured out, where pouring is the task)."""
+    reward: RewardConfig
+    success: SuccessConfig
+    script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1)]
+    """Way of the scripted policy, smooth from pose to pose; it begins at the start."""
+
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "TaskConfig":
+        tool_shape(self.tool)
+        scoops = self.kind == "scoop"
+        if scoops != (self.container is not None) or scoops != (self.grains.elites is not None):
+            raise ValueError("container, container_place and grains.elites belong to kind: scoop, and to no other")
+        if scoops != (self.reward.turn is not None):
+            raise ValueError("reward.turn belongs to kind: scoop, and to no other")
+        if (self.kind == "move") != (self.start.pile is not None):
+            raise ValueError("start.pile belongs to kind: move, and to no other")
+        if self.field.dt is not None and abs(self.step_dt / self.field.dt - round(self.step_dt / self.field.dt)) > 1e-6:
+            raise ValueError(f"field.dt = {self.field.dt} s divides step_dt = {self.step_dt} s "
+                             f"{self.step_dt / self.field.dt:.4f} times; accepted: a whole number")
+        low, high = np.array(self.action.lower), np.array(self.action.upper)
+        if np.any(np.array(self.start.position) < low) or np.any(np.array(self.start.position) > high):
+            raise ValueError(f"start.position {self.start.position} lies outside action.lower .. action.upper")
+        return self
+
+
+def task_names() -> list[str]:
+    """Names of the sub-tasks: SpoonScoop and so on."""
+    return config_names("tasks")
+
+
+def load_task(name: str) -> TaskConfig:
+    """Sub-task by name (configs/tasks) or by path."""
+    return load(config_path("tasks", name, "task"), TaskConfig)

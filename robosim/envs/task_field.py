@@ -1,0 +1,104 @@
+"""The field of a sub-task: its grains, its tool and its container, and what is read of them in every step."""
+
+import numpy as np
+import trimesh
+
+import mpm
+from robosim.envs.task import TaskConfig
+from robosim.frames import container_pose
+from robosim.grains import CONTAINER_SPACING
+from robosim.grains import CONTAINER_WALL as CELLS_OF_WALL
+from robosim.materials import Law
+from robosim.scene import inner_size
+from robosim.shapes import tool_shape
+from robosim.shapes.container import container_shell
+
+TOOL = 0
+"""Index of the tool's collider."""
+LATTICE = 8
+"""Points of the tool's lattice in a cell."""
+CONTAINER_WALL = 0.006
+"""Real wall and floor [m] of the containers."""
+RIGID_PARTICLES, RIGID_MARGIN = 2000, 0.002
+"""Static particles of a container, and the distance [m] to the tool at which they count as hit."""
+PROBE_SPACING = 0.002
+"""Lattice spacing [m] of the whole tool, in which they are looked up."""
+
+
+def grain_volume(task: TaskConfig) -> float:
+    """[m^3] of one grain."""
+    if task.container is not None and task.container_place is not None:
+        size = inner_size(task.container)
+        return float(size[0] * size[1] * task.container_place.fill_height) / task.grains.count
+    if task.start.pile is not None:
+        return 8.0 * float(np.prod(task.start.pile.half)) / task.grains.count
+    return task.field.cell**3 / task.field.grains_per_cell
+
+
+def filling(task: TaskConfig, sdf: mpm.Sdf) -> np.ndarray:
+    """Places [m] (count, 3) of the grains before they settle: the lowest that the tool, container or pile has."""
+    spacing = grain_volume(task) ** (1.0 / 3.0)
+    rng = np.random.default_rng(0)
+    if task.container is not None and task.container_place is not None:
+        half = inner_size(task.container) / 2.0
+        upper = np.array([half[0], half[1], task.container_place.fill_height + spacing])
+        places = container_pose(task.container_place).apply(mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng))
+        keys = places[:, 2]
+    elif task.start.pile is not None:
+        centre, half = np.array(task.start.pile.centre), np.array(task.start.pile.half)
+        places = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
+        keys = places[:, 2] + 0.3 * np.linalg.norm(places[:, :2] - centre[:2], axis=1)
+    else:
+        region, pose = tool_shape(task.tool).INTERIOR, task.start.pose
+        centre, half = np.array(region.centre), np.array(region.half)
+        local = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
+        local = local[(sdf.distance(local) > 0.5 * spacing) & _above(local, sdf, spacing)]
+        places = pose.apply(local)
+        keys = places[:, 2] + 0.6 * np.linalg.norm(local[:, :2] - centre[:2], axis=1)
+    if len(places) < task.grains.count:
+        raise mpm.InvalidValue(f"{task.grains.count} grains of {grain_volume(task) * 1e9:.0f} mm^3 do not fit: "
+                               f"{len(places)} places; accepted: at most that many grains.count")
+    return places[np.argsort(keys, kind="stable")[: task.grains.count]]
+
+
+def _above(points: np.ndarray, sdf: mpm.Sdf, spacing: float) -> np.ndarray:
+    """Whether the tool lies below points (n, 3) in its frame: what is beside it would fall past it."""
+    below = np.zeros(len(points), bool)
+    for drop in np.arange(spacing, 0.1, spacing / 2):
+        below |= sdf.distance(points - [0.0, 0.0, drop]) < 0.0
+    return below
+
+
+def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False) -> mpm.Solver:
+    """The solver with its grains as filled, not yet settled. mobile: contact moves the tool, too."""
+    field = task.field
+    sdf = mpm.Sdf.from_mesh(tool_shape(task.tool).head(task.tool_wall), spacing=field.cell / LATTICE)
+    colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
+    if task.container is not None and task.container_place is not None:
+        shell = container_shell(inner_size(task.container), wall=CELLS_OF_WALL * field.cell)
+        colliders.append(mpm.Collider(mpm.Sdf.from_mesh(shell, spacing=CONTAINER_SPACING), static=True,
+                                      friction=field.container_friction, pose=container_pose(task.container_place)))
+    body = mpm.Body(law, filling(task, sdf), volume=grain_volume(task))
+    return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
+                      colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=field.dt)
+
+
+def observed(task: TaskConfig) -> np.ndarray:
+    """Indices of the grains that an observation holds: every delta_d-th."""
+    return np.arange(task.grains.observe_every - 1, task.grains.count, task.grains.observe_every)
+
+
+def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
+    """What is read in every step. Scooping ranks all grains, looks for contact and for the container's particles."""
+    scoops = task.kind == "scoop"
+    points = probe = None
+    if task.container is not None and task.container_place is not None:
+        shell = container_shell(inner_size(task.container), wall=CONTAINER_WALL)
+        points = trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0]
+        points = container_pose(task.container_place).apply(points)
+        probe = mpm.Sdf.from_mesh(tool_shape(task.tool).solid(), spacing=PROBE_SPACING)
+    return mpm.Tally(
+        solver, np.arange(task.grains.count) if scoops else observed(task), goal=np.array(task.goal),
+        weights=np.array(task.reward.distance.weights), target=task.target.region, bounds=task.bounds.region,
+        interior=tool_shape(task.tool).INTERIOR, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
+        points=points, probe=probe, margin=RIGID_MARGIN)
