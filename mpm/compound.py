@@ -5,10 +5,10 @@ import numpy as np
 from mpm.backend import ti
 from mpm.lattice import Lattice
 from mpm.motion import Pose
-from mpm.shapes import Box, Capsule, Cylinder, Ellipsoid, Plane, Sphere
+from mpm.shapes import Box, Capsule, Cylinder, Ellipsoid, Plane, Shape, Sphere
 
 
-class HeightField:
+class HeightField(Shape):
     """Ground below heights [m] (rows along y, columns along x) over |x| <= half[0], |y| <= half[1]; 1 m outside.
 
     Bilinear between its points; distances are of first order, exact at the surface.
@@ -63,7 +63,7 @@ class HeightField:
 Solid = Box | Capsule | Cylinder | Ellipsoid | HeightField | Lattice | Plane | Sphere
 
 
-class Union:
+class Union(Shape):
     """Several solids, each with its pose in a common frame: the distance is that of the closest."""
 
     def __init__(self, parts: list[tuple[Solid, Pose]]) -> None:

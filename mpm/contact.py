@@ -38,6 +38,9 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
     """Momentum to velocity, gravity, then contact with static and with moving colliders."""
     weight = ti.cast(0.0, ti.f64)
     first_moment = ti.Vector.zero(ti.f64, 3)
+    # once a substep: the compiler cannot tell that nodes are not motion
+    places = [keep(tool_origin(motion, k, s)) for k in range(len(scene.features.moving_solids))]
+    axes = [keep(tool_axes(motion, k, s)) for k in range(len(scene.features.moving_solids))]
     for n in range(grid.count[None]):
         block = grid.active[n] * BLOCK
         # summed per block about its corner, in the field's precision: 64 numbers of one size
@@ -52,7 +55,7 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
                     lever += q[3] * ti.Vector([float(a), float(b), float(c)])
                     v = ti.Vector([q[0], q[1], q[2]]) / q[3] + dt * gravity
                     if ti.static(scene.meets_colliders):
-                        v = collide(scene, motion, s, I, v, q[3], origin, cell, out)
+                        v = collide(scene, motion, s, places, axes, I, v, q[3], origin, cell, out)
                     grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
         weight += ti.cast(mass, ti.f64)
         first_moment += ti.cast(mass, ti.f64) * position(in_first_layer(grid, block), origin, cell) \
@@ -65,7 +68,8 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
 
 
 @ti.func
-def collide(scene: ti.template(), motion: ti.template(), s: ti.i32, I, before, mass, origin, cell, out: ti.template()):
+def collide(scene: ti.template(), motion: ti.template(), s: ti.i32, places: ti.template(), axes: ti.template(), I,
+            before, mass, origin, cell, out: ti.template()):
     """Velocity of a node after contact with static colliders, shells and moving solids, each credited."""
     v = before
     J = in_first_layer(scene.grid, I)
@@ -81,17 +85,19 @@ def collide(scene: ti.template(), motion: ti.template(), s: ti.i32, I, before, m
     if ti.static(len(scene.features.shells) > 0):
         v = shell_contact(scene, motion, s, I, J, v, mass, place, out)
     for k, index in ti.static(enumerate(scene.features.moving_solids)):
-        c_t, R = tool_origin(motion, k, s), tool_axes(motion, k, s)
-        r = ti.cast(place, scene.grid.nodes.dtype) - c_t
+        R = axes[k]
+        r = ti.cast(place, scene.grid.nodes.dtype) - places[k]
         if r.norm_sqr() < ti.static((scene.colliders[index].sdf.radius + FACE * scene.cell) ** 2):
-            n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
-            if phi < ti.static(FACE * scene.cell):
-                if ti.static(scene.mobile_place[index] >= 0):
-                    list_node(scene.mobiles, scene.mobile_place[index], I, R @ n_t)
-                else:
-                    new = coulomb(v, surface_velocity(motion, k, s, r), R @ n_t, scene.numbers.frictions[index])
-                    credit(out, scene.first_collider_row + index, place, mass * (new - v))
-                    v = new
+            y = R.transpose() @ r
+            if not scene.colliders[index].sdf.beyond(y, FACE * scene.cell):
+                n_t, phi = scene.colliders[index].sdf.at(y)
+                if phi < ti.static(FACE * scene.cell):
+                    if ti.static(scene.mobile_place[index] >= 0):
+                        list_node(scene.mobiles, scene.mobile_place[index], I, R @ n_t)
+                    else:
+                        new = coulomb(v, surface_velocity(motion, k, s, r), R @ n_t, scene.numbers.frictions[index])
+                        credit(out, scene.first_collider_row + index, place, mass * (new - v))
+                        v = new
     return v
 
 
@@ -130,29 +136,31 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
     Grid nodes cannot stop the last few grains at a curved or thin wall, and would let a fluid pile up at its face: this
     keeps the material's edge there. No more is taken than the approach and what brings it back gently.
     """
+    places = [keep(tool_origin(motion, k, s)) for k in range(len(scene.features.moving_solids))]
+    axes = [keep(tool_axes(motion, k, s)) for k in range(len(scene.features.moving_solids))]
     for q in range(particles.ranges[body][0], particles.ranges[body][1]):
         for k, index in ti.static(enumerate(scene.features.moving_solids)):
-            c_t, R = tool_origin(motion, k, s), tool_axes(motion, k, s)
+            c_t = places[k]
             d2 = (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
                 + (particles.x[2][q] + origin[2] - c_t[2]) ** 2
             reach = ti.static((scene.colliders[index].sdf.radius + 0.5 * scene.cell) ** 2)
             lanes = 4 if d2.min() < reach else 0
             for lane in range(lanes):
                 hot = ti.Vector([ti.cast(lane == l, grid.nodes.dtype) for l in range(4)])
-                if d2.dot(hot) < reach:
-                    x = ti.Vector([keep(particles.x[d][q].dot(hot)) for d in range(3)])
-                    v = ti.Vector([keep(particles.v[d][q].dot(hot)) for d in range(3)])
-                    r = ti.Vector([x[d] + origin[d] - c_t[d] for d in range(3)])
-                    n_t, phi = scene.colliders[index].sdf.at(R.transpose() @ r)
-                    volume = particles.volume[q].dot(hot)
-                    depth = 0.5 * ti.pow(volume, 1.0 / 3.0) - phi
-                    if depth > 0 and volume > 0:
-                        normal = R @ n_t
+                x = ti.Vector([keep(particles.x[d][q].dot(hot)) for d in range(3)])
+                r = ti.Vector([x[d] + origin[d] - c_t[d] for d in range(3)])
+                half = particles.half[q].dot(hot)
+                y = axes[k].transpose() @ r
+                if r.norm_sqr() < reach and half > 0 and not scene.colliders[index].sdf.beyond(y, half):
+                    n_t, phi = scene.colliders[index].sdf.at(y)
+                    if phi < half:
+                        v = ti.Vector([keep(particles.v[d][q].dot(hot)) for d in range(3)])
+                        normal = axes[k] @ n_t
                         approach = (v - surface_velocity(motion, k, s, r)).dot(normal)
-                        mass = scene.numbers.densities[body] * volume
+                        mass = scene.numbers.densities[body] * particles.volume[q].dot(hot)
                         # the grain acts where it was before the move: x - dt v
                         place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + origin[d] for d in range(3)])
-                        dv = normal * ti.min(ti.max(-approach, 0.0) + RECOVERY * scene.cell / dt, depth / dt)
+                        dv = normal * ti.min(ti.max(-approach, 0.0) + RECOVERY * scene.cell / dt, (half - phi) / dt)
                         if ti.static(scene.mobile_place[index] >= 0):
                             dv = shared(scene, mobile, motion, s, index, place, mass, dv)
                         credit(out, scene.first_collider_row + index, place, mass * dv)

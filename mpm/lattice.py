@@ -3,10 +3,11 @@
 import numpy as np
 
 from mpm.backend import ti
+from mpm.shapes import Shape
 from mpm.strain import keep
 
 
-class Lattice:
+class Lattice(Shape):
     """Distances sampled on a lattice, trilinear between its points; outside it, the distance from it is added."""
 
     def __init__(self, values: np.ndarray, lower: np.ndarray, spacing: float) -> None:
@@ -15,6 +16,9 @@ class Lattice:
         self.spacing = float(spacing)
         corners = np.array([lower, np.asarray(lower) + (np.array(values.shape) - 1) * spacing])
         self.radius = float(np.linalg.norm(np.abs(corners).max(0)))
+        ends = [np.take(self.host, place, axis) for axis in range(3) for place in (0, -1)]
+        self.margin = float(min(end.min() for end in ends))
+        """Distance [m] from the solid at the lattice's faces, at least."""
         self.passage = np.inf
         """Narrowest gap [m] between its own walls, where it was made from a mesh."""
         self.values = None
@@ -27,7 +31,7 @@ class Lattice:
 
     @ti.func
     def at(self, y):
-        u = ti.Vector([(y[d] - self.lower[d]) / self.spacing for d in range(3)])
+        u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
         last = ti.Vector([self.host.shape[d] - 1.0 for d in range(3)])
         held = ti.max(ti.min(u, last), 0.0 * u)
         c = ti.min(ti.cast(held, ti.i32), ti.cast(last, ti.i32) - 1)
@@ -44,6 +48,16 @@ class Lattice:
         high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
         n[2] = (1 - f[0]) * low + f[0] * high
         return n / n.norm(1e-12), phi
+
+    @ti.func
+    def beyond(self, y, reach):
+        """A look at the nearest point alone, instead of eight. Outside, the lattice's faces are as near as `margin`."""
+        c = ti.Vector([ti.cast((y[d] - self.lower[d]) * (1.0 / self.spacing) + 0.5, ti.i32) for d in range(3)])
+        shape = ti.static(self.host.shape)
+        far = self.margin > reach
+        if c.min() >= 0 and c[0] < shape[0] and c[1] < shape[1] and c[2] < shape[2]:
+            far = self.values[c[0], c[1], c[2]] > reach + 0.87 * self.spacing
+        return far
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Distances [m] (n,) at points (n, 3) in the frame."""

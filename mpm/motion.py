@@ -148,24 +148,34 @@ def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
     screw has a constant twist in its own axes, so that no substep sees a kink.
     """
     R, linear, angular = begin.matrix, np.asarray(twist.linear, float), np.asarray(twist.angular, float)
-    u = (np.arange(n) + 1.0) / n
+    u = np.arange(1, n + 1) / n
     angle = math.sqrt(angular @ angular)
-    axis = angular / max(angle, 1e-30)
-    K = skew(axis)
-    sine, rest = np.sin(u * angle), 1.0 - np.cos(u * angle)
-    matrices = R @ (np.eye(3) + sine[:, None, None] * K + rest[:, None, None] * (K @ K))
-    turned = _cross(axis, linear)
-    small = angle < 1e-3
-    second = 0.5 * angle * u**2 if small else rest / angle
-    third = angle**2 / 6.0 * u**3 if small else u - sine / angle
-    steps = np.outer(u, linear) + np.outer(second, turned) + np.outer(third, _cross(axis, turned))
+    steps = u[:, None] * linear
+    matrices = np.empty((n, 3, 3))
+    matrices[:] = R
+    if angle > 0.0:
+        axis = angular / angle
+        x, y, z = axis
+        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turns, small = u * angle, angle < 1e-3
+        sine, rest = np.sin(turns), 1.0 - np.cos(turns)
+        RK = R @ K
+        matrices += sine[:, None, None] * RK + rest[:, None, None] * (RK @ K)
+        across = _cross(axis, linear)
+        second = 0.5 * angle * u**2 if small else rest / angle
+        third = angle**2 / 6.0 * u**3 if small else u - sine / angle
+        steps += second[:, None] * across + third[:, None] * _cross(axis, across)
     return ScrewSamples(begin.position + steps @ R.T, matrices, matrices @ (linear / duration),
                         matrices @ (angular / duration))
 
 
-def motion_table(screws: list[ScrewSamples], first: int, n: int, dtype: type) -> np.ndarray:
-    """Origin, matrix, linear and angular velocity of moving frames in n substeps from `first` on (k, n, 18)."""
-    chosen = slice(first, first + n)
-    rows = [np.concatenate([s.positions[chosen], s.matrices[chosen].reshape(n, 9), s.linear[chosen],
-                            s.angular[chosen]], axis=1) for s in screws]
-    return np.array(rows, dtype)
+def motion_table(legs: list[list[ScrewSamples]], n: int, dtype: type) -> np.ndarray:
+    """Origin, matrix, linear and angular velocity of moving frames in n substeps (k, n, 18), legs one after another."""
+    table = np.zeros((max(len(legs), 1), n, 18), dtype)
+    for rows, way in zip(table, legs):
+        part = n // len(way)
+        for i, s in enumerate(way):
+            row = rows[i * part : (i + 1) * part]
+            row[:, :3], row[:, 3:12] = s.positions, s.matrices.reshape(part, 9)
+            row[:, 12:15], row[:, 15:] = s.linear, s.angular
+    return table

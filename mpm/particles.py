@@ -69,6 +69,8 @@ class ParticleFields:
         """Signed distance to that shell at the start of the substep [m]."""
         self.volume = pack_field()
         """Initial volume V0 [m^3]; zero in the lanes that fill up a pack."""
+        self.half = pack_field() if features.moving_solids else None
+        """Half the edge of a grain's cube [m]; zero in the lanes that fill up a pack."""
         self.index = self._order(bodies, grid)
         self._kept: Snapshot | None = None
         self._dtype = np.float64 if features.precision == "f64" else np.float32
@@ -78,6 +80,8 @@ class ParticleFields:
         self.write(self.x, np.concatenate([body.positions for body in bodies]) - grid.origin)
         self.write(self.v, np.concatenate(velocities))
         self.write([self.volume], np.concatenate(volumes)[:, None], padding=0.0)
+        if self.half is not None:
+            self.write([self.half], 0.5 * np.cbrt(np.concatenate(volumes))[:, None], padding=0.0)
 
     def _order(self, bodies: list[Body], grid: Grid) -> np.ndarray:
         """Slots (n_particles,) of the particles in the packs: sorted by cell, so that neighbours share cache lines."""

@@ -11,7 +11,17 @@ from mpm.backend import ti
 NEAR = 1e-6
 """[m] from a face within which rounding decides on which side a point is."""
 
-class Plane:
+
+class Shape:
+    """What all solids have in common."""
+
+    @ti.func
+    def beyond(self, y, reach):
+        """Whether the surface is surely farther than reach [m] from y, where that can be told for less than `at`."""
+        return False
+
+
+class Plane(Shape):
     """The half space below a plane through the frame's origin; the normal [-] (3,) points out of the solid."""
 
     radius = 1e6
@@ -28,7 +38,7 @@ class Plane:
         return points @ np.asarray(self.normal)
 
 
-class Sphere:
+class Sphere(Shape):
     """A ball of radius r [m] about the frame's origin."""
 
     def __init__(self, r: float) -> None:
@@ -43,7 +53,7 @@ class Sphere:
         return np.linalg.norm(points, axis=-1) - self.r
 
 
-class Capsule:
+class Capsule(Shape):
     """Points within r [m] of the segment of half length h [m] along the frame's z axis."""
 
     def __init__(self, r: float, h: float) -> None:
@@ -61,7 +71,7 @@ class Capsule:
         return np.linalg.norm(rest, axis=-1) - self.r
 
 
-class Box:
+class Box(Shape):
     """A box of half sizes [m] (3,) about the frame's origin."""
 
     def __init__(self, half: tuple[float, float, float]) -> None:
@@ -92,7 +102,7 @@ class Box:
         return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
 
 
-class Cylinder:
+class Cylinder(Shape):
     """Points within r [m] of the frame's z axis and within h [m] of its xy plane."""
 
     def __init__(self, r: float, h: float) -> None:
@@ -118,7 +128,7 @@ class Cylinder:
         return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
 
 
-class Ellipsoid:
+class Ellipsoid(Shape):
     """An ellipsoid of half axes [m] (3,). Distances are of first order: exact at the surface, where contact is."""
 
     def __init__(self, half: tuple[float, float, float]) -> None:

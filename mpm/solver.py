@@ -18,16 +18,21 @@ from mpm.grid import Grid, GridFields
 from mpm.lattice import Lattice
 from mpm.mobility import MobileFields
 from mpm.mobility_table import MobilityTable
-from mpm.motion import Pose, Twist, Wrench, logarithm, motion_table, screw
+from mpm.motion import Pose, Twist, Wrench
+from mpm.motions import Motions
 from mpm.numbers import Numbers
 from mpm.particles import LANES, ParticleFields
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
 from mpm.substep import SPEED_LIMIT, Substeps
-from mpm.timestep import COURANT_FRACTION, material_bound, travel_bound
+from mpm.tally import ROWS as TALLY_ROWS
+from mpm.tally import Tallied, Tally, tallied
+from mpm.timestep import COURANT_FRACTION, material_bound
 from mpm.walls import Walls
 
+MAX_LOOKS = 64
+"""Readings of an attached tally in one advance."""
 MAX_SUBSTEPS = 64
 """Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
 
@@ -75,6 +80,7 @@ class Solver:
         self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._stamp = 0
+        self.tally: Tally | None = None
         self._integrator, self._accelerated = integrator, body_acceleration is not None
         self._dtype = np.float64 if self.precision == "f64" else np.float32
         self._build()
@@ -85,9 +91,8 @@ class Solver:
         """Allocate the fields that the scene asks for and the kernels that read them."""
         self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self._integrator,
                                     self._accelerated)
-        self._poses = [collider.pose for collider in self.colliders]
-        self._motion: dict[int, tuple[Pose, Pose]] = {}
         self.mobility = MobilityTable(self.features.mobile)
+        self._motions = Motions(self.colliders, self.features, self.mobility)
         with default_precision(self.precision):
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
             self.fields = GridFields(self.grid, self.precision, layers=2 if self.features.shells else 1)
@@ -114,7 +119,7 @@ class Solver:
                     cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
             self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls.friction, self.precision)
             self._substeps = Substeps(self)
-        self._out = np.zeros((self._substeps.rows, 6))
+        self._out = np.zeros((self._substeps.rows + TALLY_ROWS * MAX_LOOKS * (self.tally is not None), 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()
@@ -152,6 +157,12 @@ class Solver:
         self.bodies[index] = replace(body, material=material)
         self.numbers.set_law(index, material)
 
+    def attach(self, tally: Tally) -> None:
+        """Let a tally of this solver read within advances, too; its kernel is compiled anew."""
+        self.tally = tally
+        self._substeps = Substeps(self)
+        self._out = np.zeros((self._substeps.rows + TALLY_ROWS * MAX_LOOKS, 6))
+
     def set_body_acceleration(self, accelerations: np.ndarray) -> None:
         """Accelerations [m/s^2] (n_particles, 3) besides gravity from now on; the solver was built with some."""
         if not self.features.body_acceleration:
@@ -168,12 +179,10 @@ class Solver:
         return self.fields.layers * int(min(across**3, float(np.prod(self.grid.shape))))
 
     # motion of colliders -------------------------------------------------------------------------------------------
-    def set_collider_motion(self, index: int, begin: Pose, end: Pose) -> None:
-        """Move a collider along the screw from begin to end during the next advance."""
-        if index not in self.features.moving_colliders or self.colliders[index].static or self.colliders[index].mobile:
-            movable = tuple(i for i in self.features.moving_colliders if i not in self.features.mobile)
-            raise InvalidValue(f"collider {index} cannot be given a motion; it can: {movable}")
-        self._motion[index] = (begin, end)
+    def set_collider_motion(self, index: int, begin: Pose, *ends: Pose) -> None:
+        """Move a collider along the screw from begin to end during the next advance; several ends are passed at equal
+        intervals."""
+        self._motions.set(index, begin, ends)
 
     def set_collider_mobility(
         self, index: int, W: np.ndarray, free_twist: np.ndarray, *, twist: np.ndarray | None = None,
@@ -190,41 +199,16 @@ class Solver:
         if index not in self.features.mobile:
             raise InvalidValue(f"collider {index} is not mobile; mobile: {self.features.mobile}")
         if pose is not None:
-            self._poses[index] = pose
-        self.mobility.set(index, self._poses[index], W, free_twist, twist, centre, others or {})
+            self._motions.poses[index] = pose
+        self.mobility.set(index, self._motions.poses[index], W, free_twist, twist, centre, others or {})
 
     def collider_pose(self, index: int) -> Pose:
         """Where the last advance left a collider."""
-        return self._poses[index]
+        return self._motions.poses[index]
 
     def collider_twist(self, index: int) -> Twist:
         """Twist of a mobile collider about its centre, where the last advance ended."""
         return self.mobility.twist(index)
-
-    def _take_motions(self) -> list[tuple[Pose, Twist]]:
-        """Begin and body twist of the moving colliders in the coming advance; one without a motion rests."""
-        taken = []
-        for index in self.features.moving_colliders:
-            if index in self._motion:
-                begin, end = self._motion.pop(index)
-                taken.append((begin, logarithm(begin, end)))
-                self._poses[index] = end
-            else:
-                taken.append((self._poses[index], Twist(np.zeros(3), np.zeros(3))))
-        return taken
-
-    def _substeps_for(self, duration: float, motions: list[tuple[Pose, Twist]]) -> int:
-        """Equal substeps that keep the material's bound and let no collider's surface outrun its contact."""
-        longest = self.dt
-        for index, (_, twist) in zip(self.features.moving_colliders, motions):
-            speed = np.linalg.norm(twist.linear)
-            if np.any(twist.angular):
-                speed += np.linalg.norm(twist.angular) * self.colliders[index].sdf.radius
-            longest = min(longest, travel_bound(self.grid.cell, float(speed) / duration))
-        for index in self.features.mobile:
-            speed = self.mobility.fastest(index, self.colliders[index].sdf.radius)
-            longest = min(longest, travel_bound(self.grid.cell, speed))
-        return max(1, math.ceil(duration / longest - 1e-9))
 
     def compile(self) -> None:
         """Compile now what the first advance would; nothing moves."""
@@ -232,35 +216,41 @@ class Solver:
             self._stamp += 1
             self._substeps.mark(self._stamp)
             self._substeps.run(0, self._stamp + 1, self.dt, np.zeros((1, 1, 18), self._dtype), self.mobility.table,
-                               self._out)
+                               self._out, 0, 1)
         self._listed = False
 
     # time ----------------------------------------------------------------------------------------------------------
-    def advance(self, duration: float) -> None:
-        """Advance by `duration` [s] in equal substeps of at most `dt`.
+    def advance(self, duration: float, looks: int = 1) -> list[Tallied]:
+        """Advance by `duration` [s] in equal substeps of at most `dt`; returns what the attached tally read after each
+        of `looks` equal intervals, nothing without one.
 
         Raises SimulationDiverged when a state is not finite or faster than `SPEED_LIMIT` cells a substep.
         """
         if duration <= 0:
             raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
-        motions = self._take_motions()
-        total = self._substeps_for(duration, motions)
-        dt = self.substep = duration / total
-        screws = [screw(begin, twist, duration, total) for begin, twist in motions]
-        self.mobility.begin(self._poses, duration)
+        if not 1 <= looks <= MAX_LOOKS:
+            raise InvalidValue(f"advance: looks = {looks}; accepted: 1 to {MAX_LOOKS}")
+        total, table = self._motions.take(duration, looks, self.dt, self.grid.cell, self._dtype)
+        dt, interval, read = duration / total, total // looks, []
+        self.substep = dt
+        self.mobility.begin(self._motions.poses, duration)
         self.ledger[:] = 0.0
         for first in range(0, total, MAX_SUBSTEPS):
             n = min(MAX_SUBSTEPS, total - first)
-            motion = motion_table(screws, first, n, self._dtype) if screws else np.zeros((1, 1, 18), self._dtype)
+            motion = np.ascontiguousarray(table[:, first : first + n])
             self._out[:] = 0.0
             with default_precision(self.precision):
                 if not self._listed:
                     self._stamp += 1  # blocks that the last advance listed for its next substep carry the old one
                     self._substeps.mark(self._stamp + 1)
                 self._listed = False  # an interrupted launch leaves no list
-                self._substeps.run(n, self._stamp + 1, dt, motion, self.mobility.table, self._out)
+                self._substeps.run(n, self._stamp + 1, dt, motion, self.mobility.table, self._out, first, interval)
                 self._listed = True
-            self.ledger += self._out
+            self.ledger += self._out[: self._substeps.rows]
+            if self.tally is not None:
+                begin = self._substeps.rows
+                for look in range(first // interval, (first + n) // interval):
+                    read.append(tallied(self._out[begin + TALLY_ROWS * look : begin + TALLY_ROWS * (look + 1)]))
             self.steps += n
             self._stamp += n
             self.time += n * dt
@@ -268,7 +258,8 @@ class Solver:
             squares, fastest = self._out[self._substeps.status, :2]
             if not math.isfinite(squares + self.mobility.table.sum()) or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise self._diverged(dt)
-            self.mobility.end(self._poses)
+            self.mobility.end(self._motions.poses)
+        return read
 
     def _diverged(self, dt: float) -> SimulationDiverged:
         speeds = np.linalg.norm(self.velocities(), axis=1)
@@ -300,7 +291,7 @@ class Solver:
         if about is None and index in self.features.mobile:
             return self.mobility.impulse(index)
         linear, angular = -self.ledger[self._substeps.first_collider_row + index].reshape(2, 3)
-        point = self._poses[index].position if about is None else np.asarray(about)
+        point = self._motions.poses[index].position if about is None else np.asarray(about)
         return Wrench(linear, angular - np.cross(point, linear))
 
     def momentum_after_advance(self) -> Momentum:
@@ -323,16 +314,15 @@ class Solver:
     def keep(self) -> None:
         """Remember the state until the next `keep`: a copy beside the state, far cheaper than `state`."""
         self.particles.keep()
-        mobility = self.mobility.kept()
-        self._kept = (self.time, self.steps, list(self._poses), dict(self._motion), mobility, self._momentum)
+        self._kept = (self.time, self.steps, self._motions.kept(), self.mobility.kept(), self._momentum)
 
     def rewind(self) -> None:
         """Return to the state last kept, any number of times."""
         if self._kept is None:
             raise InvalidValue("rewind: nothing was kept; call keep() before what may have to be repeated")
         self.particles.rewind()
-        self.time, self.steps, poses, motion, mobility, self._momentum = self._kept
-        self._poses, self._motion = list(poses), dict(motion)
+        self.time, self.steps, motions, mobility, self._momentum = self._kept
+        self._motions.poses, self._motions.pending = list(motions[0]), dict(motions[1])
         self.mobility.restore(mobility)
         self._listed = False
 
@@ -341,7 +331,7 @@ class Solver:
         """Everything that the future depends on besides run-time numbers such as gravity, exact to the bit."""
         named = self.particles.named_fields()
         arrays = {name: self.particles.read(fields) for name, fields in named.items()}
-        poses = np.array([np.concatenate(pose) for pose in self._poses]).reshape(-1, 7)
+        poses = np.array([np.concatenate(pose) for pose in self._motions.poses]).reshape(-1, 7)
         return arrays | {"time": np.array(self.time), "steps": np.array(self.steps), "poses": poses,
                          **self.mobility.kept()}
 
@@ -355,8 +345,8 @@ class Solver:
                                    f"{(sum(self.particles.counts), len(fields))}")
             self.particles.write(fields, state[name])
         self.time, self.steps = float(state["time"]), int(state["steps"])
-        self._poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+        self._motions.poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
         self.mobility.restore(state)
-        self._motion.clear()
+        self._motions.pending.clear()
         self._momentum = self.momentum()
         self._listed = False

@@ -10,6 +10,8 @@ from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
 from mpm.sides import gather_cut, keep_for_cut, label_grains, label_nodes, scatter_cut
 from mpm.strain import INTEGRATORS, keep
+from mpm.surface import tool_axes, tool_origin
+from mpm.tally import ROWS as TALLY_ROWS
 from mpm.transfer import gather_lane, lane, scatter_lane, weights
 from mpm.walls import wall_table
 
@@ -45,6 +47,9 @@ class Substeps:
         self.mobile_place = tuple(scene.features.mobile.index(i) if i in scene.features.mobile else -1
                                   for i in range(len(scene.colliders)))
         self.meets_colliders = len(scene.colliders) > 0
+        self.tally, self.first_tally_row = scene.tally, self.rows
+        self.tallies = scene.tally is not None
+        self.tally_place = scene.features.moving_colliders.index(scene.tally.index) if self.tallies else -1
 
     @ti.kernel
     def mark(self, stamp: ti.i32):
@@ -55,9 +60,10 @@ class Substeps:
 
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
-            mobile: ti.types.ndarray(), out: ti.types.ndarray()):
+            mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32):
         """Advance by `substeps` of dt [s]; motion (k, substeps, 18) of the moving colliders; mobile: those that contact
-        moves (see `mobility`), read and written; out: ledger and status."""
+        moves (see `mobility`), read and written; out: ledger, status and what the tally read after every `interval`
+        substeps, `first` of which lie in earlier launches of the advance."""
         ti.loop_config(serialize=True)
         for s in range(substeps):
             stamp = first_stamp + s
@@ -93,10 +99,21 @@ class Substeps:
                 for body in ti.static(range(len(self.laws))):
                     backstop(self.particles, self.grid, self, motion, s, mobile, dt, self.origin, body,
                              stamp + 1, out)
+            if ti.static(self.tallies):
+                self.look(motion, s, first + s + 1, interval, out)
             if s == substeps - 1:
                 for body in ti.static(range(len(self.laws))):
                     self.take_momentum(self.particles, body, corner, out)
                 self.take_status(out)
+
+    @ti.func
+    def look(self, motion: ti.template(), s: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template()):
+        """Let the tally read after every `interval` substeps; `done` are behind."""
+        if done % interval == 0:
+            k = ti.static(self.tally_place)
+            row = self.first_tally_row + ti.static(TALLY_ROWS) * (done // interval - 1)
+            self.tally.accumulate(ti.cast(tool_origin(motion, k, s), ti.f64), ti.cast(tool_axes(motion, k, s), ti.f64),
+                                  out, row)
 
     @ti.func
     def mark_blocks(self, P: ti.template(), stamp: ti.i32):

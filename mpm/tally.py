@@ -11,6 +11,8 @@ from mpm.region import Region
 
 ROW = 7
 """Numbers of a region as the kernel reads it."""
+ROWS = 2
+"""Rows of six numbers that a reading takes."""
 DISTANCE, NEWLY_LOST, LOST_ON_TARGET, ON_TARGET, LOST, HELD, TOUCHING, PROBED, CLEARANCE = range(9)
 WAS_ON_TARGET, IS_LOST = 1, 2
 """Flags that a grain keeps from step to step."""
@@ -46,18 +48,23 @@ class Tally:
     chosen: indices of the counted grains. goal [m] (3,), weights (3,): of the Manhattan distance. target, bounds: in
     the world; interior: in the frame of collider `tool`; a grain in it is never lost. reach: [m] from the tool's face
     within which grains count as touching; None: not looked at. points: [m] (n, 3), scenery that is looked up in the
-    signed distance `probe`, in the tool's frame, with a margin [m]; None: none.
+    signed distance `probe`, in the tool's frame, with a margin [m]; None: none. ranks: `distances` of each grain, too.
+
+    A solver that it is attached to (`Solver.attach`) also reads within an advance.
     """
 
     def __init__(self, solver, chosen: np.ndarray, *, goal: np.ndarray, weights: np.ndarray,  # noqa: ANN001
                  target: Region, bounds: Region, interior: Region, tool: int, reach: float | None = None,
-                 points: np.ndarray | None = None, probe=None, margin: float = 0.0) -> None:  # noqa: ANN001
+                 points: np.ndarray | None = None, probe=None, margin: float = 0.0,
+                 ranks: bool = False) -> None:  # noqa: ANN001
         self.particles, self.tool, self.solver = solver.particles, solver.colliders[tool].sdf, solver
         self.origin = tuple(float(c) for c in solver.grid.origin)
         self.goal, self.weights = tuple(map(float, goal)), tuple(map(float, weights))
-        self.reach, self.margin, self._index = reach or 0.0, margin, tool
-        self.touches, self.looks = reach is not None, points is not None
-        self._params = np.concatenate([target.row, bounds.row, interior.row, np.zeros(12)])
+        self.reach, self.margin, self.index = reach or 0.0, margin, tool
+        self.touches, self.looks, self.ranks = reach is not None, points is not None, ranks
+        regions = np.concatenate([target.row, bounds.row, interior.row])
+        self.regions = ti.field(ti.f64, len(regions))
+        self.regions.from_numpy(regions)
         n = self.particles.n_packs * LANES
         self.counted, self.flags = ti.field(ti.i8, n), ti.field(ti.i8, n)
         counted = np.zeros(n, np.int8)
@@ -69,11 +76,11 @@ class Tally:
             self.points = ti.Vector.field(3, ti.f32, len(points))
             self.points.from_numpy(np.asarray(points, np.float32))
             probe.allocate()
-        self._out = np.zeros(9)
+        self._out = np.zeros((ROWS, 6))
         self.slots = self.particles.index[chosen]
         """Rows of `distances` that belong to the counted grains."""
-        self.distances = np.zeros((n, 2), np.float32)
-        """Distance of each slot's grain, and 1 where it is on target; after `read`."""
+        self.distances = np.zeros((n if ranks else 1, 2), np.float32)
+        """With `ranks`: distance of each slot's grain, and 1 where it is on target; after `read`."""
 
     def restart(self) -> None:
         """Forget who was lost or on target before: what is so now counts as found so."""
@@ -82,29 +89,35 @@ class Tally:
 
     def read(self) -> Tallied:
         """The present state."""
-        pose: Pose = self.solver.collider_pose(self._index)
-        self._params[3 * ROW : 3 * ROW + 3] = pose.position
-        self._params[3 * ROW + 3 :] = pose.matrix.ravel()
-        self._sum(self._params, self._out, self.distances)
-        counts = [int(c) for c in self._out[1:8]]
-        return Tallied(float(self._out[0]), *counts, float(self._out[CLEARANCE]))
+        pose: Pose = self.solver.collider_pose(self.index)
+        self._out[:] = 0.0
+        self._sum(np.concatenate([pose.position, pose.matrix.ravel()]), self._out, self.distances)
+        return tallied(self._out)
 
     @ti.kernel
-    def _sum(self, params: ti.types.ndarray(), out: ti.types.ndarray(), distances: ti.types.ndarray()):
+    def _sum(self, pose: ti.types.ndarray(), out: ti.types.ndarray(), distances: ti.types.ndarray()):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            for k in range(8):
-                out[k] = 0.0
-            out[CLEARANCE] = FAR
-            c = ti.Vector([params[3 * ROW + k] for k in range(3)])
-            R = ti.Matrix([[params[3 * ROW + 3 + 3 * i + j] for j in range(3)] for i in range(3)])
-            for slot in range(self.particles.n_packs * LANES):
-                if ti.static(self.touches):
-                    self.touch(slot, c, R, out)
-                if self.counted[slot] == 1:
-                    self.count(slot, c, R, params, out, distances)
-            if ti.static(self.looks):
-                self.look(c, R, out)
+            c = ti.Vector([pose[k] for k in range(3)])
+            R = ti.Matrix([[pose[3 + 3 * i + j] for j in range(3)] for i in range(3)])
+            self.accumulate(c, R, out, 0)
+            if ti.static(self.ranks):
+                for slot in range(self.particles.n_packs * LANES):
+                    if self.counted[slot] == 1:
+                        distances[slot, 0] = ti.cast(self.distance(self.place(slot)), ti.f32)
+                        distances[slot, 1] = ti.cast(self.flags[slot] & WAS_ON_TARGET, ti.f32) / WAS_ON_TARGET
+
+    @ti.func
+    def accumulate(self, c, R, out: ti.template(), row):
+        """Sums with the tool at c, R into two rows of out, which hold zeros, from `row` on."""
+        add(out, row, CLEARANCE, FAR)
+        for slot in range(self.particles.n_packs * LANES):
+            if ti.static(self.touches):
+                self.touch(slot, c, R, out, row)
+            if self.counted[slot] == 1:
+                self.count(slot, c, R, out, row)
+        if ti.static(self.looks):
+            self.look(c, R, out, row)
 
     @ti.func
     def place(self, slot):
@@ -113,56 +126,75 @@ class Tally:
         return ti.Vector([ti.cast(self.particles.x[d][q][l], ti.f64) + self.origin[d] for d in range(3)])
 
     @ti.func
-    def holds(self, params: ti.template(), region: ti.template(), x):
+    def distance(self, x):
+        """Weighted Manhattan distance to the goal."""
+        total = ti.cast(0.0, ti.f64)
+        for d in ti.static(range(3)):
+            total += self.weights[d] * ti.abs(x[d] - self.goal[d])
+        return total
+
+    @ti.func
+    def holds(self, region: ti.template(), x):
         """Whether a region holds a point in its frame."""
         base = ti.static(ROW * region)
-        u = ti.Vector([(x[d] - params[base + d]) * params[base + 3 + d] for d in range(3)])
+        u = ti.Vector([(x[d] - self.regions[base + d]) * self.regions[base + 3 + d] for d in range(3)])
         upright = ti.abs(u[2]) < 1.0
         flat = u[0] * u[0] + u[1] * u[1] < 1.0
-        if params[base + 6] < 0.5:
+        if self.regions[base + 6] < 0.5:
             flat = ti.abs(u[0]) < 1.0 and ti.abs(u[1]) < 1.0
         return upright and flat
 
     @ti.func
-    def count(self, slot, c, R, params: ti.template(), out: ti.template(), distances: ti.template()):
+    def count(self, slot, c, R, out: ti.template(), row):
         """One grain's share of the sums."""
         x = self.place(slot)
-        total = ti.cast(0.0, ti.f64)
-        for d in ti.static(range(3)):
-            total += self.weights[d] * ti.abs(x[d] - self.goal[d])
-        on_target, held = self.holds(params, 0, x), self.holds(params, 2, R.transpose() @ (x - c))
+        on_target, held = self.holds(0, x), self.holds(2, R.transpose() @ (x - c))
         flags = ti.cast(self.flags[slot], ti.i32)
         lost = flags & IS_LOST
-        if lost == 0 and not held and not self.holds(params, 1, x):
+        if lost == 0 and not held and not self.holds(1, x):
             lost = IS_LOST
-            out[NEWLY_LOST] += 1.0
+            add(out, row, NEWLY_LOST, 1.0)
             if flags & WAS_ON_TARGET:
-                out[LOST_ON_TARGET] += 1.0
-        out[DISTANCE] += total
-        out[HELD] += ti.cast(held, ti.f64)
-        out[ON_TARGET] += ti.cast(on_target, ti.f64)
-        out[LOST] += ti.cast(lost > 0, ti.f64)
-        distances[slot, 0] = ti.cast(total, ti.f32)
-        distances[slot, 1] = ti.cast(on_target, ti.f32)
+                add(out, row, LOST_ON_TARGET, 1.0)
+        add(out, row, DISTANCE, self.distance(x))
+        add(out, row, HELD, ti.cast(held, ti.f64))
+        add(out, row, ON_TARGET, ti.cast(on_target, ti.f64))
+        add(out, row, LOST, ti.cast(lost > 0, ti.f64))
         self.flags[slot] = ti.cast(lost + ti.cast(on_target, ti.i32) * WAS_ON_TARGET, ti.i8)
 
     @ti.func
-    def touch(self, slot, c, R, out: ti.template()):
+    def touch(self, slot, c, R, out: ti.template(), row):
         """Whether a slot's grain touches the tool."""
         r = self.place(slot) - c
         if r.norm_sqr() < ti.static((self.tool.radius + self.reach) ** 2) and \
                 self.particles.volume[slot // LANES][slot % LANES] > 0:
-            _, phi = self.tool.at(ti.cast(R.transpose() @ r, ti.f32))
-            if phi < self.reach:
-                out[TOUCHING] += 1.0
+            y = ti.cast(R.transpose() @ r, ti.f32)
+            if not self.tool.beyond(y, self.reach):
+                _, phi = self.tool.at(y)
+                if phi < self.reach:
+                    add(out, row, TOUCHING, 1.0)
 
     @ti.func
-    def look(self, c, R, out: ti.template()):
+    def look(self, c, R, out: ti.template(), row):
         """Points of the scenery near the probe."""
+        nearest = ti.cast(FAR, ti.f64)
         for i in range(self.points.shape[0]):
             r = ti.cast(self.points[i], ti.f64) - c
             if r.norm_sqr() < ti.static((self.probe.radius + self.margin) ** 2):
                 _, phi = self.probe.at(ti.cast(R.transpose() @ r, ti.f32))
-                out[CLEARANCE] = ti.min(out[CLEARANCE], ti.cast(phi, ti.f64))
+                nearest = ti.min(nearest, ti.cast(phi, ti.f64))
                 if phi < self.margin:
-                    out[PROBED] += 1.0
+                    add(out, row, PROBED, 1.0)
+        add(out, row, CLEARANCE, nearest - FAR)
+
+
+@ti.func
+def add(out: ti.template(), row, place: ti.template(), value):
+    """To one of the sums."""
+    out[row + ti.static(place // 6), ti.static(place % 6)] += value
+
+
+def tallied(rows: np.ndarray) -> Tallied:
+    """What two rows of sums say."""
+    sums = rows.ravel()
+    return Tallied(float(sums[DISTANCE]), *[int(v) for v in sums[NEWLY_LOST:CLEARANCE]], float(sums[CLEARANCE]))

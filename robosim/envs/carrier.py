@@ -1,5 +1,7 @@
 """What carries the tool when no arm does: it goes where it is told."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 import mpm
@@ -9,10 +11,10 @@ from robosim.envs.task_field import TOOL
 
 
 class KinematicTool:
-    """Moves the tool's collider; nothing of arm or MuJoCo is there."""
+    """Moves the tool's collider; nothing of arm or MuJoCo is there. The tool's origin stays in its box."""
 
-    def __init__(self, task: TaskConfig, solver: mpm.Solver) -> None:
-        self._solver, self._dt = solver, task.step_dt
+    def __init__(self, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally) -> None:
+        self._solver, self._tally, self._dt = solver, tally, task.step_dt
         self._lower, self._upper = np.array(task.action.lower), np.array(task.action.upper)
         self.commanded = solver.collider_pose(TOOL)
         """Where the tool is told to be."""
@@ -21,11 +23,22 @@ class KinematicTool:
         """A new episode, with the grains already in place."""
         self.commanded = pose
 
-    def step(self, linear: np.ndarray, angular: np.ndarray) -> None:
-        """One step of `step_dt` with velocities [m/s], [rad/s] in world axes; the origin stays in its box."""
-        self.command(linear, angular)
-        self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), self.commanded)
-        self._solver.advance(self._dt)
+    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[mpm.Tallied]:
+        """Hold velocities [m/s], [rad/s] in world axes; what was read after each step of `step_dt`.
+
+        As many steps as the solver can look at go into one launch; ranked grains are looked at from outside.
+        """
+        at_once = 1 if self._tally.ranks else mpm.MAX_LOOKS
+        while steps > 0:
+            n = min(steps, at_once)
+            steps -= n
+            way = [self._solver.collider_pose(TOOL)]
+            for _ in range(n):
+                self.command(linear, angular)
+                way.append(self.commanded)
+            self._solver.set_collider_motion(TOOL, *way)
+            read = self._solver.advance(n * self._dt, looks=n)
+            yield from read or [self._tally.read()]
 
     def command(self, linear: np.ndarray, angular: np.ndarray) -> None:
         """Move the commanded pose on by one step."""

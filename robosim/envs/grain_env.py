@@ -43,10 +43,12 @@ class GrainEnv(gymnasium.Env):
         self.randomize = self._ranges(randomize or {})
         mpm.init()
         self.solver = build_solver(self.task, law_of(self.material))
-        self._state = settled(self.TASK or "task", self.task, self.material, self.solver)
         self.tally = build_tally(self.task, self.solver)
+        if not self.tally.ranks:
+            self.solver.attach(self.tally)
+        self._state = settled(self.TASK or "task", self.task, self.material, self.solver)
         self.reward, self._observer = Reward(self.task), Observer(self.task, self.solver, obs)
-        self.carrier = KinematicTool(self.task, self.solver)
+        self.carrier = KinematicTool(self.task, self.solver, self.tally)
         self.observation_space, self.observation_slices = self._observer.space, self._observer.slices
         n = self.task.action.dimensions
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (n,), np.float32)
@@ -118,17 +120,16 @@ class GrainEnv(gymnasium.Env):
         linear, angular = velocity[:3], velocity[3:] if len(velocity) == 6 else np.zeros(3)
         sums = dict.fromkeys(self.reward.terms, 0.0)
         diverged = None
-        for _ in range(min(self.action_repeat, self.task.steps - self.step_count)):
-            try:
-                self.carrier.step(linear, angular)
-            except mpm.SimulationDiverged as error:
-                diverged = error
-                break
-            self.step_count += 1
-            self._now = self.tally.read()
-            terms = self.reward.step(self.tally, self._now, self.turned(), self.step_count == self.task.steps)
-            for name, value in terms.items():
-                sums[name] += value
+        steps = min(self.action_repeat, self.task.steps - self.step_count)
+        try:
+            for now in self.carrier.hold(linear, angular, steps):
+                self._now = now
+                self.step_count += 1
+                last = self.step_count == self.task.steps
+                for name, value in self.reward.step(self.tally, now, self.turned(), last).items():
+                    sums[name] += value
+        except mpm.SimulationDiverged as error:
+            diverged = error
         over = self.step_count == self.task.steps
         self._running = not over and diverged is None
         info = self._info(sums)

@@ -15,7 +15,7 @@ from robosim.shapes.container import container_shell
 
 TOOL = 0
 """Index of the tool's collider."""
-LATTICE = 8
+LATTICE = 4
 """Points of the tool's lattice in a cell."""
 CONTAINER_WALL = 0.006
 """Real wall and floor [m] of the containers."""
@@ -101,4 +101,4 @@ def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
         solver, np.arange(task.grains.count) if scoops else observed(task), goal=np.array(task.goal),
         weights=np.array(task.reward.distance.weights), target=task.target.region, bounds=task.bounds.region,
         interior=tool_shape(task.tool).INTERIOR, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
-        points=points, probe=probe, margin=RIGID_MARGIN)
+        points=points, probe=probe, margin=RIGID_MARGIN, ranks=scoops)
