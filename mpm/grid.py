@@ -71,6 +71,7 @@ class GridFields:
         real = real_type(precision)
         nx, ny, nz = grid.shape
         self.layers, self.width = layers, nx
+        self.cells = tuple(int(n) for n in grid.cells)
         self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
         """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
         blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)

@@ -9,7 +9,7 @@ come first and leave last: their outer nodes are images of inner ones.
 
 from mpm.backend import ti
 from mpm.grid import BLOCK, GHOST, activate, clear, in_first_layer
-from mpm.ledger import WALL_ROW, credit, position
+from mpm.ledger import WALL_ROW, position
 from mpm.walls import FRICTION, PERIODIC, ROLLER, SLIP, STICK
 
 
@@ -23,8 +23,19 @@ def mirrored(q, n, condition):
 
 
 @ti.func
-def folded_earlier(table: ti.template(), J, axis):
+def folded_earlier(grid: ti.template(), table: ti.template(), I, axis):
     """Whether the node lies outside a side that is folded before this axis: its momentum has moved on already."""
+    J = in_first_layer(grid, I)
+    last = ti.static([GHOST + n for n in grid.cells])
+    hidden = False
+    if J.min() < GHOST or J[0] > last[0] or J[1] > last[1] or J[2] > last[2]:
+        hidden = outside_earlier(table, J, axis)
+    return hidden
+
+
+@ti.func
+def outside_earlier(table: ti.template(), J, axis):
+    """The same for a node outside some side."""
     hidden = False
     for side in ti.static(range(6)):
         if table[side, 3] == PERIODIC or side // 2 < axis:
@@ -133,7 +144,7 @@ def fold(grid: ti.template(), table: ti.template(), stamp, dt, gravity):
                     if at_wall[3] > 0 and W[0] < grid.width:
                         ghost = W - unit(axis) * inward
                         m_g = ghost_mass(grid, ghost, stamp)
-                        if m_g > 0 and not folded_earlier(table, in_first_layer(grid, W), axis):
+                        if m_g > 0 and not folded_earlier(grid, table, W, axis):
                             mirror = W + unit(axis) * inward
                             raw = grid.nodes[ghost]
                             image = mirrored(raw, n, condition)
@@ -155,25 +166,35 @@ def unfold(grid: ti.template(), table: ti.template(), stamp, friction, origin, c
         w = 5 - back
         axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
         n = normal4(axis, inward, grid.nodes.dtype)
+        total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
         for active in range(grid.count[None]):
             block = grid.active[active]
             if condition != PERIODIC and on_plane(grid, block, axis, node):
                 for a, b in ti.ndrange(BLOCK, BLOCK):
                     W = column(grid, block, a, b, axis, node)
                     if grid.nodes[W][3] != 0:
-                        unfold_column(grid, table, W, axis, inward, condition, n, stamp, friction, origin, cell, out)
+                        impulse, across = unfold_column(grid, table, W, axis, inward, condition, n, stamp, friction)
+                        total += ti.cast(impulse, ti.f64)
+                        place = position(in_first_layer(grid, W), origin, cell)
+                        moment += place.cross(ti.cast(impulse, ti.f64)) + cell * ti.cast(across, ti.f64)
+        for d in ti.static(range(3)):
+            out[WALL_ROW, d] = out[WALL_ROW, d] + total[d]
+            out[WALL_ROW, 3 + d] = out[WALL_ROW, 3 + d] + moment[d]
 
 
 @ti.func
-def unfold_column(grid: ti.template(), table: ti.template(), W, axis, inward, condition, n, stamp, friction,
-                  origin, cell, out: ti.template()):
-    """One column of `unfold`: wall node W, its ghost and its mirror node."""
+def unfold_column(grid: ti.template(), table: ti.template(), W, axis, inward, condition, n, stamp, friction):
+    """One column of `unfold`: wall node W, its ghost and its mirror node.
+
+    Returns the column's impulse (3,), and the moment (3,) per cell of what acts beside the wall node.
+    """
     ghost = W - unit(axis) * inward
     m_g = ghost_mass(grid, ghost, stamp)
     pair = ti.cast(0, grid.nodes.dtype)
     slide = friction
     met = condition
-    hidden = folded_earlier(table, in_first_layer(grid, W), axis)
+    impulse, lever = 0.0 * n, 0.0 * n  # lever: difference of the impulses at mirror and ghost
+    hidden = folded_earlier(grid, table, W, axis)
     if hidden:  # ghosts of an earlier wall that are leaving it may not enter this one either
         met = SLIP
         slide = friction * 0.0
@@ -185,21 +206,30 @@ def unfold_column(grid: ti.template(), table: ti.template(), W, axis, inward, co
         given = -m_g * image - raw
         taken = mirrored(given, n, condition)
         pair = (given - taken).dot(n)
-        credit(out, WALL_ROW, position(in_first_layer(grid, ghost), origin, cell), given)
-        credit(out, WALL_ROW, position(in_first_layer(grid, mirror), origin, cell), -taken)
+        impulse, lever = given - taken, -given - taken
         image[3] = -m_g
         grid.nodes[ghost] = image
         u[3] += m_g  # back to its own mass, which later credits count
         grid.nodes[mirror] = u
     if m_g > 0:  # an unfolded ghost may leave, not enter
-        stop_node(grid, ghost, n, SLIP, False, pair, friction, origin, cell, out)
-    stop_node(grid, W, n, met, m_g < 0 and not hidden, pair, slide, origin, cell, out)
+        stopped = stop_node(grid, ghost, n, SLIP, False, pair, friction)
+        impulse, lever = impulse + stopped, lever - stopped
+    impulse += stop_node(grid, W, n, met, m_g < 0 and not hidden, pair, slide)
+    return three(impulse), three(n).cross(three(lever))
 
 
 @ti.func
-def stop_node(grid: ti.template(), I, n, condition, held, pair, friction, origin, cell, out: ti.template()):
-    """Apply the wall's condition to a node; `pair` is the normal impulse of the folded pair, which adds to friction."""
+def three(q):
+    """The first three entries of a 4-vector."""
+    return ti.Vector([q[0], q[1], q[2]])
+
+
+@ti.func
+def stop_node(grid: ti.template(), I, n, condition, held, pair, friction):
+    """Apply the wall's condition to a node, returns its impulse; `pair` is the normal impulse of the folded pair, which
+    adds to friction."""
     q = grid.nodes[I]
+    impulse = 0.0 * q
     if q[3] > 0:
         mass = q[3]
         q[3] = 0.0
@@ -214,6 +244,8 @@ def stop_node(grid: ti.template(), I, n, condition, held, pair, friction, origin
             push = ti.max(mass * (v.dot(n) - into) + pair, 0.0)
             left = ti.max(1.0 - friction * push / (mass * slide.norm(1e-15)), 0.0)
             v = v.dot(n) * n + left * slide
-        credit(out, WALL_ROW, position(in_first_layer(grid, I), origin, cell), mass * (v - q))
+        impulse = mass * (v - q)
+        impulse[3] = 0.0
         v[3] = mass
         grid.nodes[I] = v
+    return impulse
