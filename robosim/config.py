@@ -11,6 +11,7 @@ from robosim.errors import ConfigError
 from robosim.resources import config_path
 
 Vector3 = tuple[float, float, float]
+Grip = Literal["weld", "friction"]
 Vector7 = Annotated[tuple[PositiveFloat, ...], Field(min_length=7, max_length=7)]
 
 
@@ -88,6 +89,16 @@ class PathConfig(Table):
     """Largest distance [m] between the smoothed path and the commanded screws inside a container."""
 
 
+class RobotConfig(Table):
+    """How the arm carries a tool that is commanded step by step."""
+
+    description: str
+    limits: LimitsConfig
+    servo: ServoConfig
+    grasp_time: PositiveFloat
+    """Time [s] for the fingers to close before an episode."""
+
+
 class WaypointConfig(Table):
     """A pose of the tool, reached along a screw from the one before."""
 
@@ -115,7 +126,7 @@ class RehearsalConfig(Table):
     description: str
     tool: Literal["spoon"]
     material: str
-    grasp: Literal["weld", "friction"]
+    grasp: Grip
     """Fixed in the hand, or held by the fingers alone."""
     tool_container: list[Literal["contact", "sdf"]] = ["contact", "sdf"]
     """How tool and containers meet: as MuJoCo's contacts, with force; as container particles in the tool's signed
@@ -207,6 +218,11 @@ def _child(table: object, part: int | str) -> object:
             return candidate
         pending.extend(getattr(candidate, "__args__", ()))
     return table
+
+
+def load_robot(name: str) -> RobotConfig:
+    """Robot by name (configs/robots) or by path."""
+    return load(config_path("robots", name, "robot"), RobotConfig)
 
 
 def load_rehearsal(name: str, overrides: dict | None = None) -> RehearsalConfig:

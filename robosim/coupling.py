@@ -104,6 +104,11 @@ class GranularPlugin:
         self._watch_grid()
         self._check_robot()
 
+    def restart(self) -> None:
+        """Forget the last step, after the user put scene and grains into another state."""
+        self._fresh, self._applied[:], self.miss[:] = True, 0.0, 0.0
+        self.outside, self.ledger = set(), empty_ledger(self._colliders)
+
     def wrench(self, body: str) -> mpm.Wrench:
         """Mean wrench [N], [N m] that the grains put on a body in the last step, about its centre of mass; zero with
         "one_way" for bodies that MuJoCo moves."""

@@ -11,7 +11,7 @@ from robosim.materials import MaterialConfig
 from robosim.output import OutputFolder
 from robosim.rehearsal import Rehearsal
 from robosim.rendering import SceneRenderer, add_grain_skin, apply_quality
-from robosim.scene import compiled, scene_spec
+from robosim.scene import compiled, rehearsal_spec
 from robosim.video import Mp4Writer, contact_sheet
 
 CAMERAS = ("overview", "close", "wrist")
@@ -43,7 +43,7 @@ class Film:
         self._captions: list[str] = []
 
     def _drawn_model(self, config: RehearsalConfig, material: MaterialConfig) -> mujoco.MjModel:
-        spec = scene_spec(config)
+        spec = rehearsal_spec(config)
         apply_quality(spec)
         radius = GRAIN_RADIUS * self._rehearsal.grains.grain_volume ** (1 / 3)
         add_grain_skin(spec, len(self._rehearsal.solver.positions()), radius, material.colour)

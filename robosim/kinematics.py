@@ -18,6 +18,8 @@ MAX_JUMP = 0.6
 WAYPOINT_RESTARTS = 25
 """Postures tried before a waypoint counts as unreachable."""
 SHOULDER = np.array([0.0, 0.0, 0.36])
+DRAW = 1e-3
+"""Share of the way to its rest posture that the elbow is drawn in a step."""
 HOME = np.radians([0.0, 45.0, 0.0, -95.0, 0.0, -50.0, 0.0])
 """Posture that free motion of the elbow is drawn to: elbow up, hand forward."""
 
@@ -62,6 +64,17 @@ def solve(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOME, it
         error = _error(arm, trial, goal)
         q = trial
     return Solution(q, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])))
+
+
+def step_towards(arm: Arm, target: Pose, q: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Joint angles (7,) one damped step nearer to a target that moves little from call to call."""
+    error = _error(arm, q, pinocchio.SE3(target.matrix, np.asarray(target.position, float)))
+    J = arm.jacobian(q)
+    damping = 1e-6 + 1e-3 * float(error @ error)
+    pinv = J.T @ np.linalg.inv(J @ J.T + damping * np.eye(6))
+    step = pinv @ error + DRAW * (np.eye(7) - pinv @ J) @ (rest - q)
+    step *= min(1.0, 0.1 / max(float(np.abs(step).max()), 1e-12))
+    return np.clip(q + step, arm.lower + 1e-3, arm.upper - 1e-3)
 
 
 def follow(arm: Arm, targets: list[Pose], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ from robosim.kinematics import PathSolution, solve_path
 from robosim.materials import MaterialConfig, law_of, load_material
 from robosim.path import CommandedPath
 from robosim.recording import EnergySample, Recording, Sample, Step
-from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, scene_spec
+from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, rehearsal_spec
 from robosim.servo import Servo
 from robosim.smoothing import JointState, SmoothMotion
 from robosim.torque_sensors import TorqueSensors
@@ -61,7 +61,7 @@ class Rehearsal:
     def __init__(self, config: RehearsalConfig, planned: Plan, seed: int = 0) -> None:
         self.config, self.plan = config, planned
         self.material: MaterialConfig = load_material(config.material)
-        self.scene: Scene = compile_scene(scene_spec(config), config.tool)
+        self.scene: Scene = compile_scene(rehearsal_spec(config), config.tool)
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
         self.data.qpos[self.scene.arm_qpos] = planned.motion.state(0.0).q
         mujoco.mj_forward(self.model, self.data)

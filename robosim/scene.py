@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.config import ContainerConfig, RehearsalConfig
+from robosim.config import ContainerConfig, Grip, RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.frames import container_pose
 from robosim.grasp import make_loose
@@ -79,23 +79,30 @@ class Scene(NamedTuple):
     """Body of the tool."""
 
 
-def scene_spec(config: RehearsalConfig) -> mujoco.MjSpec:
-    """Specification of the whole rigid scene."""
-    spec = load_spec("workcell", "workcell.xml")
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    robot = robot_spec(config.tool if config.grasp == "weld" else None)
-    with quiet_prefixes():
-        spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
-        if config.grasp == "friction":
-            make_loose(spec, compiled(robot_spec(config.tool)), config.tool,
-                       load_spec("tools", config.tool, f"{config.tool}.xml"))
-        for name, container in config.containers.items():
-            add_container(spec, name, container)
-            if "contact" not in config.tool_container:
-                spec.add_exclude(name=f"{config.tool}_{name}", bodyname1=config.tool, bodyname2=name)
+def rehearsal_spec(config: RehearsalConfig) -> mujoco.MjSpec:
+    """Specification of a rehearsal's whole rigid scene, with its sensors."""
+    spec = scene_spec(config.tool, config.grasp, config.containers, config.host_dt,
+                      contact="contact" in config.tool_container)
     add_wrist_sensor(spec)
     add_torque_sensors(spec)
-    spec.option.timestep = config.host_dt
+    return spec
+
+
+def scene_spec(tool: str, grasp: Grip, containers: dict[str, ContainerConfig], host_dt: float, *,
+               contact: bool) -> mujoco.MjSpec:
+    """Work cell, robot with its tool, and containers by the names of their models; contact: of tool and containers."""
+    spec = load_spec("workcell", "workcell.xml")
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    robot = robot_spec(tool if grasp == "weld" else None)
+    with quiet_prefixes():
+        spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
+        if grasp == "friction":
+            make_loose(spec, compiled(robot_spec(tool)), tool, load_spec("tools", tool, f"{tool}.xml"))
+        for name, container in containers.items():
+            add_container(spec, name, container)
+            if not contact:
+                spec.add_exclude(name=f"{tool}_{name}", bodyname1=tool, bodyname2=name)
+    spec.option.timestep = host_dt
     return spec
 
 

@@ -10,7 +10,7 @@ from robosim.arm import Arm
 from robosim.config import RehearsalConfig, load_rehearsal
 from robosim.frames import container_pose
 from robosim.grasp import Grasp
-from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, Scene, compile_scene, compiled, scene_spec
+from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, Scene, compile_scene, compiled, rehearsal_spec
 from robosim.torque_sensors import TorqueSensors
 
 POSTURE = np.array([-0.9, 0.7, 0.45, -1.75, -0.78, -0.83, 1.8])
@@ -18,7 +18,7 @@ POSTURE = np.array([-0.9, 0.7, 0.45, -1.75, -0.78, -0.83, 1.8])
 
 def hold(config: RehearsalConfig, load: np.ndarray, duration: float) -> tuple[Scene, mujoco.MjData, Grasp, np.ndarray]:
     """Hold the arm still, let the fingers close, take the stand away and hang a force [N] (3,) on the tool's centre."""
-    scene = compile_scene(scene_spec(config), config.tool)
+    scene = compile_scene(rehearsal_spec(config), config.tool)
     data = mujoco.MjData(scene.model)
     data.qpos[scene.arm_qpos] = POSTURE
     mujoco.mj_forward(scene.model, data)
@@ -75,7 +75,7 @@ def test_container_in_the_tool_is_counted_with_its_depth(monkeypatch: pytest.Mon
     nothing is made."""
     monkeypatch.setattr(clearance, "tool_sdf", lambda tool, wall: mpm.Sdf.sphere(0.03))
     config = load_rehearsal("spoon")
-    scene = compile_scene(scene_spec(config), config.tool)
+    scene = compile_scene(rehearsal_spec(config), config.tool)
     data = mujoco.MjData(scene.model)
     mujoco.mj_forward(scene.model, data)
     particles = clearance.RigidParticles(scene.model, data, config)
@@ -86,6 +86,6 @@ def test_container_in_the_tool_is_counted_with_its_depth(monkeypatch: pytest.Mon
         assert (particles.count > 0) == touched
     assert particles.depth == pytest.approx(0.001, abs=1e-4)
     bare = config.model_copy(update={"tool_container": []})
-    model = compiled(scene_spec(bare))
+    model = compiled(rehearsal_spec(bare))
     assert model.nexclude == scene.model.nexclude + 2
     assert clearance.Contacts(model, mujoco.MjData(model), bare).tool_container_depth == 0.0

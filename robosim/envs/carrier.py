@@ -1,4 +1,4 @@
-"""What carries the tool when no arm does: it goes where it is told."""
+"""What carries the tool: told where to be, and without an arm it is there at once."""
 
 from collections.abc import Iterator
 
@@ -10,8 +10,8 @@ from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 
 
-class KinematicTool:
-    """Moves the tool's collider; nothing of arm or MuJoCo is there. The tool's origin stays in its box."""
+class Carrier:
+    """What is told where the tool shall be. The tool's origin stays in its box."""
 
     def __init__(self, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally) -> None:
         self._solver, self._tally, self._dt = solver, tally, task.step_dt
@@ -19,9 +19,19 @@ class KinematicTool:
         self.commanded = solver.collider_pose(TOOL)
         """Where the tool is told to be."""
 
-    def restart(self, pose: mpm.Pose) -> None:
-        """A new episode, with the grains already in place."""
+    def restart(self, pose: mpm.Pose) -> mpm.Pose:
+        """Begin an episode with the tool at a pose; returns where it is really."""
         self.commanded = pose
+        return pose
+
+    def command(self, linear: np.ndarray, angular: np.ndarray) -> None:
+        """Move the commanded pose on by one step of `step_dt`, with velocities [m/s], [rad/s] in world axes."""
+        place = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
+        self.commanded = mpm.Pose(place, turned(self.commanded.quaternion, self._dt * angular))
+
+
+class KinematicTool(Carrier):
+    """Moves the tool's collider; nothing of arm or MuJoCo is there."""
 
     def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[mpm.Tallied]:
         """Hold velocities [m/s], [rad/s] in world axes; what was read after each step of `step_dt`.
@@ -39,8 +49,3 @@ class KinematicTool:
             self._solver.set_collider_motion(TOOL, *way)
             read = self._solver.advance(n * self._dt, looks=n)
             yield from read or [self._tally.read()]
-
-    def command(self, linear: np.ndarray, angular: np.ndarray) -> None:
-        """Move the commanded pose on by one step."""
-        place = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
-        self.commanded = mpm.Pose(place, turned(self.commanded.quaternion, self._dt * angular))

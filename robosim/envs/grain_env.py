@@ -7,13 +7,14 @@ import gymnasium
 import numpy as np
 
 import mpm
-from robosim.envs.carrier import KinematicTool
+from robosim.config import Grip
+from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.observation import Layout, Observer
 from robosim.envs.reward import Reward
 from robosim.envs.start import settled
 from robosim.envs.task import TaskConfig, load_task
 from robosim.envs.task_field import TOOL, build_solver, build_tally
-from robosim.errors import ConfigError, UnknownName
+from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.materials import law_of, load_material, overridden
 
 Horizon = Literal["terminate", "truncate"]
@@ -31,24 +32,22 @@ class GrainEnv(gymnasium.Env):
         self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
         action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate", clip_actions: bool = False,
         randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
-        camera: str = "task", **numbers: float,
+        camera: str = "task", grasp: Grip = "weld", **numbers: float,
     ) -> None:
         self._check(render_mode, horizon, action_repeat)
         self.task = load_task(task or self.TASK) if not isinstance(task, TaskConfig) else task
         self.render_mode, self.horizon, self.clip_actions = render_mode, horizon, clip_actions
         self.action_repeat, self.camera, self.arm = action_repeat, camera, arm
-        if arm:
-            raise ConfigError("arm = True is not built yet; accepted: False")
         self.material = overridden(load_material(material or self.task.material), numbers)
         self.randomize = self._ranges(randomize or {})
         mpm.init()
-        self.solver = build_solver(self.task, law_of(self.material))
+        self.solver = build_solver(self.task, law_of(self.material), mobile=arm)
         self.tally = build_tally(self.task, self.solver)
-        if not self.tally.ranks:
+        if not self.tally.ranks and not arm:
             self.solver.attach(self.tally)
         self._state = settled(self.TASK or "task", self.task, self.material, self.solver)
         self.reward, self._observer = Reward(self.task), Observer(self.task, self.solver, obs)
-        self.carrier = KinematicTool(self.task, self.solver, self.tally)
+        self.carrier = self._carrier(grasp)
         self.observation_space, self.observation_slices = self._observer.space, self._observer.slices
         n = self.task.action.dimensions
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (n,), np.float32)
@@ -77,6 +76,16 @@ class GrainEnv(gymnasium.Env):
             law_of(overridden(self.material, {name: pair[side] for name, pair in randomize.items()}))
         return dict(randomize)
 
+    def _carrier(self, grasp: Grip) -> Carrier:
+        """What moves the tool."""
+        if grasp not in get_args(Grip):
+            raise UnknownName("grasp", grasp, get_args(Grip))
+        if not self.arm:
+            return KinematicTool(self.task, self.solver, self.tally)
+        from robosim.envs.arm_tool import ArmTool  # without an arm nothing of it is loaded
+
+        return ArmTool(self.TASK, self.task, self.solver, self.tally, grasp)
+
     # an episode -----------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode. options: {"nominal": True} for the start without its random displacement."""
@@ -90,7 +99,6 @@ class GrainEnv(gymnasium.Env):
             self.solver.set_material(0, law_of(overridden(self.material, numbers)))
         self.solver.load(self._displaced(nominal))
         self._start = self.solver.collider_pose(TOOL)
-        self.carrier.restart(self._start)
         self.tally.restart()
         self.reward.restart()
         self._observer.restart()
@@ -100,16 +108,24 @@ class GrainEnv(gymnasium.Env):
 
     def _displaced(self, nominal: bool) -> dict[str, np.ndarray]:
         """The settled state, with tool and grains moved within the ranges of the start."""
-        state, start, action = dict(self._state), self.task.start, self.task.action
+        start, action = self.task.start, self.task.action
         if nominal:
-            return state
+            return self._placed(start.pose, np.zeros(3))
         tool = self.np_random.uniform(-1.0, 1.0, 3) * start.spread
         pile = self.np_random.uniform(-1.0, 1.0, 3) * start.pile_spread
         place = np.clip(start.position + tool, action.lower, action.upper)
-        held = self.task.container is None and start.pile is None
-        state["x"] = state["x"] + (place - np.array(start.position) if held else pile)
+        return self._placed(mpm.Pose(place, start.pose.quaternion), pile)
+
+    def _placed(self, tool: mpm.Pose, pile: np.ndarray) -> dict[str, np.ndarray]:
+        """The settled state with the tool where the carrier holds it, asked for at a pose; grains in it go with it."""
+        state, real = dict(self._state), self.carrier.restart(tool)
+        if self.task.carried:
+            local = self.task.start.pose.inverse().apply(state["x"] + self.solver.grid.origin)
+            state["x"] = real.apply(local) - self.solver.grid.origin
+        else:
+            state["x"] = state["x"] + pile
         state["poses"] = state["poses"].copy()
-        state["poses"][TOOL, :3] = place
+        state["poses"][TOOL] = np.concatenate(real)
         return state
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -128,7 +144,7 @@ class GrainEnv(gymnasium.Env):
                 last = self.step_count == self.task.steps
                 for name, value in self.reward.step(self.tally, now, self.turned(), last).items():
                     sums[name] += value
-        except mpm.SimulationDiverged as error:
+        except (mpm.SimulationDiverged, RobotDiverged) as error:
             diverged = error
         over = self.step_count == self.task.steps
         self._running = not over and diverged is None

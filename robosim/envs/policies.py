@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mpm.motion import relative_rotation
 from robosim.envs.grain_env import GrainEnv
@@ -34,32 +33,18 @@ class Script:
     """Follows the poses of the task's script: smooth in time between them."""
 
     def __init__(self, env: GrainEnv) -> None:
-        self._env, self._task = env, env.task
-        begin = env.carrier.commanded
-        self._times = np.array([0.0] + [s.time for s in self._task.script])
-        self._places = np.array([begin.position] + [np.array(s.position) for s in self._task.script])
-        self._pitches = np.array([self._task.start.pitch_deg] + [s.pitch_deg for s in self._task.script])
+        self._env, self._way = env, env.task.way(env.carrier.commanded.position)
 
     def __call__(self) -> np.ndarray:
-        env, action = self._env, self._task.action
+        env, task, action = self._env, self._env.task, self._env.task.action
         now = env.carrier.commanded
-        held = min(env.action_repeat, self._task.steps - env.step_count) * self._task.step_dt
-        place, quaternion = self._pose(env.step_count * self._task.step_dt + held)
-        velocity = (place - now.position) / (held * action.speed)
+        held = min(env.action_repeat, task.steps - env.step_count) * task.step_dt
+        wanted = self._way.pose(env.step_count * task.step_dt + held)
+        velocity = (wanted.position - now.position) / (held * action.speed)
         if action.dimensions == 6:
-            turn = now.matrix @ relative_rotation(now.quaternion, quaternion)
+            turn = now.matrix @ relative_rotation(now.quaternion, wanted.quaternion)
             velocity = np.concatenate([velocity, turn / (held * action.angular_speed)])
         return np.clip(velocity, -1.0, 1.0).astype(np.float32)
-
-    def _pose(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Position and quaternion at a time [s]."""
-        k = min(max(int(np.searchsorted(self._times, time)), 1), len(self._times) - 1)
-        u = np.clip((time - self._times[k - 1]) / (self._times[k] - self._times[k - 1]), 0.0, 1.0)
-        u = u * u * (3.0 - 2.0 * u)
-        place = (1 - u) * self._places[k - 1] + u * self._places[k]
-        pitch = (1 - u) * self._pitches[k - 1] + u * self._pitches[k]
-        turn = Rotation.from_euler("ZY", (self._task.start.yaw_deg, pitch), degrees=True)
-        return place, turn.as_quat(scalar_first=True)
 
 
 class Replay:

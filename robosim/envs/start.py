@@ -41,7 +41,8 @@ def settled(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.S
     state = _read(path, digest, solver)
     if state is None:
         state = _settle(task, solver)
-        _keep(path, digest, state)
+        # a tool that an arm carries has a state of its own; the grains' is the same
+        _keep(path, digest, {key: value for key, value in state.items() if key not in solver.mobility.kept()})
     solver.load(state)
     return state
 
@@ -68,6 +69,7 @@ def _read(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.ndarray] 
             state = {key: stored[key] for key in stored.files}
         made_for, checksum = str(state.pop("made_for")), str(state.pop("checksum"))
         fits = made_for == digest and checksum == _checksum(state)
+        state |= solver.mobility.kept()
         if fits:
             solver.load(state)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
@@ -92,7 +94,7 @@ def _keep(path: Path, digest: str, state: dict[str, np.ndarray]) -> None:
 def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
     """Let the grains come to rest; what falls off the tool, then or in the time of an episode, is put back on top until
     all of them stay."""
-    interior, held_by_tool = tool_shape(task.tool).INTERIOR, task.container is None and task.start.pile is None
+    interior = tool_shape(task.tool).INTERIOR
     for _ in range(ATTEMPTS):
         for _ in range(round(SETTLING / WINDOW)):
             solver.advance(WINDOW)
@@ -100,7 +102,7 @@ def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
             state["v"] = state["v"] * KEEP
             solver.load(state)
         state = solver.state() | {"time": np.array(0.0), "steps": np.array(0)}
-        if not held_by_tool:
+        if not task.carried:
             return state
         solver.advance(task.steps * task.step_dt)
         local = solver.collider_pose(TOOL).inverse().apply(solver.positions())

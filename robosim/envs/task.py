@@ -160,6 +160,20 @@ class TaskConfig(Table):
     script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1)]
     """Way of the scripted policy, smooth from pose to pose; it begins at the start."""
 
+    @property
+    def containers(self) -> dict[str, ContainerConfig]:
+        """The container, if there is one, by the name of its model."""
+        return {self.container: self.container_place} if self.container and self.container_place else {}
+
+    def way(self, begin: np.ndarray | None = None) -> "Way":
+        """The script's poses, from a place [m] (3,) on; None: the start's."""
+        return Way(self, np.array(self.start.position) if begin is None else begin)
+
+    @property
+    def carried(self) -> bool:
+        """Whether the grains are in the tool at the start."""
+        return self.container is None and self.start.pile is None
+
     @pydantic.model_validator(mode="after")
     def _check(self) -> "TaskConfig":
         tool_shape(self.tool)
@@ -177,6 +191,26 @@ class TaskConfig(Table):
         if np.any(np.array(self.start.position) < low) or np.any(np.array(self.start.position) > high):
             raise ValueError(f"start.position {self.start.position} lies outside action.lower .. action.upper")
         return self
+
+
+class Way:
+    """The poses of a task's script over time, from a place on."""
+
+    def __init__(self, task: TaskConfig, begin: np.ndarray) -> None:
+        self._yaw = task.start.yaw_deg
+        self._times = np.array([0.0] + [s.time for s in task.script])
+        self._places = np.array([begin] + [np.array(s.position) for s in task.script])
+        self._pitches = np.array([task.start.pitch_deg] + [s.pitch_deg for s in task.script])
+
+    def pose(self, time: float) -> mpm.Pose:
+        """Pose at a time [s], smooth between the script's."""
+        k = min(max(int(np.searchsorted(self._times, time)), 1), len(self._times) - 1)
+        u = np.clip((time - self._times[k - 1]) / (self._times[k] - self._times[k - 1]), 0.0, 1.0)
+        u = u * u * (3.0 - 2.0 * u)
+        place = (1 - u) * self._places[k - 1] + u * self._places[k]
+        pitch = (1 - u) * self._pitches[k - 1] + u * self._pitches[k]
+        turn = Rotation.from_euler("ZY", (self._yaw, pitch), degrees=True)
+        return mpm.Pose(place, turn.as_quat(scalar_first=True))
 
 
 def task_names() -> list[str]:

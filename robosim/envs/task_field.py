@@ -27,9 +27,9 @@ PROBE_SPACING = 0.002
 
 def grain_volume(task: TaskConfig) -> float:
     """[m^3] of one grain."""
-    if task.container is not None and task.container_place is not None:
-        size = inner_size(task.container)
-        return float(size[0] * size[1] * task.container_place.fill_height) / task.grains.count
+    for name, container in task.containers.items():
+        size = inner_size(name)
+        return float(size[0] * size[1] * container.fill_height) / task.grains.count
     if task.start.pile is not None:
         return 8.0 * float(np.prod(task.start.pile.half)) / task.grains.count
     return task.field.cell**3 / task.field.grains_per_cell
@@ -40,9 +40,9 @@ def filling(task: TaskConfig, sdf: mpm.Sdf) -> np.ndarray:
     spacing = grain_volume(task) ** (1.0 / 3.0)
     rng = np.random.default_rng(0)
     if task.container is not None and task.container_place is not None:
-        half = inner_size(task.container) / 2.0
-        upper = np.array([half[0], half[1], task.container_place.fill_height + spacing])
-        places = container_pose(task.container_place).apply(mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng))
+        half, container = inner_size(task.container) / 2.0, task.container_place
+        upper = np.array([half[0], half[1], container.fill_height + spacing])
+        places = container_pose(container).apply(mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng))
         keys = places[:, 2]
     elif task.start.pile is not None:
         centre, half = np.array(task.start.pile.centre), np.array(task.start.pile.half)
@@ -74,10 +74,10 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False) -> mpm.Sol
     field = task.field
     sdf = mpm.Sdf.from_mesh(tool_shape(task.tool).head(task.tool_wall), spacing=field.cell / LATTICE)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
-    if task.container is not None and task.container_place is not None:
-        shell = container_shell(inner_size(task.container), wall=CELLS_OF_WALL * field.cell)
+    for name, container in task.containers.items():
+        shell = container_shell(inner_size(name), wall=CELLS_OF_WALL * field.cell)
         colliders.append(mpm.Collider(mpm.Sdf.from_mesh(shell, spacing=CONTAINER_SPACING), static=True,
-                                      friction=field.container_friction, pose=container_pose(task.container_place)))
+                                      friction=field.container_friction, pose=container_pose(container)))
     body = mpm.Body(law, filling(task, sdf), volume=grain_volume(task))
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
                       colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=field.dt)
@@ -92,10 +92,9 @@ def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
     """What is read in every step. Scooping ranks all grains, looks for contact and for the container's particles."""
     scoops = task.kind == "scoop"
     points = probe = None
-    if task.container is not None and task.container_place is not None:
-        shell = container_shell(inner_size(task.container), wall=CONTAINER_WALL)
-        points = trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0]
-        points = container_pose(task.container_place).apply(points)
+    for name, container in task.containers.items():
+        shell = container_shell(inner_size(name), wall=CONTAINER_WALL)
+        points = container_pose(container).apply(trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0])
         probe = mpm.Sdf.from_mesh(tool_shape(task.tool).solid(), spacing=PROBE_SPACING)
     return mpm.Tally(
         solver, np.arange(task.grains.count) if scoops else observed(task), goal=np.array(task.goal),

@@ -1,0 +1,145 @@
+"""What carries the tool when the whole arm does: inverse kinematics, smoothing, servo and two-way coupling."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
+
+import mpm
+from robosim.arm import SPEED_LIMITS, Arm
+from robosim.config import Grip, RobotConfig, load_robot
+from robosim.coupling import GranularPlugin
+from robosim.envs.carrier import Carrier
+from robosim.envs.task import TaskConfig, load_task
+from robosim.envs.task_field import TOOL
+from robosim.errors import RobotDiverged
+from robosim.frames import body_pose
+from robosim.grasp import Grasp
+from robosim.kinematics import solve, solve_path, step_towards
+from robosim.scene import FINGERS_CLOSED, FINGERS_OPEN, compile_scene, scene_spec
+from robosim.servo import Servo
+from robosim.smoothing import JointState
+
+PATH_POSES = 61
+"""Poses of the task's script through which the arm must be able to go."""
+CATCH_UP = 20.0
+"""[1/s] at which the smoothed motion closes the gap to its goal."""
+HELD = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@lru_cache(maxsize=32)
+def start_posture(name: str) -> tuple[float, ...]:
+    """Joint angles [rad] (7,) of a task's start, from which its whole script can be followed."""
+    task = load_task(name)
+    way = task.way()
+    times = np.linspace(0.0, task.steps * task.step_dt, PATH_POSES)
+    solution = solve_path(Arm(task.tool), [way.pose(t) for t in times], [(0, "start"), (PATH_POSES - 1, "end")])
+    return tuple(solution.q[0])
+
+
+class Smoother:
+    """Joint motion within the limits of speed, acceleration and jerk behind a goal that moves from step to step.
+
+    Ruckig is asked for speeds: those of the goal, and what closes the gap to it. Asked for places that move, it takes
+    long ways round a goal that is near.
+    """
+
+    def __init__(self, robot: RobotConfig, dt: float, arm: Arm) -> None:
+        self._otg, self._request, self._output = Ruckig(7, dt), InputParameter(7), OutputParameter(7)
+        self._speed = SPEED_LIMITS * robot.limits.velocity_fraction
+        self._lower, self._upper = arm.lower, arm.upper
+        self._request.control_interface = ControlInterface.Velocity
+        self._request.synchronization = Synchronization.No
+        self._request.max_velocity = list(self._speed)
+        self._request.max_acceleration = list(robot.limits.acceleration)
+        self._request.max_jerk = list(robot.limits.jerk)
+
+    def restart(self, q: np.ndarray) -> None:
+        """At rest at angles q [rad] (7,)."""
+        self._q = np.array(q)
+        self._request.current_position = list(q)
+        self._request.current_velocity = self._request.current_acceleration = [0.0] * 7
+
+    def step(self, q: np.ndarray, qd: np.ndarray) -> JointState:
+        """One step towards angles q [rad] that move with speeds qd [rad/s]."""
+        wanted = qd + CATCH_UP * (np.clip(q, self._lower, self._upper) - self._q)
+        self._request.target_velocity = list(np.clip(wanted, -self._speed, self._speed))
+        if self._otg.update(self._request, self._output) not in (Result.Working, Result.Finished):
+            raise RobotDiverged(0.0, ["the smoother found no motion within the joints' limits"])
+        self._output.pass_to_input(self._request)
+        self._q = np.array(self._output.new_position)
+        return JointState(self._q, np.array(self._output.new_velocity), np.array(self._output.new_acceleration))
+
+
+class ArmTool(Carrier):
+    """Moves the tool with the arm: the grains push back."""
+
+    def __init__(self, name: str, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally, grasp: Grip) -> None:
+        super().__init__(task, solver, tally)
+        self._robot = load_robot("iiwa14")
+        spec = scene_spec(task.tool, grasp, task.containers, task.step_dt, contact=True)
+        self.scene = compile_scene(spec, task.tool)
+        self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
+        self._arm = Arm(task.tool)
+        self._start_q = np.array(start_posture(name))
+        self.data.qpos[self.scene.arm_qpos] = self._start_q
+        mujoco.mj_forward(self.model, self.data)
+        self.grasp = Grasp(self.model, self.data, self.scene.tool)
+        self.servo, self._smoother = Servo(self._arm, self._robot.servo), Smoother(self._robot, task.step_dt, self._arm)
+        self._q = self._start_q
+        self._close_fingers()
+        self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
+
+    def _close_fingers(self) -> None:
+        """Hold the start until the fingers have closed and, with a grasp by friction, carry the tool alone."""
+        still = JointState(self._start_q, np.zeros(7), np.zeros(7))
+        steps = round(self._robot.grasp_time / self._dt)
+        for k in range(2 * steps):
+            closing = min(k / (0.6 * steps), 1.0)
+            self.data.ctrl[self.scene.finger_actuators] = FINGERS_OPEN + closing * (FINGERS_CLOSED - FINGERS_OPEN)
+            self._drive(still)
+            if k == steps:
+                self.grasp.release()
+            mujoco.mj_step(self.model, self.data)
+        self._held = np.empty(mujoco.mj_stateSize(self.model, HELD))
+        self.data.time = 0.0
+        mujoco.mj_getState(self.model, self.data, self._held, HELD)
+        mujoco.mj_kinematics(self.model, self.data)
+        palm = body_pose(self.data, self.model.body("palm").id)
+        self._in_palm = palm.inverse() @ body_pose(self.data, self.scene.tool)
+
+    def restart(self, pose: mpm.Pose) -> mpm.Pose:
+        """Put the arm where it holds the tool at a pose; returns where it holds it really."""
+        mujoco.mj_setState(self.model, self.data, self._held, HELD)
+        self._q = solve(self._arm, pose, self._start_q, rest=self._start_q).q
+        offset = self.data.qpos[self.scene.arm_qpos] - self._start_q  # what the servo leaves under gravity
+        self.data.qpos[self.scene.arm_qpos] = self._q + offset
+        self.data.qvel[:] = 0.0
+        mujoco.mj_kinematics(self.model, self.data)
+        if self.grasp.by_friction:
+            place = self.model.jnt_qposadr[self.model.body_jntadr[self.scene.tool]]
+            held = body_pose(self.data, self.model.body("palm").id) @ self._in_palm
+            self.data.qpos[place : place + 7] = np.concatenate(held)
+        mujoco.mj_forward(self.model, self.data)
+        self._smoother.restart(self._q)
+        self.plugin.restart()
+        super().restart(pose)
+        return body_pose(self.data, self.scene.tool)
+
+    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[mpm.Tallied]:
+        """Command velocities [m/s], [rad/s] in world axes; the arm follows as it can."""
+        for _ in range(steps):
+            self.command(linear, angular)
+            q = step_towards(self._arm, self.commanded, self._q, self._start_q)
+            self._drive(self._smoother.step(q, (q - self._q) / self._dt))
+            self._q = q
+            self.plugin.step()
+            self.grasp.watch()
+            yield self._tally.read()
+
+    def _drive(self, wanted: JointState) -> None:
+        """Motor torques for a joint state."""
+        q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
+        self.data.ctrl[self.scene.arm_actuators] = self.servo.torque(wanted, q, qd)
