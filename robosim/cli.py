@@ -8,6 +8,9 @@ from pathlib import Path
 import mpm
 from robosim.bench import SCENES, SIZES, bench_field
 from robosim.cases import NAMES
+from robosim.envs import TASKS
+from robosim.envs.evaluate import evaluate
+from robosim.envs.policies import NAMES as POLICIES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.report_cases import run_cases
@@ -56,9 +59,30 @@ def parser() -> argparse.ArgumentParser:
                         f"compare couplings: {', '.join(COMPARISONS)}")
     stable.add_argument("--out", type=Path, required=True, help="folder for stability.json")
     stable.set_defaults(run=lambda a: run_matrix(a.axes, a.out))
+    _add_evaluate(commands)
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top
+
+
+def _add_evaluate(commands: argparse._SubParsersAction) -> None:
+    """The command `evaluate`."""
+    run = commands.add_parser("evaluate", help="score a policy on a sub-task",
+                              epilog="example:\n  robosim evaluate SpoonPour --policy scripted --out out/pour",
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("task", help=f"one of: {', '.join(TASKS)}")
+    run.add_argument("--policy", default="scripted", help=f"one of: {', '.join(POLICIES)}; or a .npz file with an "
+                     "array `actions` (default: scripted)")
+    run.add_argument("--episodes", type=int, default=5, help="with seeds from --seed on (default: 5)")
+    run.add_argument("--seed", type=_seed, default=0, help="of the first episode (default: 0)")
+    run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
+    run.add_argument("--arm", action="store_true", help="let the whole arm carry the tool")
+    run.add_argument("--grasp", choices=["weld", "friction"], default="weld", help="how its hand holds it")
+    run.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode)")
+    run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
+    run.set_defaults(run=lambda a: evaluate(
+        a.task, a.policy, a.out, episodes=a.episodes, seed=a.seed, film=not a.no_video, material=a.material, arm=a.arm,
+        grasp=a.grasp))
 
 
 def _seed(text: str) -> int:
