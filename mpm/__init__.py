@@ -27,12 +27,11 @@ from mpm.sample import Sample
 from mpm.sampling import sample_box, sample_cylinder, sample_mesh
 from mpm.sdf import Sdf
 from mpm.shell import Shell
-from mpm.solver import MAX_LOOKS, Solver
+from mpm.solver import Solver
 from mpm.tally import Tallied, Tally
 from mpm.walls import Walls
 
 __all__ = [
-    "MAX_LOOKS",
     "BackendError",
     "Body",
     "Collider",

@@ -77,8 +77,7 @@ class Union(Shape):
     def allocate(self) -> None:
         """Copy lattices to fields; needs a running backend."""
         for solid in self.solids:
-            if isinstance(solid, HeightField | Lattice):
-                solid.allocate()
+            solid.allocate()
 
     @ti.func
     def at(self, y):

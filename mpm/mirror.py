@@ -26,7 +26,7 @@ def mirrored(q, n, condition):
 def folded_earlier(grid: ti.template(), table: ti.template(), I, axis):
     """Whether the node lies outside a side that is folded before this axis: its momentum has moved on already."""
     J = in_first_layer(grid, I)
-    last = ti.static([GHOST + n for n in grid.cells])
+    last = ti.static([GHOST + n - 1 for n in grid.cells])  # a periodic side ends a node before its wall would
     hidden = False
     if J.min() < GHOST or J[0] > last[0] or J[1] > last[1] or J[2] > last[2]:
         hidden = outside_earlier(table, J, axis)

@@ -15,6 +15,9 @@ NEAR = 1e-6
 class Shape:
     """What all solids have in common."""
 
+    def allocate(self) -> None:
+        """Copy to fields what kernels look up; needs a running backend."""
+
     @ti.func
     def beyond(self, y, reach):
         """Whether the surface is surely farther than reach [m] from y, where that can be told for less than `at`."""

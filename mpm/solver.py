@@ -9,13 +9,11 @@ from mpm.backend import PRECISIONS, default_precision, real_type, session_precis
 from mpm.body import Body, Material
 from mpm.checks import check_passage, check_scene
 from mpm.collider import Collider
-from mpm.compound import HeightField, Union
 from mpm.contact import cache_static
 from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, energy_of, momentum_of
 from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
 from mpm.features import features_of
 from mpm.grid import Grid, GridFields
-from mpm.lattice import Lattice
 from mpm.mobility import MobileFields
 from mpm.mobility_table import MobilityTable
 from mpm.motion import Pose, Twist, Wrench
@@ -97,10 +95,10 @@ class Solver:
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
             self.fields = GridFields(self.grid, self.precision, layers=2 if self.features.shells else 1)
             for i, collider in enumerate(self.colliders):
-                if isinstance(collider.sdf, HeightField | Lattice | Union):
-                    collider.sdf.allocate()
-                elif isinstance(collider.sdf, Shell):
+                if isinstance(collider.sdf, Shell):
                     self.colliders[i] = replace(collider, sdf=collider.sdf.baked(self.grid.cell))
+                else:
+                    collider.sdf.allocate()
             self.cuts = None
             if self.features.shells:
                 self.cuts = CutFields(self.grid, self.precision, self.particles.n_packs * LANES)

@@ -11,6 +11,8 @@ from mpm.region import Region
 
 ROW = 7
 """Numbers of a region as the kernel reads it."""
+ORIGIN, GOAL, WEIGHTS = range(3 * ROW, 3 * ROW + 9, 3)
+"""Where the grid's origin and the distance's numbers follow on those of the regions."""
 ROWS = 2
 """Rows of six numbers that a reading takes."""
 DISTANCE, NEWLY_LOST, LOST_ON_TARGET, ON_TARGET, LOST, HELD, TOUCHING, PROBED, CLEARANCE = range(9)
@@ -58,13 +60,12 @@ class Tally:
                  points: np.ndarray | None = None, probe=None, margin: float = 0.0,
                  ranks: bool = False) -> None:  # noqa: ANN001
         self.particles, self.tool, self.solver = solver.particles, solver.colliders[tool].sdf, solver
-        self.origin = tuple(float(c) for c in solver.grid.origin)
-        self.goal, self.weights = tuple(map(float, goal)), tuple(map(float, weights))
         self.reach, self.margin, self.index = reach or 0.0, margin, tool
         self.touches, self.looks, self.ranks = reach is not None, points is not None, ranks
-        regions = np.concatenate([target.row, bounds.row, interior.row])
-        self.regions = ti.field(ti.f64, len(regions))
-        self.regions.from_numpy(regions)
+        # in a field, because kernels take Python's numbers for single precision
+        numbers = np.concatenate([target.row, bounds.row, interior.row, solver.grid.origin, goal, weights])
+        self.numbers = ti.field(ti.f64, len(numbers))
+        self.numbers.from_numpy(numbers)
         n = self.particles.n_packs * LANES
         self.counted, self.flags = ti.field(ti.i8, n), ti.field(ti.i8, n)
         counted = np.zeros(n, np.int8)
@@ -123,24 +124,24 @@ class Tally:
     def place(self, slot):
         """World coordinates of a slot's grain, in double precision."""
         q, l = slot // LANES, slot % LANES
-        return ti.Vector([ti.cast(self.particles.x[d][q][l], ti.f64) + self.origin[d] for d in range(3)])
+        return ti.Vector([ti.cast(self.particles.x[d][q][l], ti.f64) + self.numbers[ORIGIN + d] for d in range(3)])
 
     @ti.func
     def distance(self, x):
         """Weighted Manhattan distance to the goal."""
         total = ti.cast(0.0, ti.f64)
         for d in ti.static(range(3)):
-            total += self.weights[d] * ti.abs(x[d] - self.goal[d])
+            total += self.numbers[WEIGHTS + d] * ti.abs(x[d] - self.numbers[GOAL + d])
         return total
 
     @ti.func
     def holds(self, region: ti.template(), x):
         """Whether a region holds a point in its frame."""
         base = ti.static(ROW * region)
-        u = ti.Vector([(x[d] - self.regions[base + d]) * self.regions[base + 3 + d] for d in range(3)])
+        u = ti.Vector([(x[d] - self.numbers[base + d]) * self.numbers[base + 3 + d] for d in range(3)])
         upright = ti.abs(u[2]) < 1.0
         flat = u[0] * u[0] + u[1] * u[1] < 1.0
-        if self.regions[base + 6] < 0.5:
+        if self.numbers[base + 6] < 0.5:
             flat = ti.abs(u[0]) < 1.0 and ti.abs(u[1]) < 1.0
         return upright and flat
 

@@ -6,6 +6,7 @@ import numpy as np
 
 import mpm
 from mpm.motion import turned
+from mpm.solver import MAX_LOOKS
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 
@@ -38,7 +39,7 @@ class KinematicTool(Carrier):
 
         As many steps as the solver can look at go into one launch; ranked grains are looked at from outside.
         """
-        at_once = 1 if self._tally.ranks else mpm.MAX_LOOKS
+        at_once = 1 if self._tally.ranks else MAX_LOOKS
         while steps > 0:
             n = min(steps, at_once)
             steps -= n

@@ -34,7 +34,13 @@ class GrainEnv(gymnasium.Env):
         randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
         camera: str = "task", grasp: Grip = "weld", **numbers: float,
     ) -> None:
-        self._check(render_mode, horizon, action_repeat)
+        for what, given, valid in (("render_mode", render_mode, (None, *self.metadata["render_modes"])),
+                                   ("horizon", horizon, get_args(Horizon)), ("obs", obs, get_args(Layout)),
+                                   ("grasp", grasp, get_args(Grip))):
+            if given not in valid:
+                raise UnknownName(what, given, [name for name in valid if name])
+        if not isinstance(action_repeat, int | np.integer) or action_repeat < 1:
+            raise ConfigError(f"action_repeat = {action_repeat!r}; accepted: a whole number from 1 on")
         self.task = load_task(task or self.TASK) if not isinstance(task, TaskConfig) else task
         self.render_mode, self.horizon, self.clip_actions = render_mode, horizon, clip_actions
         self.action_repeat, self.camera, self.arm = action_repeat, camera, arm
@@ -56,16 +62,6 @@ class GrainEnv(gymnasium.Env):
         self._start, self._now = self.task.start.pose, self.tally.read()
         self._renderer = None
 
-    @staticmethod
-    def _check(render_mode: str | None, horizon: str, action_repeat: int) -> None:
-        """Raise on options outside their lists."""
-        if render_mode not in (None, *GrainEnv.metadata["render_modes"]):
-            raise UnknownName("render_mode", render_mode, GrainEnv.metadata["render_modes"])
-        if horizon not in get_args(Horizon):
-            raise UnknownName("horizon", horizon, get_args(Horizon))
-        if not isinstance(action_repeat, int | np.integer) or action_repeat < 1:
-            raise ConfigError(f"action_repeat = {action_repeat!r}; accepted: a whole number from 1 on")
-
     def _ranges(self, randomize: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
         """The ranges, checked: known numbers, and no pair that the time step cannot follow."""
         for name, given in randomize.items():
@@ -78,8 +74,6 @@ class GrainEnv(gymnasium.Env):
 
     def _carrier(self, grasp: Grip) -> Carrier:
         """What moves the tool."""
-        if grasp not in get_args(Grip):
-            raise UnknownName("grasp", grasp, get_args(Grip))
         if not self.arm:
             return KinematicTool(self.task, self.solver, self.tally)
         from robosim.envs.arm_tool import ArmTool  # without an arm nothing of it is loaded

@@ -65,7 +65,8 @@ def _read(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.ndarray] 
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # opened here: numpy leaves a damaged file open
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             state = {key: stored[key] for key in stored.files}
         made_for, checksum = str(state.pop("made_for")), str(state.pop("checksum"))
         fits = made_for == digest and checksum == _checksum(state)

@@ -1,0 +1,165 @@
+"""The environments: Gymnasium's rules, the paper's scores at their extremes, determinism, one physics everywhere."""
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import robosim  # noqa: F401  (registers the environments)
+from robosim.envs import TASKS
+from robosim.envs.grain_env import GrainEnv
+from robosim.envs.policies import policy
+from robosim.envs.reward import Reward
+from robosim.envs.task import load_task, task_names
+
+EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
+            "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
+"""TCS of no motion and of a perfect one: the tables of arXiv 2406.09178, and for what they lack its equations."""
+ALL = [pytest.param(name, marks=() if name in ("SpoonPour", "SpoonScoop") else pytest.mark.slow) for name in TASKS]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Settled starts of the tests lie in a folder of their own."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROBOSIM_CACHE", str(folder))
+        yield folder
+
+
+def made(name: str, **options: Any) -> GrainEnv:
+    env = gymnasium.make(f"robosim/{name}-v0", **options).unwrapped
+    assert isinstance(env, GrainEnv)
+    return env
+
+
+@pytest.fixture(scope="module")
+def pour() -> GrainEnv:
+    return made("SpoonPour")
+
+
+@pytest.fixture(scope="module")
+def scoop() -> GrainEnv:
+    return made("SpoonScoop")
+
+
+def episode(env: GrainEnv, name: str, seed: int = 0, **reset: Any) -> tuple[float, dict, list[np.ndarray]]:
+    """Return, last info and observations of an episode."""
+    observation, _ = env.reset(seed=seed, **reset)
+    act, total, over, info, seen = policy(name, env, seed), 0.0, False, {}, [observation]
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(act())
+        total, over = total + reward, terminated or truncated
+        seen.append(observation)
+        assert env.observation_space.contains(observation)
+        assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-9)
+    return total, info, seen
+
+
+def test_every_task_has_an_environment_with_a_page() -> None:
+    assert sorted(TASKS) == task_names()
+    from robosim.envs import sub_tasks
+
+    for name in TASKS:
+        page, task = getattr(sub_tasks, name).__doc__, load_task(name)
+        for fact in (str(task.grains.count), str(task.reward.target), f"{Reward(task).extremes()[0]:.2f}",
+                     str(task.action.speed), str(task.target.centre)):
+            assert fact in page, (name, fact)
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+def test_extremes_follow_from_counts_and_weights(name: str) -> None:
+    assert Reward(load_task(name)).extremes() == pytest.approx(EXTREMES[name], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, request: Any) -> None:
+    fixture = {"SpoonPour": "pour", "SpoonScoop": "scoop"}.get(name)
+    env = request.getfixturevalue(fixture) if fixture else made(name)
+    for seed in (0, 1):
+        _, info, seen = episode(env, "zero", seed)
+        assert info["tcs"] == pytest.approx(env.reward.extremes()[0], abs=1e-9) and not info["is_success"]
+    assert np.ptp(np.array(seen), axis=0)[-1] == pytest.approx(1.0)
+    _, info, seen = episode(env, "scripted", 0)
+    assert info["is_success"] and info["tcs"] > 0.8 * env.reward.extremes()[1]
+    assert info["tcs"] == pytest.approx(sum(info["tcs_terms"].values()))
+    assert np.all(np.ptp(np.array(seen), axis=0) > 0)  # nothing that is observed stays constant
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_gymnasium_finds_nothing(name: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*not the same as the gym.*")
+        check_env(gymnasium.make(f"robosim/{name}-v0", obs="moments").unwrapped, skip_render_check=True)
+
+
+def test_same_seed_same_bits_and_seeds_differ(pour: GrainEnv) -> None:
+    first, again, other = (episode(pour, "random", seed)[2] for seed in (3, 3, 4))
+    assert all(np.array_equal(a, b) for a, b in zip(first, again))
+    assert not np.array_equal(first[0], other[0])
+    assert first[0] is not first[1] and not np.shares_memory(first[0], first[1])
+    nominal = [pour.reset(seed=s, options={"nominal": True})[0] for s in (1, 2)]
+    assert np.array_equal(*nominal)
+
+
+def test_score_does_not_depend_on_how_long_an_action_is_held(pour: GrainEnv) -> None:
+    """The same commands given in steps of 20 and of 2 ms: the same physics, launch by launch or in one."""
+    commands = []
+    act = policy("scripted", pour, 0)
+    pour.reset(seed=0)
+    act, over, total = policy("scripted", pour, 0), False, 0.0
+    while not over:
+        commands.append(act())
+        _, reward, over, _, info = pour.step(commands[-1])
+        total += reward
+    places = pour.solver.positions()
+    fine = made("SpoonPour", action_repeat=1)
+    fine.reset(seed=0)
+    again = sum(float(fine.step(commands[k // 10])[1]) for k in range(1000))
+    assert again == pytest.approx(total, abs=1e-6)
+    assert fine.reward.tcs == pytest.approx(info["tcs"])
+    assert np.array_equal(fine.solver.positions(), places)
+
+
+def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
+    """Random states: elites, target, contact, collision and turn, against the paper's equation written out."""
+    task, rng = scoop.task, np.random.default_rng(0)
+    weights = task.reward
+    for _ in range(5):
+        scoop.reset(seed=0)
+        state = scoop.solver.state()
+        region = rng.uniform(task.field.region_lower, task.field.region_upper, (task.grains.count, 3))
+        state["x"] = region - scoop.solver.grid.origin
+        scoop.solver.load(state)
+        scoop.tally.restart()
+        now = scoop.tally.read()
+        terms = scoop.reward.step(scoop.tally, now, -1.5, True)
+        x = scoop.solver.positions()
+        distance = np.abs(x - task.goal) @ weights.distance.weights
+        elite = np.argsort(distance)[: task.grains.elites]
+        beta = weights.distance.total / (task.steps * 300 * weights.distance.reference)
+        assert terms["distance"] == pytest.approx(beta * (300 * weights.distance.reference - distance[elite].sum()),
+                                                  rel=1e-6)
+        assert terms["target"] == pytest.approx(
+            weights.target * np.where(task.target.region.holds(x[elite]), 1.0, -1.0).sum())
+        assert terms["turn"] == pytest.approx(15 * (2.0 - abs(-1.5 + np.radians(110))))
+        tool = scoop.solver.collider_pose(0)
+        phi = scoop.solver.colliders[0].sdf.distance(tool.inverse().apply(x))
+        assert terms["contact"] == pytest.approx(weights.contact * (phi < 0.004).sum(), abs=2 * weights.contact)
+        assert terms["lost"] == 0.0 and terms["collision"] == 0.0
+
+
+def test_observations_hold_what_their_slices_say(pour: GrainEnv) -> None:
+    observation, _ = pour.reset(seed=5)
+    parts = {name: observation[where] for name, where in pour.observation_slices.items()}
+    grains = parts["particles"].reshape(-1, 6)
+    assert grains[:, :3] == pytest.approx(pour.solver.positions(), abs=1e-6)
+    assert grains[:, 3:] == pytest.approx(pour.solver.velocities(), abs=1e-6)
+    assert parts["tool"][:3] == pytest.approx(pour.solver.collider_pose(0).position, abs=1e-6)
+    assert parts["time"] == 0.0
