@@ -36,7 +36,9 @@ def hollow(radius: float, wall: float) -> trimesh.Trimesh:
     """Wall [m] about a hollow of a radius [m] about the origin."""
     inner = trimesh.creation.icosphere(4, radius)
     inner.invert()
-    return trimesh.util.concatenate([trimesh.creation.icosphere(4, radius + wall), inner])
+    outer = trimesh.creation.icosphere(4, radius + wall)
+    return trimesh.Trimesh(np.concatenate([outer.vertices, inner.vertices]),
+                           np.concatenate([outer.faces, inner.faces + len(outer.vertices)]), process=False)
 
 
 def swing(x: np.ndarray, step: float) -> tuple[float, float]:

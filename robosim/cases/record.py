@@ -43,7 +43,7 @@ class Clock:
         """Advance by `duration` [s]."""
         self.run(lambda: self.solver.advance(duration))
 
-    def run(self, work: Callable[[], None]) -> None:
+    def run(self, work: Callable[[], object]) -> None:
         """Do something that advances the solver."""
         if self.compile_seconds == 0.0:
             begin = time.perf_counter()

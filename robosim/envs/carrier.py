@@ -25,6 +25,10 @@ class Carrier:
         self.commanded = pose
         return pose
 
+    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[mpm.Tallied]:
+        """Command velocities for some steps and advance; what was read after each step of `step_dt`."""
+        raise NotImplementedError
+
     def command(self, linear: np.ndarray, angular: np.ndarray) -> None:
         """Move the commanded pose on by one step of `step_dt`, with velocities [m/s], [rad/s] in world axes."""
         place = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)

@@ -110,8 +110,9 @@ class Observer:
             parts |= self._moment_bounds()
         parts |= {"tool": (tool_low, tool_high), "time": (np.zeros(1), np.ones(1))}
         if self.layout == "dict":
-            spaces = {"particles": _box(np.tile(self._low6, (n, 1)), np.tile(self._high6, (n, 1)))}
-            return gymnasium.spaces.Dict(spaces | {name: _box(*bounds) for name, bounds in parts.items()})
+            spaces: dict[str, gymnasium.Space[Any]] = {name: _box(*bounds) for name, bounds in parts.items()}
+            spaces["particles"] = _box(np.tile(self._low6, (n, 1)), np.tile(self._high6, (n, 1)))
+            return gymnasium.spaces.Dict(spaces)
         begin = 0
         for name, (low, _) in parts.items():
             self.slices[name] = slice(begin, begin + len(low))

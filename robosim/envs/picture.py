@@ -97,7 +97,7 @@ class _Window:
 
     def __init__(self) -> None:
         try:
-            import pygame
+            import pygame  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise ConfigError('render_mode = "human" needs pygame: pip install "robosim[human]"; without a display '
                               'use "rgb_array"') from error

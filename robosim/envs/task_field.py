@@ -4,6 +4,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from mpm.lattice import Lattice
 from robosim.envs.task import TaskConfig
 from robosim.frames import container_pose
 from robosim.grains import CONTAINER_SPACING
@@ -35,7 +36,7 @@ def grain_volume(task: TaskConfig) -> float:
     return task.field.cell**3 / task.field.grains_per_cell
 
 
-def filling(task: TaskConfig, sdf: mpm.Sdf) -> np.ndarray:
+def filling(task: TaskConfig, sdf: Lattice) -> np.ndarray:
     """Places [m] (count, 3) of the grains before they settle: the lowest that the tool, container or pile has."""
     spacing = grain_volume(task) ** (1.0 / 3.0)
     rng = np.random.default_rng(0)
@@ -61,7 +62,7 @@ def filling(task: TaskConfig, sdf: mpm.Sdf) -> np.ndarray:
     return places[np.argsort(keys, kind="stable")[: task.grains.count]]
 
 
-def _above(points: np.ndarray, sdf: mpm.Sdf, spacing: float) -> np.ndarray:
+def _above(points: np.ndarray, sdf: Lattice, spacing: float) -> np.ndarray:
     """Whether the tool lies below points (n, 3) in its frame: what is beside it would fall past it."""
     below = np.zeros(len(points), bool)
     for drop in np.arange(spacing, 0.1, spacing / 2):
