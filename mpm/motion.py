@@ -20,7 +20,7 @@ class Pose(NamedTuple):
     @classmethod
     def from_matrix(cls, position: np.ndarray, matrix: np.ndarray) -> "Pose":
         """Pose of a frame whose axes are the columns of matrix (3, 3)."""
-        return cls(np.array(position, float), Rotation.from_matrix(matrix).as_quat(scalar_first=True))
+        return cls(np.array(position, float), quaternion_of(matrix))
 
     @property
     def matrix(self) -> np.ndarray:
@@ -44,6 +44,17 @@ class Pose(NamedTuple):
     def apply(self, points: np.ndarray) -> np.ndarray:
         """World coordinates of points (n, 3) given in this frame."""
         return points @ self.matrix.T + self.position
+
+
+def quaternion_of(matrix: np.ndarray) -> np.ndarray:
+    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), from its largest component (Shepperd 1978)."""
+    (a, b, c), (d, e, f), (g, h, i) = np.asarray(matrix, float).tolist()
+    squares = (1 + a + e + i, 1 + a - e - i, 1 - a + e - i, 1 - a - e + i)
+    largest = squares.index(max(squares))
+    row = ((squares[0], h - f, c - g, d - b), (h - f, squares[1], b + d, c + g), (c - g, b + d, squares[2], f + h),
+           (d - b, c + g, f + h, squares[3]))[largest]
+    length = math.sqrt(sum(v * v for v in row))
+    return np.array([v / length for v in row])
 
 
 class Twist(NamedTuple):

@@ -4,15 +4,16 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import mpm
+from mpm.motion import quaternion_of, relative_rotation
 from robosim.frames import body_pose
 
 PROBE = 0.01
 """Probing impulse, as a share of what the body's weight gives in a step: within one state of sticking contacts."""
 PROBE_ARM = 0.05
 """[m] at which the probing impulse pulls when it probes rotation."""
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 RANK = 1e-9
 """Share of the largest answer below which a direction counts as fixed."""
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -80,7 +81,8 @@ class Twin:
             body, R = self.bodies[i], pose.matrix
             axes = data.xmat[self.bodies[i]].reshape(3, 3)
             centre = axes.T @ (data.xipos[body] - data.xpos[body])  # in the frame
-            offset += [pose.position + R @ centre - data.xipos[body], Rotation.from_matrix(R @ axes.T).as_rotvec()]
+            turn = relative_rotation(UPRIGHT, quaternion_of(R @ axes.T))
+            offset += [pose.position + R @ centre - data.xipos[body], turn]
         twists = self.twists()
         impulses = np.linalg.lstsq(self._mobility[rows], np.concatenate(offset), rcond=RANK)[0]
         mujoco.mj_integratePos(self.model, data.qpos, self._joint_answers @ impulses, 1.0)

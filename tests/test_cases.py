@@ -97,6 +97,7 @@ def test_dam_break() -> None:
     assert coarse.readings["front_at_5"] == pytest.approx(fine.readings["front_at_5"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_slope_above_the_threshold() -> None:
     """The sheet loses less to the grid with every refinement, and slides by m3, not by tan phi."""
     records = [slope.measure(cells=n) for n in (8, 16, 32)]
@@ -165,7 +166,7 @@ def test_cases_are_found_by_name() -> None:
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("material", ["elastic", "sand"])
+@pytest.mark.parametrize("material", [pytest.param("elastic", marks=pytest.mark.slow), "sand"])
 def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> None:
     """Through MuJoCo's own integration, angular momentum of the spinning ball included."""
     for ratio in (1.0,) if precision == "f32" else (1e-3, 1.0):

@@ -44,6 +44,7 @@ def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert "made up" in (tmp_path / "stability.json").read_text()
 
 
+@pytest.mark.slow
 def test_auto_takes_the_eigenvalues_where_the_series_ends() -> None:
     """Squeezed to 60 % the series is 1e-4 off; small strains are left to it, to the bit."""
     cell = 0.01
