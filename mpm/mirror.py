@@ -12,6 +12,9 @@ from mpm.grid import BLOCK, GHOST, activate, clear, in_first_layer
 from mpm.ledger import WALL_ROW, position
 from mpm.walls import FRICTION, PERIODIC, ROLLER, SLIP, STICK
 
+TINY = 1e-37
+"""Smallest momentum [N s] to divide by: above the numbers that lose digits in single precision."""
+
 
 @ti.func
 def mirrored(q, n, condition):
@@ -242,7 +245,8 @@ def stop_node(grid: ti.template(), I, n, condition, held, pair, friction):
         if condition == FRICTION:
             slide = q - into * n
             push = ti.max(mass * (v.dot(n) - into) + pair, 0.0)
-            left = ti.max(1.0 - friction * push / (mass * slide.norm(1e-15)), 0.0)
+            # the momentum of a node at the very edge of a stencil can be too small for a number: then it is TINY
+            left = ti.max(1.0 - friction * push / ti.max(mass * slide.norm(1e-15), TINY), 0.0)
             v = v.dot(n) * n + left * slide
         impulse = mass * (v - q)
         impulse[3] = 0.0
