@@ -8,6 +8,7 @@ from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW
 from mpm.mirror import fold, fold_periodic, unfold, unfold_periodic
 from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
+from mpm.particles import LANES
 from mpm.sides import gather_cut, keep_for_cut, label_grains, label_nodes, scatter_cut
 from mpm.strain import INTEGRATORS, keep
 from mpm.surface import tool_axes, tool_origin
@@ -201,6 +202,17 @@ class Substeps:
                 for c in ti.static(range(3)):
                     P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
             last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, next_stamp)
+        if ti.static(P.counts[body] % LANES > 0):
+            self.still(P, P.ranges[body][1] - 1, ti.static(P.counts[body] % LANES))
+
+    @ti.func
+    def still(self, P: ti.template(), q, filled: ti.template()):
+        """Lanes without a grain rest: carried along, they would run into nodes without mass, and their strain away."""
+        for l in ti.static(range(filled, LANES)):
+            for d in ti.static(range(3)):
+                P.v[d][q][l] = 0.0
+            for i in ti.static(range(9)):
+                P.C[i][q][l] = 0.0
 
     @ti.func
     def moved(self, x, axis: ti.template()):
