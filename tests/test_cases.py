@@ -214,3 +214,16 @@ def test_cube_floats_at_its_draught() -> None:
         record = floating_cube.measure(cell=0.008, offset_cells=offset)
         assert abs(record.errors["draught"]) <= record.readings["accepted"]
         assert abs(record.errors["weight"]) <= 0.01
+
+
+@pytest.mark.slow
+def test_water_round_a_ball_has_mass() -> None:
+    record = find("added_mass").measure(cell=0.003, swings=1.2)
+    assert abs(record.errors["frequency"]) < find("added_mass").BANDS["frequency"]
+
+
+@pytest.mark.slow
+def test_a_wheel_pulls_more_the_more_it_slips() -> None:
+    wheel = find("driven_wheel")
+    pulls = [wheel.measure(**choices).errors["pull"] for choices in wheel.SWEEP]
+    assert all(np.diff(pulls) > 0) and pulls[-1] < wheel.BANDS["pull"][1]

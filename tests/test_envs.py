@@ -164,3 +164,44 @@ def test_observations_hold_what_their_slices_say(pour: GrainEnv) -> None:
     assert grains[:, 3:] == pytest.approx(pour.solver.velocities(), abs=1e-6)
     assert parts["tool"][:3] == pytest.approx(pour.solver.collider_pose(0).position, abs=1e-6)
     assert parts["time"] == 0.0
+
+
+ARM = [pytest.param(name, marks=() if name == "SpoonTranslate" else pytest.mark.slow) for name in TASKS]
+
+
+@pytest.mark.parametrize("name", ARM)
+def test_the_arm_scores_as_the_tool_alone(name: str) -> None:
+    """The same script, the same observation and actions: the score differs by a tenth of its range at most."""
+    scores, spaces = {}, []
+    for arm in (False, True):
+        env = made(name, arm=arm)
+        _, info, _ = episode(env, "scripted", 0)
+        assert info["is_success"]
+        scores[arm] = info["tcs"]
+        spaces.append((env.observation_space, env.action_space))
+        low, high = env.reward.extremes()
+    assert spaces[0] == spaces[1]
+    assert abs(scores[True] - scores[False]) < 0.1 * (high - low)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SpoonTranslate", "SpoonPour", "BottlePickPour", "ShovelMove"])
+def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
+    env = made(name, arm=True, grasp="friction")
+    _, info, _ = episode(env, "scripted", 0)
+    assert info["is_success"]
+    assert 0 < env.carrier.grasp.slip < 0.02  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.slow
+def test_vector_environments_end_and_begin_together() -> None:
+    vector = gymnasium.make_vec("robosim/ShovelMove-v0", num_envs=2)
+    try:
+        first, _ = vector.reset(seed=[0, 1])
+        assert first.shape[0] == 2 and not np.array_equal(*first)
+        for step in range(100):
+            seen, _, over, _, infos = vector.step(np.zeros(vector.action_space.shape, np.float32))
+            assert over.all() == (step == 99)
+        assert seen[0, -1] == 0.0 and infos["final_obs"][0][-1] == 1.0
+    finally:
+        vector.close()
