@@ -79,9 +79,10 @@ class ArmTool(Carrier):
     def __init__(self, name: str, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally, grasp: Grip) -> None:
         super().__init__(task, solver, tally)
         self._robot = load_robot("iiwa14")
-        spec = scene_spec(task.tool, grasp, task.containers, task.step_dt, contact=True)
-        self.scene = compile_scene(spec, task.tool)
-        self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
+        self._task, self._grip = task, grasp
+        self.scene = compile_scene(self.spec(), task.tool)
+        self.model = self.scene.model
+        self.data = self.robot = mujoco.MjData(self.model)
         self._arm = Arm(task.tool)
         self._start_q = np.array(start_posture(name))
         self.data.qpos[self.scene.arm_qpos] = self._start_q
@@ -91,6 +92,10 @@ class ArmTool(Carrier):
         self._q = self._start_q
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
+
+    def spec(self) -> mujoco.MjSpec:
+        """The rigid scene, a new specification at each call."""
+        return scene_spec(self._task.tool, self._grip, self._task.containers, self._task.step_dt, contact=True)
 
     def _close_fingers(self) -> None:
         """Hold the start until the fingers have closed and, with a grasp by friction, carry the tool alone."""

@@ -1,6 +1,7 @@
 """What carries the tool: told where to be, and without an arm it is there at once."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,13 @@ class Carrier:
         self._lower, self._upper = np.array(task.action.lower), np.array(task.action.upper)
         self.commanded = solver.collider_pose(TOOL)
         """Where the tool is told to be."""
+
+    robot: Any = None
+    """MuJoCo's data of the scene with the arm, where there is one."""
+
+    def spec(self) -> Any:
+        """Specification of that scene."""
+        return None
 
     def restart(self, pose: mpm.Pose) -> mpm.Pose:
         """Begin an episode with the tool at a pose; returns where it is really."""

@@ -186,8 +186,9 @@ class GrainEnv(gymnasium.Env):
         if self._renderer is None:
             from robosim.envs.picture import Picture  # nothing of it is loaded until somebody draws
 
-            self._renderer = Picture(self.task, self.material, self.camera, window=self.render_mode == "human")
-        return self._renderer.draw(self.solver)
+            self._renderer = Picture(self.task, self.material, self.camera, arm=self.carrier.spec(),
+                                     window=self.render_mode == "human")
+        return self._renderer.draw(self.solver, self.carrier.robot)
 
     def close(self) -> None:
         """Free the renderer."""

@@ -1,4 +1,4 @@
-"""Pictures of a sub-task without an arm: tool, container, target and grains on the table."""
+"""Pictures of a sub-task: tool or whole arm, container, target and grains on the table."""
 
 import mujoco
 import numpy as np
@@ -15,22 +15,18 @@ CAMERAS = ("task", "side", "overview", "close")
 GRAIN_RADIUS = 0.55
 """Radius of a drawn grain, in cube roots of its volume."""
 WIDTH, HEIGHT = 640, 480
-THIN = 0.0006
+THIN = 0.0015
 """Thickness [m] of the marks on the table."""
 
 
 class Picture:
     """Draws a solver's grains and tool."""
 
-    def __init__(self, task: TaskConfig, material: MaterialConfig, camera: str, *, window: bool = False) -> None:
+    def __init__(self, task: TaskConfig, material: MaterialConfig, camera: str, *, arm: mujoco.MjSpec | None = None,
+                 window: bool = False) -> None:
         if camera not in CAMERAS:
             raise UnknownName("camera", camera, CAMERAS)
-        spec = load_spec("workcell", "workcell.xml")
-        carrier = spec.worldbody.add_body(name="carrier", mocap=True)
-        with quiet_prefixes():
-            carrier.add_frame().attach_body(load_spec("tools", task.tool, f"{task.tool}.xml").body(task.tool), "", "")
-            if task.container is not None and task.container_place is not None:
-                add_container(spec, task.container, task.container_place)
+        spec = arm if arm is not None else _bare(task)
         _marks(spec, task)
         _cameras(spec, task)
         apply_quality(spec)
@@ -40,10 +36,13 @@ class Picture:
         self._renderer = SceneRenderer(self._model, task.grains.count, WIDTH, HEIGHT)
         self._camera, self._window = camera, _Window() if window else None
 
-    def draw(self, solver: mpm.Solver) -> np.ndarray | None:
-        """The picture (height, width, 3), or None once it is in the window."""
-        pose = solver.collider_pose(TOOL)
-        self._data.mocap_pos[0], self._data.mocap_quat[0] = pose.position, pose.quaternion
+    def draw(self, solver: mpm.Solver, robot: mujoco.MjData | None) -> np.ndarray | None:
+        """The picture (height, width, 3), or None once it is in the window. robot: whose posture is drawn."""
+        if robot is not None:
+            self._data.qpos[:] = robot.qpos
+        else:
+            pose = solver.collider_pose(TOOL)
+            self._data.mocap_pos[0], self._data.mocap_quat[0] = pose.position, pose.quaternion
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
@@ -58,6 +57,17 @@ class Picture:
         self._renderer.close()
         if self._window is not None:
             self._window.close()
+
+
+def _bare(task: TaskConfig) -> mujoco.MjSpec:
+    """Table, container, and the tool on a body that goes where it is put."""
+    spec = load_spec("workcell", "workcell.xml")
+    carrier = spec.worldbody.add_body(name="carrier", mocap=True)
+    with quiet_prefixes():
+        carrier.add_frame().attach_body(load_spec("tools", task.tool, f"{task.tool}.xml").body(task.tool), "", "")
+        for name, container in task.containers.items():
+            add_container(spec, name, container)
+    return spec
 
 
 def _marks(spec: mujoco.MjSpec, task: TaskConfig) -> None:
