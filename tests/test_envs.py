@@ -13,6 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import robosim  # noqa: F401  (registers the environments)
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
+from robosim.envs.observation import Observer
 from robosim.envs.policies import policy
 from robosim.envs.reward import Reward
 from robosim.envs.task import load_task, task_names
@@ -205,3 +206,28 @@ def test_vector_environments_end_and_begin_together() -> None:
         assert seen[0, -1] == 0.0 and infos["final_obs"][0][-1] == 1.0
     finally:
         vector.close()
+
+
+@pytest.mark.parametrize(("layout", "length"), [
+    ("flat", 203 * 6 + 8), ("all", 203 * 6 + 8), ("positions", 203 * 3 + 8), ("velocities", 203 * 3 + 8), ("none", 8),
+    ("moments", 30 + 8),
+])
+def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: Any, length: int) -> None:
+    observer = Observer(pour.task, pour.solver, layout)
+    pour.reset(seed=0)
+    act = policy("random", pour, 0)
+    for _ in range(20):
+        pour.step(act())
+        seen = observer.read(pour.tally.read(), 0.2)
+        assert seen.shape == (length,) and seen.dtype == np.float32 and observer.space.contains(seen)
+    assert sum(part.stop - part.start for part in observer.slices.values()) == length
+
+
+def test_dict_layout_holds_the_same_numbers(pour: GrainEnv) -> None:
+    flat, parts = (Observer(pour.task, pour.solver, layout) for layout in ("flat", "dict"))
+    pour.reset(seed=0)
+    now = pour.tally.read()
+    seen, table = flat.read(now, 0.5), parts.read(now, 0.5)
+    assert parts.space.contains(table)
+    for name in ("particles", "tool", "time"):
+        assert np.array_equal(seen[flat.slices[name]], table[name].ravel())

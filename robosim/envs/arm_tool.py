@@ -79,7 +79,8 @@ class ArmTool(Carrier):
     def __init__(self, name: str, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally, grasp: Grip) -> None:
         super().__init__(task, solver, tally)
         self._robot = load_robot("iiwa14")
-        self._task, self._grip = task, grasp
+        self._task = task
+        self._grip: Grip = grasp
         self.scene = compile_scene(self.spec(), task.tool)
         self.model = self.scene.model
         self.data = self.robot = mujoco.MjData(self.model)
