@@ -129,6 +129,8 @@ class Solver:
         """Replace the scene's colliders before the first advance; the grains stay as they are."""
         if self.steps > 0:
             raise InvalidValue("the scene is fixed by the first advance; set its colliders before it")
+        if self.tally is not None:
+            raise InvalidValue("the scene is fixed once a tally is attached; set its colliders before that")
         before, gravity = self.state(), self.numbers.gravity[None]
         self.colliders = list(colliders)
         for k, collider in enumerate(self.colliders):
@@ -157,6 +159,8 @@ class Solver:
 
     def attach(self, tally: Tally) -> None:
         """Let a tally of this solver read within advances, too; its kernel is compiled anew."""
+        if tally.solver is not self or tally.index not in self.features.moving_colliders:
+            raise InvalidValue("attach: the tally is of another solver, or its tool cannot move")
         self.tally = tally
         self._substeps = Substeps(self)
         self._out = np.zeros((self._substeps.rows + TALLY_ROWS * MAX_LOOKS, 6))

@@ -16,6 +16,8 @@ ORIGIN, GOAL, WEIGHTS = range(3 * ROW, 3 * ROW + 9, 3)
 ROWS = 2
 """Rows of six numbers that a reading takes."""
 DISTANCE, NEWLY_LOST, LOST_ON_TARGET, ON_TARGET, LOST, HELD, TOUCHING, PROBED, CLEARANCE = range(9)
+COUNTED, LOSING = 1, 2
+"""What is done with a grain: counted, and counted when lost."""
 WAS_ON_TARGET, IS_LOST = 1, 2
 """Flags that a grain keeps from step to step."""
 FAR = 1.0
@@ -47,10 +49,11 @@ class Tallied(NamedTuple):
 class Tally:
     """Reads a solver's grains against a goal, a target, bounds and a tool.
 
-    chosen: indices of the counted grains. goal [m] (3,), weights (3,): of the Manhattan distance. target, bounds: in
-    the world; interior: in the frame of collider `tool`; a grain in it is never lost. reach: [m] from the tool's face
-    within which grains count as touching; None: not looked at. points: [m] (n, 3), scenery that is looked up in the
-    signed distance `probe`, in the tool's frame, with a margin [m]; None: none. ranks: `distances` of each grain, too.
+    chosen: indices of the counted grains; losing: those of them whose loss is counted, None: all. goal [m] (3,),
+    weights (3,): of the Manhattan distance. target, bounds: in the world; interior: in the frame of collider `tool`; a
+    grain in it is never lost. reach: [m] from the tool within which grains count as touching; None: not looked
+    at. points: [m] (n, 3), scenery that is looked up in the signed distance `probe`, in the tool's frame, with a margin
+    [m]; None: none. ranks: `distances` of each grain, too.
 
     A solver that it is attached to (`Solver.attach`) also reads within an advance.
     """
@@ -58,7 +61,7 @@ class Tally:
     def __init__(self, solver, chosen: np.ndarray, *, goal: np.ndarray, weights: np.ndarray,  # noqa: ANN001
                  target: Region, bounds: Region, interior: Region, tool: int, reach: float | None = None,
                  points: np.ndarray | None = None, probe=None, margin: float = 0.0,
-                 ranks: bool = False) -> None:  # noqa: ANN001
+                 ranks: bool = False, losing: np.ndarray | None = None) -> None:  # noqa: ANN001
         self.particles, self.tool, self.solver = solver.particles, solver.colliders[tool].sdf, solver
         self.reach, self.margin, self.index = reach or 0.0, margin, tool
         self.touches, self.looks, self.ranks = reach is not None, points is not None, ranks
@@ -69,7 +72,8 @@ class Tally:
         n = self.particles.n_packs * LANES
         self.counted, self.flags = ti.field(ti.i8, n), ti.field(ti.i8, n)
         counted = np.zeros(n, np.int8)
-        counted[self.particles.index[chosen]] = 1
+        counted[self.particles.index[chosen]] = COUNTED
+        counted[self.particles.index[chosen if losing is None else losing]] = COUNTED + LOSING
         self.counted.from_numpy(counted)
         self.probe = probe
         self.points = None
@@ -104,7 +108,7 @@ class Tally:
             self.accumulate(c, R, out, 0)
             if ti.static(self.ranks):
                 for slot in range(self.particles.n_packs * LANES):
-                    if self.counted[slot] == 1:
+                    if self.counted[slot] > 0:
                         distances[slot, 0] = ti.cast(self.distance(self.place(slot)), ti.f32)
                         distances[slot, 1] = ti.cast(self.flags[slot] & WAS_ON_TARGET, ti.f32) / WAS_ON_TARGET
 
@@ -115,7 +119,7 @@ class Tally:
         for slot in range(self.particles.n_packs * LANES):
             if ti.static(self.touches):
                 self.touch(slot, c, R, out, row)
-            if self.counted[slot] == 1:
+            if self.counted[slot] > 0:
                 self.count(slot, c, R, out, row)
         if ti.static(self.looks):
             self.look(c, R, out, row)
@@ -152,7 +156,7 @@ class Tally:
         on_target, held = self.holds(0, x), self.holds(2, R.transpose() @ (x - c))
         flags = ti.cast(self.flags[slot], ti.i32)
         lost = flags & IS_LOST
-        if lost == 0 and not held and not self.holds(1, x):
+        if lost == 0 and not held and self.counted[slot] > COUNTED and not self.holds(1, x):
             lost = IS_LOST
             add(out, row, NEWLY_LOST, 1.0)
             if flags & WAS_ON_TARGET:

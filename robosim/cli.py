@@ -73,7 +73,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     run.add_argument("task", help=f"one of: {', '.join(TASKS)}")
     run.add_argument("--policy", default="scripted", help=f"one of: {', '.join(POLICIES)}; or a .npz file with an "
                      "array `actions` (default: scripted)")
-    run.add_argument("--episodes", type=int, default=5, help="with seeds from --seed on (default: 5)")
+    run.add_argument("--episodes", type=_positive, default=5, help="with seeds from --seed on (default: 5)")
     run.add_argument("--seed", type=_seed, default=0, help="of the first episode (default: 0)")
     run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
     run.add_argument("--arm", action="store_true", help="let the whole arm carry the tool")
@@ -83,6 +83,13 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     run.set_defaults(run=lambda a: evaluate(
         a.task, a.policy, a.out, episodes=a.episodes, seed=a.seed, film=not a.no_video, material=a.material, arm=a.arm,
         grasp=a.grasp))
+
+
+def _positive(text: str) -> int:
+    """A whole number from 1 on."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return int(text)
 
 
 def _seed(text: str) -> int:

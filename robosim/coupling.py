@@ -107,6 +107,8 @@ class GranularPlugin:
     def restart(self) -> None:
         """Forget the last step, after the user put scene and grains into another state."""
         self._fresh, self._applied[:], self.miss[:] = True, 0.0, 0.0
+        for bad in BAD_STATES:
+            self.data.warning[bad].number = 0
         self.outside, self.ledger = set(), empty_ledger(self._colliders)
 
     def wrench(self, body: str) -> mpm.Wrench:

@@ -58,6 +58,12 @@ class Grasp:
             self._data.eq_active[self._model.equality(HOLDER).id] = 0
             self._released = self._in_palm()
 
+    def restart(self) -> None:
+        """Measure slip from here on, after the user put the scene into another state."""
+        self.slip = self.slip_angle = 0.0
+        if self._released is not None:
+            self._released = self._in_palm()
+
     def watch(self) -> None:
         """Measure how far the tool has slipped."""
         if self._released is not None:

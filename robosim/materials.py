@@ -83,13 +83,14 @@ def load_material(name: str) -> MaterialConfig:
     return load(path, KINDS[law])
 
 
-def overridden(config: MaterialConfig, numbers: dict[str, float]) -> MaterialConfig:
+def overridden(config: MaterialConfig, numbers: dict[str, float],
+               what: str = "number of this material") -> MaterialConfig:
     """A material with some numbers changed; angles are named with their unit, `friction_angle_deg`."""
     known = {"friction_angle_deg" if n == "friction_angle" else n: n for n in config.numbers()}
     changed = {}
     for name, value in numbers.items():
         if name not in known:
-            raise UnknownName("number of this material", name, known)
+            raise UnknownName(what, name, known)
         quantity = getattr(config, known[name])
         changed[known[name]] = quantity.model_copy(update={"value": float(value), "source": "given by the user"})
     return config.model_copy(update=changed)

@@ -7,6 +7,7 @@ import numpy as np
 
 import mpm
 from mpm.motion import quaternion_of, relative_rotation
+from robosim.errors import RobotDiverged
 from robosim.frames import body_pose
 
 PROBE = 0.01
@@ -147,6 +148,8 @@ class Twin:
         self._qpos[:], self._qvel[:] = place, base
         self._refresh()
         impulses = h * load[self.bodies].ravel()
+        if not np.isfinite(answers).all():
+            raise RobotDiverged(float(self.data.time), ["the answer to a probing impulse is not finite"])
         W = self._reciprocal(jacobian @ answers)
         self._mobility, self._joint_answers = W, answers
         foresight = Foresight(now, self.twists() - (W @ impulses).reshape(n, 6), W)

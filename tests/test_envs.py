@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import mpm
 import robosim  # noqa: F401  (registers the environments)
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
@@ -17,6 +18,7 @@ from robosim.envs.observation import Observer
 from robosim.envs.policies import policy
 from robosim.envs.reward import Reward
 from robosim.envs.task import load_task, task_names
+from robosim.shapes.spoon import INTERIOR
 
 EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
             "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
@@ -77,6 +79,20 @@ def test_every_task_has_an_environment_with_a_page() -> None:
 @pytest.mark.parametrize("name", EXTREMES)
 def test_extremes_follow_from_counts_and_weights(name: str) -> None:
     assert Reward(load_task(name)).extremes() == pytest.approx(EXTREMES[name], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
+    """All grains reach the target, in the last step or, where they are poured, in one on the way."""
+    task = load_task(name)
+    reward, n = Reward(task), task.grains.counted
+    poured = n if task.kind == "pour" else 0
+    none = mpm.Tallied(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
+    way = none._replace(newly_lost=poured, lost_on_target=poured, lost=poured, on_target=n)
+    total = sum(sum(reward.step(None, now, 0.0, now is way).values()) for now in (none, way))  # pyright: ignore[reportArgumentType]
+    assert reward.tcs == pytest.approx(EXTREMES[name][1], abs=1e-9)
+    assert total == pytest.approx(reward.tcs + 2 * reward.beta * reward.gamma)
+    assert reward.succeeded(way)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -155,6 +171,64 @@ def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
         phi = scoop.solver.colliders[0].sdf.distance(tool.inverse().apply(x))
         assert terms["contact"] == pytest.approx(weights.contact * (phi < 0.004).sum(), abs=2 * weights.contact)
         assert terms["lost"] == 0.0 and terms["collision"] == 0.0
+
+
+def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
+    """Grains jump from one random state to the next: who crossed the bounds, and whether it was over the target."""
+    task, rng = pour.task, np.random.default_rng(1)
+    bounds, target = task.bounds.region, task.target.region
+
+    def jump() -> np.ndarray:
+        state = pour.solver.state()
+        low, high = np.array(task.field.region_lower), np.array(task.field.region_upper)
+        state["x"] = rng.uniform(low, high - [0, 0, 0.25], (task.grains.count, 3)) - pour.solver.grid.origin
+        pour.solver.load(state)
+        return pour.solver.positions()
+
+    for _ in range(5):
+        pour.reset(seed=0)
+        before = jump()
+        pour.tally.restart()
+        after = jump()
+        now = pour.tally.read()
+        terms = pour.reward.step(pour.tally, now, 0.0, True)
+        tool = pour.solver.collider_pose(0).inverse()
+        out, ahead = (~bounds.holds(x) & ~INTERIOR.holds(tool.apply(x)) for x in (before, after))
+        crossed = ahead & ~out
+        assert crossed.sum() > 5
+        signs = np.where(target.holds(before[crossed]), 1.0, -1.0)
+        assert terms["target"] == pytest.approx(task.reward.target * signs.sum())
+        assert terms["poured"] == pytest.approx(task.reward.poured * np.where(out | ahead, 1.0, -1.0).sum())
+        distance = (np.abs(after - task.goal) @ task.reward.distance.weights).sum()
+        gamma = 203 * task.reward.distance.reference
+        assert terms["distance"] == pytest.approx(task.reward.distance.total / (1000 * gamma) * (gamma - distance),
+                                                  rel=1e-6)
+
+
+@pytest.mark.parametrize("repeat", [7, 300, 1000])
+def test_any_number_of_steps_can_be_held(pour: GrainEnv, repeat: int) -> None:
+    pour.action_repeat = repeat
+    try:
+        _, info, seen = episode(pour, "zero")
+        assert info["tcs"] == pytest.approx(-30.45) and info["time"] == pytest.approx(2.0)
+        assert len(seen) == 1 + -(-1000 // repeat)
+    finally:
+        pour.action_repeat = 10
+
+
+def test_to_diverge_never_pays(pour: GrainEnv, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last good observation, a score at the lower extreme, no success; and the next episode is whole."""
+    total, _, _ = episode(pour, "zero")
+    pour.reset(seed=0)
+    last = pour.step(np.zeros(6, np.float32))[0]
+    with monkeypatch.context() as patch:
+        patch.setattr(pour.solver, "advance", lambda *a, **k: (_ for _ in ()).throw(mpm.SimulationDiverged(
+            time=0.0, step=0, particle=0, position=(0, 0, 0), speed=1e3, cfl=9.0)))
+        seen, reward, ended, cut, info = pour.step(np.zeros(6, np.float32))
+    assert ended and not cut and not info["is_success"] and "particle 0" in info["diverged"]
+    assert info["tcs"] <= -30.45 and reward < total
+    assert np.array_equal(seen, last)
+    assert episode(pour, "zero")[1]["tcs"] == pytest.approx(-30.45)
 
 
 def test_observations_hold_what_their_slices_say(pour: GrainEnv) -> None:

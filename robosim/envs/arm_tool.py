@@ -12,9 +12,9 @@ from robosim.arm import SPEED_LIMITS, Arm
 from robosim.config import Grip, RobotConfig, load_robot
 from robosim.coupling import GranularPlugin
 from robosim.envs.carrier import Carrier
-from robosim.envs.task import TaskConfig, load_task
+from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
-from robosim.errors import RobotDiverged
+from robosim.errors import RobotDiverged, UnreachableWaypoint
 from robosim.frames import body_pose
 from robosim.grasp import Grasp
 from robosim.kinematics import solve, solve_path, step_towards
@@ -30,9 +30,9 @@ HELD = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 @lru_cache(maxsize=32)
-def start_posture(name: str) -> tuple[float, ...]:
-    """Joint angles [rad] (7,) of a task's start, from which its whole script can be followed."""
-    task = load_task(name)
+def start_posture(words: str) -> tuple[float, ...]:
+    """Joint angles [rad] (7,) of the start of a task, given as JSON, from which its whole script can be followed."""
+    task = TaskConfig.model_validate_json(words)
     way = task.way()
     times = np.linspace(0.0, task.steps * task.step_dt, PATH_POSES)
     solution = solve_path(Arm(task.tool), [way.pose(t) for t in times], [(0, "start"), (PATH_POSES - 1, "end")])
@@ -76,7 +76,7 @@ class Smoother:
 class ArmTool(Carrier):
     """Moves the tool with the arm: the grains push back."""
 
-    def __init__(self, name: str, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally, grasp: Grip) -> None:
+    def __init__(self, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally, grasp: Grip) -> None:
         super().__init__(task, solver, tally)
         self._robot = load_robot("iiwa14")
         self._task = task
@@ -85,7 +85,7 @@ class ArmTool(Carrier):
         self.model = self.scene.model
         self.data = self.robot = mujoco.MjData(self.model)
         self._arm = Arm(task.tool)
-        self._start_q = np.array(start_posture(name))
+        self._start_q = np.array(start_posture(task.model_dump_json()))
         self.data.qpos[self.scene.arm_qpos] = self._start_q
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.model, self.data, self.scene.tool)
@@ -119,7 +119,10 @@ class ArmTool(Carrier):
     def restart(self, pose: mpm.Pose) -> mpm.Pose:
         """Put the arm where it holds the tool at a pose; returns where it holds it really."""
         mujoco.mj_setState(self.model, self.data, self._held, HELD)
-        self._q = solve(self._arm, pose, self._start_q, rest=self._start_q).q
+        posture = solve(self._arm, pose, self._start_q, rest=self._start_q)
+        if not posture.converged:
+            raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)
+        self._q = posture.q
         offset = self.data.qpos[self.scene.arm_qpos] - self._start_q  # what the servo leaves under gravity
         self.data.qpos[self.scene.arm_qpos] = self._q + offset
         self.data.qvel[:] = 0.0
@@ -130,6 +133,7 @@ class ArmTool(Carrier):
             self.data.qpos[place : place + 7] = np.concatenate(held)
         mujoco.mj_forward(self.model, self.data)
         self._smoother.restart(self._q)
+        self.grasp.restart()
         self.plugin.restart()
         super().restart(pose)
         return body_pose(self.data, self.scene.tool)

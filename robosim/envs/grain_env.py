@@ -1,5 +1,7 @@
 """The Gymnasium environment that all eight sub-tasks share."""
 
+import copy
+import itertools
 import math
 from typing import Any, ClassVar, Literal, get_args
 
@@ -7,6 +9,7 @@ import gymnasium
 import numpy as np
 
 import mpm
+from mpm.timestep import material_bound
 from robosim.config import Grip
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.observation import Layout, Observer
@@ -18,13 +21,14 @@ from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.materials import law_of, load_material, overridden
 
 Horizon = Literal["terminate", "truncate"]
+CAMERAS = ("task", "side", "overview", "close")
 AXES = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
 
 
 class GrainEnv(gymnasium.Env):
     """A tool and grains; see the classes of the sub-tasks."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
     TASK: ClassVar[str] = ""
     """Name of the configuration below configs/tasks."""
 
@@ -39,12 +43,17 @@ class GrainEnv(gymnasium.Env):
                                    ("grasp", grasp, get_args(Grip))):
             if given not in valid:
                 raise UnknownName(what, given, [name for name in valid if name])
+        if render_mode is not None and camera not in CAMERAS:
+            raise UnknownName("camera", camera, CAMERAS)
         if not isinstance(action_repeat, int | np.integer) or action_repeat < 1:
             raise ConfigError(f"action_repeat = {action_repeat!r}; accepted: a whole number from 1 on")
         self.task = load_task(task or self.TASK) if not isinstance(task, TaskConfig) else task
         self.render_mode, self.horizon, self.clip_actions = render_mode, horizon, clip_actions
         self.action_repeat, self.camera, self.arm = action_repeat, camera, arm
-        self.material = overridden(load_material(material or self.task.material), numbers)
+        rate = max(1, round(1.0 / (action_repeat * self.task.step_dt)))
+        self.metadata = {**type(self).metadata, "render_fps": rate}
+        self.material = overridden(load_material(material or self.task.material), numbers,
+                                   "option, or number of this material,")
         self.randomize = self._ranges(randomize or {})
         mpm.init()
         self.solver = build_solver(self.task, law_of(self.material), mobile=arm)
@@ -68,8 +77,13 @@ class GrainEnv(gymnasium.Env):
             low, high = given if np.ndim(given) == 1 and len(given) == 2 else (math.nan, math.nan)
             if not low <= high:
                 raise ConfigError(f"randomize: {name} = {given!r}; accepted: (lowest, highest)")
-        for side in (0, 1):
-            law_of(overridden(self.material, {name: pair[side] for name, pair in randomize.items()}))
+        dt = self.task.field.dt
+        for corner in itertools.product(*randomize.values()):
+            numbers = dict(zip(randomize, corner))
+            bound = material_bound(self.task.field.cell, law_of(overridden(self.material, numbers)))
+            if dt is not None and dt > bound:
+                raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; field.dt is {dt} s: take "
+                                  f"a softer or a heavier material")
         return dict(randomize)
 
     def _carrier(self, grasp: Grip) -> Carrier:
@@ -78,7 +92,7 @@ class GrainEnv(gymnasium.Env):
             return KinematicTool(self.task, self.solver, self.tally)
         from robosim.envs.arm_tool import ArmTool  # without an arm nothing of it is loaded
 
-        return ArmTool(self.TASK, self.task, self.solver, self.tally, grasp)
+        return ArmTool(self.task, self.solver, self.tally, grasp)
 
     # an episode -----------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -98,7 +112,10 @@ class GrainEnv(gymnasium.Env):
         self._observer.restart()
         self._running, self.step_count = True, 0
         self._now = self.tally.read()
-        return self._observer.read(self._now, 0.0), self._info({})
+        self._seen = self._observer.read(self._now, 0.0)
+        if self.render_mode == "human":
+            self.render()
+        return copy.deepcopy(self._seen), self._info({})
 
     def _displaced(self, nominal: bool) -> dict[str, np.ndarray]:
         """The settled state, with tool and grains moved within the ranges of the start."""
@@ -142,14 +159,18 @@ class GrainEnv(gymnasium.Env):
             diverged = error
         over = self.step_count == self.task.steps
         self._running = not over and diverged is None
-        info = self._info(sums)
         if diverged is not None:
-            # the state before is the last that can be observed; a NaN is never traded for a reward
-            self.solver.load(self._state)
-            info["diverged"] = str(diverged)
-        observation = self._observer.read(self._now, self.step_count / self.task.steps)
-        ended = over and self.horizon == "terminate"
-        return observation, float(sum(sums.values())), ended, (over and not ended) or diverged is not None, info
+            for name, value in self.reward.give_up(self.task.steps - self.step_count).items():
+                sums[name] += value
+        info = self._info(sums)
+        if diverged is not None:  # the last good observation is the last there is; a NaN is never traded for a reward
+            info |= {"diverged": str(diverged), "is_success": False}
+        else:
+            self._seen = self._observer.read(self._now, self.step_count / self.task.steps)
+        if self.render_mode == "human":
+            self.render()
+        ended = (over and self.horizon == "terminate") or diverged is not None
+        return copy.deepcopy(self._seen), float(sum(sums.values())), ended, over and not ended, info
 
     def turned(self) -> float:
         """Angle [rad] by which the tool has turned about its lateral axis since the start of the episode."""

@@ -6,12 +6,13 @@ import gymnasium
 import numpy as np
 
 import mpm
+from mpm.substep import SPEED_LIMIT
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL, observed
 
 Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "all"]
-FASTEST = 40.0
-"""[m/s]: a cell in a substep, beyond which a run counts as diverged."""
+REACH = 0.05
+"""[m] beside the box that the command stays in to which the arm may follow."""
 
 
 class Observer:
@@ -30,10 +31,14 @@ class Observer:
         self._grains = np.zeros((len(indices), 6), np.float32)
         self._solver = solver
         self._quaternion = np.zeros(4)
-        lower, upper = np.array(task.field.region_lower), np.array(task.field.region_upper)
-        fast = np.full(3, FASTEST)
+        cell = solver.grid.cell
+        # a hair wider than the walls, because positions are rounded to single precision
+        lower = np.asarray(solver.grid.lower) - 0.01 * cell
+        upper = np.asarray(solver.grid.lower) + (solver.grid.cells + 0.01) * cell
+        # a cell in a substep, beyond which a run counts as diverged
+        fast = np.full(3, SPEED_LIMIT * cell / solver.dt)
         self._low6, self._high6 = np.concatenate([lower, -fast]), np.concatenate([upper, fast])
-        self._lower, self._upper = lower, upper
+        self._lower, self._upper, self._fast = lower, upper, fast
         self.slices: dict[str, slice] = {}
         """Part of a flat observation -> where it stands."""
         self.space = self._space()
@@ -67,36 +72,36 @@ class Observer:
     def _moments(self, now: mpm.Tallied) -> np.ndarray:
         """Numbers of the whole heap; `_moment_bounds` says which."""
         x, v = self._grains[:, :3].astype(float), self._grains[:, 3:].astype(float)
-        pose, n = self._solver.collider_pose(TOOL), len(x)
-        middle, counted = x.mean(0), max(self.task.grains.counted, 1)
+        pose, n, counted = self._solver.collider_pose(TOOL), len(x), self.task.grains.counted
+        looked_at = n if self.task.grains.elites else counted
+        middle = x.mean(0)
         spread = np.cov(x.T)[np.triu_indices(3)]
         parts = [middle, v.mean(0), spread, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
                  middle - self.task.goal, pose.inverse().apply(middle[None])[0],
-                 [now.held / n, min(now.on_target / counted, n), now.lost / n]]
+                 [now.held / looked_at, now.on_target / looked_at, now.lost / counted]]
         if self.task.kind == "scoop":
             parts.append([now.touching / n, min(now.clearance, 0.1)])
         return np.concatenate(parts)
 
     def _moment_bounds(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        lower, upper, fast = self._lower, self._upper, np.full(3, FASTEST)
+        lower, upper, fast = self._lower, self._upper, self._fast
         wide = upper - lower
-        share = np.full(1, self.task.grains.count / self.task.grains.counted)
         bounds = {
             "centre": (lower, upper), "velocity": (-fast, fast), "covariance": (-np.full(6, 1.0), np.full(6, 1.0)),
             "extent": (np.tile(lower, 2), np.tile(upper, 2)), "velocity_spread": (0 * fast, fast),
             "from_goal": (lower - self.task.goal, upper - self.task.goal),
             "in_tool_frame": (-np.full(3, np.linalg.norm(wide)), np.full(3, np.linalg.norm(wide))),
-            "held": (np.zeros(1), np.ones(1)), "on_target": (np.zeros(1), share), "lost": (np.zeros(1), np.ones(1)),
         }
+        bounds |= {name: (np.zeros(1), np.ones(1)) for name in ("held", "on_target", "lost")}
         if self.task.kind == "scoop":
             bounds |= {"touching": (np.zeros(1), np.ones(1)), "clearance": (-np.full(1, 0.1), np.full(1, 0.1))}
         return bounds
 
     def _space(self) -> gymnasium.Space:
         n = len(self._grains)
-        # the arm may follow a little beside the box that the command stays in
-        reach = 0.05
-        tool_low, tool_high = np.array(self.task.action.lower) - reach, np.array(self.task.action.upper) + reach
+        # a tool that is dropped falls to the table, beside the box that the command stays in
+        tool_low = np.minimum(np.array(self.task.action.lower) - REACH, self._lower - REACH)
+        tool_high = np.maximum(np.array(self.task.action.upper) + REACH, self._upper + REACH)
         if self.task.action.dimensions == 6:
             tool_low, tool_high = np.append(tool_low, [-1.01] * 4), np.append(tool_high, [1.01] * 4)
         tables = {"flat": (self._low6, self._high6, n), "all": (self._low6, self._high6, n),

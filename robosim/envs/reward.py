@@ -19,7 +19,7 @@ class Reward:
 
     def __init__(self, task: TaskConfig) -> None:
         self.task, distance = task, task.reward.distance
-        self.counted = task.grains.counted
+        self.counted, self.seen = task.grains.counted, task.grains.count // task.grains.observe_every
         self.gamma = self.counted * distance.reference
         self.beta = distance.total / (task.steps * self.gamma)
         self.terms = _names(task)
@@ -29,7 +29,9 @@ class Reward:
         """A new episode."""
         self.score = {name: 0.0 for name in self.terms if name not in NOT_SCORED}
         """Sums of the episode so far of the terms that make the TCS."""
-        self.collisions, self.on_target, self.turn_error = 0, 0, math.nan
+        self.collisions, self.on_target = 0, 0
+        turn = self.task.reward.turn
+        self.turn_error = abs(math.radians(turn.angle_deg)) if turn is not None else 0.0
         self.poured_on_target = 0
 
     @property
@@ -63,6 +65,20 @@ class Reward:
             self.score[name] += values[name]
         return values
 
+    def give_up(self, steps_left: int) -> dict[str, float]:
+        """Terms of an episode that cannot go on: what it would earn at the worst, so that to diverge never pays."""
+        worst = dict.fromkeys(self.terms, 0.0)
+        worst["distance"] = -self.task.reward.distance.total * steps_left / self.task.steps
+        worst["target"] -= self.task.reward.target * self.counted
+        if "poured" in worst:
+            worst["poured"] = -self.task.reward.poured * self.counted
+        if self.task.reward.turn is not None:
+            turn = self.task.reward.turn
+            worst["turn"] = turn.scale * (turn.margin - math.pi)
+        for name in self.score:
+            self.score[name] += worst[name]
+        return worst
+
     def _elites(self, tally: mpm.Tally) -> tuple[float, int]:
         """Distance [m] of the grains closest to the goal, and how many of them are on the target."""
         rows = tally.distances[tally.slots]
@@ -70,11 +86,11 @@ class Reward:
         return float(rows[nearest, 0].sum(dtype=float)), int(rows[nearest, 1].sum())
 
     def readings(self, now: mpm.Tallied) -> dict[str, float]:
-        """Physical readings that do not depend on the weights; fractions of N*."""
+        """Physical readings that do not depend on the weights: fractions of N*; spilled, of the observed grains."""
         pours, n = self.task.kind == "pour", self.counted
         values = {
             "delivered": (self.poured_on_target if pours else self.on_target) / n,
-            "spilled": (now.lost - self.poured_on_target if pours else now.lost) / n,
+            "spilled": (now.lost - self.poured_on_target if pours else now.lost) / self.seen,
             "retained": min(now.held / n, 1.0) if self.task.grains.elites else now.held / n,
         }
         if self.task.reward.turn is not None:

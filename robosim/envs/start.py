@@ -12,6 +12,7 @@ import numpy as np
 import platformdirs
 
 import mpm
+from mpm.lattice import Lattice
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 from robosim.materials import MaterialConfig
@@ -34,10 +35,14 @@ def cache_folder() -> Path:
 def settled(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
     """The settled state of a task: from its file, or made and kept there; the solver is left in it."""
     numbers = {"law": type(material).__name__} | {n: getattr(material, n).value for n in material.numbers()}
-    digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers,
+    shapes = [hashlib.sha256(collider.sdf.host.tobytes()).hexdigest() for collider in solver.colliders
+              if isinstance(collider.sdf, Lattice)]
+    mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
+    digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
+                      "shapes": shapes, "interior": tool_shape(task.tool).INTERIOR,
                       "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
     # other tasks and materials have files of their own; a changed configuration finds its old file stale
-    path = cache_folder() / f"{name}-{_digest(numbers)[:12]}.npz"
+    path = cache_folder() / f"{name}-{_digest(numbers)[:12]}{mobile}.npz"
     state = _read(path, digest, solver)
     if state is None:
         state = _settle(task, solver)
@@ -89,6 +94,8 @@ def _keep(path: Path, digest: str, state: dict[str, np.ndarray]) -> None:
             np.savez(file, made_for=digest, checksum=_checksum(state), **state)  # pyright: ignore[reportArgumentType]
         os.replace(file.name, path)
     except OSError as error:
+        for beside in path.parent.glob("tmp*.npz"):
+            beside.unlink(missing_ok=True)
         print(f"robosim: the settled start is not kept: {error}", file=sys.stderr)
 
 
@@ -108,6 +115,8 @@ def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
         solver.advance(task.steps * task.step_dt)
         local = solver.collider_pose(TOOL).inverse().apply(solver.positions())
         fallen = ~interior.holds(local)
+        if fallen.all():
+            break
         if not fallen.any():
             return solver.state() | {"time": np.array(0.0), "steps": np.array(0)}
         state = solver.state()

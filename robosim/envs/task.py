@@ -1,5 +1,6 @@
 """Configuration of a sub-task: the scene, what the agent may do, and what it is rewarded for."""
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
@@ -178,7 +179,10 @@ class TaskConfig(Table):
     def _check(self) -> "TaskConfig":
         tool_shape(self.tool)
         scoops = self.kind == "scoop"
-        if scoops != (self.container is not None) or scoops != (self.grains.elites is not None):
+        times = [s.time for s in self.script]
+        if times[0] <= 0 or any(b <= a for a, b in pairwise(times)):
+            raise ValueError(f"script: times {times} s; accepted: positive and rising")
+        if {scoops} != {self.container is not None, self.container_place is not None, self.grains.elites is not None}:
             raise ValueError("container, container_place and grains.elites belong to kind: scoop, and to no other")
         if scoops != (self.reward.turn is not None):
             raise ValueError("reward.turn belongs to kind: scoop, and to no other")

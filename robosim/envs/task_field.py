@@ -101,4 +101,4 @@ def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
         solver, np.arange(task.grains.count) if scoops else observed(task), goal=np.array(task.goal),
         weights=np.array(task.reward.distance.weights), target=task.target.region, bounds=task.bounds.region,
         interior=tool_shape(task.tool).INTERIOR, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
-        points=points, probe=probe, margin=RIGID_MARGIN, ranks=scoops)
+        points=points, probe=probe, margin=RIGID_MARGIN, ranks=scoops, losing=observed(task))
