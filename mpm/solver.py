@@ -127,10 +127,8 @@ class Solver:
     # scene -----------------------------------------------------------------------------------------------------------
     def set_colliders(self, colliders: list[Collider]) -> None:
         """Replace the scene's colliders before the first advance; the grains stay as they are."""
-        if self.steps > 0:
-            raise InvalidValue("the scene is fixed by the first advance; set its colliders before it")
-        if self.tally is not None:
-            raise InvalidValue("the scene is fixed once a tally is attached; set its colliders before that")
+        if self.steps > 0 or self.tally is not None:
+            raise InvalidValue("the scene is fixed by the first advance or an attached tally; set its colliders before")
         before, gravity = self.state(), self.numbers.gravity[None]
         self.colliders = list(colliders)
         for k, collider in enumerate(self.colliders):
@@ -143,14 +141,10 @@ class Solver:
         self._momentum = self.momentum()
 
     def set_material(self, index: int, material: Material) -> None:
-        """Give a body other numbers of the same law from now on; nothing is compiled.
-
-        Raises TimeStepTooLarge where the new material needs a smaller dt than the solver was built with.
-        """
+        """Give a body other numbers of the same law from now on; raises TimeStepTooLarge where they need a smaller dt."""
         body = self.bodies[index]
         if type(material) is not type(body.material):
-            raise InvalidValue(f"set_material: body {index} is {type(body.material).__name__}, and its law is "
-                               f"compiled; given: {type(material).__name__}")
+            raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {type(body.material).__name__}")
         bound = material_bound(self.grid.cell, material)
         if self.dt > bound:
             raise TimeStepTooLarge(self.dt, bound, "isolated particle")

@@ -241,10 +241,8 @@ def test_observations_hold_what_their_slices_say(pour: GrainEnv) -> None:
     assert parts["time"] == 0.0
 
 
-ARM = [pytest.param(name, marks=() if name == "SpoonTranslate" else pytest.mark.slow) for name in TASKS]
-
-
-@pytest.mark.parametrize("name", ARM)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TASKS)
 def test_the_arm_scores_as_the_tool_alone(name: str) -> None:
     """The same script, the same observation and actions: the score differs by a tenth of its range at most."""
     scores, spaces = {}, []
