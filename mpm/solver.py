@@ -141,7 +141,7 @@ class Solver:
         self._momentum = self.momentum()
 
     def set_material(self, index: int, material: Material) -> None:
-        """Give a body other numbers of the same law from now on; raises TimeStepTooLarge where they need a smaller dt."""
+        """Give a body other numbers of its law from now on; raises TimeStepTooLarge where they need a smaller dt."""
         body = self.bodies[index]
         if type(material) is not type(body.material):
             raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {type(body.material).__name__}")
