@@ -1,4 +1,7 @@
-"""Rigid motion: poses, twists and wrenches with named parts, and the screw between two poses."""
+"""Rigid motion: poses, twists and wrenches with named parts, and the screw between two poses.
+
+What every step needs is written out in plain numbers: scipy's rotations took a third of a small scene's step.
+"""
 
 import math
 from typing import NamedTuple

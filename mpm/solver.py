@@ -117,7 +117,7 @@ class Solver:
                     cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
             self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls.friction, self.precision)
             self._substeps = Substeps(self)
-        self._out = np.zeros((self._substeps.rows + TALLY_ROWS * MAX_LOOKS * (self.tally is not None), 6))
+        self._out = np.zeros((self._substeps.rows, 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()

@@ -9,13 +9,10 @@ from robosim.frames import body_pose
 from robosim.grains import tool_sdf
 from robosim.scene import inner_size
 from robosim.shapes.container import container_shell
+from robosim.shapes.tool import WALL
 
 RIGID_PARTICLES = 20_000
 """Static particles on the surface of each container: 2 mm apart."""
-TOOL_WALL = 0.0015
-"""Real wall [m] of the tool."""
-CONTAINER_WALL = 0.006
-"""Real wall and floor [m] of the containers."""
 ROBOT = ("link1", "link2", "link3", "link4", "link5", "link6", "link7", "palm", "f1", "f2", "fm")
 """Starts of the names of the bodies that must touch neither table nor containers; link0 stands on the table."""
 
@@ -24,10 +21,10 @@ class RigidParticles:
     """Static particles of the containers, looked up in the tool's signed distance."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, config: RehearsalConfig) -> None:
-        self._tool, self._sdf = model.body(config.tool).id, tool_sdf(config.tool, TOOL_WALL)
+        self._tool, self._sdf = model.body(config.tool).id, tool_sdf(config.tool, WALL)
         places = []
         for name in config.containers:
-            shell = container_shell(inner_size(name), wall=CONTAINER_WALL)
+            shell = container_shell(inner_size(name))
             points = trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0]
             places.append(body_pose(data, model.body(name).id).apply(points))
         self._places = np.concatenate(places)

@@ -15,7 +15,7 @@ BORDER = 1e-6
 
 def in_tool(tool: str, positions: np.ndarray, tool_pose: Pose) -> np.ndarray:
     """Whether grains at positions [m] (n, 3) lie in a tool or in the heap on it (n,)."""
-    return tool_shape(tool).INTERIOR.holds(tool_pose.inverse().apply(positions))
+    return tool_shape(tool).interior.holds(tool_pose.inverse().apply(positions))
 
 
 def in_container(positions: np.ndarray, container: ContainerConfig, inner_size: np.ndarray) -> np.ndarray:

@@ -10,14 +10,12 @@ from robosim.errors import UnknownName
 from robosim.materials import MaterialConfig
 from robosim.output import OutputFolder
 from robosim.rehearsal import Rehearsal
-from robosim.rendering import SceneRenderer, add_grain_skin, apply_quality
+from robosim.rendering import GRAIN_RADIUS, SceneRenderer, add_grain_skin, apply_quality
 from robosim.scene import compiled, rehearsal_spec
 from robosim.video import Mp4Writer, contact_sheet
 
 CAMERAS = ("overview", "close", "wrist")
 FRAME_RATE = 30
-GRAIN_RADIUS = 0.62
-"""Radius of a drawn grain, in spacings of the grains: neighbours touch, so that a heap is closed."""
 SHEET_MOMENTS = 9
 
 
@@ -64,9 +62,6 @@ class Film:
     def frame(self) -> np.ndarray:
         """Picture (height, width, 3) of the present state."""
         self._data.qpos[:] = self._rehearsal.data.qpos
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
         return self._renderer.frame(self._data, self._rehearsal.solver.positions(), self._camera)
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import mpm
 from mpm.lattice import Lattice
 from mpm.timestep import material_bound
-from robosim.config import RehearsalConfig
+from robosim.config import ContainerConfig, FieldConfig, RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.frames import container_pose
 from robosim.materials import Law
@@ -35,6 +35,16 @@ class Grains(NamedTuple):
 def tool_sdf(tool: str, thickness: float) -> Lattice:
     """Signed distance of a tool in its own frame, with a wall of `thickness` [m]."""
     return mpm.Sdf.from_mesh(tool_shape(tool).solid(thickness), spacing=TOOL_SPACING)
+
+
+def container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig) -> list[mpm.Collider]:
+    """Containers by the names of their models, as the grains meet them."""
+    colliders = []
+    for name, container in containers.items():
+        shell = container_shell(inner_size(name), wall=CONTAINER_WALL * field.cell)
+        colliders.append(mpm.Collider(mpm.Sdf.from_mesh(shell, spacing=CONTAINER_SPACING), static=True,
+                                      friction=field.container_friction, pose=container_pose(container)))
+    return colliders
 
 
 def check(config: RehearsalConfig, law: Law) -> None:
@@ -71,10 +81,7 @@ def build(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: int = 0)
     field = config.field
     colliders = [mpm.Collider(tool_sdf(config.tool, config.collision_thickness), friction=field.tool_friction,
                               pose=tool_pose)]
-    for name, container in config.containers.items():
-        shell = container_shell(inner_size(name), wall=CONTAINER_WALL * field.cell)
-        colliders.append(mpm.Collider(mpm.Sdf.from_mesh(shell, spacing=CONTAINER_SPACING), static=True,
-                                      friction=field.container_friction, pose=container_pose(container)))
+    colliders += container_colliders(config.containers, field)
     positions, volume = fill(config, np.random.default_rng(seed))
     solver = mpm.Solver(
         grid=mpm.Grid(field.region_lower, field.region_upper, field.cell),

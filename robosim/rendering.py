@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 GRAIN_SKIN = "grains"
+GRAIN_RADIUS = 0.62  # of a drawn grain, in spacings of the grains: neighbours touch, so that a heap is closed
 CELL_IN_RADII = 3.0  # large enough that few cubes inside a heap are empty by chance
 APT_LINE = "apt-get install -y --no-install-recommends libegl1 libgl1"
 CORNERS: Array = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
@@ -125,8 +126,12 @@ class SceneRenderer:
     def frame(self, data: mujoco.MjData, positions: Array | None, camera: str) -> NDArray[np.uint8]:
         """Return the picture (height, width, 3) from the named camera, with grains at positions (n, 3) in m.
 
-        n may be smaller than the skin's count; the grains left over are not drawn. None draws no grain.
+        data: of which the positions count. n may be smaller than the skin's count; the grains left over are not drawn.
+        None draws no grain.
         """
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_comPos(self._model, data)
+        mujoco.mj_camlight(self._model, data)
         self._renderer.update_scene(data, camera, self._option)
         if len(self._facets):
             self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32))

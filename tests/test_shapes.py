@@ -6,12 +6,24 @@ import pytest
 
 from robosim.scene import load_spec
 from robosim.shapes import TOOLS, tool_shape
-from robosim.shapes.bottle import BODY, NECK, NECK_RADIUS, RADIUS
+from robosim.shapes.bottle import BODY, NECK, NECK_RADIUS, RADIUS, profile, vessel
 from robosim.shapes.container import container_shell
+from robosim.shapes.lofts import loft, revolve, sweep
 from robosim.shapes.spoon import BOWL
+from robosim.shapes.tool import WALL
 
 DENSITIES = {"handle": 1200.0, "bottle": 950.0}
 """[kg/m^3]; everything else is steel."""
+
+
+def test_builders_give_closed_meshes_of_the_right_volume() -> None:
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 41)
+    ball = revolve(np.stack([np.cos(angle), np.sin(angle)], axis=1), 80)
+    tube = sweep(np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 1.0], 9), np.full(9, 0.1), segments=80)
+    box = loft([[[0, 0, z], [1, 0, z], [1, 1, z], [0, 1, z]] for z in (0.0, 2.0)])
+    for mesh, volume in ((ball, 4 / 3 * np.pi), (tube, np.pi * 0.01 * np.sqrt(2.0)), (box, 2.0)):
+        assert mesh.is_watertight and mesh.is_winding_consistent
+        assert mesh.volume == pytest.approx(volume, rel=0.01)
 
 
 @pytest.mark.parametrize("tool", TOOLS)
@@ -25,14 +37,14 @@ def test_cavities_are_what_their_dimensions_give() -> None:
     for wall in (0.001, 0.004, 0.012):
         bowl = tool_shape("spoon").head(wall)
         assert bowl.convex_hull.volume - bowl.volume == pytest.approx(2 / 3 * np.pi * np.prod(BOWL), rel=0.01)
-    bottle = tool_shape("bottle").head()
+    bottle = vessel()
     inside = np.pi * (RADIUS**2 * BODY + NECK_RADIUS**2 * NECK)
-    profile = tool_shape("bottle").profile(0.0)
-    rings = np.pi / 3 * np.diff(profile[:, 1]) * (profile[:-1, 0] ** 2 + profile[:-1, 0] * profile[1:, 0]
-                                                  + profile[1:, 0] ** 2)
+    outline = profile(0.0)
+    rings = np.pi / 3 * np.diff(outline[:, 1]) * (outline[:-1, 0] ** 2 + outline[:-1, 0] * outline[1:, 0]
+                                                  + outline[1:, 0] ** 2)
     assert rings.sum() > inside  # the shoulder comes on top
     solid = bottle.volume + rings.sum()
-    outer = tool_shape("bottle").profile(tool_shape("bottle").WALL)
+    outer = profile(WALL)
     hull = np.pi / 3 * np.diff(outer[:, 1]) * (outer[:-1, 0] ** 2 + outer[:-1, 0] * outer[1:, 0] + outer[1:, 0] ** 2)
     assert solid == pytest.approx(hull.sum(), rel=0.01)
     box = container_shell((0.2, 0.15, 0.08))

@@ -10,8 +10,8 @@ from robosim.coupling import GranularPlugin
 NAME = "driven_wheel"
 SOURCE = ("Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar pull is negative at zero slip, rises "
           "with slip, and levels out below W tan(phi), the most that shear under the load W can give")
-BANDS = {"pull": (-1.0, 1.0)}
-"""Accepted pull, in units of the load times tan(phi)."""
+BANDS = {"above_limit": 0.0}
+"""Accepted excess of the pull over its limit, in units of the limit."""
 SWEEP = [{"slip": s} for s in (0.0, 0.15, 0.3, 0.5)]
 RADIUS, WIDTH, LOAD, SPEED = 0.05, 0.04, 5.0, 0.1
 """[m], [m], [N], [m/s] at the rim."""
@@ -37,9 +37,9 @@ WHEEL = """
 
 
 def measure(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, precision: str = "f32") -> Record:
-    """Pull, mean over the second half, in units of W tan(phi); slip = 1 - (speed of the axle) / (speed of the rim).
+    """Excess of the pull over W tan(phi), means over the second half; the pull itself, in that unit, is a reading.
 
-    cell, [m]; duration [s].
+    slip = 1 - (speed of the axle) / (speed of the rim); cell [m]; duration [s].
     """
     positions = mpm.sample_box((0, 0, 0), BED, cell / 2)
     sand = mpm.DruckerPrager(E=5e5, nu=0.3, density=1600.0, friction_angle_deg=FRICTION_ANGLE)
@@ -59,6 +59,7 @@ def measure(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, pr
             pulls.append(plugin.wrench("wheel").force[0])
             sinkages.append(BED[2] + RADIUS - data.xpos[2][2])
     limit = LOAD * np.tan(np.radians(FRICTION_ANGLE))
+    pull = float(np.mean(pulls)) / limit
     choices = {"slip": slip, "cell": cell, "precision": precision}
-    return clock.record(NAME, choices, {"pull": float(np.mean(pulls)) / limit}, sinkage=float(np.mean(sinkages)),
-                        pull_over_load=float(np.mean(pulls)) / LOAD)
+    return clock.record(NAME, choices, {"above_limit": max(pull - 1.0, 0.0)}, pull=pull,
+                        sinkage=float(np.mean(sinkages)), pull_over_load=float(np.mean(pulls)) / LOAD)

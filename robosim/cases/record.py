@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 
 import mpm
+from robosim.settling import settle
 
 
 @dataclass(frozen=True)
@@ -53,16 +54,9 @@ class Clock:
         work()
         self.seconds += time.perf_counter() - begin
 
-    def settle(self, duration: float, window: float = 2e-3, keep: float = 0.8) -> None:
-        """Advance to rest by kinetic damping: of all velocities `keep` is left after every window [s].
-
-        C stays: the next substep takes its strain from it, which the positions have already followed.
-        """
-        for _ in range(round(duration / window)):
-            self.advance(window)
-            state = self.solver.state()
-            state["v"] *= keep
-            self.solver.load(state)
+    def settle(self, duration: float, window: float = 2e-3) -> None:
+        """Advance to rest, see `settling`."""
+        settle(self.solver, self.advance, duration, window)
 
     def record(self, case: str, choices: dict, errors: dict[str, float], **readings: float) -> Record:
         """The run's record."""

@@ -21,12 +21,12 @@ from robosim.kinematics import solve, solve_path, step_towards
 from robosim.scene import FINGERS_CLOSED, FINGERS_OPEN, compile_scene, scene_spec
 from robosim.servo import Servo
 from robosim.smoothing import JointState
+from robosim.twin import STATE
 
 PATH_POSES = 61
 """Poses of the task's script through which the arm must be able to go."""
 CATCH_UP = 20.0
 """[1/s] at which the smoothed motion closes the gap to its goal."""
-HELD = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 @lru_cache(maxsize=32)
@@ -109,16 +109,16 @@ class ArmTool(Carrier):
             if k == steps:
                 self.grasp.release()
             mujoco.mj_step(self.model, self.data)
-        self._held = np.empty(mujoco.mj_stateSize(self.model, HELD))
+        self._held = np.empty(mujoco.mj_stateSize(self.model, STATE))
         self.data.time = 0.0
-        mujoco.mj_getState(self.model, self.data, self._held, HELD)
+        mujoco.mj_getState(self.model, self.data, self._held, STATE)
         mujoco.mj_kinematics(self.model, self.data)
         palm = body_pose(self.data, self.model.body("palm").id)
         self._in_palm = palm.inverse() @ body_pose(self.data, self.scene.tool)
 
     def restart(self, pose: mpm.Pose) -> mpm.Pose:
         """Put the arm where it holds the tool at a pose; returns where it holds it really."""
-        mujoco.mj_setState(self.model, self.data, self._held, HELD)
+        mujoco.mj_setState(self.model, self.data, self._held, STATE)
         posture = solve(self._arm, pose, self._start_q, rest=self._start_q)
         if not posture.converged:
             raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)

@@ -1,7 +1,7 @@
 """The page of an environment: its docstring, made of the same configuration that the code runs on."""
 
 from robosim.envs.reward import Reward
-from robosim.envs.task import TaskConfig, load_task
+from robosim.envs.task import RegionConfig, TaskConfig, load_task
 
 PAGE = """{description}
 
@@ -72,7 +72,7 @@ def _terms(task: TaskConfig) -> list[str]:
     return rows
 
 
-def _region(region) -> str:  # noqa: ANN001
+def _region(region: RegionConfig) -> str:
     """A region in words."""
     shape = "cylinder" if region.round else "box"
     return f"a {shape} about {region.centre} m with half sizes {region.half} m"

@@ -8,11 +8,9 @@ from robosim.envs.task import RegionConfig, TaskConfig
 from robosim.envs.task_field import TOOL, grain_volume
 from robosim.errors import ConfigError
 from robosim.materials import MaterialConfig
-from robosim.rendering import SceneRenderer, add_grain_skin, apply_quality
+from robosim.rendering import GRAIN_RADIUS, SceneRenderer, add_grain_skin, apply_quality
 from robosim.scene import add_container, compiled, load_spec, quiet_prefixes
 
-GRAIN_RADIUS = 0.55
-"""Radius of a drawn grain, in cube roots of its volume."""
 WIDTH, HEIGHT = 640, 480
 THIN = 0.0015
 """Thickness [m] of the marks on the table."""
@@ -40,9 +38,6 @@ class Picture:
         else:
             pose = solver.collider_pose(TOOL)
             self._data.mocap_pos[0], self._data.mocap_quat[0] = pose.position, pose.quaternion
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
         frame = self._renderer.frame(self._data, solver.positions(), self._camera)
         if self._window is None:
             return frame

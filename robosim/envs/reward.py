@@ -66,7 +66,8 @@ class Reward:
         return values
 
     def give_up(self, steps_left: int) -> dict[str, float]:
-        """Terms of an episode that cannot go on: what it would earn at the worst, so that to diverge never pays."""
+        """Terms of an episode that cannot go on, so that to diverge never pays: nothing on the target, the tool turned
+        away, and for the steps that are left the distance term of grains at twice the reference."""
         worst = dict.fromkeys(self.terms, 0.0)
         worst["distance"] = -self.task.reward.distance.total * steps_left / self.task.steps
         worst["target"] -= self.task.reward.target * self.counted

@@ -16,12 +16,13 @@ from mpm.lattice import Lattice
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 from robosim.materials import MaterialConfig
+from robosim.settling import settle
 from robosim.shapes import tool_shape
 
 FORMAT = 2
 """Raised when a change of the code makes other starts out of the same configuration."""
-SETTLING, WINDOW, KEEP = 1.0, 5e-3, 0.8
-"""Time to settle [s]; after every window [s] so much of all velocities is left."""
+SETTLING, WINDOW = 1.0, 5e-3
+"""Time to settle [s], and between two dampings of it."""
 ATTEMPTS = 8
 NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target"}
 """Parts of a task that its start does not depend on."""
@@ -39,7 +40,7 @@ def settled(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.S
               if isinstance(collider.sdf, Lattice)]
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
     digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
-                      "shapes": shapes, "interior": tool_shape(task.tool).INTERIOR,
+                      "shapes": shapes, "interior": tool_shape(task.tool).interior,
                       "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
     # other tasks and materials have files of their own; a changed configuration finds its old file stale
     path = cache_folder() / f"{name}-{_digest(numbers)[:12]}{mobile}.npz"
@@ -88,43 +89,40 @@ def _read(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.ndarray] 
 
 def _keep(path: Path, digest: str, state: dict[str, np.ndarray]) -> None:
     """Write beside and rename; a folder that cannot be written to costs the next start its time, nothing else."""
+    beside = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        # a name of its own: several processes may make the same start at once
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
+            beside = Path(file.name)
             np.savez(file, made_for=digest, checksum=_checksum(state), **state)  # pyright: ignore[reportArgumentType]
-        os.replace(file.name, path)
+        os.replace(beside, path)
     except OSError as error:
-        for beside in path.parent.glob("tmp*.npz"):
-            beside.unlink(missing_ok=True)
         print(f"robosim: the settled start is not kept: {error}", file=sys.stderr)
+        if beside is not None:
+            beside.unlink(missing_ok=True)
 
 
 def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
     """Let the grains come to rest; what falls off the tool, then or in the time of an episode, is put back on top until
     all of them stay."""
-    interior = tool_shape(task.tool).INTERIOR
+    interior = tool_shape(task.tool).interior
+    fallen = np.zeros(0, bool)
     for _ in range(ATTEMPTS):
-        for _ in range(round(SETTLING / WINDOW)):
-            solver.advance(WINDOW)
-            state = solver.state()
-            state["v"] = state["v"] * KEEP
-            solver.load(state)
+        settle(solver, solver.advance, SETTLING, WINDOW)
+        if task.carried:
+            solver.advance(task.steps * task.step_dt)
         state = solver.state() | {"time": np.array(0.0), "steps": np.array(0)}
-        if not task.carried:
-            return state
-        solver.advance(task.steps * task.step_dt)
         local = solver.collider_pose(TOOL).inverse().apply(solver.positions())
         fallen = ~interior.holds(local)
+        if not (task.carried and fallen.any()):
+            return state
         if fallen.all():
             break
-        if not fallen.any():
-            return solver.state() | {"time": np.array(0.0), "steps": np.array(0)}
-        state = solver.state()
         place = solver.collider_pose(TOOL).apply(_on_top(local[~fallen], interior, int(fallen.sum())))
         state["x"][fallen] = place - solver.grid.origin
-        for name, rest in (("v", 0.0), ("C", 0.0), ("e", 0.0), ("j", 0.0), ("vc", 0.0)):
-            if name in state:
-                state[name][fallen] = rest
+        for name in {"v", "C", "e", "j", "vc"} & state.keys():
+            state[name][fallen] = 0.0
         solver.load(state)
     raise mpm.InvalidValue(f"the {task.tool} does not hold {task.grains.count} grains: {fallen.sum()} keep falling "
                            f"off; accepted: fewer grains.count")

@@ -7,8 +7,7 @@ import mpm
 from mpm.lattice import Lattice
 from robosim.envs.task import TaskConfig
 from robosim.frames import container_pose
-from robosim.grains import CONTAINER_SPACING
-from robosim.grains import CONTAINER_WALL as CELLS_OF_WALL
+from robosim.grains import container_colliders
 from robosim.materials import Law
 from robosim.scene import inner_size
 from robosim.shapes import tool_shape
@@ -18,8 +17,6 @@ TOOL = 0
 """Index of the tool's collider."""
 LATTICE = 4
 """Points of the tool's lattice in a cell."""
-CONTAINER_WALL = 0.006
-"""Real wall and floor [m] of the containers."""
 RIGID_PARTICLES, RIGID_MARGIN = 2000, 0.002
 """Static particles of a container, and the distance [m] to the tool at which they count as hit."""
 PROBE_SPACING = 0.002
@@ -50,7 +47,7 @@ def filling(task: TaskConfig, sdf: Lattice) -> np.ndarray:
         places = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
         keys = places[:, 2] + 0.3 * np.linalg.norm(places[:, :2] - centre[:2], axis=1)
     else:
-        region, pose = tool_shape(task.tool).INTERIOR, task.start.pose
+        region, pose = tool_shape(task.tool).interior, task.start.pose
         centre, half = np.array(region.centre), np.array(region.half)
         local = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
         local = local[(sdf.distance(local) > 0.5 * spacing) & _above(local, sdf, spacing)]
@@ -75,10 +72,7 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False) -> mpm.Sol
     field = task.field
     sdf = mpm.Sdf.from_mesh(tool_shape(task.tool).head(task.tool_wall), spacing=field.cell / LATTICE)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
-    for name, container in task.containers.items():
-        shell = container_shell(inner_size(name), wall=CELLS_OF_WALL * field.cell)
-        colliders.append(mpm.Collider(mpm.Sdf.from_mesh(shell, spacing=CONTAINER_SPACING), static=True,
-                                      friction=field.container_friction, pose=container_pose(container)))
+    colliders += container_colliders(task.containers, field)
     body = mpm.Body(law, filling(task, sdf), volume=grain_volume(task))
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
                       colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=field.dt)
@@ -94,11 +88,11 @@ def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
     scoops = task.kind == "scoop"
     points = probe = None
     for name, container in task.containers.items():
-        shell = container_shell(inner_size(name), wall=CONTAINER_WALL)
+        shell = container_shell(inner_size(name))
         points = container_pose(container).apply(trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0])
         probe = mpm.Sdf.from_mesh(tool_shape(task.tool).solid(), spacing=PROBE_SPACING)
     return mpm.Tally(
         solver, np.arange(task.grains.count) if scoops else observed(task), goal=np.array(task.goal),
         weights=np.array(task.reward.distance.weights), target=task.target.region, bounds=task.bounds.region,
-        interior=tool_shape(task.tool).INTERIOR, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
+        interior=tool_shape(task.tool).interior, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
         points=points, probe=probe, margin=RIGID_MARGIN, ranks=scoops, losing=observed(task))

@@ -8,11 +8,11 @@ import trimesh
 from numpy.typing import NDArray
 
 import mpm
-from robosim.shapes.lofts import revolve
+from robosim.shapes.lofts import revolve, smoothstep
+from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
 
-WALL = 0.0015
 RADIUS, BODY, SHOULDER, NECK_RADIUS, NECK = 0.030, 0.065, 0.015, 0.020, 0.013
 """Of the cavity: radius and height of the body, height of the shoulder, radius and height of the neck."""
 FLOOR = -BODY / 2
@@ -27,8 +27,7 @@ def profile(grow: float) -> Array:
     corner, r = 0.006, RADIUS + grow
     low = [[r - corner + corner * np.sin(a), FLOOR - grow + corner * (1 - np.cos(a))] for a in turn]
     t = np.linspace(0.0, 1.0, 10)
-    blend = t * t * (3 - 2 * t)
-    shoulder = np.stack([r + (NECK_RADIUS - RADIUS) * blend, FLOOR + BODY + SHOULDER * t], 1)
+    shoulder = np.stack([r + (NECK_RADIUS - RADIUS) * smoothstep(t), FLOOR + BODY + SHOULDER * t], 1)
     return np.concatenate([[[0.0, FLOOR - grow]], low, shoulder, [[NECK_RADIUS + grow, MOUTH]]])
 
 
@@ -37,16 +36,4 @@ def vessel(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
     return revolve(np.concatenate([profile(wall), profile(0.0)[::-1]]), around)
 
 
-def head(wall: float = WALL) -> trimesh.Trimesh:
-    """What the grains meet."""
-    return vessel(wall)
-
-
-def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
-    """The vessel."""
-    return [vessel(wall)]
-
-
-def visuals() -> dict[str, trimesh.Trimesh]:
-    """Meshes by file name."""
-    return {"bottle": vessel()}
+SHAPE = ToolShape("bottle", vessel, INTERIOR)

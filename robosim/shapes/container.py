@@ -12,7 +12,8 @@ Array = NDArray[np.float64]
 def container_shell(inner_size: ArrayLike, wall: float = 0.006, corner: float = 0.008) -> trimesh.Trimesh:
     """Return an open-topped box with rounded upright edges; origin at the centre of the inner floor, z up.
 
-    inner_size (3,) is the cavity in m, wall the thickness of walls and floor, corner the inner edge radius.
+    inner_size (3,) is the cavity in m, wall the thickness of walls and floor (the default: the real one), corner the
+    inner edge radius.
     """
     size = np.asarray(inner_size, float)
 

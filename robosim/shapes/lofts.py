@@ -138,18 +138,3 @@ def sweep(
     first, second = transport_frames(line, side)
     rings = line[:, None] + shape[..., :1] * first[:, None] + shape[..., 1:] * second[:, None]
     return loft(rings)
-
-
-def self_check() -> None:
-    """Assert that each builder gives a closed mesh with outward normals and the right volume."""
-    ball_angle = np.linspace(-np.pi / 2, np.pi / 2, 41)
-    ball = revolve(np.stack([np.cos(ball_angle), np.sin(ball_angle)], axis=1), 80)
-    tube = sweep(np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 1.0], 9), np.full(9, 0.1), segments=80)
-    box = loft([[[0, 0, z], [1, 0, z], [1, 1, z], [0, 1, z]] for z in (0.0, 2.0)])
-    for mesh, volume in ((ball, 4.0 * np.pi / 3.0), (tube, np.pi * 0.01 * np.sqrt(2.0)), (box, 2.0)):
-        assert mesh.is_watertight and mesh.is_winding_consistent
-        assert abs(mesh.volume / volume - 1.0) < 0.01, (mesh.volume, volume)
-
-
-if __name__ == "__main__":
-    self_check()

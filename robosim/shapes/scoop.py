@@ -8,12 +8,11 @@ import trimesh
 from numpy.typing import NDArray
 
 import mpm
-from robosim.shapes.handle import handle
 from robosim.shapes.sheets import sheet_normals, wall_between
+from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
 
-WALL = 0.0015
 LENGTH, WIDTH, DEPTH = 0.085, 0.060, 0.030
 """Of the cavity."""
 BACK = 0.014
@@ -42,16 +41,4 @@ def trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Tri
     return wall_between(inner, inner + wall * outward)
 
 
-def head(wall: float = WALL) -> trimesh.Trimesh:
-    """What the grains meet."""
-    return trough(wall)
-
-
-def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
-    """Trough and handle."""
-    return [trough(wall), handle(HANDLE_START)]
-
-
-def visuals() -> dict[str, trimesh.Trimesh]:
-    """Meshes by file name."""
-    return {"scoop": trough(), "handle": handle(HANDLE_START)}
+SHAPE = ToolShape("scoop", trough, INTERIOR, HANDLE_START)

@@ -8,12 +8,11 @@ import trimesh
 from numpy.typing import NDArray
 
 import mpm
-from robosim.shapes.handle import handle
 from robosim.shapes.sheets import sheet_normals, wall_between
+from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
 
-WALL = 0.0015
 WIDTH, HEIGHT = 0.080, 0.045
 CURVE = 0.060
 """Radius of the blade's curve about a lateral axis ahead of it."""
@@ -42,16 +41,4 @@ def blade(wall: float = WALL, across: int = 16, up: int = 16) -> trimesh.Trimesh
     return wall_between(front, front + wall * back)
 
 
-def head(wall: float = WALL) -> trimesh.Trimesh:
-    """What the grains meet."""
-    return blade(wall)
-
-
-def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
-    """Blade and handle."""
-    return [blade(wall), handle(HANDLE_START)]
-
-
-def visuals() -> dict[str, trimesh.Trimesh]:
-    """Meshes by file name."""
-    return {"shovel": blade(), "handle": handle(HANDLE_START)}
+SHAPE = ToolShape("shovel", blade, INTERIOR, HANDLE_START)

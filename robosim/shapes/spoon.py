@@ -5,12 +5,11 @@ import trimesh
 from numpy.typing import NDArray
 
 import mpm
-from robosim.shapes.handle import handle
 from robosim.shapes.lofts import loft, superellipse
+from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
 
-WALL = 0.0015
 HANDLE_START = (-0.0352, 0.0, 0.0)  # inside the wall, never inside the bowl's cavity
 BOWL: Array = np.array([0.035, 0.025, 0.030])
 """Semi-axes of the cavity."""
@@ -36,16 +35,4 @@ def bowl(wall: float = WALL, around: int = 48, down: int = 20) -> trimesh.Trimes
     return loft(np.concatenate([inner[::-1], outer]), ([0.0, 0.0, -depth], [0.0, 0.0, -depth - wall]))
 
 
-def head(wall: float = WALL) -> trimesh.Trimesh:
-    """What the grains meet."""
-    return bowl(wall)
-
-
-def solid(wall: float = WALL) -> list[trimesh.Trimesh]:
-    """Bowl and handle."""
-    return [bowl(wall), handle(HANDLE_START)]
-
-
-def visuals() -> dict[str, trimesh.Trimesh]:
-    """Meshes by file name."""
-    return {"spoon": bowl(), "handle": handle(HANDLE_START)}
+SHAPE = ToolShape("spoon", bowl, INTERIOR, HANDLE_START)
