@@ -1,5 +1,6 @@
 """The field: grains as a continuum, by the material point method. Knows no robot, no file, no learning."""
 
+from mpm.adjoint.rollout import Rollout
 from mpm.backend import init
 from mpm.body import Body
 from mpm.collider import Collider
@@ -7,6 +8,7 @@ from mpm.diagnostics import Diagnostics
 from mpm.elasticity import Elastic
 from mpm.errors import (
     BackendError,
+    GradientDiverged,
     InvalidValue,
     MpmError,
     MpmWarning,
@@ -39,6 +41,7 @@ __all__ = [
     "DruckerPrager",
     "Elastic",
     "Features",
+    "GradientDiverged",
     "Grid",
     "InvalidValue",
     "MpmError",
@@ -48,6 +51,7 @@ __all__ = [
     "OverlappingBodies",
     "Pose",
     "Region",
+    "Rollout",
     "Sample",
     "Sdf",
     "Shell",

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from mpm.backend import ti
 from mpm.errors import InvalidValue, UnknownName
-from mpm.strain import combine, determinant_minus_one, keep, square_root
+from mpm.adjoint.strain import root_back
+from mpm.strain import combine, determinant_minus_one, inverse, keep, spectrum, square_root
 
 
 def check_range(owner: str, name: str, value: float, low: float, high: float) -> None:
@@ -65,6 +66,15 @@ class Hencky:
         return [keep(pressure + double_mu * h[0]), keep(pressure + double_mu * h[1]), keep(pressure + double_mu * h[2]),
                 keep(double_mu * h[3]), keep(double_mu * h[4]), keep(double_mu * h[5])]
 
+    @staticmethod
+    @ti.func
+    def stress_back(h: ti.template(), p: ti.template(), bar: ti.template()):
+        """Bars of the state and of the numbers p by that of the stress."""
+        trace = bar[0] + bar[1] + bar[2]
+        state = [keep(2.0 * p[0] * bar[i] + (p[1] * trace if ti.static(i < 3) else 0.0)) for i in range(6)]
+        along = h[0] * bar[0] + h[1] * bar[1] + h[2] * bar[2] + h[3] * bar[3] + h[4] * bar[4] + h[5] * bar[5]
+        return state, [2.0 * along, (h[0] + h[1] + h[2]) * trace]
+
 
 @dataclass(frozen=True, kw_only=True)
 class NeoHookean(Hencky):
@@ -77,6 +87,16 @@ class NeoHookean(Hencky):
     def stress(e: ti.template(), p: ti.template()):
         """Kirchhoff stress [Pa]."""
         return combine(p[0], 0.5 * p[1] * ti.log(1.0 + determinant_minus_one(e)), e)
+
+    @staticmethod
+    @ti.func
+    def stress_back(e: ti.template(), p: ti.template(), bar: ti.template()):
+        """Bars of the state and of the numbers p by that of the stress; d log det b = tr(b^-1 db)."""
+        trace = bar[0] + bar[1] + bar[2]
+        b_inverse = inverse(combine(1.0, 1.0, e))
+        state = [keep(p[0] * bar[i] + 0.5 * p[1] * trace * b_inverse[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
+        along = e[0] * bar[0] + e[1] * bar[1] + e[2] * bar[2] + e[3] * bar[3] + e[4] * bar[4] + e[5] * bar[5]
+        return state, [along, 0.5 * ti.log(1.0 + determinant_minus_one(e)) * trace]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +120,23 @@ class FixedCorotated(Hencky):
             keep(2.0 * p[0] * (e[4] - stretch[4])),
             keep(2.0 * p[0] * (e[5] - stretch[5])),
         ]
+
+    @staticmethod
+    @ti.func
+    def stress_back(e: ti.template(), p: ti.template(), bar: ti.template()):
+        """Bars of the state and of the numbers p by that of the stress; dJ = J tr(b^-1 db) / 2."""
+        trace = bar[0] + bar[1] + bar[2]
+        d, v = spectrum(e)
+        through_stretch = root_back(d, v, bar)
+        J = ti.sqrt(1.0 + determinant_minus_one(e))
+        b_inverse = inverse(combine(1.0, 1.0, e))
+        volumetric = 0.5 * p[1] * (2.0 * J - 1.0) * J * trace
+        state = [keep(2.0 * p[0] * (bar[i] - through_stretch[i])
+                      + volumetric * b_inverse[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
+        s = square_root(e)
+        along = (e[0] - s[0]) * bar[0] + (e[1] - s[1]) * bar[1] + (e[2] - s[2]) * bar[2] \
+            + (e[3] - s[3]) * bar[3] + (e[4] - s[4]) * bar[4] + (e[5] - s[5]) * bar[5]
+        return state, [2.0 * along, (J - 1.0) * J * trace]
 
 
 ELASTIC_MODELS = {"hencky": Hencky, "neo_hookean": NeoHookean, "fixed_corotated": FixedCorotated}

@@ -67,3 +67,18 @@ class SimulationDiverged(MpmError):
             f"diverged at t = {time:.6g} s, substep {step}: particle {particle} at {position} m, "
             f"speed {speed:.4g} m/s, CFL number {cfl:.3g}"
         )
+
+
+class GradientDiverged(MpmError):
+    """A derivative that is not finite, with where it was found.
+
+    Attributes: step (of the roll-out), substep (within it), quantity (of the state, by which the loss is
+    differentiated), particle (index).
+    """
+
+    def __init__(self, *, step: int, substep: int, quantity: str, particle: int) -> None:
+        self.step, self.substep, self.quantity, self.particle = step, substep, quantity, particle
+        super().__init__(
+            f"the derivative by {quantity} of particle {particle} before substep {substep} of step {step} is not "
+            f"finite; accepted: a shorter roll-out, or Rollout(limit=...) or Rollout(window=...)"
+        )

@@ -58,3 +58,18 @@ class NewtonianFluid:
             keep(shear * (C[2] + C[6])),
             keep(shear * (C[5] + C[7])),
         ]
+
+    @staticmethod
+    @ti.func
+    def stress_back(j: ti.template(), C: ti.template(), p: ti.template(), bar: ti.template()):
+        """Bars of j, of C (nine entries) and of the numbers p by that of the stress."""
+        J = 1.0 + j
+        third = (C[0] + C[4] + C[8]) / 3.0
+        trace = bar[0] + bar[1] + bar[2]
+        shear = 2.0 * ((C[0] - third) * bar[0] + (C[4] - third) * bar[1] + (C[8] - third) * bar[2]) \
+            + (C[1] + C[3]) * bar[3] + (C[2] + C[6]) * bar[4] + (C[5] + C[7]) * bar[5]
+        rate = p[1] * J
+        x, y, z = rate * bar[3], rate * bar[4], rate * bar[5]
+        C_bar = [keep(2.0 * rate * (bar[0] - trace / 3.0)), x, y, x, keep(2.0 * rate * (bar[1] - trace / 3.0)), z,
+                 y, z, keep(2.0 * rate * (bar[2] - trace / 3.0))]
+        return keep(p[0] * (1.0 + 2.0 * j) * trace + p[1] * shear), C_bar, [j * J * trace, J * shear]

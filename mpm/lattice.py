@@ -59,6 +59,39 @@ class Lattice(Shape):
             far = self.values[c[0], c[1], c[2]] > reach + 0.87 * self.spacing
         return far
 
+    @ti.func
+    def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
+        """Exact, with the slopes of trilinear interpolation that hold within a cell."""
+        u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
+        last = ti.Vector([self.host.shape[d] - 1.0 for d in range(3)])
+        held = ti.max(ti.min(u, last), 0.0 * u)
+        c = ti.min(ti.cast(held, ti.i32), ti.cast(last, ti.i32) - 1)
+        f = held - c
+        s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        x = [[keep(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
+        xy = [keep(x[1][k] - x[0][k]) for k in range(2)]
+        xz = [keep(x[j][1] - x[j][0]) for j in range(2)]
+        yz = [keep(s[i][1][1] - s[i][1][0] - s[i][0][1] + s[i][0][0]) for i in range(2)]
+        mixed = ti.Vector([xy[0] + f[2] * (xy[1] - xy[0]), xz[0] + f[1] * (xz[1] - xz[0]),
+                           yz[0] + f[0] * (yz[1] - yz[0])])
+        slope = 0.0 * y
+        slope[0] = (1 - f[1]) * (x[0][0] + f[2] * xz[0]) + f[1] * (x[1][0] + f[2] * xz[1])
+        low, high = s[0][1][0] - s[0][0][0], s[1][1][0] - s[1][0][0]
+        slope[1] = (1 - f[0]) * (low + f[2] * yz[0]) + f[0] * (high + f[2] * yz[1])
+        low, high = s[0][0][1] - s[0][0][0], s[1][0][1] - s[1][0][0]
+        slope[2] = (1 - f[0]) * (low + f[1] * yz[0]) + f[0] * (high + f[1] * yz[1])
+        length = slope.norm(1e-12)
+        slope_bar = (normal_bar - slope * (slope.dot(normal_bar) / (length * length))) / length
+        bar = slope * phi_bar
+        bar[0] += mixed[0] * slope_bar[1] + mixed[1] * slope_bar[2]
+        bar[1] += mixed[0] * slope_bar[0] + mixed[2] * slope_bar[2]
+        bar[2] += mixed[1] * slope_bar[0] + mixed[2] * slope_bar[1]
+        away = u - held
+        far = away.norm()
+        for d in ti.static(range(3)):
+            bar[d] = bar[d] / self.spacing if away[d] == 0 else away[d] / far * phi_bar
+        return bar
+
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Distances [m] (n,) at points (n, 3) in the frame."""
         from scipy.ndimage import map_coordinates

@@ -76,6 +76,33 @@ class DruckerPrager(Hencky):
         return [keep(third + scale * d[0]), keep(third + scale * d[1]), keep(third + scale * d[2]),
                 keep(scale * h[3]), keep(scale * h[4]), keep(scale * h[5])], expansion
 
+    @staticmethod
+    @ti.func
+    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar):
+        """Bars of h, vc and the numbers p by those of what `return_mapping` gives."""
+        trace = h[0] + h[1] + h[2] + vc
+        mean = (h[0] + h[1] + h[2]) / 3.0
+        d = [keep(h[0] - mean), keep(h[1] - mean), keep(h[2] - mean), h[3], h[4], h[5]]
+        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+                       + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
+        zero = 0.0 * trace
+        allowed = ti.max(p[2] * (p[3] - trace), 0.0)
+        yields, whole = allowed < norm, trace < p[3]
+        scale = ti.select(yields, allowed / norm, zero + 1.0)
+        along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
+        allowed_bar = ti.select(yields, along / norm, zero)
+        held = ti.select(p[2] * (p[3] - trace) > 0.0, allowed_bar, zero)
+        kept_bar = (bar[0] + bar[1] + bar[2]) / 3.0
+        free = ti.select(trace - ti.min(trace, p[3]) < MAX_VOLUME_CORRECTION, vc_bar, zero)
+        # the expansion is trace - kept: nothing of it where all is kept
+        trace_bar = ti.select(whole, kept_bar, free) - p[2] * held
+        turn = allowed_bar * allowed / (norm * norm)
+        shape = [keep(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
+        average = (shape[0] + shape[1] + shape[2]) / 3.0
+        state = [keep(shape[i] + (trace_bar - average if ti.static(i < 3) else 0.0)) for i in range(6)]
+        apex_bar = ti.select(whole, zero, kept_bar - free) + p[2] * held
+        return state, trace_bar, [zero, zero, (p[3] - trace) * held, apex_bar]
+
 
 @dataclass(frozen=True, kw_only=True)
 class VonMises(Hencky):
@@ -108,3 +135,21 @@ class VonMises(Hencky):
         scale = ti.min(p[2] / norm, 1.0)
         return [keep(mean + scale * d[0]), keep(mean + scale * d[1]), keep(mean + scale * d[2]),
                 keep(scale * h[3]), keep(scale * h[4]), keep(scale * h[5])], vc
+
+    @staticmethod
+    @ti.func
+    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar):
+        """Bars of h, vc and the numbers p by those of what `return_mapping` gives."""
+        mean = (h[0] + h[1] + h[2]) / 3.0
+        d = [keep(h[0] - mean), keep(h[1] - mean), keep(h[2] - mean), h[3], h[4], h[5]]
+        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+                       + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
+        zero = 0.0 * mean
+        yields = p[2] < norm
+        scale = ti.select(yields, p[2] / norm, zero + 1.0)
+        along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
+        limit_bar = ti.select(yields, along / norm, zero)
+        turn = limit_bar * p[2] / (norm * norm)
+        shape = [keep(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
+        average = (bar[0] + bar[1] + bar[2] - shape[0] - shape[1] - shape[2]) / 3.0
+        return [keep(shape[i] + (average if ti.static(i < 3) else 0.0)) for i in range(6)], vc_bar, [zero, zero, limit_bar]

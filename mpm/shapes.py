@@ -8,6 +8,8 @@ import numpy as np
 
 from mpm.backend import ti
 
+DIFFERENCE = 1e-6
+"""[m] to each side of a point at which a shape without derivatives of its own is compared."""
 NEAR = 1e-6
 """[m] from a face within which rounding decides on which side a point is."""
 
@@ -23,6 +25,19 @@ class Shape:
         """Whether the surface is surely farther than reach [m] from y, where that can be told for less than `at`."""
         return False
 
+    @ti.func
+    def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
+        """Bar of y, of type `real`, by those of normal and distance: central differences in double precision, unless a
+        shape knows better."""
+        bar = 0.0 * y
+        for d in ti.static(range(3)):
+            step = ti.Vector.unit(3, d, ti.f64) * DIFFERENCE
+            n_above, above = self.at(ti.cast(y, ti.f64) + step)
+            n_below, below = self.at(ti.cast(y, ti.f64) - step)
+            slope = ti.cast((n_above - n_below) / (2.0 * DIFFERENCE), real).dot(normal_bar)
+            bar[d] = slope + ti.cast((above - below) / (2.0 * DIFFERENCE), real) * phi_bar
+        return bar
+
 
 class Plane(Shape):
     """The half space below a plane through the frame's origin; the normal [-] (3,) points out of the solid."""
@@ -36,6 +51,10 @@ class Plane(Shape):
     def at(self, y):
         n = ti.Vector([self.normal[0], self.normal[1], self.normal[2]])
         return n, y.dot(n)
+
+    @ti.func
+    def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
+        return ti.Vector([self.normal[0], self.normal[1], self.normal[2]]) * phi_bar
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         return points @ np.asarray(self.normal)

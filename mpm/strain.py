@@ -6,6 +6,8 @@ Cauchy-Green tensor: stored as a difference, a strain of 1e-6 keeps its digits i
 
 from mpm.backend import ti
 
+FULL = (0, 3, 4, 3, 1, 5, 4, 5, 2)
+"""Entry of a symmetric tensor's list for each of the nine places of the matrix, row by row."""
 JACOBI_SWEEPS = 6
 """Cyclic Jacobi converges quadratically; six sweeps reach rounding in double precision for any 3x3 tensor."""
 

@@ -10,7 +10,7 @@ from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
 from mpm.sides import gather_cut, keep_for_cut, label_grains, label_nodes, scatter_cut
-from mpm.strain import INTEGRATORS, keep
+from mpm.strain import FULL, INTEGRATORS, keep
 from mpm.surface import tool_axes, tool_origin
 from mpm.tally import ROWS as TALLY_ROWS
 from mpm.transfer import gather_lane, lane, scatter_lane, weights
@@ -18,8 +18,6 @@ from mpm.walls import wall_table
 
 SPEED_LIMIT = 1.0
 """Cells that a grain may travel in a substep before the run counts as diverged."""
-FULL = (0, 3, 4, 3, 1, 5, 4, 5, 2)
-"""Entry of a symmetric tensor's list for each of the nine places of the matrix, row by row."""
 
 
 @ti.data_oriented
@@ -183,18 +181,7 @@ class Substeps:
         """Velocity, affine velocity and position of every pack of a body; lists the blocks of the next substep."""
         last = -1
         for q in range(P.ranges[body][0], P.ranges[body][1]):
-            base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
-            wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
-            v = [keep(f[0] * 0.0) for _ in range(3)]
-            B = [keep(f[0] * 0.0) for _ in range(9)]
-            for l in ti.static(range(4)):
-                value, moment_i, moment_j, moment_k = gather_lane(
-                    self.grid.nodes, [keep(base[d][l]) for d in range(3)], lane(wx, l), lane(wy, l), lane(wz, l))
-                for r in ti.static(range(3)):
-                    v[r][l] = value[r]
-                    B[3 * r][l] = moment_i[r]
-                    B[3 * r + 1][l] = moment_j[r]
-                    B[3 * r + 2][l] = moment_k[r]
+            v, B, f = self.gathered(P, q)
             gradient = 4.0 / self.cell
             for r in ti.static(range(3)):
                 P.v[r][q] = v[r]
@@ -204,6 +191,23 @@ class Substeps:
             last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, next_stamp)
         if ti.static(P.counts[body] % LANES > 0):
             self.still(P, P.ranges[body][1] - 1, ti.static(P.counts[body] % LANES))
+
+    @ti.func
+    def gathered(self, P: ti.template(), q):
+        """Velocity (three packs) at pack q, its moments about the stencil's first node, per cell (nine), and offsets."""
+        base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
+        wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+        v = [keep(f[0] * 0.0) for _ in range(3)]
+        B = [keep(f[0] * 0.0) for _ in range(9)]
+        for l in ti.static(range(4)):
+            value, moment_i, moment_j, moment_k = gather_lane(
+                self.grid.nodes, [keep(base[d][l]) for d in range(3)], lane(wx, l), lane(wy, l), lane(wz, l))
+            for r in ti.static(range(3)):
+                v[r][l] = value[r]
+                B[3 * r][l] = moment_i[r]
+                B[3 * r + 1][l] = moment_j[r]
+                B[3 * r + 2][l] = moment_k[r]
+        return v, B, f
 
     @ti.func
     def still(self, P: ti.template(), q, filled: ti.template()):

@@ -1,0 +1,68 @@
+"""States of the particles, kept side by side on the device."""
+
+from mpm.backend import real_type, ti
+from mpm.particles import LANES, ParticleFields
+
+
+@ti.data_oriented
+class History:
+    """`slots` states of the particles."""
+
+    def __init__(self, particles: ParticleFields, precision: str, slots: int) -> None:
+        self.fields = [field for fields in particles.named_fields().values() for field in fields]
+        self.n_packs, self.slots = particles.n_packs, slots
+        self.kept = ti.Vector.field(LANES, real_type(precision), (slots, len(self.fields), self.n_packs))
+
+    @staticmethod
+    def bytes_per_state(particles: ParticleFields, precision: str) -> int:
+        """Memory of one state."""
+        fields = sum(len(fields) for fields in particles.named_fields().values())
+        return fields * particles.n_packs * LANES * (8 if precision == "f64" else 4)
+
+    @ti.func
+    def store(self, slot):
+        """Keep the present state."""
+        for i in ti.static(range(len(self.fields))):
+            for q in range(self.n_packs):
+                self.kept[slot, i, q] = self.fields[i][q]
+
+    @ti.func
+    def load(self, slot):
+        """Return to a state."""
+        for i in ti.static(range(len(self.fields))):
+            for q in range(self.n_packs):
+                self.fields[i][q] = self.kept[slot, i, q]
+
+    @ti.func
+    def load_strains(self, slot):
+        """Return to what a state's laws remember."""
+        for i in ti.static(range(MOVING, len(self.fields))):
+            for q in range(self.n_packs):
+                self.fields[i][q] = self.kept[slot, i, q]
+
+    @ti.kernel
+    def keep(self, slot: ti.i32):
+        """Keep the present state, from outside a kernel."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.store(slot)
+
+    @ti.kernel
+    def rewind(self, slot: ti.i32):
+        """Return to a state, from outside a kernel."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.load(slot)
+
+    @ti.kernel
+    def copy(self, source: ti.template(), from_slot: ti.i32, to_slot: ti.i32):
+        """Take over a state of another history."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for i in ti.static(range(len(self.fields))):
+                for q in range(self.n_packs):
+                    self.kept[to_slot, i, q] = source.kept[from_slot, i, q]
+
+
+MOVING = 15
+"""Fields of x, v and C, which come first in a state."""

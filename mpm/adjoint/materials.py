@@ -1,0 +1,33 @@
+"""Derivatives by what a material is given, from those by the numbers that kernels read."""
+
+import dataclasses
+
+import numpy as np
+
+DIFFERENCE = 1e-6
+"""Relative step of the central differences through a law's `parameters`, in double precision."""
+
+
+def material_bars(solver, sweep) -> list[dict[str, float]]:  # noqa: ANN001
+    """For each body the derivative of the loss by each of its law's numbers but the density."""
+    if not sweep.materials:
+        return []
+    bars = sweep.numbers_bar.to_numpy()
+    found = []
+    for body, bar in zip(solver.bodies, bars):
+        law, slopes = body.material, {}
+        for field in dataclasses.fields(law):
+            value = getattr(law, field.name)
+            if isinstance(value, float | int) and field.name != "density":
+                slopes[field.name] = float(slope(law, field.name, float(value)) @ bar[: len(law.parameters)])
+        found.append(slopes)
+    return found
+
+
+def slope(law, name: str, value: float) -> np.ndarray:  # noqa: ANN001
+    """Derivative of a law's parameters by one of its numbers."""
+    step = DIFFERENCE * abs(value) if value else DIFFERENCE
+    above = np.array(dataclasses.replace(law, **{name: value + step}).parameters)
+    low = max(value - step, 0.0)
+    below = np.array(dataclasses.replace(law, **{name: low}).parameters)
+    return (above - below) / (value + step - low)

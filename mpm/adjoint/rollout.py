@@ -1,0 +1,292 @@
+"""Roll-outs that know how their loss answers to the tool's motion."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mpm.adjoint import twists
+from mpm.adjoint.checks import check_scene
+from mpm.adjoint.history import History
+from mpm.adjoint.losses import Loss, LossBars, Seen
+from mpm.adjoint.materials import material_bars
+from mpm.adjoint.schedule import Schedule, planned
+from mpm.adjoint.sweep import ALL, Sweep
+from mpm.backend import default_precision
+from mpm.errors import GradientDiverged, InvalidValue
+from mpm.motion import Pose
+from mpm.particles import LANES, Snapshot
+from mpm.substep import SPEED_LIMIT
+from mpm.timestep import travel_bound
+
+BUDGET = 1_000_000_000
+"""Bytes that a roll-out's states may take."""
+
+
+class Gradients(NamedTuple):
+    """All that the last `value_and_grad` found."""
+
+    value: float
+    twists: twists.TwistBars
+    """By the twists, and by the start's position and orientation."""
+    materials: list[dict[str, float]]
+    """By each body's numbers, such as {"E": ..., "friction_angle_deg": ...}; empty without `materials`."""
+    norms: np.ndarray
+    """Norms of the derivatives by positions [1/m] and velocities [s/m] of all grains before each step (n_steps, 2)."""
+
+
+class Rollout:
+    """The solver's future over `n_steps` steps of `step_dt` [s] from its present state, in each of which the tool (its
+    only moving collider, if it has one) holds a twist: the physics of `Solver.advance`.
+
+    budget: bytes that the kept states may take; `schedule` says what came of it. materials: derivatives by the laws'
+    numbers, too. limit: entries of the state's derivatives are cut to plus or minus this in every substep, against the
+    growth of sand's. window: steps over which derivatives are followed back before they are dropped. substeps: per
+    step, or None: as many as the solver's dt asks for.
+    """
+
+    def __init__(self, solver, n_steps: int, *, step_dt: float = 2e-3, budget: int = BUDGET,  # noqa: ANN001
+                 materials: bool = False, limit: float | None = None, window: int | None = None,
+                 substeps: int | None = None) -> None:
+        check_scene(solver)
+        if n_steps < 1:
+            raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: 1 or more")
+        if window is not None and window < 1:
+            raise InvalidValue(f"Rollout: window = {window} steps; accepted: 1 or more, or None")
+        if limit is not None and not limit > 0:
+            raise InvalidValue(f"Rollout: limit = {limit}; accepted: a positive number, or None")
+        self.solver, self.n_steps, self.step_dt, self.window = solver, int(n_steps), float(step_dt), window
+        self.substeps = substeps or max(1, math.ceil(step_dt / solver.dt - 1e-9))
+        if self.step_dt / self.substeps > solver.bound:
+            raise InvalidValue(f"Rollout: {self.substeps} substeps of a step of {step_dt} s; accepted: "
+                               f"{math.ceil(step_dt / solver.bound)} or more")
+        size = History.bytes_per_state(solver.particles, solver.precision)
+        self.schedule: Schedule = planned(self.n_steps, self.substeps, size, budget)
+        with default_precision(solver.precision):
+            self._history = History(solver.particles, solver.precision, self.schedule.slots)
+            self._checkpoints = History(solver.particles, solver.precision, self.schedule.checkpoints)
+            self._sweep = Sweep(solver, self._history, materials=materials, limit=limit)
+            self._bars = Snapshot(self._sweep.state_fields, solver.particles.n_packs)
+        self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None
+        self.forward_steps = 0
+        """Steps run forwards by the last call: n_steps, and what was run again."""
+        self.last: Gradients | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin at the solver's present state from now on."""
+        self.start = self.solver.state()
+        self.solver.load(self.start)
+        with default_precision(self.solver.precision):
+            self._checkpoints.keep(0)
+
+    # the public pair -------------------------------------------------------------------------------------------------
+    def value(self, linear: np.ndarray | None, angular: np.ndarray | None, loss: Loss) -> float:
+        """Loss of the roll-out with the tool's velocities linear [m/s], angular [rad/s], (n_steps, 3) each, in world
+        axes, or None without a tool. Leaves the solver at the end. Raises SimulationDiverged."""
+        self._set(linear, angular)
+        self._first()
+        total = 0.0
+        for begin, end in self._pieces(0, self.n_steps):
+            self._forward(begin, end)
+            total += self._look(begin, end, loss).value
+            self._go_on(end - begin)
+        self._finish()
+        return total
+
+    def value_and_grad(self, linear: np.ndarray | None, angular: np.ndarray | None,
+                       loss: Loss) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
+        """Loss, and its derivatives by linear and angular (n_steps, 3); `last` holds those by all else.
+
+        Leaves the solver at the end of the roll-out. Raises SimulationDiverged, and GradientDiverged where a
+        derivative is not finite.
+        """
+        self._set(linear, angular)
+        self._loss = loss
+        self._sweep.bars.clear()
+        self._sweep.numbers_bar.fill(0.0)
+        self._total = 0.0
+        self._table_bar = np.zeros((self.n_steps, self.substeps, 18))
+        self._pose_bar = np.zeros((self.n_steps, 6))
+        self._norms = np.zeros((self.n_steps, self.substeps, 3))
+        self._end_state: dict[str, np.ndarray] | None = None
+        self._back_over(0, self.n_steps, 0, 0)
+        assert self._end_state is not None
+        self.solver.load(self._end_state)
+        found = twists.back(self._path, self._linear, self._angular, self.step_dt, self._table_bar, self._pose_bar)
+        self.last = Gradients(self._total, found, material_bars(self.solver, self._sweep), self._norms[:, 0, :2])
+        return self._total, (found.linear, found.angular)
+
+    # forwards --------------------------------------------------------------------------------------------------------
+    def _set(self, linear: np.ndarray | None, angular: np.ndarray | None) -> None:
+        """Take the twists, and lay out the tool's motion."""
+        shape = (self.n_steps, 3)
+        given = [np.zeros(shape) if a is None else np.asarray(a, float) for a in (linear, angular)]
+        for name, array in zip(("linear", "angular"), given):
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InvalidValue(f"Rollout: {name} has shape {array.shape}; accepted: {shape}, finite")
+        self._linear, self._angular = given
+        start = Pose.identity()
+        if self._tool is not None:
+            row = self.start["poses"][self._tool]
+            start = Pose(row[:3], row[3:])
+            radius = self.solver.colliders[self._tool].sdf.radius
+            speed = np.linalg.norm(given[0], axis=1) + radius * np.linalg.norm(given[1], axis=1)
+            longest = travel_bound(self.solver.grid.cell, float(speed.max()))
+            if self.step_dt / self.substeps > longest * (1 + 1e-9):
+                raise InvalidValue(f"Rollout: a tool at {speed.max():.3g} m/s needs "
+                                   f"{math.ceil(self.step_dt / longest)} substeps a step; give substeps= that many, "
+                                   f"now {self.substeps}")
+        self._path = twists.path(start, *given, self.step_dt)
+        self._table = twists.table(self._path, *given, self.step_dt, self.substeps).astype(self.solver._dtype)
+        self.forward_steps = 0
+
+    def _pieces(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """Steps begin .. end - 1 in runs that fit into the history."""
+        chunk = (self.schedule.slots - 1) // self.substeps
+        return [(b, min(b + chunk, end)) for b in range(begin, end, chunk)]
+
+    def _first(self) -> None:
+        """Put the start into the history's first slot."""
+        with default_precision(self.solver.precision):
+            self._history.copy(self._checkpoints, 0, 0)
+
+    def _go_on(self, steps: int) -> None:
+        """Put the state after so many steps into the first slot."""
+        with default_precision(self.solver.precision):
+            self._history.copy(self._history, steps * self.substeps, 0)
+
+    def _forward(self, begin: int, end: int) -> None:
+        """Run steps from the state in slot 0; every state goes into the slot after."""
+        n = (end - begin) * self.substeps
+        empty = np.zeros((1, 6, 1, LANES), self.solver._dtype)
+        out = self._launch(1, 0, n, self._table[begin:end], empty, np.zeros((1, 18)), np.zeros((1, 3)))
+        self.forward_steps += end - begin
+        squares, fastest = out[self.solver._substeps.status, :2]
+        dt = self.step_dt / self.substeps
+        if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
+            self.solver.time = float(self.start["time"]) + end * self.step_dt
+            self.solver.steps = int(self.start["steps"]) + end * self.substeps
+            raise self.solver._diverged(dt)
+
+    def _launch(self, forward: int, first: int, n: int, motion: np.ndarray, loss_bar: np.ndarray,
+                motion_bar: np.ndarray, norms: np.ndarray) -> np.ndarray:
+        solver = self.solver
+        out = np.zeros((solver._substeps.rows, 6))
+        with default_precision(solver.precision):
+            self._sweep.run(forward, first, n, self.substeps, solver._stamp + 2, self.step_dt / self.substeps,
+                            np.ascontiguousarray(motion.reshape(1, -1, 18)), loss_bar, motion_bar, norms,
+                            np.zeros((1, 1)), out)
+        solver._stamp += 2 * n + 4  # blocks that an advance has listed carry the number after its own
+        solver._listed = False
+        return out
+
+    def _look(self, begin: int, end: int, loss: Loss) -> LossBars:
+        """The loss over steps whose states lie in the history."""
+        particles, n = self.solver.particles, end - begin
+        seen = np.zeros((n, 6, particles.n_packs, LANES), self.solver._dtype)
+        with default_precision(self.solver.precision):
+            self._sweep.read(self.substeps, seen)
+        states = seen.reshape(n, 6, -1)[:, :, particles.index].swapaxes(1, 2).astype(float)
+        bars = loss(Seen(np.arange(begin + 1, end + 1), states[..., :3] + self.solver.grid.origin, states[..., 3:],
+                         self._path.positions[begin + 1 : end + 1], self._path.matrices[begin + 1 : end + 1]))
+        for name, array, shape in (("x", bars.x, states[..., :3].shape), ("v", bars.v, states[..., :3].shape),
+                                   ("pose", bars.pose, (n, 6))):
+            if array is not None and np.shape(array) != shape:
+                raise InvalidValue(f"Rollout: the loss's {name} has shape {np.shape(array)}; accepted: {shape}")
+        return bars
+
+    def _finish(self) -> dict[str, np.ndarray]:
+        """Leave the solver at the end of what was run; returns its state."""
+        solver = self.solver
+        poses = self.start["poses"].copy()
+        if self._tool is not None:
+            poses[self._tool] = np.concatenate(self._path.pose(self.n_steps))
+        named = {name: solver.particles.read(fields) for name, fields in solver.particles.named_fields().items()}
+        state = self.start | named | {
+            "poses": poses, "time": self.start["time"] + self.n_steps * self.step_dt,
+            "steps": self.start["steps"] + self.n_steps * self.substeps}
+        solver.load(state)
+        return state
+
+    # backwards -------------------------------------------------------------------------------------------------------
+    def _back_over(self, begin: int, end: int, level: int, slot: int) -> None:
+        """Differentiate steps begin .. end - 1, whose first state is the checkpoint in `slot`; what the loss owes to
+        later steps is in the bars."""
+        plan = self.schedule
+        if level == plan.levels:
+            with default_precision(self.solver.precision):
+                self._history.copy(self._checkpoints, slot, 0)
+            self._forward(begin, end)
+            self._note_end(end)
+            self._back(begin, end)
+            return
+        part = -(-(end - begin) // plan.parts)
+        cuts = [*range(begin, end, part), end]
+        places = [slot] + [1 + level * (plan.parts - 1) + i for i in range(len(cuts) - 2)]
+        with default_precision(self.solver.precision):
+            self._history.copy(self._checkpoints, slot, 0)
+        for k in range(len(cuts) - 2):  # the last part is run when it is differentiated
+            for b, e in self._pieces(cuts[k], cuts[k + 1]):
+                self._forward(b, e)
+                self._go_on(e - b)
+            with default_precision(self.solver.precision):
+                self._checkpoints.copy(self._history, 0, places[k + 1])
+        for k in reversed(range(len(cuts) - 1)):
+            self._back_over(cuts[k], cuts[k + 1], level + 1, places[k])
+
+    def _note_end(self, end: int) -> None:
+        """Remember the state at the roll-out's end."""
+        if end == self.n_steps:
+            self._end_state = self._finish()
+
+    def _back(self, begin: int, end: int) -> None:
+        """Bars after steps begin .. end - 1 to bars before them; the history holds their states."""
+        bars = self._look(begin, end, self._loss)
+        self._total += bars.value
+        if bars.pose is not None:
+            self._pose_bar[begin:end] = bars.pose
+        window, packed = self.window or self.n_steps, self._packed(bars, end - begin)
+        last = end
+        while last > begin:
+            first = max(begin, (last - 1) // window * window)
+            if last % window == 0 and last < self.n_steps:
+                self._sweep.bars.clear()
+            self._back_launch(begin, first, last, packed)
+            last = first
+
+    def _back_launch(self, begin: int, first: int, last: int, loss_bar: np.ndarray) -> None:
+        """Steps first .. last - 1, where `begin` is the step of slot 0."""
+        n = (last - first) * self.substeps
+        motion_bar, norms = np.zeros((n, 18)), np.zeros((n, 3))
+        with default_precision(self.solver.precision):
+            self._bars.keep()
+        self._launch(0, (first - begin) * self.substeps, n, self._table[first:last], loss_bar, motion_bar, norms)
+        if not np.isfinite(norms).all() or not np.isfinite(motion_bar).all():
+            raise self._located(begin, first, last, loss_bar, norms)
+        self._table_bar[first:last] = motion_bar.reshape(last - first, self.substeps, 18)
+        self._norms[first:last] = norms.reshape(last - first, self.substeps, 3)
+
+    def _packed(self, bars: LossBars, steps: int) -> np.ndarray:
+        """The loss's bars of positions and velocities in the particles' order (steps, 6, packs, 4)."""
+        particles = self.solver.particles
+        packed = np.zeros((steps, 6, particles.n_packs * LANES), self.solver._dtype)
+        for first, array in ((0, bars.x), (3, bars.v)):
+            if array is not None:
+                packed[:, first : first + 3, particles.index] = np.swapaxes(array, 1, 2)
+        return packed.reshape(steps, 6, particles.n_packs, LANES)
+
+    def _located(self, begin: int, first: int, last: int, loss_bar: np.ndarray, norms: np.ndarray) -> GradientDiverged:
+        """Go back again, only to the first substep whose bars are not finite, and say which."""
+        bad = int(np.flatnonzero(~np.isfinite(norms[:, ALL]))[-1])
+        n = (last - first) * self.substeps - bad
+        motion = self._table[first:last].reshape(-1, 18)[bad:]
+        with default_precision(self.solver.precision):
+            self._bars.rewind()
+        self._launch(0, (first - begin) * self.substeps + bad, n, motion, loss_bar, np.zeros((n, 18)), np.zeros((n, 3)))
+        for quantity, fields in self._sweep.bars.named_fields().items():
+            rows = np.flatnonzero(~np.isfinite(self.solver.particles.read(fields)).all(1))
+            if len(rows):
+                break
+        return GradientDiverged(step=first + bad // self.substeps, substep=bad % self.substeps, quantity=quantity,
+                                particle=int(rows[0]))

@@ -1,0 +1,50 @@
+"""Adjoints against central differences, in double precision, over twenty random directions each."""
+
+import numpy as np
+import pytest
+from adjoint_element import AdjointElement
+
+import mpm
+
+DIRECTIONS = 20
+LAWS = {
+    "hencky": mpm.Elastic(E=1e5, nu=0.3, density=1000.0),
+    "neo_hookean": mpm.Elastic(E=1e5, nu=0.3, density=1000.0, model="neo_hookean"),
+    "fixed_corotated": mpm.Elastic(E=1e5, nu=0.3, density=1000.0, model="fixed_corotated"),
+    "von_mises": mpm.VonMises(E=1e5, nu=0.3, density=1000.0, yield_stress=4e3),
+    "sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0),
+    "cohesive_sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0, cohesion=2e3),
+    "fluid": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0),
+}
+
+
+def agree(gradient: float, difference: float, scale: float) -> None:
+    assert abs(gradient - difference) <= 1e-6 * scale, (gradient, difference, scale)
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("size", [0.0, 0.08])
+def test_constitutive_update(name, size, rng):
+    """From no strain (every eigenvalue the same) and from a large one; compressed, stretched, inside and outside the
+    yield surface, one of each in the pack."""
+    element = AdjointElement(LAWS[name])
+    state = size * rng.uniform(-1.0, 1.0, (4, element.size))
+    state[:, :3] += np.array([0.1, -0.1, -0.02, 0.003])[:, None] * (size > 0) if element.size >= 3 else 0.0
+    C = 30.0 * rng.standard_normal((4, 9))
+    p = np.zeros(8)
+    p[: len(LAWS[name].parameters)] = LAWS[name].parameters
+    weights = rng.standard_normal((4, 6 + element.size))
+    weights[:, :6] /= 1e5
+    state_bar, C_bar, p_bar = element.backward(state, C, p, weights)
+    for _ in range(DIRECTIONS):
+        to_state, to_C = rng.standard_normal(state.shape), 1e3 * rng.standard_normal(C.shape)
+        to_p = p * rng.standard_normal(8)
+        h = 1e-6
+        ends = [np.sum(weights * element.forward(state + s * to_state, C + s * to_C, p + s * to_p)) for s in (h, -h)]
+        terms = [np.sum(state_bar * to_state), np.sum(C_bar * to_C), np.sum(p_bar * to_p)]
+        agree(sum(terms), (ends[0] - ends[1]) / (2 * h), np.abs(terms).max())
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
