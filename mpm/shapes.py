@@ -10,6 +10,8 @@ from mpm.backend import ti
 
 DIFFERENCE = 1e-6
 """[m] to each side of a point at which a shape without derivatives of its own is compared."""
+KINK = 10.0
+"""Ratio of the differences to both sides, and curvature [1/m], beyond which one of them crosses an edge."""
 NEAR = 1e-6
 """[m] from a face within which rounding decides on which side a point is."""
 
@@ -30,12 +32,21 @@ class Shape:
         """Bar of y, of type `real`, by those of normal and distance: central differences in double precision, unless a
         shape knows better."""
         bar = 0.0 * y
+        here = ti.cast(y, ti.f64)
+        n, phi = self.at(here)
         for d in ti.static(range(3)):
             step = ti.Vector.unit(3, d, ti.f64) * DIFFERENCE
-            n_above, above = self.at(ti.cast(y, ti.f64) + step)
-            n_below, below = self.at(ti.cast(y, ti.f64) - step)
-            slope = ti.cast((n_above - n_below) / (2.0 * DIFFERENCE), real).dot(normal_bar)
-            bar[d] = slope + ti.cast((above - below) / (2.0 * DIFFERENCE), real) * phi_bar
+            n_above, above = self.at(here + step)
+            n_below, below = self.at(here - step)
+            # at an edge the normal jumps on one side: what it does there is no slope
+            up, down = (n_above - n).norm(), (n - n_below).norm()
+            kept_above, kept_below, width = n_above, n_below, 2.0
+            if up > KINK * down + KINK * DIFFERENCE:
+                kept_above, above, width = n, phi, 1.0
+            elif down > KINK * up + KINK * DIFFERENCE:
+                kept_below, below, width = n, phi, 1.0
+            slope = ti.cast((kept_above - kept_below) / (width * DIFFERENCE), real).dot(normal_bar)
+            bar[d] = slope + ti.cast((above - below) / (width * DIFFERENCE), real) * phi_bar
         return bar
 
 
