@@ -6,16 +6,20 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti  # noqa: E402  (the variable above must be set before)
 
 from mpm.errors import BackendError, UnknownName  # noqa: E402
 
-__all__ = ["PRECISIONS", "default_precision", "init", "real_type", "session_precision", "ti"]
+__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "put", "real_type", "session_precision", "ti"]
 
 ARCHITECTURES = {"cpu": ti.cpu}
 """The fused kernel is serial and adds without atomics: right on a CPU core, and so far written for that alone."""
 PRECISIONS = ("f32", "f64")
+GROUPS = 500
+"""Groups of fields that a process may lay out. Taichi 1.7.4 has room for 512, and ends the process at one more."""
 
 
 class Session(NamedTuple):
@@ -81,6 +85,41 @@ def session_precision() -> str:
 def real_type(precision: str):  # noqa: ANN201  (a taichi type object)
     """Taichi's type for "f32" or "f64"."""
     return ti.f64 if precision == "f64" else ti.f32
+
+
+_waiting: list[tuple] | None = None
+"""Fields and what goes into them, while a group is being laid out."""
+
+
+@contextlib.contextmanager
+def allocating() -> Iterator[None]:
+    """Lay out all fields made inside as one group; nothing inside may read or launch.
+
+    Raises BackendError where the process has no room for another: fields stay until it ends.
+    """
+    global _waiting
+    if _waiting is not None:  # part of a larger group
+        yield
+        return
+    if ti.lang.impl.get_runtime().prog.get_snode_tree_size() >= GROUPS:
+        raise BackendError(f"this process holds {GROUPS} groups of fields, a few for each solver it has made; "
+                           f"accepted: use solvers again (Solver.load, Env.reset), or make others in another process")
+    _waiting = []
+    try:
+        yield
+        filled, _waiting = _waiting, None
+        for field, values in filled:
+            field.from_numpy(values)
+    finally:
+        _waiting = None
+
+
+def put(field, values: np.ndarray) -> None:  # noqa: ANN001  (a taichi field)
+    """Copy an array to a field, once its group is laid out."""
+    if _waiting is None:
+        field.from_numpy(values)
+    else:
+        _waiting.append((field, values))
 
 
 @contextlib.contextmanager

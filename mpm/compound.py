@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import ti
+from mpm.backend import put, ti
 from mpm.lattice import Lattice
 from mpm.motion import Pose
 from mpm.shapes import Box, Capsule, Cylinder, Ellipsoid, Plane, Shape, Sphere
@@ -26,7 +26,7 @@ class HeightField(Shape):
         """Copy the heights to a field; needs a running backend."""
         if self.values is None:
             self.values = ti.field(ti.f32, self.host.shape)
-            self.values.from_numpy(self.host)
+            put(self.values, self.host)
 
     @ti.func
     def at(self, y):

@@ -9,9 +9,9 @@ runs on packs of particles and on scalars.
 import math
 from dataclasses import dataclass
 
+from mpm.adjoint.strain import root_back
 from mpm.backend import ti
 from mpm.errors import InvalidValue, UnknownName
-from mpm.adjoint.strain import root_back
 from mpm.strain import combine, determinant_minus_one, inverse, keep, spectrum, square_root
 
 
@@ -94,7 +94,8 @@ class NeoHookean(Hencky):
         """Bars of the state and of the numbers p by that of the stress; d log det b = tr(b^-1 db)."""
         trace = bar[0] + bar[1] + bar[2]
         b_inverse = inverse(combine(1.0, 1.0, e))
-        state = [keep(p[0] * bar[i] + 0.5 * p[1] * trace * b_inverse[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
+        half = 0.5 * p[1] * trace
+        state = [keep(p[0] * bar[i] + half * b_inverse[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
         along = e[0] * bar[0] + e[1] * bar[1] + e[2] * bar[2] + e[3] * bar[3] + e[4] * bar[4] + e[5] * bar[5]
         return state, [along, 0.5 * ti.log(1.0 + determinant_minus_one(e)) * trace]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import ti
+from mpm.backend import put, ti
 from mpm.shapes import Shape
 from mpm.strain import keep
 
@@ -27,7 +27,7 @@ class Lattice(Shape):
         """Copy the lattice to a field; needs a running backend."""
         if self.values is None:
             self.values = ti.field(ti.f32, self.host.shape)
-            self.values.from_numpy(self.host)
+            put(self.values, self.host)
 
     @ti.func
     def at(self, y):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import real_type, ti
+from mpm.backend import allocating, put, real_type, ti
 from mpm.body import Body
 from mpm.features import Features
 from mpm.grid import Grid
@@ -17,7 +17,8 @@ class Snapshot:
 
     def __init__(self, fields: list, n_packs: int) -> None:
         self.n_packs, self.fields = n_packs, fields
-        self.copies = [ti.Vector.field(LANES, field.dtype, n_packs) for field in fields]
+        with allocating():
+            self.copies = [ti.Vector.field(LANES, field.dtype, n_packs) for field in fields]
 
     @ti.kernel
     def keep(self):
@@ -102,7 +103,7 @@ class ParticleFields:
             used = begin * LANES + count
             packed[used : end * LANES] = packed[used - 1] if padding is None else padding
         for field, column in zip(fields, packed.T):
-            field.from_numpy(np.ascontiguousarray(column).reshape(self.n_packs, LANES))
+            put(field, np.ascontiguousarray(column).reshape(self.n_packs, LANES))
 
     def read(self, fields: list) -> np.ndarray:
         """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""

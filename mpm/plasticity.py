@@ -152,4 +152,5 @@ class VonMises(Hencky):
         turn = limit_bar * p[2] / (norm * norm)
         shape = [keep(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
         average = (bar[0] + bar[1] + bar[2] - shape[0] - shape[1] - shape[2]) / 3.0
-        return [keep(shape[i] + (average if ti.static(i < 3) else 0.0)) for i in range(6)], vc_bar, [zero, zero, limit_bar]
+        state = [keep(shape[i] + (average if ti.static(i < 3) else 0.0)) for i in range(6)]
+        return state, vc_bar, [zero, zero, limit_bar]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import ti
+from mpm.backend import allocating, put, ti
 from mpm.particles import LANES
 
 
@@ -12,8 +12,9 @@ class Sample:
 
     def __init__(self, solver, chosen: np.ndarray) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
         self.particles, self.origin = solver.particles, tuple(float(c) for c in solver.grid.origin)
-        self.slots = ti.field(ti.i32, len(chosen))
-        self.slots.from_numpy(self.particles.index[chosen].astype(np.int32))
+        with allocating():
+            self.slots = ti.field(ti.i32, len(chosen))
+            put(self.slots, self.particles.index[chosen].astype(np.int32))
 
     def read(self, out: np.ndarray) -> None:
         """Positions [m] and velocities [m/s] into out (n, 6), float32."""

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import trimesh
 
-from mpm.backend import ti
+from mpm.backend import put, ti
 from mpm.bake import passage_width, sheet_distances
 from mpm.errors import InvalidValue
 from mpm.sdf import MAX_LATTICE
@@ -66,9 +66,9 @@ class Shell:
         self.lower, self.shape = tuple(float(c) for c in lower), tuple(int(n) for n in shape)
         self.host, sided = sheet_distances(self.mesh, lower, self.spacing, self.shape, band)
         self.values = ti.field(ti.f32, self.shape)
-        self.values.from_numpy(self.host.astype(np.float32))
+        put(self.values, self.host.astype(np.float32))
         self.sided = ti.field(ti.i8, self.shape)
-        self.sided.from_numpy(sided.astype(np.int8))
+        put(self.sided, sided.astype(np.int8))
 
     @ti.func
     def at(self, y):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpm.backend import PRECISIONS, default_precision, real_type, session_precision, ti
+from mpm.backend import PRECISIONS, allocating, default_precision, real_type, session_precision, ti
 from mpm.body import Body, Material
 from mpm.checks import check_passage, check_scene
 from mpm.collider import Collider
@@ -91,7 +91,7 @@ class Solver:
                                     self._accelerated)
         self.mobility = MobilityTable(self.features.mobile)
         self._motions = Motions(self.colliders, self.features, self.mobility)
-        with default_precision(self.precision):
+        with default_precision(self.precision), allocating():
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
             self.fields = GridFields(self.grid, self.precision, layers=2 if self.features.shells else 1)
             for i, collider in enumerate(self.colliders):
@@ -110,13 +110,14 @@ class Solver:
             if self.features.static_colliders:
                 self.node_contact = ti.Vector.field(4, real_type(self.precision), self.grid.shape)
                 self.node_owner = ti.field(ti.i32, self.grid.shape)
-                corner, cell = ti.Vector(self.grid.origin, ti.f64), self.grid.cell
-                for i in self.features.static_colliders:
-                    pose = self.colliders[i].pose
-                    numbers = np.concatenate([pose.position, pose.matrix.ravel()])
-                    cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
-            self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls.friction, self.precision)
+            self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls, self.grid, self.precision)
             self._substeps = Substeps(self)
+        with default_precision(self.precision):
+            corner, cell = ti.Vector(self.grid.origin, ti.f64), self.grid.cell
+            for i in self.features.static_colliders:
+                pose = self.colliders[i].pose
+                numbers = np.concatenate([pose.position, pose.matrix.ravel()])
+                cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
         self._out = np.zeros((self._substeps.rows, 6))
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""

@@ -14,7 +14,6 @@ from mpm.strain import FULL, INTEGRATORS, keep
 from mpm.surface import tool_axes, tool_origin
 from mpm.tally import ROWS as TALLY_ROWS
 from mpm.transfer import gather_lane, lane, scatter_lane, weights
-from mpm.walls import wall_table
 
 SPEED_LIMIT = 1.0
 """Cells that a grain may travel in a substep before the run counts as diverged."""
@@ -30,9 +29,7 @@ class Substeps:
         self.features, self.colliders = scene.features, scene.colliders
         self.node_contact, self.node_owner = scene.node_contact, scene.node_owner
         self.laws = [body.material for body in scene.bodies]
-        table = wall_table(scene.walls, scene.grid)
-        self.walls = ti.field(ti.i32, table.shape)
-        self.walls.from_numpy(table)
+        self.walls = scene.numbers.walls
         self.cell = scene.grid.cell
         self.origin = tuple(float(c) for c in scene.grid.origin)
         self.cells = tuple(int(c) for c in scene.grid.cells)
@@ -194,7 +191,7 @@ class Substeps:
 
     @ti.func
     def gathered(self, P: ti.template(), q):
-        """Velocity (three packs) at pack q, its moments about the stencil's first node, per cell (nine), and offsets."""
+        """Velocity (three packs) at pack q, its moments about the first node, per cell (nine), and offsets."""
         base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         v = [keep(f[0] * 0.0) for _ in range(3)]

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpm.backend import ti
+from mpm.backend import allocating, put, ti
 from mpm.motion import Pose
 from mpm.particles import LANES
 from mpm.region import Region
@@ -65,26 +65,26 @@ class Tally:
         self.particles, self.tool, self.solver = solver.particles, solver.colliders[tool].sdf, solver
         self.reach, self.margin, self.index = reach or 0.0, margin, tool
         self.touches, self.looks, self.ranks = reach is not None, points is not None, ranks
-        # in a field, because kernels take Python's numbers for single precision
-        numbers = np.concatenate([target.row, bounds.row, interior.row, solver.grid.origin, goal, weights])
-        self.numbers = ti.field(ti.f64, len(numbers))
-        self.numbers.from_numpy(numbers)
-        n = self.particles.n_packs * LANES
-        self.counted, self.flags = ti.field(ti.i8, n), ti.field(ti.i8, n)
-        counted = np.zeros(n, np.int8)
+        counted = np.zeros(self.particles.n_packs * LANES, np.int8)
         counted[self.particles.index[chosen]] = COUNTED
         counted[self.particles.index[chosen if losing is None else losing]] = COUNTED + LOSING
-        self.counted.from_numpy(counted)
         self.probe = probe
         self.points = None
-        if points is not None:
-            self.points = ti.Vector.field(3, ti.f32, len(points))
-            self.points.from_numpy(np.asarray(points, np.float32))
-            probe.allocate()
+        with allocating():
+            # in a field, because kernels take Python's numbers for single precision
+            numbers = np.concatenate([target.row, bounds.row, interior.row, solver.grid.origin, goal, weights])
+            self.numbers = ti.field(ti.f64, len(numbers))
+            put(self.numbers, numbers)
+            self.counted, self.flags = ti.field(ti.i8, len(counted)), ti.field(ti.i8, len(counted))
+            put(self.counted, counted)
+            if points is not None:
+                self.points = ti.Vector.field(3, ti.f32, len(points))
+                put(self.points, np.asarray(points, np.float32))
+                probe.allocate()
         self._out = np.zeros((ROWS, 6))
         self.slots = self.particles.index[chosen]
         """Rows of `distances` that belong to the counted grains."""
-        self.distances = np.zeros((n if ranks else 1, 2), np.float32)
+        self.distances = np.zeros((len(counted) if ranks else 1, 2), np.float32)
         """With `ranks`: distance of each slot's grain, and 1 where it is on target; after `read`."""
 
     def restart(self) -> None:

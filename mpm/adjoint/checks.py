@@ -11,13 +11,13 @@ def check_scene(solver) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
                           ("a body acceleration", features.body_acceleration)):
         if present:
             raise InvalidValue(f"Rollout: the scene has {name}, which is not differentiated; accepted: solid colliders "
-                               f"that are static or given a motion, walls, gravity")
+                               "that are static or given a motion, walls, gravity")
     if len(features.moving_solids) > 1:
-        raise InvalidValue(f"Rollout: {len(features.moving_solids)} colliders can move; accepted: one tool at most, the "
-                           f"others static")
+        raise InvalidValue(f"Rollout: {len(features.moving_solids)} colliders can move; accepted: one tool at most, "
+                           f"the others static")
     for body in solver.bodies:
         law = type(body.material)
-        missing = [name for name in ("stress_back",) + (("return_mapping_back",) if getattr(law, "plastic", False) else ())
-                   if not hasattr(law, name)]
+        needed = ["stress_back", "return_mapping_back"] if getattr(law, "plastic", False) else ["stress_back"]
+        missing = [name for name in needed if not hasattr(law, name)]
         if missing:
             raise InvalidValue(f"Rollout: {law.__name__} has no {missing[0]}; a law is differentiated through its own")

@@ -34,8 +34,8 @@ def coulomb_back(v, surface, normal, friction, bar):
 
 
 @ti.func
-def surface_back(scene: ti.template(), index: ti.template(), motion: ti.template(), motion_bar: ti.template(), s: ti.i32, R, r, y, n_t,
-                 surface_bar, normal_bar, phi_bar):
+def surface_back(scene: ti.template(), index: ti.template(), motion: ti.template(), motion_bar: ti.template(),
+                 s: ti.i32, R, r, y, n_t, surface_bar, normal_bar, phi_bar):
     """Credit the tool's motion with the bars of its surface's velocity, normal and distance at r from its origin;
     returns the bar of r."""
     angular = ti.Vector([motion[0, s, ANGULAR + c] for c in ti.static(range(3))])
@@ -105,10 +105,18 @@ def collide_back(scene: ti.template(), motion: ti.template(), s: ti.i32, I, befo
                     surface_back(scene, index, motion, motion_bar, s, R, r, y, n_t, surface_bar,
                                  normal_bar, 0.0 * phi)
     if ti.static(len(scene.features.static_colliders) > 0):
-        if owner > 0:
-            contact = scene.node_contact[I]
-            normal = ti.Vector([contact[0], contact[1], contact[2]])
-            v_bar, _s, _n = coulomb_back(before, before * 0.0, normal, scene.numbers.frictions[owner - 1], v_bar)
+        v_bar = static_back(scene, I, owner, before, v_bar)
+    return v_bar
+
+
+@ti.func
+def static_back(scene: ti.template(), I, owner, before, bar):
+    """Bar of a node's velocity before contact with a static collider, if one owns the node."""
+    v_bar = bar
+    if owner > 0:
+        contact = scene.node_contact[I]
+        normal = ti.Vector([contact[0], contact[1], contact[2]])
+        v_bar, _s, _n = coulomb_back(before, before * 0.0, normal, scene.numbers.frictions[owner - 1], bar)
     return v_bar
 
 

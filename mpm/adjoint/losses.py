@@ -47,8 +47,8 @@ def none_seen(seen: Seen) -> LossBars:
 class WeightedDistance:
     """Sum over steps and grains of the weighted Manhattan distance to a goal, times `scale`.
 
-    goal: [m] (3,). weights: (3,). chosen: indices of the grains that count; None: all. scale: factor per step (n_steps,)
-    or a number. nearest: only so many of the grains count, those closest to the goal, chosen anew each step.
+    goal: [m] (3,). weights: (3,). chosen: indices of the grains that count; None: all. scale: factor per step
+    (n_steps,) or a number. nearest: only so many of the grains count, those closest to the goal, chosen anew each step.
     """
 
     goal: np.ndarray

@@ -12,7 +12,7 @@ from mpm.adjoint.losses import Loss, LossBars, Seen
 from mpm.adjoint.materials import material_bars
 from mpm.adjoint.schedule import Schedule, planned
 from mpm.adjoint.sweep import ALL, Sweep
-from mpm.backend import default_precision
+from mpm.backend import allocating, default_precision
 from mpm.errors import GradientDiverged, InvalidValue
 from mpm.motion import Pose
 from mpm.particles import LANES, Snapshot
@@ -62,7 +62,7 @@ class Rollout:
                                f"{math.ceil(step_dt / solver.bound)} or more")
         size = History.bytes_per_state(solver.particles, solver.precision)
         self.schedule: Schedule = planned(self.n_steps, self.substeps, size, budget)
-        with default_precision(solver.precision):
+        with default_precision(solver.precision), allocating():
             self._history = History(solver.particles, solver.precision, self.schedule.slots)
             self._checkpoints = History(solver.particles, solver.precision, self.schedule.checkpoints)
             self._sweep = Sweep(solver, self._history, materials=materials, limit=limit)
@@ -284,9 +284,8 @@ class Rollout:
         with default_precision(self.solver.precision):
             self._bars.rewind()
         self._launch(0, (first - begin) * self.substeps + bad, n, motion, loss_bar, np.zeros((n, 18)), np.zeros((n, 3)))
-        for quantity, fields in self._sweep.bars.named_fields().items():
-            rows = np.flatnonzero(~np.isfinite(self.solver.particles.read(fields)).all(1))
-            if len(rows):
-                break
+        bad_rows = {quantity: np.flatnonzero(~np.isfinite(self.solver.particles.read(fields)).all(1))
+                    for quantity, fields in self._sweep.bars.named_fields().items()}
+        quantity, rows = next(((name, rows) for name, rows in bad_rows.items() if len(rows)), ("the tool", [0]))
         return GradientDiverged(step=first + bad // self.substeps, substep=bad % self.substeps, quantity=quantity,
                                 particle=int(rows[0]))

@@ -42,6 +42,8 @@ class Sweep:
         self.folded = ti.Vector.field(4, real, solver.grid.shape)
         """Momentum and mass of nodes, after the walls' images were added."""
         self.numbers_bar = ti.field(ti.f64, (len(self.laws), PARAMETERS))
+        self.products = ti.Vector.field(4, real, (3, LANES))
+        """Of a pack, by axis and lane, on their way to sums; see `summed`."""
         self.cell, self.origin = self.scene.cell, self.scene.origin
         self.materials, self.cuts, self.limit = materials, limit is not None, limit or 0.0
         self.tool = solver.features.moving_solids
@@ -54,8 +56,8 @@ class Sweep:
         """`substeps` of dt [s] from the state in slot `first` on, each state kept in the next slot, or back over them,
         with bars of the state after them in `bars`.
 
-        motion (1, substeps, 18): of the tool. loss_bar (k, 6, packs, 4): what the loss adds to the bars of positions and
-        velocities in slot interval, 2 interval ... Written: motion_bar (substeps, 18), norms
+        motion (1, substeps, 18): of the tool. loss_bar (k, 6, packs, 4): what the loss adds to the bars of positions
+        and velocities in slot interval, 2 interval ... Written: motion_bar (substeps, 18), norms
         (substeps, 3) of the bars of positions, velocities and all before each substep, out: status in its last row.
         """
         ti.loop_config(serialize=True)
@@ -101,7 +103,7 @@ class Sweep:
             for body in ti.static(range(len(self.laws))):
                 backstop_back(self.scene, self.particles, self.bars, self.after, index, body, motion, s, dt, motion_bar)
         for body in ti.static(range(len(self.laws))):
-            gather_back(self.scene, self.node_bars, self.particles, self.bars, self.after, body, dt)
+            gather_back(self.products, self.scene, self.node_bars, self.particles, self.bars, self.after, body, dt)
         unfold_back(self.grid, self.tape, self.node_bars, self.walls, self.scene.numbers.wall_friction[None])
         nodes_back(self.scene, self.node_bars, self.folded, motion, s, dt, corner, motion_bar)
         fold_back(self.grid, self.tape, self.node_bars, self.walls)
@@ -123,8 +125,8 @@ class Sweep:
             C = [keep(self.particles.C[i][q]) for i in range(9)]
             tau, through = revisit(self.particles, law, q, dt, C, p)
             volume = self.particles.volume[q]
-            tau_bar, C_bar = scatter_back(self.scene, self.node_bars, self.particles, self.bars, q, density * volume,
-                                          force * volume, C, tau)
+            tau_bar, C_bar = scatter_back(self.products, self.scene, self.node_bars, self.particles, self.bars, q,
+                                          density * volume, force * volume, C, tau)
             rate_bar, p_bar = stress_back(self.particles, self.bars, law, q, dt, C, p, through, tau_bar)
             for i in ti.static(range(9)):
                 self.bars.C[i][q] = C_bar[i] + rate_bar[i]

@@ -13,9 +13,10 @@ def slopes(f):
 
 
 @ti.func
-def offset_bar(nodes: ti.template(), base: ti.template(), q0, a0, a1, a2, w: ti.template(), d: ti.template()):
-    """Derivatives by the offsets (3,) of the sum of w(node) (q0 + a0 i + a1 j + a2 k) . nodes[node], with weights w and
-    their slopes d, three lists of three each. Four products are summed at the very end."""
+def offset_bar(products: ti.template(), l: ti.template(), nodes: ti.template(), base: ti.template(), q0, a0, a1, a2,
+               w: ti.template(), d: ti.template()):
+    """Derivatives by the offsets of the sum of w(node) (q0 + a0 i + a1 j + a2 k) . nodes[node], with weights w and
+    their slopes d, three lists of three each: four products into `products` for each axis, not yet summed."""
     by_x = ti.Vector.zero(nodes.dtype, 4)
     by_y, by_z = by_x, by_x
     q_i = q0
@@ -36,12 +37,14 @@ def offset_bar(nodes: ti.template(), base: ti.template(), q0, a0, a1, a2, w: ti.
         by_y = by_y + w[0][i] * plane_y
         by_z = by_z + w[0][i] * plane_z
         q_i = q_i + a0
-    return ti.Vector([by_x.sum(), by_y.sum(), by_z.sum()])
+    products[0, l] = by_x
+    products[1, l] = by_y
+    products[2, l] = by_z
 
 
 @ti.func
-def gather_back(scene: ti.template(), bars: ti.template(), P: ti.template(), B: ti.template(), after: ti.template(),
-                body: ti.template(), dt):
+def gather_back(products: ti.template(), scene: ti.template(), bars: ti.template(), P: ti.template(), B: ti.template(),
+                after: ti.template(), body: ti.template(), dt):
     """Bars of node velocities, added to `bars`, and those of the positions before, left in B.x. P holds the positions
     before, `after` velocities and positions after, B the bars of the state after."""
     gradient = 4.0 / scene.cell
@@ -54,7 +57,6 @@ def gather_back(scene: ti.template(), bars: ti.template(), P: ti.template(), B: 
         moved = [keep(held_bar(scene, after.x[d][q], B.x[d][q], d)) for d in range(3)]
         u = [keep(B.v[r][q] + dt * moved[r] - G[3 * r] * f[0] - G[3 * r + 1] * f[1] - G[3 * r + 2] * f[2])
              for r in range(3)]
-        by = [keep(f[0] * 0.0) for _ in range(3)]
         for l in ti.static(range(4)):
             node = [keep(base[d][l]) for d in range(3)]
             q0 = ti.Vector([u[0][l], u[1][l], u[2][l], zero])
@@ -63,10 +65,9 @@ def gather_back(scene: ti.template(), bars: ti.template(), P: ti.template(), B: 
             a2 = ti.Vector([G[2][l], G[5][l], G[8][l], zero])
             wx, wy, wz = lane(w[0], l), lane(w[1], l), lane(w[2], l)
             scatter_lane(bars, node, q0, a0, a1, a2, wx, wy, wz)
-            by_l = offset_bar(scene.grid.nodes, node, q0, a0, a1, a2, [wx, wy, wz],
+            offset_bar(products, l, scene.grid.nodes, node, q0, a0, a1, a2, [wx, wy, wz],
                               [lane(s[0], l), lane(s[1], l), lane(s[2], l)])
-            for d in ti.static(range(3)):
-                by[d][l] = by_l[d]
+        by = summed(products)
         for d in ti.static(range(3)):  # C = gradient (B - v f^T)
             through_C = G[d] * after.v[0][q] + G[3 + d] * after.v[1][q] + G[6 + d] * after.v[2][q]
             B.x[d][q] = moved[d] + (by[d] - through_C) / scene.cell
@@ -80,31 +81,31 @@ def held_bar(scene: ti.template(), x, bar, axis: ti.template()):
 
 
 @ti.func
-def scatter_back(scene: ti.template(), bars: ti.template(), P: ti.template(), B: ti.template(), q, mass, force,
-                 C: ti.template(), tau: ti.template()):
+def scatter_back(products: ti.template(), scene: ti.template(), bars: ti.template(), P: ti.template(),
+                 B: ti.template(), q, mass, force, C: ti.template(), tau: ti.template()):
     """Adjoint of `Substeps.spread`: adds to B.x, sets B.v, and returns the bars of stress (six) and C (nine)."""
     base, f = first_nodes(scene.grid, P.x, q, 1.0 / scene.cell)
     w = [weights(f[d]) for d in range(3)]
     s = [slopes(f[d]) for d in range(3)]
     Q = [keep((force * tau[FULL[i]] + mass * C[i]) * scene.cell) for i in range(9)]
     p = [keep(mass * P.v[r][q] - Q[3 * r] * f[0] - Q[3 * r + 1] * f[1] - Q[3 * r + 2] * f[2]) for r in range(3)]
-    by, value = [keep(f[0] * 0.0) for _ in range(3)], [keep(f[0] * 0.0) for _ in range(3)]
+    value = [keep(f[0] * 0.0) for _ in range(3)]
     moment = [keep(f[0] * 0.0) for _ in range(9)]
     zero = scene.numbers.zero[None]
     for l in ti.static(range(4)):
         node = [keep(base[d][l]) for d in range(3)]
         wx, wy, wz = lane(w[0], l), lane(w[1], l), lane(w[2], l)
         g, g_i, g_j, g_k = gather_lane(bars, node, wx, wy, wz)
-        by_l = offset_bar(
-            bars, node, ti.Vector([p[0][l], p[1][l], p[2][l], mass[l]]), ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]),
+        offset_bar(
+            products, l, bars, node, ti.Vector([p[0][l], p[1][l], p[2][l], mass[l]]), ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]),
             ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]), ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]),
             [wx, wy, wz], [lane(s[0], l), lane(s[1], l), lane(s[2], l)])
         for r in ti.static(range(3)):
-            by[r][l] = by_l[r]
             value[r][l] = g[r]
             moment[3 * r][l] = g_i[r]
             moment[3 * r + 1][l] = g_j[r]
             moment[3 * r + 2][l] = g_k[r]
+    by = summed(products)
     for r in ti.static(range(3)):
         B.v[r][q] = mass * value[r]
         through_p = Q[r] * value[0] + Q[3 + r] * value[1] + Q[6 + r] * value[2]
@@ -114,3 +115,11 @@ def scatter_back(scene: ti.template(), bars: ti.template(), P: ti.template(), B:
                keep(force * (Q_bar[1] + Q_bar[3])), keep(force * (Q_bar[2] + Q_bar[6])),
                keep(force * (Q_bar[5] + Q_bar[7]))]
     return tau_bar, [keep(mass * Q_bar[i]) for i in range(9)]
+
+
+@ti.func
+def summed(products: ti.template()):
+    """Three packs of sums of four. They come through memory: sums over a vector's entries right after it was found make
+    the compiler take the whole transfer apart into scalars (470 ns instead of 620 for a substep and grain)."""
+    return [keep(ti.Vector([products[d, l][0] + products[d, l][1] + products[d, l][2] + products[d, l][3]
+                            for l in range(4)])) for d in range(3)]

@@ -158,10 +158,10 @@ def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), tab
                 for a, b in ti.ndrange(BLOCK, BLOCK):
                     W = column(grid, block, a, b, axis, node)
                     i, j = place_of(W, axis)
-                    if tape.nodes[w, WALL, i, j][3] != 0 and tape.nodes[w, GHOST, i, j][3] < 0:
-                        if not folded_earlier(grid, table, W, axis):
-                            bar = bars[W + unit(axis) * inward]
-                            image = mirrored(bar, n, condition)
-                            image[3] = bar[3]
-                            ghost = W - unit(axis) * inward
-                            bars[ghost] = bars[ghost] + image
+                    folded = tape.nodes[w, WALL, i, j][3] != 0 and tape.nodes[w, GHOST, i, j][3] < 0
+                    if folded and not folded_earlier(grid, table, W, axis):
+                        bar = bars[W + unit(axis) * inward]
+                        image = mirrored(bar, n, condition)
+                        image[3] = bar[3]
+                        ghost = W - unit(axis) * inward
+                        bars[ghost] = bars[ghost] + image
