@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from mpm.adjoint.strain import root_back
 from mpm.backend import ti
 from mpm.errors import InvalidValue, UnknownName
-from mpm.strain import combine, determinant_minus_one, inverse, keep, spectrum, square_root
+from mpm.strain import JACOBI_SWEEPS, combine, determinant_minus_one, inverse, keep, spectrum, square_root
 
 
 def check_range(owner: str, name: str, value: float, low: float, high: float) -> None:
@@ -127,7 +127,7 @@ class FixedCorotated(Hencky):
     def stress_back(e: ti.template(), p: ti.template(), bar: ti.template()):
         """Bars of the state and of the numbers p by that of the stress; dJ = J tr(b^-1 db) / 2."""
         trace = bar[0] + bar[1] + bar[2]
-        d, v = spectrum(e)
+        d, v = spectrum(e, JACOBI_SWEEPS)
         through_stretch = root_back(d, v, bar)
         J = ti.sqrt(1.0 + determinant_minus_one(e))
         b_inverse = inverse(combine(1.0, 1.0, e))

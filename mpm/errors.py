@@ -79,6 +79,6 @@ class GradientDiverged(MpmError):
     def __init__(self, *, step: int, substep: int, quantity: str, particle: int) -> None:
         self.step, self.substep, self.quantity, self.particle = step, substep, quantity, particle
         super().__init__(
-            f"the derivative by {quantity} of particle {particle} before substep {substep} of step {step} is not "
+            f"the derivative by {quantity} of particle {particle} in substep {substep} of step {step} is not "
             f"finite; accepted: a shorter roll-out, or Rollout(limit=...) or Rollout(window=...)"
         )

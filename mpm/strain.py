@@ -138,18 +138,19 @@ def rotate(diagonal_p: ti.template(), diagonal_q: ti.template(), off: ti.templat
     d = diagonal_q - diagonal_p
     side = ti.select(d >= 0, 1.0, -1.0)
     t = 2.0 * off * side / (ti.abs(d) + ti.sqrt(d * d + 4.0 * off * off) + 1e-37)
+    t = ti.max(ti.min(t, 1.0), -1.0)  # beyond, the squares of what is left fell below the smallest number
     c = 1.0 / ti.sqrt(1.0 + t * t)
     return c, t * c, t
 
 
 @ti.func
-def spectrum(a: ti.template()):
+def spectrum(a: ti.template(), sweeps: ti.template()):
     """Eigenvalues [3] and eigenvectors (row-major [9], in columns) of a symmetric tensor by cyclic Jacobi rotations."""
     one = 0.0 * a[0] + 1.0
     d = [a[0] + 0.0, a[1] + 0.0, a[2] + 0.0]
     o = [a[3] + 0.0, a[4] + 0.0, a[5] + 0.0]
     v = [one, 0.0 * one, 0.0 * one, 0.0 * one, one + 0.0, 0.0 * one, 0.0 * one, 0.0 * one, one + 0.0]
-    for _ in range(JACOBI_SWEEPS):
+    for _ in range(sweeps):
         for p, q, pq, pr, qr in ti.static(((0, 1, 0, 1, 2), (0, 2, 1, 0, 2), (1, 2, 2, 0, 1))):
             # pr and qr are the off-diagonals that p and q share with the third axis
             c, s, t = rotate(d[p], d[q], o[pq])
@@ -199,14 +200,14 @@ def expm1(x):
 @ti.func
 def hencky_exact(e: ti.template()):
     """h = log(I + e) / 2 through the eigenvalues of e."""
-    d, v = spectrum(e)
+    d, v = spectrum(e, JACOBI_SWEEPS)
     return compose([keep(0.5 * log1p(d[i])) for i in range(3)], v)
 
 
 @ti.func
 def exponential_exact(h: ti.template()):
     """e = exp(2 h) - I through the eigenvalues of h."""
-    d, v = spectrum(h)
+    d, v = spectrum(h, JACOBI_SWEEPS)
     return compose([keep(expm1(2.0 * d[i])) for i in range(3)], v)
 
 

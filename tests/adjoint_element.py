@@ -3,7 +3,7 @@
 import numpy as np
 
 import mpm
-from mpm.adjoint.constitutive import revisit, stress_back
+from mpm.adjoint.constitutive import Through, revisit, store, stress_back
 from mpm.adjoint.particles import ParticleBars
 from mpm.backend import default_precision, ti
 from mpm.constitutive import stress
@@ -21,7 +21,7 @@ class AdjointElement:
         body = mpm.Body(material, np.full((4, 3), 0.5) + 0.01 * np.arange(4)[:, None], volume=1e-6)
         self.solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[body], precision="f64")
         self.P, self.law = self.solver.particles, material
-        self.B = ParticleBars(self.P, "f64")
+        self.B, self.T = ParticleBars(self.P, "f64"), Through([material], 1, "f64")
         self.logarithm, self.exponential = self.solver._substeps.logarithm, self.solver._substeps.exponential
         self.remembered = [name for name in ("e", "j", "vc") if name in self.P.named_fields()]
         assert self.logarithm is hencky_exact
@@ -71,8 +71,9 @@ class AdjointElement:
             rates = [keep(ti.Vector([C[l, i] for l in range(4)])) for i in range(9)]
             bars = [keep(ti.Vector([tau_bar[l, i] for l in range(4)])) for i in range(6)]
             numbers = [keep(p[i]) for i in range(PARAMETERS)]
-            _tau, through = revisit(self.P, self.law, 0, DT, rates, numbers)
-            rates_bar, numbers_bar = stress_back(self.P, self.B, self.law, 0, DT, rates, numbers, through, bars)
+            revisit(self.P, self.T, self.law, 0, DT, rates, numbers)
+            store(self.T.tau, 0, bars)
+            rates_bar, numbers_bar = stress_back(self.P, self.B, self.T, self.law, 0, DT, rates, numbers)
             for i in ti.static(range(9)):
                 for l in ti.static(range(4)):
                     C_bar[l, i] = rates_bar[i][l]

@@ -18,31 +18,29 @@ LAWS = {
 }
 
 
-def agree(gradient: float, difference: float, scale: float) -> None:
-    assert abs(gradient - difference) <= 1e-6 * scale, (gradient, difference, scale)
-
-
 @pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("size", [0.0, 0.08])
-def test_constitutive_update(name, size, rng):
+def test_constitutive_update(name, rng):
     """From no strain (every eigenvalue the same) and from a large one; compressed, stretched, inside and outside the
     yield surface, one of each in the pack."""
     element = AdjointElement(LAWS[name])
-    state = size * rng.uniform(-1.0, 1.0, (4, element.size))
-    state[:, :3] += np.array([0.1, -0.1, -0.02, 0.003])[:, None] * (size > 0) if element.size >= 3 else 0.0
-    C = 30.0 * rng.standard_normal((4, 9))
-    p = np.zeros(8)
-    p[: len(LAWS[name].parameters)] = LAWS[name].parameters
-    weights = rng.standard_normal((4, 6 + element.size))
-    weights[:, :6] /= 1e5
-    state_bar, C_bar, p_bar = element.backward(state, C, p, weights)
-    for _ in range(DIRECTIONS):
-        to_state, to_C = rng.standard_normal(state.shape), 1e3 * rng.standard_normal(C.shape)
-        to_p = p * rng.standard_normal(8)
-        h = 1e-6
-        ends = [np.sum(weights * element.forward(state + s * to_state, C + s * to_C, p + s * to_p)) for s in (h, -h)]
-        terms = [np.sum(state_bar * to_state), np.sum(C_bar * to_C), np.sum(p_bar * to_p)]
-        agree(sum(terms), (ends[0] - ends[1]) / (2 * h), np.abs(terms).max())
+    for size in (0.0, 0.08):
+        state = size * rng.uniform(-1.0, 1.0, (4, element.size))
+        if element.size >= 3 and size > 0:
+            state[:, :3] += np.array([0.1, -0.1, -0.02, 0.003])[:, None]
+        C = 30.0 * rng.standard_normal((4, 9))
+        p = np.zeros(8)
+        p[: len(LAWS[name].parameters)] = LAWS[name].parameters
+        weights = rng.standard_normal((4, 6 + element.size))
+        weights[:, :6] /= 1e5
+        state_bar, C_bar, p_bar = element.backward(state, C, p, weights)
+        for _ in range(DIRECTIONS):
+            to_state, to_C = rng.standard_normal(state.shape), 1e3 * rng.standard_normal(C.shape)
+            to_p, h = p * rng.standard_normal(8), 1e-6
+            ends = [np.sum(weights * element.forward(state + s * to_state, C + s * to_C, p + s * to_p))
+                    for s in (h, -h)]
+            terms = [np.sum(state_bar * to_state), np.sum(C_bar * to_C), np.sum(p_bar * to_p)]
+            difference = (ends[0] - ends[1]) / (2 * h)
+            assert abs(sum(terms) - difference) <= 1e-6 * np.abs(terms).max()
 
 
 @pytest.fixture

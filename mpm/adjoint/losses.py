@@ -71,6 +71,23 @@ class WeightedDistance:
 
 
 @dataclass(frozen=True)
+class Above:
+    """Sum over steps and grains of the height [m] above a plane at z = height, times `scale`: draws grains down."""
+
+    height: float
+    chosen: np.ndarray | None = None
+    scale: float | np.ndarray = 1.0
+
+    def __call__(self, seen: Seen) -> LossBars:
+        chosen = np.arange(seen.x.shape[1]) if self.chosen is None else self.chosen
+        rise = seen.x[:, chosen, 2] - self.height
+        factor = scale_at(self.scale, seen.steps)[:, None] * (rise > 0)
+        bar = np.zeros(seen.x.shape)
+        bar[:, chosen, 2] = factor
+        return LossBars(float(np.sum(factor * rise)), x=bar)
+
+
+@dataclass(frozen=True)
 class Attraction:
     """Sum over steps of the distance [m] from a point of the tool to the mean of chosen grains, beyond `rest` [m]:
     draws a tool that has not met its material. point: in the tool's frame [m] (3,)."""

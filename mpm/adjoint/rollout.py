@@ -11,7 +11,7 @@ from mpm.adjoint.history import History
 from mpm.adjoint.losses import Loss, LossBars, Seen
 from mpm.adjoint.materials import material_bars
 from mpm.adjoint.schedule import Schedule, planned
-from mpm.adjoint.sweep import ALL, Sweep
+from mpm.adjoint.sweep import Sweep
 from mpm.backend import allocating, default_precision
 from mpm.errors import GradientDiverged, InvalidValue
 from mpm.motion import Pose
@@ -108,13 +108,13 @@ class Rollout:
         self._total = 0.0
         self._table_bar = np.zeros((self.n_steps, self.substeps, 18))
         self._pose_bar = np.zeros((self.n_steps, 6))
-        self._norms = np.zeros((self.n_steps, self.substeps, 3))
+        self._norms = np.zeros((self.n_steps, 3))
         self._end_state: dict[str, np.ndarray] | None = None
         self._back_over(0, self.n_steps, 0, 0)
         assert self._end_state is not None
         self.solver.load(self._end_state)
         found = twists.back(self._path, self._linear, self._angular, self.step_dt, self._table_bar, self._pose_bar)
-        self.last = Gradients(self._total, found, material_bars(self.solver, self._sweep), self._norms[:, 0, :2])
+        self.last = Gradients(self._total, found, material_bars(self.solver, self._sweep), self._norms[:, :2])
         return self._total, (found.linear, found.angular)
 
     # forwards --------------------------------------------------------------------------------------------------------
@@ -194,6 +194,10 @@ class Rollout:
                                    ("pose", bars.pose, (n, 6))):
             if array is not None and np.shape(array) != shape:
                 raise InvalidValue(f"Rollout: the loss's {name} has shape {np.shape(array)}; accepted: {shape}")
+            if array is not None and not np.isfinite(array).all():
+                step, particle = np.argwhere(~np.isfinite(array))[-1][:2]
+                raise GradientDiverged(step=begin + int(step), substep=self.substeps - 1, quantity=f"{name} (the loss)",
+                                       particle=int(particle))
         return bars
 
     def _finish(self) -> dict[str, np.ndarray]:
@@ -258,14 +262,14 @@ class Rollout:
     def _back_launch(self, begin: int, first: int, last: int, loss_bar: np.ndarray) -> None:
         """Steps first .. last - 1, where `begin` is the step of slot 0."""
         n = (last - first) * self.substeps
-        motion_bar, norms = np.zeros((n, 18)), np.zeros((n, 3))
+        motion_bar, norms = np.zeros((n, 18)), np.zeros((last - begin, 3))
         with default_precision(self.solver.precision):
             self._bars.keep()
         self._launch(0, (first - begin) * self.substeps, n, self._table[first:last], loss_bar, motion_bar, norms)
         if not np.isfinite(norms).all() or not np.isfinite(motion_bar).all():
-            raise self._located(begin, first, last, loss_bar, norms)
+            raise self._located(begin, last, loss_bar, norms)
         self._table_bar[first:last] = motion_bar.reshape(last - first, self.substeps, 18)
-        self._norms[first:last] = norms.reshape(last - first, self.substeps, 3)
+        self._norms[first:last] = norms[first - begin :]
 
     def _packed(self, bars: LossBars, steps: int) -> np.ndarray:
         """The loss's bars of positions and velocities in the particles' order (steps, 6, packs, 4)."""
@@ -276,16 +280,17 @@ class Rollout:
                 packed[:, first : first + 3, particles.index] = np.swapaxes(array, 1, 2)
         return packed.reshape(steps, 6, particles.n_packs, LANES)
 
-    def _located(self, begin: int, first: int, last: int, loss_bar: np.ndarray, norms: np.ndarray) -> GradientDiverged:
-        """Go back again, only to the first substep whose bars are not finite, and say which."""
-        bad = int(np.flatnonzero(~np.isfinite(norms[:, ALL]))[-1])
-        n = (last - first) * self.substeps - bad
-        motion = self._table[first:last].reshape(-1, 18)[bad:]
+    def _located(self, begin: int, last: int, loss_bar: np.ndarray, norms: np.ndarray) -> GradientDiverged:
+        """Go back again until the first substep before which some bar is not finite, and say which."""
         with default_precision(self.solver.precision):
             self._bars.rewind()
-        self._launch(0, (first - begin) * self.substeps + bad, n, motion, loss_bar, np.zeros((n, 18)), np.zeros((n, 3)))
-        bad_rows = {quantity: np.flatnonzero(~np.isfinite(self.solver.particles.read(fields)).all(1))
-                    for quantity, fields in self._sweep.bars.named_fields().items()}
-        quantity, rows = next(((name, rows) for name, rows in bad_rows.items() if len(rows)), ("the tool", [0]))
-        return GradientDiverged(step=first + bad // self.substeps, substep=bad % self.substeps, quantity=quantity,
-                                particle=int(rows[0]))
+        rows, particles = self._table.reshape(-1, 18), self.solver.particles
+        for substep in reversed(range(begin * self.substeps, last * self.substeps)):
+            self._launch(0, substep - begin * self.substeps, 1, rows[substep : substep + 1], loss_bar,
+                         np.zeros((1, 18)), np.zeros(norms.shape))
+            for quantity, fields in self._sweep.bars.named_fields().items():
+                bad = np.flatnonzero(~np.isfinite(particles.read(fields)).all(1))
+                if len(bad):
+                    return GradientDiverged(step=substep // self.substeps, substep=substep % self.substeps,
+                                            quantity=quantity, particle=int(bad[0]))
+        return GradientDiverged(step=begin, substep=0, quantity="the tool's motion", particle=-1)

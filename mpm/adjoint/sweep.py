@@ -1,6 +1,6 @@
 """Many substeps in one launch: forwards with every state kept, or backwards with bars in place of states."""
 
-from mpm.adjoint.constitutive import revisit, stress_back
+from mpm.adjoint.constitutive import Through, revisit, stored, stress_back
 from mpm.adjoint.contact import backstop_back, nodes_back
 from mpm.adjoint.history import History
 from mpm.adjoint.particles import ParticleBars
@@ -36,14 +36,15 @@ class Sweep:
         self.grid, self.walls, self.laws = solver.fields, solver._substeps.walls, solver._substeps.laws
         self.bars = ParticleBars(self.particles, solver.precision)
         self.after = After(self.particles.n_packs, solver.precision)
+        self.through = Through(self.laws, self.particles.n_packs, solver.precision)
         self.tape = WallTape(solver.grid, solver.precision)
         real = real_type(solver.precision)
         self.node_bars = ti.Vector.field(4, real, solver.grid.shape)
         self.folded = ti.Vector.field(4, real, solver.grid.shape)
         """Momentum and mass of nodes, after the walls' images were added."""
         self.numbers_bar = ti.field(ti.f64, (len(self.laws), PARAMETERS))
-        self.products = ti.Vector.field(4, real, (3, LANES))
-        """Of a pack, by axis and lane, on their way to sums; see `summed`."""
+        self.products = ti.Vector.field(4, real, 3)
+        """Of one grain, by axis, on their way to sums; see `offset_bar`."""
         self.cell, self.origin = self.scene.cell, self.scene.origin
         self.materials, self.cuts, self.limit = materials, limit is not None, limit or 0.0
         self.tool = solver.features.moving_solids
@@ -57,8 +58,8 @@ class Sweep:
         with bars of the state after them in `bars`.
 
         motion (1, substeps, 18): of the tool. loss_bar (k, 6, packs, 4): what the loss adds to the bars of positions
-        and velocities in slot interval, 2 interval ... Written: motion_bar (substeps, 18), norms
-        (substeps, 3) of the bars of positions, velocities and all before each substep, out: status in its last row.
+        and velocities in slot interval, 2 interval ... Written: motion_bar (substeps, 18), norms (k, 3) of the bars of
+        positions, velocities and all in slot 0, interval, 2 interval ..., out: status in its last row.
         """
         ti.loop_config(serialize=True)
         for t in range(substeps):
@@ -93,7 +94,8 @@ class Sweep:
                     self.scene.take_status(out)
             else:
                 self.back(motion, s, first + s, dt, corner, motion_bar)
-                self.measure(norms, s)
+                if (first + s) % interval == 0:
+                    self.measure(norms, (first + s) // interval)
 
     @ti.func
     def back(self, motion: ti.template(), s: ti.i32, slot: ti.i32, dt, corner, motion_bar: ti.template()):
@@ -117,19 +119,18 @@ class Sweep:
 
     @ti.func
     def to_grid_back(self, law: ti.template(), body: ti.template(), dt):
-        """Adjoint of scatter, stress and flow of a body; the particles hold the state before."""
+        """Adjoint of scatter, stress and flow of a body; the particles hold the state before. Three loops, because in
+        one the compiler takes everything apart into scalars."""
         p = [keep(self.scene.numbers.parameters[body, i]) for i in range(PARAMETERS)]
-        density = self.scene.numbers.densities[body]
-        force = -dt * 4.0 / (self.cell * self.cell)
         for q in range(self.particles.ranges[body][0], self.particles.ranges[body][1]):
-            C = [keep(self.particles.C[i][q]) for i in range(9)]
-            tau, through = revisit(self.particles, law, q, dt, C, p)
-            volume = self.particles.volume[q]
-            tau_bar, C_bar = scatter_back(self.products, self.scene, self.node_bars, self.particles, self.bars, q,
-                                          density * volume, force * volume, C, tau)
-            rate_bar, p_bar = stress_back(self.particles, self.bars, law, q, dt, C, p, through, tau_bar)
+            revisit(self.particles, self.through, law, q, dt, stored(self.particles.C, q), p)
+        scatter_back(self.products, self.scene, self.node_bars, self.particles, self.bars, self.through.tau, body,
+                     -dt * 4.0 / (self.cell * self.cell))
+        for q in range(self.particles.ranges[body][0], self.particles.ranges[body][1]):
+            rate_bar, p_bar = stress_back(self.particles, self.bars, self.through, law, q, dt,
+                                          stored(self.particles.C, q), p)
             for i in ti.static(range(9)):
-                self.bars.C[i][q] = C_bar[i] + rate_bar[i]
+                self.bars.C[i][q] = self.bars.C[i][q] + rate_bar[i]
             if ti.static(self.materials):
                 for i in ti.static(range(len(p_bar))):
                     self.numbers_bar[body, i] = self.numbers_bar[body, i] + ti.cast(p_bar[i].sum(), ti.f64)

@@ -1,9 +1,10 @@
 """Adjoints of the transfers: that of the gather scatters, that of the scatter gathers."""
 
+from mpm.adjoint.strain import bar_of_matrix
 from mpm.backend import ti
-from mpm.grid import first_nodes
+from mpm.particles import LANES
 from mpm.strain import FULL, keep
-from mpm.transfer import gather_lane, lane, scatter_lane, weights
+from mpm.transfer import gather_lane, scatter_lane, weights
 
 
 @ti.func
@@ -13,10 +14,12 @@ def slopes(f):
 
 
 @ti.func
-def offset_bar(products: ti.template(), l: ti.template(), nodes: ti.template(), base: ti.template(), q0, a0, a1, a2,
+def offset_bar(products: ti.template(), nodes: ti.template(), base: ti.template(), q0, a0, a1, a2,
                w: ti.template(), d: ti.template()):
     """Derivatives by the offsets of the sum of w(node) (q0 + a0 i + a1 j + a2 k) . nodes[node], with weights w and
-    their slopes d, three lists of three each: four products into `products` for each axis, not yet summed."""
+    their slopes d, three lists of three each: four products into `products` for each axis, not yet summed. They go
+    through memory: a sum over a vector's entries right after it was found makes the compiler take the whole transfer
+    apart into scalars (620 ns instead of 470 for a substep and grain)."""
     by_x = ti.Vector.zero(nodes.dtype, 4)
     by_y, by_z = by_x, by_x
     q_i = q0
@@ -37,9 +40,19 @@ def offset_bar(products: ti.template(), l: ti.template(), nodes: ti.template(), 
         by_y = by_y + w[0][i] * plane_y
         by_z = by_z + w[0][i] * plane_z
         q_i = q_i + a0
-    products[0, l] = by_x
-    products[1, l] = by_y
-    products[2, l] = by_z
+    products[0] = by_x
+    products[1] = by_y
+    products[2] = by_z
+
+
+@ti.func
+def first_node(grid: ti.template(), x: ti.template(), q, l, cell):
+    """First node of the stencil of lane l of pack q, three integers, and the three offsets from it in cells."""
+    scaled = [keep(x[d][q][l] / cell) for d in range(3)]
+    floors = [keep(ti.floor(scaled[d] - 0.5)) for d in range(3)]
+    last = ti.static((grid.width - 3, grid.nodes.shape[1] - 3, grid.nodes.shape[2] - 3))
+    nodes = [keep(ti.max(ti.min(ti.cast(floors[d], ti.i32), last[d]), 0)) for d in range(3)]
+    return nodes, [keep(scaled[d] - floors[d]) for d in range(3)]
 
 
 @ti.func
@@ -49,28 +62,22 @@ def gather_back(products: ti.template(), scene: ti.template(), bars: ti.template
     before, `after` velocities and positions after, B the bars of the state after."""
     gradient = 4.0 / scene.cell
     zero = scene.numbers.zero[None]
-    for q in range(P.ranges[body][0], P.ranges[body][1]):
-        base, f = first_nodes(scene.grid, P.x, q, 1.0 / scene.cell)
-        w = [weights(f[d]) for d in range(3)]
-        s = [slopes(f[d]) for d in range(3)]
-        G = [keep(gradient * B.C[i][q]) for i in range(9)]
-        moved = [keep(held_bar(scene, after.x[d][q], B.x[d][q], d)) for d in range(3)]
-        u = [keep(B.v[r][q] + dt * moved[r] - G[3 * r] * f[0] - G[3 * r + 1] * f[1] - G[3 * r + 2] * f[2])
+    for slot in range(LANES * P.ranges[body][0], LANES * P.ranges[body][1]):
+        q, l = slot // LANES, slot % LANES
+        node, f = first_node(scene.grid, P.x, q, l, scene.cell)
+        wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+        G = [keep(gradient * B.C[i][q][l]) for i in range(9)]
+        moved = [keep(held_bar(scene, after.x[d][q][l], B.x[d][q][l], d)) for d in range(3)]
+        u = [keep(B.v[r][q][l] + dt * moved[r] - G[3 * r] * f[0] - G[3 * r + 1] * f[1] - G[3 * r + 2] * f[2])
              for r in range(3)]
-        for l in ti.static(range(4)):
-            node = [keep(base[d][l]) for d in range(3)]
-            q0 = ti.Vector([u[0][l], u[1][l], u[2][l], zero])
-            a0 = ti.Vector([G[0][l], G[3][l], G[6][l], zero])
-            a1 = ti.Vector([G[1][l], G[4][l], G[7][l], zero])
-            a2 = ti.Vector([G[2][l], G[5][l], G[8][l], zero])
-            wx, wy, wz = lane(w[0], l), lane(w[1], l), lane(w[2], l)
-            scatter_lane(bars, node, q0, a0, a1, a2, wx, wy, wz)
-            offset_bar(products, l, scene.grid.nodes, node, q0, a0, a1, a2, [wx, wy, wz],
-                              [lane(s[0], l), lane(s[1], l), lane(s[2], l)])
-        by = summed(products)
+        q0, a0 = ti.Vector([u[0], u[1], u[2], zero]), ti.Vector([G[0], G[3], G[6], zero])
+        a1, a2 = ti.Vector([G[1], G[4], G[7], zero]), ti.Vector([G[2], G[5], G[8], zero])
+        scatter_lane(bars, node, q0, a0, a1, a2, wx, wy, wz)
+        offset_bar(products, scene.grid.nodes, node, q0, a0, a1, a2, [wx, wy, wz],
+                   [slopes(f[0]), slopes(f[1]), slopes(f[2])])
         for d in ti.static(range(3)):  # C = gradient (B - v f^T)
-            through_C = G[d] * after.v[0][q] + G[3 + d] * after.v[1][q] + G[6 + d] * after.v[2][q]
-            B.x[d][q] = moved[d] + (by[d] - through_C) / scene.cell
+            through_C = G[d] * after.v[0][q][l] + G[3 + d] * after.v[1][q][l] + G[6 + d] * after.v[2][q][l]
+            B.x[d][q][l] = moved[d] + (products[d].sum() - through_C) / scene.cell
 
 
 @ti.func
@@ -82,44 +89,29 @@ def held_bar(scene: ti.template(), x, bar, axis: ti.template()):
 
 @ti.func
 def scatter_back(products: ti.template(), scene: ti.template(), bars: ti.template(), P: ti.template(),
-                 B: ti.template(), q, mass, force, C: ti.template(), tau: ti.template()):
-    """Adjoint of `Substeps.spread`: adds to B.x, sets B.v, and returns the bars of stress (six) and C (nine)."""
-    base, f = first_nodes(scene.grid, P.x, q, 1.0 / scene.cell)
-    w = [weights(f[d]) for d in range(3)]
-    s = [slopes(f[d]) for d in range(3)]
-    Q = [keep((force * tau[FULL[i]] + mass * C[i]) * scene.cell) for i in range(9)]
-    p = [keep(mass * P.v[r][q] - Q[3 * r] * f[0] - Q[3 * r + 1] * f[1] - Q[3 * r + 2] * f[2]) for r in range(3)]
-    value = [keep(f[0] * 0.0) for _ in range(3)]
-    moment = [keep(f[0] * 0.0) for _ in range(9)]
+                 B: ti.template(), tau: ti.template(), body: ti.template(), force_per_volume):
+    """Adjoint of `Substeps.spread`: adds to B.x, sets B.v and B.C, and puts the bar of the stress in its place."""
     zero = scene.numbers.zero[None]
-    for l in ti.static(range(4)):
-        node = [keep(base[d][l]) for d in range(3)]
-        wx, wy, wz = lane(w[0], l), lane(w[1], l), lane(w[2], l)
-        g, g_i, g_j, g_k = gather_lane(bars, node, wx, wy, wz)
-        offset_bar(
-            products, l, bars, node, ti.Vector([p[0][l], p[1][l], p[2][l], mass[l]]), ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]),
-            ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]), ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]),
-            [wx, wy, wz], [lane(s[0], l), lane(s[1], l), lane(s[2], l)])
-        for r in ti.static(range(3)):
-            value[r][l] = g[r]
-            moment[3 * r][l] = g_i[r]
-            moment[3 * r + 1][l] = g_j[r]
-            moment[3 * r + 2][l] = g_k[r]
-    by = summed(products)
-    for r in ti.static(range(3)):
-        B.v[r][q] = mass * value[r]
-        through_p = Q[r] * value[0] + Q[3 + r] * value[1] + Q[6 + r] * value[2]
-        B.x[r][q] = B.x[r][q] + (by[r] - through_p) / scene.cell
-    Q_bar = [keep(scene.cell * (moment[i] - value[ti.static(i // 3)] * f[ti.static(i % 3)])) for i in range(9)]
-    tau_bar = [keep(force * Q_bar[0]), keep(force * Q_bar[4]), keep(force * Q_bar[8]),
-               keep(force * (Q_bar[1] + Q_bar[3])), keep(force * (Q_bar[2] + Q_bar[6])),
-               keep(force * (Q_bar[5] + Q_bar[7]))]
-    return tau_bar, [keep(mass * Q_bar[i]) for i in range(9)]
-
-
-@ti.func
-def summed(products: ti.template()):
-    """Three packs of sums of four. They come through memory: sums over a vector's entries right after it was found make
-    the compiler take the whole transfer apart into scalars (470 ns instead of 620 for a substep and grain)."""
-    return [keep(ti.Vector([products[d, l][0] + products[d, l][1] + products[d, l][2] + products[d, l][3]
-                            for l in range(4)])) for d in range(3)]
+    for slot in range(LANES * P.ranges[body][0], LANES * P.ranges[body][1]):
+        q, l = slot // LANES, slot % LANES
+        node, f = first_node(scene.grid, P.x, q, l, scene.cell)
+        wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+        mass, force = scene.numbers.densities[body] * P.volume[q][l], force_per_volume * P.volume[q][l]
+        Q = [keep((force * tau[FULL[i]][q][l] + mass * P.C[i][q][l]) * scene.cell) for i in range(9)]
+        p = [keep(mass * P.v[r][q][l] - Q[3 * r] * f[0] - Q[3 * r + 1] * f[1] - Q[3 * r + 2] * f[2]) for r in range(3)]
+        g, g_x, g_y, g_z = gather_lane(bars, node, wx, wy, wz)
+        offset_bar(products, bars, node, ti.Vector([p[0], p[1], p[2], mass]), ti.Vector([Q[0], Q[3], Q[6], zero]),
+                   ti.Vector([Q[1], Q[4], Q[7], zero]), ti.Vector([Q[2], Q[5], Q[8], zero]), [wx, wy, wz],
+                   [slopes(f[0]), slopes(f[1]), slopes(f[2])])
+        for d in ti.static(range(3)):
+            through_p = Q[d] * g[0] + Q[3 + d] * g[1] + Q[6 + d] * g[2]
+            B.x[d][q][l] = B.x[d][q][l] + (products[d].sum() - through_p) / scene.cell
+            B.v[d][q][l] = mass * g[d]
+        Q_bar = [g_x[0] - f[0] * g[0], g_y[0] - f[1] * g[0], g_z[0] - f[2] * g[0],
+                 g_x[1] - f[0] * g[1], g_y[1] - f[1] * g[1], g_z[1] - f[2] * g[1],
+                 g_x[2] - f[0] * g[2], g_y[2] - f[1] * g[2], g_z[2] - f[2] * g[2]]
+        tau_bar = bar_of_matrix(Q_bar)
+        for i in ti.static(range(6)):
+            tau[i][q][l] = force * scene.cell * tau_bar[i]
+        for i in ti.static(range(9)):
+            B.C[i][q][l] = mass * scene.cell * Q_bar[i]

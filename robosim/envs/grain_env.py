@@ -12,6 +12,7 @@ import mpm
 from mpm.timestep import material_bound
 from robosim.config import Grip
 from robosim.envs.carrier import Carrier, KinematicTool
+from robosim.envs.objective import objective
 from robosim.envs.observation import Layout, Observer
 from robosim.envs.reward import Reward
 from robosim.envs.start import settled
@@ -197,6 +198,16 @@ class GrainEnv(gymnasium.Env):
             "readings": self.reward.readings(self._now), "is_success": self.reward.succeeded(self._now),
             "time": self.step_count * self.task.step_dt,
         }
+
+    # differentiating -------------------------------------------------------------------------------------------------
+    def rollout(self, n_steps: int | None = None, **options: Any) -> mpm.Rollout:
+        """Differentiable future from the present state over `n_steps` of `step_dt`, None: a whole episode; options as
+        `mpm.Rollout` takes them. The tool is moved, not carried: raises mpm.InvalidValue with an arm."""
+        return mpm.Rollout(self.solver, n_steps or self.task.steps, step_dt=self.task.step_dt, **options)
+
+    def objective(self) -> Any:
+        """The sub-task's reward as a loss for that."""
+        return objective(self.task)
 
     # keeping and drawing --------------------------------------------------------------------------------------------
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]

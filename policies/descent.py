@@ -1,0 +1,58 @@
+"""Descent with momentum and a step that a whole column of the parameters shares.
+
+Adam (Kingma & Ba 2015) divides each entry by its own size, so that the last of a motion's actions move as fast as the
+first, and a tool that has learnt to go overshoots for good: grains that it has pushed too far cannot be pulled back.
+Here all actions along one axis share one size, and a run of failures goes back to the best and takes smaller steps.
+"""
+
+import numpy as np
+
+DECAY, DECAY_SQUARES, SMALL = 0.9, 0.95, 1e-12
+FAILURES, SHRINK, GROW = 4, 0.7, 1.1
+"""Iterations without a better loss before a return to the best, and what becomes of the step then and after success."""
+
+
+class Descent:
+    """Parameters (n, k) and steps of at most about `rate`; `step` is told what the loss was and how it slopes."""
+
+    def __init__(self, parameters: np.ndarray, rate: float, shared: bool = True) -> None:
+        self.now, self.rate, self.shared = parameters.copy(), rate, shared
+        self.best, self.best_gradient, self.lowest = parameters.copy(), np.zeros_like(parameters), np.inf
+        self.share, self.failures = 1.0, 0
+        self._forget()
+
+    def _forget(self) -> None:
+        self.count = 0
+        self.mean, self.square = np.zeros_like(self.now), np.zeros_like(self.now)
+
+    def step(self, loss: float, gradient: np.ndarray) -> None:
+        """Take the loss and its derivatives at `now`, and move on; entries stay within -1 and 1."""
+        if loss < self.lowest:
+            self.lowest, self.best, self.best_gradient = loss, self.now.copy(), gradient.copy()
+            self.failures, self.share = 0, min(1.0, GROW * self.share)
+        else:
+            self.failures += 1
+        if self.shared and self.failures >= FAILURES:
+            self.now, gradient = self.best.copy(), self.best_gradient
+            self.failures, self.share = 0, SHRINK * self.share
+            self._forget()
+        squares = np.broadcast_to((gradient**2).mean(0), gradient.shape) if self.shared else gradient**2
+        self.count += 1
+        self.mean += (1.0 - DECAY) * (gradient - self.mean)
+        self.square += (1.0 - DECAY_SQUARES) * (squares - self.square)
+        mean = self.mean / (1.0 - DECAY**self.count)
+        square = self.square / (1.0 - DECAY_SQUARES**self.count)
+        self.now = np.clip(self.now - self.rate * self.share * mean / (np.sqrt(square) + SMALL), -1.0, 1.0)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What the next steps depend on."""
+        return {name: np.asarray(getattr(self, name)) for name in STATE}
+
+    def load(self, state: dict[str, np.ndarray]) -> None:
+        """Return to a state."""
+        for name in STATE:
+            value = state[name]
+            setattr(self, name, value.copy() if value.ndim else value.item())
+
+
+STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "count", "mean", "square")
