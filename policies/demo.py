@@ -24,7 +24,7 @@ FLUID = "glycerol"
 RATE = 0.05
 """Step in actions of -1 to 1."""
 CHANGE, PATIENCE = 0.05, 5
-"""A run has converged when its loss has changed by less than this share for more than so many iterations."""
+"""A loss has settled when it has changed by less than this share for more than so many iterations."""
 DIRECTIONS = 3
 DIFFERENCE = 1e-3
 """Step in actions of the check by differences: in single precision a smaller one drowns in rounding."""
@@ -142,7 +142,7 @@ class Maker:
             descent.load(stored)
             losses, norms = list(stored["losses"]), stored["norms"]
         progress = tqdm(initial=len(losses), total=iterations, desc=path.stem, file=sys.stderr)
-        while len(losses) < iterations and not converged(losses, iterations):
+        while len(losses) < iterations and not self.converged(losses, descent.best, seed):
             loss, gradient = self.value_and_grad(descent.now)
             if loss < descent.lowest:
                 norms = self.rollout.last.norms
@@ -165,6 +165,12 @@ class Maker:
         loss, bars = self.rollout.value_and_grad(*self.hold.twists(actions), self.loss)
         return loss, self.hold.back(*bars)
 
+    def converged(self, losses: list[float], best: np.ndarray, seed: int) -> bool:
+        """The paper's rule (Algorithm 2): the loss has settled, and what it leads to is a success."""
+        if not settled(losses) or len(losses) % PATIENCE > 0:
+            return False
+        return bool(played(self.env, best, seed)["is_success"])
+
     def check(self, actions: np.ndarray) -> np.ndarray:
         """What vouches for the gradient: derivative and central difference along the gradient and along random
         directions (1 + DIRECTIONS, 2), away from the bounds."""
@@ -181,9 +187,7 @@ class Maker:
         return np.array(rows)
 
 
-def converged(losses: list[float], iterations: int) -> bool:
-    """The paper's rule, in the second half only: less than CHANGE of change in more than PATIENCE iterations."""
-    if len(losses) <= max(PATIENCE + 1, iterations // 2):
-        return False
+def settled(losses: list[float]) -> bool:
+    """Whether the loss has changed by less than CHANGE in each of more than PATIENCE iterations."""
     recent = np.array(losses[-PATIENCE - 2 :])
-    return bool(np.all(np.abs(np.diff(recent)) < CHANGE * np.abs(recent[:-1])))
+    return len(recent) > PATIENCE + 1 and bool(np.all(np.abs(np.diff(recent)) < CHANGE * np.abs(recent[:-1])))
