@@ -42,6 +42,7 @@ class Hencky:
         check_range(name, "E [Pa]", self.E, 1e-9, math.inf)
         check_range(name, "nu", self.nu, 0.0, 0.5)
         check_range(name, "density [kg/m^3]", self.density, 1e-9, math.inf)
+
     @property
     def mu(self) -> float:
         """Shear modulus [Pa]."""

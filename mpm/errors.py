@@ -73,12 +73,13 @@ class GradientDiverged(MpmError):
     """A derivative that is not finite, with where it was found.
 
     Attributes: step (of the roll-out), substep (within it), quantity (of the state, by which the loss is
-    differentiated), particle (index).
+    differentiated), particle (index, or -1 where it is none's).
     """
 
     def __init__(self, *, step: int, substep: int, quantity: str, particle: int) -> None:
         self.step, self.substep, self.quantity, self.particle = step, substep, quantity, particle
+        whose = f" of particle {particle}" if particle >= 0 else ""
         super().__init__(
-            f"the derivative by {quantity} of particle {particle} in substep {substep} of step {step} is not "
-            f"finite; accepted: a shorter roll-out, or Rollout(limit=...) or Rollout(window=...)"
+            f"the derivative by {quantity}{whose} in substep {substep} of step {step} is not finite; accepted: a "
+            f"finite loss; where it grew on the way, a shorter roll-out, or Rollout(limit=...) or Rollout(window=...)"
         )

@@ -23,7 +23,7 @@ from mpm.particles import LANES, ParticleFields
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
-from mpm.substep import SPEED_LIMIT, Substeps
+from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
 from mpm.tally import ROWS as TALLY_ROWS
 from mpm.tally import Tallied, Tally, tallied
 from mpm.timestep import COURANT_FRACTION, material_bound
@@ -31,8 +31,6 @@ from mpm.walls import Walls
 
 MAX_LOOKS = 64
 """Readings of an attached tally in one advance."""
-MAX_SUBSTEPS = 64
-"""Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
 
 
 class Solver:

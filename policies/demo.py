@@ -4,14 +4,16 @@ import argparse
 import hashlib
 import json
 import sys
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import gymnasium
 import numpy as np
 from tqdm import tqdm
 
+import mpm
 from policies.descent import Descent
 from policies.files import write, write_json
 from policies.hold import Hold
@@ -46,7 +48,7 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--from", dest="start", type=Path, help=".npz file with actions to begin with (default: none)")
     run.add_argument("--limit", type=float, help="cut entries of the state's derivatives in every substep, as sand's "
                      "may need (default: never)")
-    run.add_argument("--seed", type=int, default=0, help="of the first start; the start of seed 0 is the task's own")
+    run.add_argument("--seed", type=int, default=0, help="of the first start, as of the environment's reset")
     run.set_defaults(run=lambda a: demonstrate(
         a.task, a.out, n=a.n, material=a.material, iterations=a.iterations, rate=a.rate, hold=a.hold, start=a.start,
         limit=a.limit, seed=a.seed))
@@ -56,63 +58,73 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
                 rate: float = RATE, hold: int = 10, start: Path | None = None, limit: float | None = None,
                 seed: int = 0) -> int:
     """Make demonstrations 0 .. n - 1 into a folder, with their table and curves; returns 0."""
+    for name, number in (("--n", n), ("--iterations", iterations), ("--hold", hold)):
+        if number < 1:
+            raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
+    if seed < 0 or not 0 < rate <= 1:
+        raise mpm.InvalidValue(f"--seed {seed}, --rate {rate}; accepted: 0 or more, and above 0 up to 1")
+    try:
+        sand: Any = gymnasium.make(f"robosim:robosim/{task}-v0", action_repeat=hold).unwrapped
+    except gymnasium.error.Error as error:
+        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
     out.mkdir(parents=True, exist_ok=True)
-    sand = gymnasium.make(f"robosim:robosim/{task}-v0", action_repeat=hold)
-    view: Any = sand.unwrapped
-    grains = view.task.material
-    stand_in = material or STAND_INS.get(view.task.kind, FLUID)
+    grains = sand.task.material
+    stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
+    first = actions_of(start, Hold(sand.task, hold)) if start else np.zeros(Hold(sand.task, hold).shape)
     soft: Any = gymnasium.make(f"robosim:robosim/{task}-v0", material=stand_in, action_repeat=hold).unwrapped
     maker = Maker(soft, stand_in, hold, limit)
-    first = actions_of(start, maker.hold) if start else np.zeros((maker.hold.n, maker.hold.dimensions))
     rows = []
     for k in range(n):
         path = out / f"demonstration_{k}.npz"
-        found = finished(path, maker.fingerprint)
-        if found is None:
-            found = maker.run(path, seed + k, first, iterations, rate)
-        in_sand = played(view, found["actions"], seed + k)
-        in_soft = played(soft, found["actions"], seed + k)
+        found = maker.make(path, seed + k, first, iterations, rate)
+        readings = {f"in {stand_in}": played(soft, found["actions"], seed + k),
+                    f"among grains of {grains}": played(sand, found["actions"], seed + k)}
         rows.append({"demonstration": path.name, "seed": seed + k, "loss": float(found["losses"].min()),
-                     "iterations": len(found["losses"]), stand_in: in_soft, grains: in_sand})
-        write_json(out / "demonstrations.json", {"task": task, "material": stand_in, "fingerprint": maker.fingerprint,
-                                                 "demonstrations": rows})
-        print(f"{path.name}: loss {rows[-1]['loss']:.3g}, in {stand_in} delivered {in_soft['delivered']:.2f}, in "
-              f"{grains} delivered {in_sand['delivered']:.2f}, score {in_sand['tcs']:.2f}")
+                     "iterations": len(found["losses"]), "check": found["check"].tolist(), **readings})
+        write_json(out / "demonstrations.json", {"task": task, "material": stand_in, "demonstrations": rows})
+        print(f"{path.name}: loss {rows[-1]['loss']:.4g}")
+        for where, values in readings.items():
+            print(f"  {where}: delivered {values['delivered']:.2f}, score {values['tcs']:.2f}")
+        print(f"  derivative along itself {found['check'][0, 0]:.4g}, by differences {found['check'][0, 1]:.4g}")
     draw(out, task, n)
-    print(f"to see one: robosim evaluate {task} --policy {out / 'demonstration_0.npz'} --episodes 1 --out FOLDER")
+    print(f"to see one: robosim evaluate {task} --policy {out / 'demonstration_0.npz'} --episodes 1 --seed {seed} "
+          f"--out FOLDER")
     return 0
 
 
-def fingerprint(env: Any, hold: int) -> str:
-    """Twelve letters that change with the scene, the task or the material."""
-    told = json.dumps([env.task.model_dump(), env.material.model_dump(), hold], sort_keys=True, default=str)
+def fingerprint(env: Any, *rest: object) -> str:
+    """Twelve letters that change with the scene, the task, the material or anything else that is given."""
+    told = json.dumps([env.task.model_dump(), env.material.model_dump(), *rest], sort_keys=True, default=str)
     return hashlib.sha256(told.encode()).hexdigest()[:12]
 
 
 def actions_of(path: Path, hold: Hold) -> np.ndarray:
-    """Actions to begin with, from a file; raises ValueError for another shape."""
-    with np.load(path, allow_pickle=False) as stored:
-        actions = np.asarray(stored["actions"], float)
-    if actions.shape != (hold.n, hold.dimensions):
-        raise ValueError(f"{path}: actions have shape {actions.shape}; accepted: {(hold.n, hold.dimensions)}")
+    """Actions to begin with, from a file; raises InvalidValue for what is none."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            actions = np.asarray(stored["actions"], float)
+    except (ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
+    if actions.shape != hold.shape or not np.all(np.abs(actions) <= 1.0):
+        raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {hold.shape}, from -1 to 1")
     return actions
 
 
-def finished(path: Path, expected: str) -> dict[str, np.ndarray] | None:
-    """A demonstration that was made before, or None; raises ValueError for one of another scene."""
+def stored_in(path: Path, expected: str) -> dict[str, np.ndarray] | None:
+    """What an earlier run left, or None; raises InvalidValue where that was another run."""
     if not path.is_file():
         return None
     with np.load(path, allow_pickle=False) as stored:
         found = dict(stored)
     if str(found["fingerprint"]) != expected:
-        raise ValueError(f"{path}: made for another scene, task or material (fingerprint {found['fingerprint']}, now "
-                         f"{expected}); give another --out, or remove it")
+        raise mpm.InvalidValue(f"{path}: made for another scene, task, material, seed or start (fingerprint "
+                               f"{found['fingerprint']}, now {expected}); give another --out, or remove it")
     return found
 
 
 def played(env: Any, actions: np.ndarray, seed: int) -> dict[str, float]:
     """Score and readings of an episode with these actions."""
-    env.reset(seed=seed, options={"nominal": seed == 0})
+    env.reset(seed=seed)
     info: dict[str, Any] = {}
     for action in np.asarray(actions, np.float32):
         _, _, terminated, truncated, info = env.step(action)
@@ -126,38 +138,56 @@ class Maker:
 
     def __init__(self, env: Any, material: str, hold: int, limit: float | None) -> None:
         self.env, self.hold, self.material = env, Hold(env.task, hold), material
-        self.fingerprint = fingerprint(env, hold)
-        env.reset(seed=0, options={"nominal": True})
-        self.rollout, self.loss = env.rollout(limit=limit), env.objective()
+        self._told = (material, hold, limit)
+        self.loss = env.objective()
 
-    def run(self, path: Path, seed: int, first: np.ndarray, iterations: int, rate: float) -> dict[str, np.ndarray]:
-        """One demonstration from the start of a seed; goes on from the file beside `path` if there is one."""
-        self.env.reset(seed=seed, options={"nominal": seed == 0})
+    @cached_property
+    def rollout(self) -> Any:
+        """Laid out when it is needed."""
+        return self.env.rollout(limit=self._told[-1])
+
+    def make(self, path: Path, seed: int, first: np.ndarray, iterations: int, rate: float) -> dict[str, np.ndarray]:
+        """The demonstration from the start of a seed: read if it is there, gone on with if a run was cut short."""
+        mark = fingerprint(self.env, *self._told, seed, rate, first.tolist())
+        beside = path.with_name(f"{path.stem}.unfinished.npz")
+        found = stored_in(path, mark)
+        if found is None:
+            found = self._run(path, beside, mark, seed, first, iterations, rate)
+        beside.unlink(missing_ok=True)
+        return found
+
+    def _run(self, path: Path, beside: Path, mark: str, seed: int, first: np.ndarray, iterations: int,
+             rate: float) -> dict[str, np.ndarray]:
+        self.env.reset(seed=seed)
         self.rollout.restart()
         self.hold.begin(self.env.solver.collider_pose(0).position)
         descent, losses, norms = Descent(first, rate), [], np.zeros((0, 2))
-        beside = path.with_name(f"{path.stem}.unfinished.npz")
-        stored = finished(beside, self.fingerprint)
+        stored = stored_in(beside, mark)
         if stored is not None:
             descent.load(stored)
             losses, norms = list(stored["losses"]), stored["norms"]
         progress = tqdm(initial=len(losses), total=iterations, desc=path.stem, file=sys.stderr)
         while len(losses) < iterations and not self.converged(losses, descent.best, seed):
-            loss, gradient = self.value_and_grad(descent.now)
-            if loss < descent.lowest:
-                norms = self.rollout.last.norms
+            try:
+                loss, gradient = self.value_and_grad(descent.now)
+                if loss < descent.lowest:
+                    norms = self.rollout.last.norms
+                descent.step(loss, gradient)
+            except (mpm.SimulationDiverged, mpm.GradientDiverged):
+                if not np.isfinite(descent.lowest):  # there is no better motion to go back to
+                    raise
+                loss = np.inf
+                descent.go_back()
             losses.append(loss)
-            descent.step(loss, gradient)
             progress.set_postfix(loss=f"{loss:.3f}", best=f"{descent.lowest:.3f}")
             progress.update()
-            kept = {"losses": np.array(losses), "norms": norms, "fingerprint": np.array(self.fingerprint)}
+            kept = {"losses": np.array(losses), "norms": norms, "fingerprint": np.array(mark)}
             write(beside, partial(np.savez, **kept, **descent.state()))
         progress.close()
         found = {"actions": descent.best.astype(np.float32), "losses": np.array(losses), "norms": norms,
-                 "check": self.check(descent.best), "fingerprint": np.array(self.fingerprint), "seed": np.array(seed),
-                 "material": np.array(self.material)}
+                 "check": self.check(descent.best), "fingerprint": np.array(mark), "seed": np.array(seed),
+                 "material": np.array(self.material), "hold": np.array(self.hold.hold)}
         write(path, partial(np.savez, **found))
-        beside.unlink(missing_ok=True)
         return found
 
     def value_and_grad(self, actions: np.ndarray) -> tuple[float, np.ndarray]:

@@ -15,8 +15,8 @@ FAILURES, SHRINK, GROW = 4, 0.7, 1.1
 class Descent:
     """Parameters (n, k) and steps of at most about `rate`; `step` is told what the loss was and how it slopes."""
 
-    def __init__(self, parameters: np.ndarray, rate: float, shared: bool = True) -> None:
-        self.now, self.rate, self.shared = parameters.copy(), rate, shared
+    def __init__(self, parameters: np.ndarray, rate: float) -> None:
+        self.now, self.rate = parameters.copy(), rate
         self.best, self.best_gradient, self.lowest = parameters.copy(), np.zeros_like(parameters), np.inf
         self.share, self.failures = 1.0, 0
         self._forget()
@@ -32,11 +32,20 @@ class Descent:
             self.failures, self.share = 0, min(1.0, GROW * self.share)
         else:
             self.failures += 1
-        if self.shared and self.failures >= FAILURES:
-            self.now, gradient = self.best.copy(), self.best_gradient
-            self.failures, self.share = 0, SHRINK * self.share
-            self._forget()
-        squares = np.broadcast_to((gradient**2).mean(0), gradient.shape) if self.shared else gradient**2
+        if self.failures < FAILURES:
+            self._move(gradient)
+        else:
+            self.go_back()
+
+    def go_back(self) -> None:
+        """Return to the best parameters, and leave them with a smaller step."""
+        self.now = self.best.copy()
+        self.failures, self.share = 0, SHRINK * self.share
+        self._forget()
+        self._move(self.best_gradient)
+
+    def _move(self, gradient: np.ndarray) -> None:
+        squares = np.broadcast_to((gradient**2).mean(0), gradient.shape)
         self.count += 1
         self.mean += (1.0 - DECAY) * (gradient - self.mean)
         self.square += (1.0 - DECAY_SQUARES) * (squares - self.square)

@@ -13,6 +13,7 @@ class Hold:
         action = task.action
         self.steps, self.hold, self.dt = task.steps, hold, task.step_dt
         self.n, self.dimensions = -(-task.steps // hold), action.dimensions
+        self.shape = (self.n, self.dimensions)
         self._speeds = np.array([action.speed] * 3 + [action.angular_speed] * (action.dimensions - 3))
         self._low, self._high = np.array(action.lower), np.array(action.upper)
         self._start = np.array(task.start.position)

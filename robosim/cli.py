@@ -106,7 +106,7 @@ def main(arguments: list[str] | None = None) -> int:
         return options.run(options)
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
-        return 1 if isinstance(error, (mpm.SimulationDiverged, RobotDiverged)) else 2
+        return 1 if isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged)) else 2
     except OSError as error:  # a full disk, a folder taken away: what was renamed into place is whole
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1

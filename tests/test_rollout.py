@@ -214,6 +214,26 @@ def test_what_is_not_finite_is_named(pair_roll):
     with pytest.raises(mpm.GradientDiverged, match="particle") as error:
         pair_roll.value_and_grad(*motion(20), broken)
     assert (error.value.step, error.value.particle) == (6, 11)
+
+
+def test_what_grows_beyond_all_numbers_is_found(two_materials, pair_roll):
+    """A derivative that overflows on the way back, not in the loss; the solver is left at the start and goes on."""
+    solver = two_materials
+    n = len(solver.masses())
+
+    def huge(seen: Seen) -> LossBars:
+        bar = np.zeros(seen.x.shape)
+        bar[seen.steps == 9] = 1e308
+        return LossBars(0.0, x=bar)
+
+    with pytest.raises(mpm.GradientDiverged) as error:
+        pair_roll.value_and_grad(*motion(20), huge)
+    assert error.value.step <= 8
+    assert solver.positions() == pytest.approx(pair_roll.start["x"] + solver.grid.origin)
+    assert float(solver.time) == float(pair_roll.start["time"])
+    solver.advance(solver.dt)
+    assert np.isfinite(solver.positions()).all()
+    assert pair_roll.value(*motion(20), weighted_ends(n, 20)) != 0.0
     assert error.value.substep == SUBSTEPS - 1
 
 
@@ -226,17 +246,21 @@ def test_options_against_growth(two_materials):
 
     start = solver.state()
 
-    def found(**options) -> np.ndarray:
+    def rolled(**options) -> tuple[np.ndarray, np.ndarray]:
         solver.load(start)
         roll = mpm.Rollout(solver, 20, step_dt=SUBSTEPS * solver.dt, **options)
-        return roll.value_and_grad(*motion(20), loss)[1][0]
+        return roll.value_and_grad(*motion(20), loss)[1][0], roll.last.norms
+
+    def found(**options) -> np.ndarray:
+        return rolled(**options)[0]
 
     free = found()
     assert np.array_equal(found(limit=1e30), free)
     assert np.array_equal(found(window=20), free)
-    short = found(window=5)
+    short, norms = rolled(window=5)
     assert np.array_equal(short[15:], free[15:])
-    assert np.all(short[:15] == 0.0)
+    assert np.all(norms[:15] == 0.0)
+    assert np.all(norms[15:] > 0.0)
     cut = found(limit=0.01 * np.abs(free).max())
     assert np.isfinite(cut).all()
     assert not np.array_equal(cut, free)
@@ -244,7 +268,8 @@ def test_options_against_growth(two_materials):
 
 @pytest.mark.parametrize("given, told", [
     ({"n_steps": 0}, "n_steps = 0"), ({"window": 0}, "window = 0"), ({"limit": -1.0}, "limit = -1"),
-    ({"budget": 10}, "bytes or more"), ({"substeps": 1}, "substeps of a step"),
+    ({"budget": 10}, "bytes or more"), ({"substeps": 1}, "substeps of a step"), ({"n_steps": 2.5}, "whole number"),
+    ({"substeps": -1}, "substeps = -1"), ({"step_dt": 0.0}, "step_dt = 0"),
 ])
 def test_what_cannot_be_rolled_out(two_materials, given, told):
     with pytest.raises(mpm.InvalidValue, match=told):

@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 
+from mpm.errors import InvalidValue
+
 DIFFERENCE = 1e-6
 """Relative step of the central differences through a law's `parameters`, in double precision."""
 
@@ -25,9 +27,15 @@ def material_bars(solver, sweep) -> list[dict[str, float]]:  # noqa: ANN001
 
 
 def slope(law, name: str, value: float) -> np.ndarray:  # noqa: ANN001
-    """Derivative of a law's parameters by one of its numbers."""
+    """Derivative of a law's parameters by one of its numbers; to one side where the other is not accepted."""
     step = DIFFERENCE * abs(value) if value else DIFFERENCE
-    above = np.array(dataclasses.replace(law, **{name: value + step}).parameters)
-    low = max(value - step, 0.0)
-    below = np.array(dataclasses.replace(law, **{name: low}).parameters)
-    return (above - below) / (value + step - low)
+    ends = []
+    for end in (value + step, value, value - step):
+        try:
+            ends.append((end, np.array(dataclasses.replace(law, **{name: end}).parameters)))
+        except InvalidValue:  # beyond what the law accepts
+            continue
+    if len(ends) < 2:
+        return np.zeros(len(law.parameters))
+    (high, above), (low, below) = ends[0], ends[-1]
+    return (above - below) / (high - low)

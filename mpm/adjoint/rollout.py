@@ -1,6 +1,8 @@
 """Roll-outs that know how their loss answers to the tool's motion."""
 
+import contextlib
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -13,11 +15,11 @@ from mpm.adjoint.materials import material_bars
 from mpm.adjoint.schedule import Schedule, planned
 from mpm.adjoint.sweep import Sweep
 from mpm.backend import allocating, default_precision
-from mpm.errors import GradientDiverged, InvalidValue
+from mpm.errors import GradientDiverged, InvalidValue, TimeStepTooLarge
 from mpm.motion import Pose
 from mpm.particles import LANES, Snapshot
-from mpm.substep import SPEED_LIMIT
-from mpm.timestep import travel_bound
+from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT
+from mpm.timestep import material_bound, travel_bound
 
 BUDGET = 1_000_000_000
 """Bytes that a roll-out's states may take."""
@@ -41,16 +43,22 @@ class Rollout:
 
     budget: bytes that the kept states may take; `schedule` says what came of it. materials: derivatives by the laws'
     numbers, too. limit: entries of the state's derivatives are cut to plus or minus this in every substep, against the
-    growth of sand's. window: steps over which derivatives are followed back before they are dropped. substeps: per
-    step, or None: as many as the solver's dt asks for.
+    growth of sand's. window: at every so-manieth step the state's derivatives are dropped; what the tool's later places
+    owe to its earlier twists stays. substeps: per step, or None: as many as the solver's dt asks for.
+
+    Its fields stay until the process ends: make one, and `restart` it.
     """
 
     def __init__(self, solver, n_steps: int, *, step_dt: float = 2e-3, budget: int = BUDGET,  # noqa: ANN001
                  materials: bool = False, limit: float | None = None, window: int | None = None,
                  substeps: int | None = None) -> None:
         check_scene(solver)
-        if n_steps < 1:
-            raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: 1 or more")
+        if n_steps != int(n_steps) or n_steps < 1:
+            raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: a whole number, 1 or more")
+        if not step_dt > 0 or not math.isfinite(step_dt):
+            raise InvalidValue(f"Rollout: step_dt = {step_dt} s; accepted: a positive time")
+        if substeps is not None and (substeps != int(substeps) or substeps < 1):
+            raise InvalidValue(f"Rollout: substeps = {substeps}; accepted: a whole number, 1 or more, or None")
         if window is not None and window < 1:
             raise InvalidValue(f"Rollout: window = {window} steps; accepted: 1 or more, or None")
         if limit is not None and not limit > 0:
@@ -83,23 +91,25 @@ class Rollout:
     # the public pair -------------------------------------------------------------------------------------------------
     def value(self, linear: np.ndarray | None, angular: np.ndarray | None, loss: Loss) -> float:
         """Loss of the roll-out with the tool's velocities linear [m/s], angular [rad/s], (n_steps, 3) each, in world
-        axes, or None without a tool. Leaves the solver at the end. Raises SimulationDiverged."""
+        axes, or None without a tool. Leaves the solver at the end, or after an error at the start. Raises
+        SimulationDiverged."""
         self._set(linear, angular)
-        self._first()
         total = 0.0
-        for begin, end in self._pieces(0, self.n_steps):
-            self._forward(begin, end)
-            total += self._look(begin, end, loss).value
-            self._go_on(end - begin)
-        self._finish()
+        with self._or_return():
+            self._first()
+            for begin, end in self._pieces(0, self.n_steps):
+                self._forward(begin, end)
+                total += self._look(begin, end, loss).value
+                self._go_on(end - begin)
+            self.solver.load(self._end())
         return total
 
     def value_and_grad(self, linear: np.ndarray | None, angular: np.ndarray | None,
                        loss: Loss) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
         """Loss, and its derivatives by linear and angular (n_steps, 3); `last` holds those by all else.
 
-        Leaves the solver at the end of the roll-out. Raises SimulationDiverged, and GradientDiverged where a
-        derivative is not finite.
+        Leaves the solver at the end, or after an error at the start. Raises SimulationDiverged, and GradientDiverged
+        where a derivative is not finite.
         """
         self._set(linear, angular)
         self._loss = loss
@@ -110,12 +120,22 @@ class Rollout:
         self._pose_bar = np.zeros((self.n_steps, 6))
         self._norms = np.zeros((self.n_steps, 3))
         self._end_state: dict[str, np.ndarray] | None = None
-        self._back_over(0, self.n_steps, 0, 0)
-        assert self._end_state is not None
-        self.solver.load(self._end_state)
+        with self._or_return():
+            self._back_over(0, self.n_steps, 0, 0)
+            assert self._end_state is not None
+            self.solver.load(self._end_state)
         found = twists.back(self._path, self._linear, self._angular, self.step_dt, self._table_bar, self._pose_bar)
         self.last = Gradients(self._total, found, material_bars(self.solver, self._sweep), self._norms[:, :2])
         return self._total, (found.linear, found.angular)
+
+    @contextlib.contextmanager
+    def _or_return(self) -> Iterator[None]:
+        """Leave the solver at the start where what follows does not come to its end."""
+        try:
+            yield
+        except BaseException:
+            self.solver.load(self.start)
+            raise
 
     # forwards --------------------------------------------------------------------------------------------------------
     def _set(self, linear: np.ndarray | None, angular: np.ndarray | None) -> None:
@@ -123,8 +143,16 @@ class Rollout:
         shape = (self.n_steps, 3)
         given = [np.zeros(shape) if a is None else np.asarray(a, float) for a in (linear, angular)]
         for name, array in zip(("linear", "angular"), given):
-            if array.shape != shape or not np.isfinite(array).all():
-                raise InvalidValue(f"Rollout: {name} has shape {array.shape}; accepted: {shape}, finite")
+            if array.shape != shape:
+                raise InvalidValue(f"Rollout: {name} has shape {array.shape}; accepted: {shape}")
+            if not np.isfinite(array).all():
+                step, axis = np.argwhere(~np.isfinite(array))[0]
+                raise InvalidValue(f"Rollout: {name}[{step}, {axis}] = {array[step, axis]}; accepted: finite numbers")
+            if self._tool is None and array.any():
+                raise InvalidValue(f"Rollout: {name} moves a tool, and the scene has none; accepted: None")
+        bound = min(material_bound(self.solver.grid.cell, body.material) for body in self.solver.bodies)
+        if self.step_dt / self.substeps > bound:
+            raise TimeStepTooLarge(self.step_dt / self.substeps, bound, "of the materials now")
         self._linear, self._angular = given
         start = Pose.identity()
         if self._tool is not None:
@@ -158,27 +186,32 @@ class Rollout:
 
     def _forward(self, begin: int, end: int) -> None:
         """Run steps from the state in slot 0; every state goes into the slot after."""
-        n = (end - begin) * self.substeps
-        empty = np.zeros((1, 6, 1, LANES), self.solver._dtype)
-        out = self._launch(1, 0, n, self._table[begin:end], empty, np.zeros((1, 18)), np.zeros((1, 3)))
+        empty, dt = np.zeros((1, 6, 1, LANES), self.solver._dtype), self.step_dt / self.substeps
+        for first, last in self._launches(begin, end):
+            n = (last - first) * self.substeps
+            out = self._launch(1, (first - begin) * self.substeps, n, self._table[first:last].reshape(-1, 18), empty,
+                               np.zeros((1, 18)), np.zeros((1, 3)))
+            squares, fastest = out[self.solver._substeps.status, :2]
+            if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
+                self.solver.time = float(self.start["time"]) + last * self.step_dt
+                self.solver.steps = int(self.start["steps"]) + last * self.substeps
+                raise self.solver._diverged(dt)
         self.forward_steps += end - begin
-        squares, fastest = out[self.solver._substeps.status, :2]
-        dt = self.step_dt / self.substeps
-        if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
-            self.solver.time = float(self.start["time"]) + end * self.step_dt
-            self.solver.steps = int(self.start["steps"]) + end * self.substeps
-            raise self.solver._diverged(dt)
+
+    def _launches(self, begin: int, end: int) -> list[tuple[int, int]]:
+        """Steps begin .. end - 1 in launches short enough for Ctrl-C and the checks to come in time."""
+        length = max(1, MAX_SUBSTEPS // self.substeps)
+        return [(first, min(first + length, end)) for first in range(begin, end, length)]
 
     def _launch(self, forward: int, first: int, n: int, motion: np.ndarray, loss_bar: np.ndarray,
                 motion_bar: np.ndarray, norms: np.ndarray) -> np.ndarray:
         solver = self.solver
-        out = np.zeros((solver._substeps.rows, 6))
-        with default_precision(solver.precision):
-            self._sweep.run(forward, first, n, self.substeps, solver._stamp + 2, self.step_dt / self.substeps,
-                            np.ascontiguousarray(motion.reshape(1, -1, 18)), loss_bar, motion_bar, norms,
-                            np.zeros((1, 1)), out)
+        out, stamp = np.zeros((solver._substeps.rows, 6)), solver._stamp + 2
         solver._stamp += 2 * n + 4  # blocks that an advance has listed carry the number after its own
         solver._listed = False
+        with default_precision(solver.precision):
+            self._sweep.run(forward, first, n, self.substeps, stamp, self.step_dt / self.substeps,
+                            np.ascontiguousarray(motion[None]), loss_bar, motion_bar, norms, np.zeros((1, 1)), out)
         return out
 
     def _look(self, begin: int, end: int, loss: Loss) -> LossBars:
@@ -195,23 +228,21 @@ class Rollout:
             if array is not None and np.shape(array) != shape:
                 raise InvalidValue(f"Rollout: the loss's {name} has shape {np.shape(array)}; accepted: {shape}")
             if array is not None and not np.isfinite(array).all():
-                step, particle = np.argwhere(~np.isfinite(array))[-1][:2]
-                raise GradientDiverged(step=begin + int(step), substep=self.substeps - 1, quantity=f"{name} (the loss)",
-                                       particle=int(particle))
+                step, which = np.argwhere(~np.isfinite(array))[-1][:2]
+                raise GradientDiverged(step=begin + int(step), substep=self.substeps - 1, quantity=f"the loss's {name}",
+                                       particle=-1 if name == "pose" else int(which))
         return bars
 
-    def _finish(self) -> dict[str, np.ndarray]:
-        """Leave the solver at the end of what was run; returns its state."""
+    def _end(self) -> dict[str, np.ndarray]:
+        """The solver's state at the end of the roll-out, which its fields hold."""
         solver = self.solver
         poses = self.start["poses"].copy()
         if self._tool is not None:
             poses[self._tool] = np.concatenate(self._path.pose(self.n_steps))
         named = {name: solver.particles.read(fields) for name, fields in solver.particles.named_fields().items()}
-        state = self.start | named | {
+        return self.start | named | {
             "poses": poses, "time": self.start["time"] + self.n_steps * self.step_dt,
             "steps": self.start["steps"] + self.n_steps * self.substeps}
-        solver.load(state)
-        return state
 
     # backwards -------------------------------------------------------------------------------------------------------
     def _back_over(self, begin: int, end: int, level: int, slot: int) -> None:
@@ -242,7 +273,7 @@ class Rollout:
     def _note_end(self, end: int) -> None:
         """Remember the state at the roll-out's end."""
         if end == self.n_steps:
-            self._end_state = self._finish()
+            self._end_state = self._end()
 
     def _back(self, begin: int, end: int) -> None:
         """Bars after steps begin .. end - 1 to bars before them; the history holds their states."""
@@ -261,15 +292,17 @@ class Rollout:
 
     def _back_launch(self, begin: int, first: int, last: int, loss_bar: np.ndarray) -> None:
         """Steps first .. last - 1, where `begin` is the step of slot 0."""
-        n = (last - first) * self.substeps
-        motion_bar, norms = np.zeros((n, 18)), np.zeros((last - begin, 3))
-        with default_precision(self.solver.precision):
-            self._bars.keep()
-        self._launch(0, (first - begin) * self.substeps, n, self._table[first:last], loss_bar, motion_bar, norms)
-        if not np.isfinite(norms).all() or not np.isfinite(motion_bar).all():
-            raise self._located(begin, last, loss_bar, norms)
-        self._table_bar[first:last] = motion_bar.reshape(last - first, self.substeps, 18)
-        self._norms[first:last] = norms[first - begin :]
+        for b, e in reversed(self._launches(first, last)):
+            n = (e - b) * self.substeps
+            motion_bar, norms = np.zeros((n, 18)), np.zeros((e - begin, 3))
+            with default_precision(self.solver.precision):
+                self._bars.keep()
+            self._launch(0, (b - begin) * self.substeps, n, self._table[b:e].reshape(-1, 18), loss_bar, motion_bar,
+                         norms)
+            if not np.isfinite(norms).all() or not np.isfinite(motion_bar).all():
+                raise self._located(begin, b, e, loss_bar)
+            self._table_bar[b:e] = motion_bar.reshape(e - b, self.substeps, 18)
+            self._norms[b:e] = norms[b - begin :]
 
     def _packed(self, bars: LossBars, steps: int) -> np.ndarray:
         """The loss's bars of positions and velocities in the particles' order (steps, 6, packs, 4)."""
@@ -280,17 +313,22 @@ class Rollout:
                 packed[:, first : first + 3, particles.index] = np.swapaxes(array, 1, 2)
         return packed.reshape(steps, 6, particles.n_packs, LANES)
 
-    def _located(self, begin: int, last: int, loss_bar: np.ndarray, norms: np.ndarray) -> GradientDiverged:
-        """Go back again until the first substep before which some bar is not finite, and say which."""
+    def _located(self, begin: int, first: int, last: int, loss_bar: np.ndarray) -> GradientDiverged:
+        """Go back again until the first substep after which something is not finite, and say what."""
         with default_precision(self.solver.precision):
             self._bars.rewind()
         rows, particles = self._table.reshape(-1, 18), self.solver.particles
-        for substep in reversed(range(begin * self.substeps, last * self.substeps)):
-            self._launch(0, substep - begin * self.substeps, 1, rows[substep : substep + 1], loss_bar,
-                         np.zeros((1, 18)), np.zeros(norms.shape))
-            for quantity, fields in self._sweep.bars.named_fields().items():
-                bad = np.flatnonzero(~np.isfinite(particles.read(fields)).all(1))
-                if len(bad):
-                    return GradientDiverged(step=substep // self.substeps, substep=substep % self.substeps,
-                                            quantity=quantity, particle=int(bad[0]))
-        return GradientDiverged(step=begin, substep=0, quantity="the tool's motion", particle=-1)
+        quantity, particle, substep = "the tool's motion", -1, first * self.substeps
+        for substep in reversed(range(first * self.substeps, last * self.substeps)):
+            motion_bar = np.zeros((1, 18))
+            self._launch(0, substep - begin * self.substeps, 1, rows[substep : substep + 1], loss_bar, motion_bar,
+                         np.zeros((last - begin, 3)))
+            bad = {name: np.flatnonzero(~np.isfinite(particles.read(fields)).all(1))
+                   for name, fields in self._sweep.bars.named_fields().items()}
+            found = [(name, int(rows_of[0])) for name, rows_of in bad.items() if len(rows_of)]
+            if found:
+                quantity, particle = found[0]
+            if found or not np.isfinite(motion_bar).all():
+                break
+        return GradientDiverged(step=substep // self.substeps, substep=substep % self.substeps, quantity=quantity,
+                                particle=particle)

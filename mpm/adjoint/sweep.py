@@ -115,7 +115,9 @@ class Sweep:
         if ti.static(self.cuts):
             for field in ti.static(self.state_fields):
                 for q in range(self.particles.n_packs):
-                    field[q] = ti.max(ti.min(field[q], self.limit), -self.limit)
+                    # written so that what is not a number stays none
+                    over, under = field[q] > self.limit, field[q] < -self.limit
+                    field[q] = ti.select(over, self.limit, ti.select(under, -self.limit, field[q]))
 
     @ti.func
     def to_grid_back(self, law: ti.template(), body: ti.template(), dt):
@@ -170,10 +172,9 @@ class Sweep:
                                         (ALL, self.state_fields))):
             total = ti.cast(0.0, ti.f64)
             for q in range(self.particles.n_packs):
-                squares = fields[0][q] * fields[0][q]
-                for field in ti.static(fields[1:]):
-                    squares = squares + field[q] * field[q]
-                total += ti.cast(squares.sum(), ti.f64)
+                for field in ti.static(fields):
+                    wide = ti.cast(field[q], ti.f64)  # squares leave single precision before their roots do
+                    total += wide.dot(wide)
             norms[s, which] = ti.sqrt(total)
 
     @ti.kernel

@@ -203,7 +203,8 @@ class GrainEnv(gymnasium.Env):
     def rollout(self, n_steps: int | None = None, **options: Any) -> mpm.Rollout:
         """Differentiable future from the present state over `n_steps` of `step_dt`, None: a whole episode; options as
         `mpm.Rollout` takes them. The tool is moved, not carried: raises mpm.InvalidValue with an arm."""
-        return mpm.Rollout(self.solver, n_steps or self.task.steps, step_dt=self.task.step_dt, **options)
+        steps = self.task.steps if n_steps is None else n_steps
+        return mpm.Rollout(self.solver, steps, step_dt=self.task.step_dt, **options)
 
     def objective(self) -> Any:
         """The sub-task's reward as a loss for that."""

@@ -25,7 +25,7 @@ def policy(name: str, env: GrainEnv, seed: int) -> Policy:
     if name == "scripted":
         return Script(env)
     if Path(name).is_file():
-        return Replay(Path(name), n)
+        return Replay(Path(name), n, env.action_repeat)
     raise UnknownName("policy", name, NAMES, "or the path of a .npz file with an array `actions`")
 
 
@@ -48,17 +48,22 @@ class Script:
 
 
 class Replay:
-    """Recorded actions, one after the other; when they are used up, none."""
+    """Recorded actions, one after the other; when they are used up, none. A file may say for how many steps each is
+    meant to be held, as `hold`."""
 
-    def __init__(self, path: Path, dimensions: int) -> None:
+    def __init__(self, path: Path, dimensions: int, action_repeat: int) -> None:
         try:
             with np.load(path, allow_pickle=False) as stored:
                 actions = stored["actions"]
+                hold = int(stored["hold"]) if "hold" in stored else action_repeat
         except (OSError, ValueError, KeyError) as error:
             raise ConfigError(f"{path}: cannot be read as a .npz file with an array `actions`: {error}") from error
         if actions.ndim != 2 or actions.shape[1] != dimensions:
             raise ConfigError(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions})")
-        self._actions = iter(np.asarray(actions, np.float32))
+        if hold % action_repeat:
+            raise ConfigError(f"{path}: each action is held for {hold} steps; the environment acts every "
+                              f"{action_repeat}; accepted: an action_repeat that divides it")
+        self._actions = iter(np.repeat(np.asarray(actions, np.float32), hold // action_repeat, axis=0))
         self._none = np.zeros(dimensions, np.float32)
 
     def __call__(self) -> np.ndarray:
