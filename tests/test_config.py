@@ -132,7 +132,7 @@ def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_unknown_names_list_the_valid_ones() -> None:
-    with pytest.raises(UnknownName, match="valid: clay, flour, paper, salt, sand, sugar, water"):
+    with pytest.raises(UnknownName, match="valid: clay, flour, glycerol, paper, salt, sand, sugar, water"):
         load_material("pepper")
     with pytest.raises(mpm.UnknownName, match="valid: f32, f64"):
         mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[], precision="f16")
