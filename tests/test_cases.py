@@ -165,7 +165,7 @@ def test_cases_are_found_by_name() -> None:
         find("fre_fall")
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("precision", [pytest.param("f64", marks=pytest.mark.slow), "f32"])
 @pytest.mark.parametrize("material", [pytest.param("elastic", marks=pytest.mark.slow), "sand"])
 def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> None:
     """Through MuJoCo's own integration, angular momentum of the spinning ball included."""
@@ -176,6 +176,7 @@ def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> Non
         assert record.readings["exchanged"] > 1e-4  # they met
 
 
+@pytest.mark.slow
 def test_block_is_slowed_by_the_wave_in_the_bar() -> None:
     """Between nodes, where it is worst; a block lighter than the grid can resolve is nearer on a finer grid."""
     assert bar_impact.measure(offset_cells=0.25).errors["speed"] <= bar_impact.BANDS["speed"]
@@ -184,7 +185,9 @@ def test_block_is_slowed_by_the_wave_in_the_bar() -> None:
     assert coarse.readings["fastest"] <= 1.0
 
 
-@pytest.mark.parametrize(("bed", "offset"), [("elastic", 0.0), ("elastic", 0.5), ("sand", 0.25)])
+@pytest.mark.parametrize(("bed", "offset"), [
+    ("elastic", 0.0), pytest.param("elastic", 0.5, marks=pytest.mark.slow),
+    pytest.param("sand", 0.25, marks=pytest.mark.slow)])
 def test_block_rests_on_its_weight(bed: str, offset: float) -> None:
     errors = block_at_rest.measure(bed=bed, offset_cells=offset).errors
     assert all(abs(value) <= block_at_rest.BANDS[name] for name, value in errors.items()), errors

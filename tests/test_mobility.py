@@ -125,6 +125,7 @@ def test_swing_does_not_depend_on_the_host_step() -> None:
     assert np.linalg.norm(places[1] - places[0]) < 1.5e-3
 
 
+@pytest.mark.slow
 def test_repeats_mend_a_mobility_that_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     """With answers half as large as MuJoCo's the bodies miss what was foreseen; repeats find what MuJoCo does."""
     probe = Twin.foresee
@@ -146,6 +147,7 @@ def test_repeats_mend_a_mobility_that_is_wrong(monkeypatch: pytest.MonkeyPatch) 
     assert missed[0.02] < 0.3 * missed[None]
 
 
+@pytest.mark.slow
 def test_light_box_rests_at_the_same_height_at_every_host_step() -> None:
     heights = []
     for step in (5e-4, 2e-3, 1e-2):

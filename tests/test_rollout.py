@@ -166,6 +166,7 @@ def test_schedules():
         planned(1000, 10, 100, least - 1)
 
 
+@pytest.mark.slow
 def test_gradient_by_start_and_materials(two_materials, pair_roll):
     """Of the tool's initial pose and of each law's numbers."""
     solver, roll = two_materials, pair_roll

@@ -35,6 +35,7 @@ def tray(model: mujoco.MjModel, data: mujoco.MjData, size: tuple[float, float, f
     return GranularPlugin(model, data, solver, **choices)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_boxes_sink_in_the_order_of_their_density_and_rest_on_their_weight() -> None:
     model = mujoco.MjModel.from_xml_string(BOXES)
     data = mujoco.MjData(model)
