@@ -100,7 +100,12 @@ def first_nodes(grid: ti.template(), x: ti.template(), q, inverse_cell):
 
     Nodes are kept inside the array even when a position is not finite.
     """
-    scaled = [keep(x[d][q] * inverse_cell) for d in range(3)]
+    return stencil(grid, [keep(x[d][q] * inverse_cell) for d in range(3)])
+
+
+@ti.func
+def stencil(grid: ti.template(), scaled: ti.template()):
+    """First nodes and offsets at three coordinates in cells, packs or single numbers."""
     floors = [keep(ti.floor(scaled[d] - 0.5)) for d in range(3)]
     last = ti.static((grid.width - 3, grid.nodes.shape[1] - 3, grid.nodes.shape[2] - 3))
     nodes = [keep(ti.max(ti.min(ti.cast(floors[d], ti.i32), last[d]), 0)) for d in range(3)]

@@ -30,17 +30,24 @@ class Lattice(Shape):
             put(self.values, self.host)
 
     @ti.func
-    def at(self, y):
+    def cell_at(self, y):
+        """Values at the eight corners of the lattice's cell at y, the place in it, and how far y lies outside, in
+        spacings."""
         u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
         last = ti.Vector([self.host.shape[d] - 1.0 for d in range(3)])
         held = ti.max(ti.min(u, last), 0.0 * u)
         c = ti.min(ti.cast(held, ti.i32), ti.cast(last, ti.i32) - 1)
         f = held - c
         s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        return s, f, u - held
+
+    @ti.func
+    def at(self, y):
+        s, f, away = self.cell_at(y)
         z = [[keep(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
         y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
         y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
-        phi = y0 + f[0] * (y1 - y0) + (u - held).norm() * self.spacing
+        phi = y0 + f[0] * (y1 - y0) + away.norm() * self.spacing
         n = 0.0 * y
         n[0] = y1 - y0
         n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
@@ -62,12 +69,7 @@ class Lattice(Shape):
     @ti.func
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
         """Exact, with the slopes of trilinear interpolation that hold within a cell."""
-        u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
-        last = ti.Vector([self.host.shape[d] - 1.0 for d in range(3)])
-        held = ti.max(ti.min(u, last), 0.0 * u)
-        c = ti.min(ti.cast(held, ti.i32), ti.cast(last, ti.i32) - 1)
-        f = held - c
-        s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        s, f, away = self.cell_at(y)
         x = [[keep(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
         xy = [keep(x[1][k] - x[0][k]) for k in range(2)]
         xz = [keep(x[j][1] - x[j][0]) for j in range(2)]
@@ -86,7 +88,6 @@ class Lattice(Shape):
         bar[0] += mixed[0] * slope_bar[1] + mixed[1] * slope_bar[2]
         bar[1] += mixed[0] * slope_bar[0] + mixed[2] * slope_bar[2]
         bar[2] += mixed[1] * slope_bar[0] + mixed[2] * slope_bar[1]
-        away = u - held
         far = away.norm()
         for d in ti.static(range(3)):
             bar[d] = bar[d] / self.spacing if away[d] == 0 else away[d] / far * phi_bar

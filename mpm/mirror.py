@@ -16,6 +16,12 @@ TINY = 1e-37
 """Smallest momentum [N s] to divide by: above the numbers that lose digits in single precision."""
 
 
+class NoTape:
+    """What `unfold` is given where nobody wants to go back."""
+
+    keeps = False
+
+
 @ti.func
 def mirrored(q, n, condition):
     """Momentum (or velocity), a 4-vector, as its mirror image in the wall with normal n carries it."""
@@ -163,8 +169,10 @@ def fold(grid: ti.template(), table: ti.template(), stamp, dt, gravity):
 
 
 @ti.func
-def unfold(grid: ti.template(), table: ti.template(), stamp, friction, origin, cell, out: ti.template()):
-    """Give ghosts the mirrored velocity, hold the wall's nodes, credit the impulses to the ledger's wall row."""
+def unfold(grid: ti.template(), table: ti.template(), stamp, friction, origin, cell, out: ti.template(),
+           tape: ti.template()):
+    """Give ghosts the mirrored velocity, hold the wall's nodes, credit the impulses to the ledger's wall row. A tape
+    that keeps is shown every column before it is unfolded."""
     for back in range(6):
         w = 5 - back
         axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
@@ -175,6 +183,8 @@ def unfold(grid: ti.template(), table: ti.template(), stamp, friction, origin, c
             if condition != PERIODIC and on_plane(grid, block, axis, node):
                 for a, b in ti.ndrange(BLOCK, BLOCK):
                     W = column(grid, block, a, b, axis, node)
+                    if ti.static(tape.keeps):
+                        tape.keep(grid, w, W, axis, inward, stamp)
                     if grid.nodes[W][3] != 0:
                         impulse, across = unfold_column(grid, table, W, axis, inward, condition, n, stamp, friction)
                         total += ti.cast(impulse, ti.f64)

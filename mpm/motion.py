@@ -84,22 +84,40 @@ class ScrewSamples(NamedTuple):
 
 
 def skew(vectors: np.ndarray) -> np.ndarray:
-    """Cross-product matrices (..., 3, 3) of vectors (..., 3)."""
-    x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
+    """Cross-product matrices (..., 3, 3) of vectors (..., 3), real or complex."""
+    x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
     zero = np.zeros_like(x)
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
     return np.stack([np.stack(row, -1) for row in rows], -2)
 
 
-def left_jacobian(rotations: np.ndarray) -> np.ndarray:
-    """V of SE(3) (..., 3, 3): exp(rho, phi) translates by V(phi) rho; phi [rad] (..., 3). (Barfoot 2017, eq. 7.77)"""
-    angle = np.linalg.norm(rotations, axis=-1)[..., None, None]
+def rotation_coefficients(rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """sin(t) / t, (1 - cos t) / t^2 and (t - sin t) / t^3 of the lengths t of vectors (..., 3): (..., 1, 1) each.
+
+    Analytic in the vectors, so that complex steps through them give derivatives.
+    """
+    squares = np.sum(rotations * rotations, -1)[..., None, None]
+    small = np.abs(squares) < 1e-4
+    t = np.sqrt(np.where(small, 1.0, squares))
+    z = np.where(small, squares, 0.0)
+    return (np.where(small, 1 - z / 6 + z**2 / 120 - z**3 / 5040, np.sin(t) / t),
+            np.where(small, 0.5 - z / 24 + z**2 / 720 - z**3 / 40320, (1 - np.cos(t)) / t**2),
+            np.where(small, 1 / 6 - z / 120 + z**2 / 5040 - z**3 / 362880, (t - np.sin(t)) / t**3))
+
+
+def rotation_matrix(rotations: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) of rotation vectors [rad] (..., 3), real or complex."""
+    a, b, _ = rotation_coefficients(rotations)
     K = skew(rotations)
-    small = angle < 1e-4
-    a = np.where(small, 1.0, angle)
-    first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(a)) / a**2)
-    second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (a - np.sin(a)) / a**3)
-    return np.eye(3) + first * K + second * K @ K
+    return np.eye(3) + a * K + b * K @ K
+
+
+def left_jacobian(rotations: np.ndarray) -> np.ndarray:
+    """V of SE(3) (..., 3, 3): exp(rho, phi) translates by V(phi) rho; phi [rad] (..., 3), real or complex. (Barfoot
+    2017, eq. 7.77)"""
+    _, b, c = rotation_coefficients(rotations)
+    K = skew(rotations)
+    return np.eye(3) + b * K + c * K @ K
 
 
 def logarithm(begin: Pose, end: Pose) -> Twist:

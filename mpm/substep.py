@@ -5,7 +5,7 @@ from mpm.constitutive import stress
 from mpm.contact import backstop, update_nodes
 from mpm.grid import GHOST, clear, first_nodes, mark_pack
 from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW
-from mpm.mirror import fold, fold_periodic, unfold, unfold_periodic
+from mpm.mirror import NoTape, fold, fold_periodic, unfold, unfold_periodic
 from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
@@ -31,7 +31,7 @@ class Substeps:
         self.features, self.colliders = scene.features, scene.colliders
         self.node_contact, self.node_owner = scene.node_contact, scene.node_owner
         self.laws = [body.material for body in scene.bodies]
-        self.walls = scene.numbers.walls
+        self.walls, self.tape = scene.numbers.walls, NoTape()
         self.cell = scene.grid.cell
         self.origin = tuple(float(c) for c in scene.grid.origin)
         self.cells = tuple(int(c) for c in scene.grid.cells)
@@ -85,7 +85,7 @@ class Substeps:
             if ti.static(len(self.features.mobile) > 0):
                 meet(self, mobile, corner, out)
                 move_mobiles(self, mobile, motion, s, dt)
-            unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out)
+            unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out, self.tape)
             if ti.static(self.is_periodic):
                 unfold_periodic(self.grid, self.features.periodic, self.cells)
             self.grid.count[None] = 0

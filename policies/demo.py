@@ -22,7 +22,7 @@ from policies.learning_curve import draw
 STAND_INS = {"move": "clay"}
 """Material that a kind of sub-task is learnt in, where it is not the fluid below."""
 FLUID = "glycerol"
-"""Water splashes: derivatives by its positions grow by five orders of magnitude over a pour, glycerol's by two."""
+"""Water splashes: derivatives by its positions grow by four orders of magnitude over a pour, glycerol's by two."""
 RATE = 0.05
 """Step in actions of -1 to 1."""
 CHANGE, PATIENCE = 0.05, 5

@@ -11,9 +11,8 @@ import mpm
 from mpm.adjoint.history import History
 from mpm.adjoint.losses import Above, Attraction, LossBars, Seen, Sum, Turned, WeightedDistance
 from mpm.adjoint.schedule import planned
-from mpm.adjoint.twists import rotation
 from mpm.backend import ti
-from mpm.motion import turned
+from mpm.motion import rotation_matrix, turned
 from mpm.strain import compose, keep, spectrum
 
 CELL, STEPS, SUBSTEPS = 0.01, 100, 5
@@ -299,12 +298,12 @@ def test_losses(loss):
     """By positions and by the tool's pose."""
     rng = np.random.default_rng(1)
     x, places = rng.uniform(size=(3, 9, 3)), rng.uniform(size=(3, 3))
-    axes, v = rotation(rng.standard_normal((3, 3))), np.zeros_like(x)
+    axes, v = rotation_matrix(rng.standard_normal((3, 3))), np.zeros_like(x)
     bars = loss(Seen(np.arange(1, 4), x, v, places, axes))
     for _ in range(20):
         to_x, to_pose = rng.standard_normal(x.shape), rng.standard_normal((3, 6))
         ends = [loss(Seen(np.arange(1, 4), x + s * to_x, v, places + s * to_pose[:, :3],
-                          rotation(s * to_pose[:, 3:]) @ axes)).value for s in (1e-6, -1e-6)]
+                          rotation_matrix(s * to_pose[:, 3:]) @ axes)).value for s in (1e-6, -1e-6)]
         slope = (0.0 if bars.x is None else np.sum(bars.x * to_x)) \
             + (0.0 if bars.pose is None else np.sum(bars.pose * to_pose))
         assert slope == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-6, abs=1e-8)

@@ -3,6 +3,9 @@
 from mpm.backend import real_type, ti
 from mpm.particles import LANES, ParticleFields
 
+MOVING = 15
+"""Fields of x, v and C, which come first in a state."""
+
 
 @ti.data_oriented
 class History:
@@ -10,7 +13,7 @@ class History:
 
     def __init__(self, particles: ParticleFields, precision: str, slots: int) -> None:
         self.fields = [field for fields in particles.named_fields().values() for field in fields]
-        self.n_packs, self.slots = particles.n_packs, slots
+        self.n_packs = particles.n_packs
         self.kept = ti.Vector.field(LANES, real_type(precision), (slots, len(self.fields), self.n_packs))
 
     @staticmethod
@@ -48,13 +51,6 @@ class History:
             self.store(slot)
 
     @ti.kernel
-    def rewind(self, slot: ti.i32):
-        """Return to a state, from outside a kernel."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.load(slot)
-
-    @ti.kernel
     def copy(self, source: ti.template(), from_slot: ti.i32, to_slot: ti.i32):
         """Take over a state of another history."""
         ti.loop_config(serialize=True)
@@ -62,7 +58,3 @@ class History:
             for i in ti.static(range(len(self.fields))):
                 for q in range(self.n_packs):
                     self.kept[to_slot, i, q] = source.kept[from_slot, i, q]
-
-
-MOVING = 15
-"""Fields of x, v and C, which come first in a state."""

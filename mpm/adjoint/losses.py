@@ -38,11 +38,6 @@ Loss = Callable[[Seen], LossBars]
 """Sums over steps, so that steps can be seen in any grouping."""
 
 
-def none_seen(seen: Seen) -> LossBars:
-    """A loss of nothing."""
-    return LossBars(0.0)
-
-
 @dataclass(frozen=True)
 class WeightedDistance:
     """Sum over steps and grains of the weighted Manhattan distance to a goal, times `scale`.

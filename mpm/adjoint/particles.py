@@ -8,23 +8,18 @@ class ParticleBars:
     """A field for the bar of every field of the state, under the same names, zero at first."""
 
     def __init__(self, particles: ParticleFields, precision: str) -> None:
-        def like(fields: list) -> list:
-            return [ti.Vector.field(LANES, real_type(precision), particles.n_packs) for _ in fields]
-
-        self.x, self.v, self.C, self.e = like(particles.x), like(particles.v), like(particles.C), like(particles.e)
-        self.j = like([0])[0] if particles.j is not None else None
-        self.vc = like([0])[0] if particles.vc is not None else None
-        self.ranges, self.n_packs = particles.ranges, particles.n_packs
+        self._named = {name: [ti.Vector.field(LANES, real_type(precision), particles.n_packs) for _ in fields]
+                       for name, fields in particles.named_fields().items()}
+        self.x, self.v, self.C = (self._named[name] for name in ("x", "v", "C"))
+        self.e = self._named.get("e", [])
+        self.j, self.vc = (self._named.get(name, [None])[0] for name in ("j", "vc"))
 
     def named_fields(self) -> dict[str, list]:
         """The fields, as `ParticleFields` names them."""
-        named = {"x": self.x, "v": self.v, "C": self.C}
-        if self.e:
-            named["e"] = self.e
-        return named | {name: [field] for name, field in (("j", self.j), ("vc", self.vc)) if field is not None}
+        return self._named
 
     def clear(self) -> None:
         """Set all to zero."""
-        for fields in self.named_fields().values():
+        for fields in self._named.values():
             for field in fields:
                 field.fill(0.0)

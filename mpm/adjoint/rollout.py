@@ -96,7 +96,7 @@ class Rollout:
         self._set(linear, angular)
         total = 0.0
         with self._or_return():
-            self._first()
+            self._begin_at(0)
             for begin, end in self._pieces(0, self.n_steps):
                 self._forward(begin, end)
                 total += self._look(begin, end, loss).value
@@ -174,10 +174,10 @@ class Rollout:
         chunk = (self.schedule.slots - 1) // self.substeps
         return [(b, min(b + chunk, end)) for b in range(begin, end, chunk)]
 
-    def _first(self) -> None:
-        """Put the start into the history's first slot."""
+    def _begin_at(self, checkpoint: int) -> None:
+        """Put a checkpoint into the history's first slot; 0 is the start."""
         with default_precision(self.solver.precision):
-            self._history.copy(self._checkpoints, 0, 0)
+            self._history.copy(self._checkpoints, checkpoint, 0)
 
     def _go_on(self, steps: int) -> None:
         """Put the state after so many steps into the first slot."""
@@ -250,17 +250,16 @@ class Rollout:
         later steps is in the bars."""
         plan = self.schedule
         if level == plan.levels:
-            with default_precision(self.solver.precision):
-                self._history.copy(self._checkpoints, slot, 0)
+            self._begin_at(slot)
             self._forward(begin, end)
-            self._note_end(end)
+            if end == self.n_steps:
+                self._end_state = self._end()
             self._back(begin, end)
             return
         part = -(-(end - begin) // plan.parts)
         cuts = [*range(begin, end, part), end]
         places = [slot] + [1 + level * (plan.parts - 1) + i for i in range(len(cuts) - 2)]
-        with default_precision(self.solver.precision):
-            self._history.copy(self._checkpoints, slot, 0)
+        self._begin_at(slot)
         for k in range(len(cuts) - 2):  # the last part is run when it is differentiated
             for b, e in self._pieces(cuts[k], cuts[k + 1]):
                 self._forward(b, e)
@@ -269,11 +268,6 @@ class Rollout:
                 self._checkpoints.copy(self._history, 0, places[k + 1])
         for k in reversed(range(len(cuts) - 1)):
             self._back_over(cuts[k], cuts[k + 1], level + 1, places[k])
-
-    def _note_end(self, end: int) -> None:
-        """Remember the state at the roll-out's end."""
-        if end == self.n_steps:
-            self._end_state = self._end()
 
     def _back(self, begin: int, end: int) -> None:
         """Bars after steps begin .. end - 1 to bars before them; the history holds their states."""

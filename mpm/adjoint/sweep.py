@@ -5,11 +5,11 @@ from mpm.adjoint.contact import backstop_back, nodes_back
 from mpm.adjoint.history import History
 from mpm.adjoint.particles import ParticleBars
 from mpm.adjoint.transfer import gather_back, scatter_back
-from mpm.adjoint.walls import WallTape, fold_back, unfold_back, unfold_taped
+from mpm.adjoint.walls import WallTape, fold_back, unfold_back
 from mpm.backend import real_type, ti
 from mpm.contact import backstop, update_nodes
 from mpm.grid import BLOCK, clear
-from mpm.mirror import fold
+from mpm.mirror import fold, unfold
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
 from mpm.strain import keep
@@ -80,7 +80,8 @@ class Sweep:
                 if (first + s + 1) % interval == 0:
                     self.take_loss(loss_bar, (first + s + 1) // interval - 1)
             update_nodes(self.grid, self.scene, motion, s, dt, gravity, corner, self.cell, out)
-            unfold_taped(self.grid, self.tape, self.walls, stamp, self.scene.numbers.wall_friction[None])
+            unfold(self.grid, self.walls, stamp, self.scene.numbers.wall_friction[None], corner, self.cell, out,
+                   self.tape)
             if forward > 0:
                 self.grid.count[None] = 0
                 for body in ti.static(range(len(self.laws))):

@@ -2,6 +2,7 @@
 
 from mpm.adjoint.strain import bar_of_matrix
 from mpm.backend import ti
+from mpm.grid import stencil
 from mpm.particles import LANES
 from mpm.strain import FULL, keep
 from mpm.transfer import gather_lane, scatter_lane, weights
@@ -46,16 +47,6 @@ def offset_bar(products: ti.template(), nodes: ti.template(), base: ti.template(
 
 
 @ti.func
-def first_node(grid: ti.template(), x: ti.template(), q, l, cell):
-    """First node of the stencil of lane l of pack q, three integers, and the three offsets from it in cells."""
-    scaled = [keep(x[d][q][l] / cell) for d in range(3)]
-    floors = [keep(ti.floor(scaled[d] - 0.5)) for d in range(3)]
-    last = ti.static((grid.width - 3, grid.nodes.shape[1] - 3, grid.nodes.shape[2] - 3))
-    nodes = [keep(ti.max(ti.min(ti.cast(floors[d], ti.i32), last[d]), 0)) for d in range(3)]
-    return nodes, [keep(scaled[d] - floors[d]) for d in range(3)]
-
-
-@ti.func
 def gather_back(products: ti.template(), scene: ti.template(), bars: ti.template(), P: ti.template(), B: ti.template(),
                 after: ti.template(), body: ti.template(), dt):
     """Bars of node velocities, added to `bars`, and those of the positions before, left in B.x. P holds the positions
@@ -64,7 +55,7 @@ def gather_back(products: ti.template(), scene: ti.template(), bars: ti.template
     zero = scene.numbers.zero[None]
     for slot in range(LANES * P.ranges[body][0], LANES * P.ranges[body][1]):
         q, l = slot // LANES, slot % LANES
-        node, f = first_node(scene.grid, P.x, q, l, scene.cell)
+        node, f = stencil(scene.grid, [keep(P.x[d][q][l] * (1.0 / scene.cell)) for d in range(3)])
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         G = [keep(gradient * B.C[i][q][l]) for i in range(9)]
         moved = [keep(held_bar(scene, after.x[d][q][l], B.x[d][q][l], d)) for d in range(3)]
@@ -94,7 +85,7 @@ def scatter_back(products: ti.template(), scene: ti.template(), bars: ti.templat
     zero = scene.numbers.zero[None]
     for slot in range(LANES * P.ranges[body][0], LANES * P.ranges[body][1]):
         q, l = slot // LANES, slot % LANES
-        node, f = first_node(scene.grid, P.x, q, l, scene.cell)
+        node, f = stencil(scene.grid, [keep(P.x[d][q][l] * (1.0 / scene.cell)) for d in range(3)])
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         mass, force = scene.numbers.densities[body] * P.volume[q][l], force_per_volume * P.volume[q][l]
         Q = [keep((force * tau[FULL[i]][q][l] + mass * P.C[i][q][l]) * scene.cell) for i in range(9)]

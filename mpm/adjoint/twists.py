@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpm.motion import Pose, quaternion_of, skew
+from mpm.motion import Pose, left_jacobian, quaternion_of, rotation_matrix
 
 STEP = 1e-30
 """Imaginary step; its square is nothing beside one."""
@@ -25,43 +25,12 @@ class Path(NamedTuple):
         return Pose(self.positions[step].copy(), quaternion_of(self.matrices[step]))
 
 
-def rotation(vectors: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of rotation vectors [rad] (..., 3), real or complex."""
-    a, b, _ = coefficients(vectors)
-    K = cross_matrix(vectors)
-    return np.eye(3) + a * K + b * K @ K
-
-
-def coefficients(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """sin(t) / t, (1 - cos t) / t^2 and (t - sin t) / t^3 of the lengths t, (..., 1, 1)."""
-    squares = np.sum(vectors * vectors, -1)[..., None, None]
-    small = np.abs(squares) < 1e-4
-    t = np.sqrt(np.where(small, 1.0, squares))
-    z = np.where(small, squares, 0.0)
-    return (np.where(small, 1 - z / 6 + z**2 / 120 - z**3 / 5040, np.sin(t) / t),
-            np.where(small, 0.5 - z / 24 + z**2 / 720 - z**3 / 40320, (1 - np.cos(t)) / t**2),
-            np.where(small, 1 / 6 - z / 120 + z**2 / 5040 - z**3 / 362880, (t - np.sin(t)) / t**3))
-
-
-def cross_matrix(vectors: np.ndarray) -> np.ndarray:
-    """Cross-product matrices (..., 3, 3) of real or complex vectors (..., 3)."""
-    real = skew(vectors.real)
-    return real + 1j * skew(vectors.imag) if np.iscomplexobj(vectors) else real
-
-
-def turn_jacobian(vectors: np.ndarray) -> np.ndarray:
-    """Left Jacobian V (..., 3, 3) of rotation vectors [rad] (..., 3), real or complex (Barfoot 2017, eq. 7.77)."""
-    _, b, c = coefficients(vectors)
-    K = cross_matrix(vectors)
-    return np.eye(3) + b * K + c * K @ K
-
-
 def path(start: Pose, linear: np.ndarray, angular: np.ndarray, dt: float) -> Path:
     """Poses of a tool that is given twists (n, 3) [m/s], [rad/s] for dt [s] each."""
     positions = np.concatenate([[start.position], dt * linear]).cumsum(0)
     matrices = np.empty((len(linear) + 1, 3, 3))
     matrices[0] = start.matrix
-    for k, turn in enumerate(rotation(dt * angular)):
+    for k, turn in enumerate(rotation_matrix(dt * angular)):
         matrices[k + 1] = turn @ matrices[k]
     return Path(positions, matrices)
 
@@ -71,10 +40,10 @@ def rows(position: np.ndarray, matrix: np.ndarray, shift: np.ndarray, turn: np.n
     """Rows (..., n, 18) of the motion table in the n substeps of a step of dt [s] from position (..., 3) and matrix
     (..., 3, 3), by a shift [m] (..., 3) and a turn [rad] (..., 3) in world axes."""
     u = (np.arange(1, n + 1) / n)[:, None]
-    screw = np.linalg.solve(turn_jacobian(turn), shift[..., None])[..., None, :, :]
+    screw = np.linalg.solve(left_jacobian(turn), shift[..., None])[..., None, :, :]
     part = u * turn[..., None, :]
-    turned = rotation(part)
-    places = position[..., None, :] + (u[..., None] * turn_jacobian(part) @ screw)[..., 0]
+    turned = rotation_matrix(part)
+    places = position[..., None, :] + (u[..., None] * left_jacobian(part) @ screw)[..., 0]
     axes = turned @ matrix[..., None, :, :]
     linear = (turned @ screw)[..., 0] / dt
     angular = np.broadcast_to(turn[..., None, :] / dt, linear.shape)
@@ -110,12 +79,12 @@ def back(way: Path, linear: np.ndarray, angular: np.ndarray, dt: float, table_ba
             slopes = rows(way.positions[:-1], way.matrices[:-1], *given, dt, n).imag / STEP
             direct[which, :, axis] = np.sum(slopes * table_bar, axis=(1, 2))
     # a turn w of the pose at the beginning of a step turns its rows' axes: dR = exp(u turn) [w] R_begin
-    part = rotation((np.arange(1, n + 1) / n)[None, :, None] * turn.real[:, None])
+    part = rotation_matrix((np.arange(1, n + 1) / n)[None, :, None] * turn.real[:, None])
     axes_bar = table_bar[..., 3:12].reshape(steps, n, 3, 3)
     S = np.sum(np.swapaxes(part, -1, -2) @ axes_bar, axis=1) @ np.swapaxes(way.matrices[:-1], -1, -2)
     begin_turn = np.stack([S[:, 2, 1] - S[:, 1, 2], S[:, 0, 2] - S[:, 2, 0], S[:, 1, 0] - S[:, 0, 1]], -1)
     begin_place = table_bar[..., :3].sum(1)
-    V, turned = turn_jacobian(turn.real), rotation(turn.real)
+    V, turned = left_jacobian(turn.real), rotation_matrix(turn.real)
     place_bar, turn_bar = np.zeros(3), np.zeros(3)
     bars = np.empty((2, steps, 3))
     for k in reversed(range(steps)):

@@ -5,48 +5,38 @@
 
 from mpm.backend import real_type, ti
 from mpm.grid import BLOCK, Grid
-from mpm.mirror import TINY, column, folded_earlier, mirrored, normal4, on_plane, unfold_column, unit
+from mpm.mirror import TINY, column, folded_earlier, mirrored, normal4, on_plane, unit
 from mpm.walls import FRICTION, ROLLER, SLIP, STICK
 
 WALL, GHOST, MIRROR = range(3)
 
 
+@ti.data_oriented
 class WallTape:
     """Wall node, ghost and mirror node of every column of every side, before the column is unfolded."""
 
+    keeps = True
+
     def __init__(self, grid: Grid, precision: str) -> None:
-        nx, ny, nz = grid.shape
-        edge = max(nx, ny, nz)
+        edge = max(grid.shape)
         self.nodes = ti.Vector.field(4, real_type(precision), (6, 3, edge, edge))
+
+    @ti.func
+    def keep(self, grid: ti.template(), side, W, axis, inward, stamp):
+        """The column at wall node W; a ghost in a block that is not active is nothing."""
+        i, j = place_of(W, axis)
+        ghost = W - unit(axis) * inward
+        self.nodes[side, WALL, i, j] = grid.nodes[W]
+        self.nodes[side, MIRROR, i, j] = grid.nodes[W + unit(axis) * inward]
+        self.nodes[side, GHOST, i, j] = ti.Vector.zero(grid.nodes.dtype, 4)
+        if grid.stamp[ghost // BLOCK] == stamp:
+            self.nodes[side, GHOST, i, j] = grid.nodes[ghost]
 
 
 @ti.func
 def place_of(W, axis):
     """Place (2,) of a wall node on its side."""
     return ti.Vector([W.dot(unit((axis + 1) % 3)), W.dot(unit((axis + 2) % 3))])
-
-
-@ti.func
-def unfold_taped(grid: ti.template(), tape: ti.template(), table: ti.template(), stamp, friction):
-    """As `unfold`, without its ledger, kept on the tape."""
-    for back in range(6):
-        w = 5 - back
-        axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
-        n = normal4(axis, inward, grid.nodes.dtype)
-        for active in range(grid.count[None]):
-            block = grid.active[active]
-            if on_plane(grid, block, axis, node):
-                for a, b in ti.ndrange(BLOCK, BLOCK):
-                    W = column(grid, block, a, b, axis, node)
-                    i, j = place_of(W, axis)
-                    tape.nodes[w, WALL, i, j] = grid.nodes[W]
-                    if grid.nodes[W][3] != 0:
-                        ghost, mirror = W - unit(axis) * inward, W + unit(axis) * inward
-                        tape.nodes[w, GHOST, i, j] = 0.0 * n
-                        if grid.stamp[ghost // BLOCK] == stamp:
-                            tape.nodes[w, GHOST, i, j] = grid.nodes[ghost]
-                        tape.nodes[w, MIRROR, i, j] = grid.nodes[mirror]
-                        unfold_column(grid, table, W, axis, inward, condition, n, stamp, friction)
 
 
 @ti.func
