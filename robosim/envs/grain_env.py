@@ -69,6 +69,8 @@ class GrainEnv(gymnasium.Env):
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (n,), np.float32)
         self._scale = np.array([self.task.action.speed] * 3 + [self.task.action.angular_speed] * (n - 3))
         self._running, self.step_count = False, 0
+        self.observation: Any = None
+        """What `reset` or `step` returned last."""
         self._start, self._now = self.task.start.pose, self.tally.read()
         self._renderer = None
 
@@ -113,10 +115,10 @@ class GrainEnv(gymnasium.Env):
         self._observer.restart()
         self._running, self.step_count = True, 0
         self._now = self.tally.read()
-        self._seen = self._observer.read(self._now, 0.0)
+        self.observation = self._observer.read(self._now, 0.0)
         if self.render_mode == "human":
             self.render()
-        return copy.deepcopy(self._seen), self._info({})
+        return copy.deepcopy(self.observation), self._info({})
 
     def _displaced(self, nominal: bool) -> dict[str, np.ndarray]:
         """The settled state, with tool and grains moved within the ranges of the start."""
@@ -167,11 +169,11 @@ class GrainEnv(gymnasium.Env):
         if diverged is not None:  # the last good observation is the last there is; a NaN is never traded for a reward
             info |= {"diverged": str(diverged), "is_success": False}
         else:
-            self._seen = self._observer.read(self._now, self.step_count / self.task.steps)
+            self.observation = self._observer.read(self._now, self.step_count / self.task.steps)
         if self.render_mode == "human":
             self.render()
         ended = (over and self.horizon == "terminate") or diverged is not None
-        return copy.deepcopy(self._seen), float(sum(sums.values())), ended, over and not ended, info
+        return copy.deepcopy(self.observation), float(sum(sums.values())), ended, over and not ended, info
 
     def turned(self) -> float:
         """Angle [rad] by which the tool has turned about its lateral axis since the start of the episode."""

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import ClassVar
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -25,8 +27,18 @@ def policy(name: str, env: GrainEnv, seed: int) -> Policy:
     if name == "scripted":
         return Script(env)
     if Path(name).is_file():
-        return Replay(Path(name), n, env.action_repeat)
-    raise UnknownName("policy", name, NAMES, "or the path of a .npz file with an array `actions`")
+        stored = _stored(Path(name))
+        return Network(Path(name), stored, env) if "weight_0" in stored else Replay(Path(name), stored, env)
+    raise UnknownName("policy", name, NAMES, "or the path of a .npz file with an array `actions`, or with a network")
+
+
+def _stored(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a .npz file."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return dict(stored)
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
+        raise ConfigError(f"{path}: cannot be read as a .npz file: {error}") from error
 
 
 class Script:
@@ -51,20 +63,51 @@ class Replay:
     """Recorded actions, one after the other; when they are used up, none. A file may say for how many steps each is
     meant to be held, as `hold`."""
 
-    def __init__(self, path: Path, dimensions: int, action_repeat: int) -> None:
-        try:
-            with np.load(path, allow_pickle=False) as stored:
-                actions = stored["actions"]
-                hold = int(stored["hold"]) if "hold" in stored else action_repeat
-        except (OSError, ValueError, KeyError) as error:
-            raise ConfigError(f"{path}: cannot be read as a .npz file with an array `actions`: {error}") from error
+    def __init__(self, path: Path, stored: dict[str, np.ndarray], env: GrainEnv) -> None:
+        if "actions" not in stored:
+            raise ConfigError(f"{path}: holds {', '.join(stored)}; accepted: an array `actions`, or `weight_0`, "
+                              f"`bias_0` and so on")
+        dimensions, actions = env.task.action.dimensions, stored["actions"]
+        hold = int(stored.get("hold", env.action_repeat))
         if actions.ndim != 2 or actions.shape[1] != dimensions:
             raise ConfigError(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions})")
-        if hold % action_repeat:
+        if hold % env.action_repeat:
             raise ConfigError(f"{path}: each action is held for {hold} steps; the environment acts every "
-                              f"{action_repeat}; accepted: an action_repeat that divides it")
-        self._actions = iter(np.repeat(np.asarray(actions, np.float32), hold // action_repeat, axis=0))
+                              f"{env.action_repeat}; accepted: an action_repeat that divides it")
+        self._actions = iter(np.repeat(np.asarray(actions, np.float32), hold // env.action_repeat, axis=0))
         self._none = np.zeros(dimensions, np.float32)
 
     def __call__(self) -> np.ndarray:
         return next(self._actions, self._none)
+
+
+class Network:
+    """A learned policy: layers W x + b, each followed by what `activations` names, the last one kept within -1 and 1 as
+    `bound` says; `obs` and `hold` are the environment's that it was learnt in."""
+
+    FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
+        "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
+
+    def __init__(self, path: Path, stored: dict[str, np.ndarray], env: GrainEnv) -> None:
+        names = [str(name) for name in stored.get("activations", [])]
+        try:
+            self._layers = [(stored[f"weight_{k}"], stored[f"bias_{k}"], self.FUNCTIONS[name])
+                            for k, name in enumerate(names)]
+            self._bounded = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(stored["bound"])]
+        except KeyError as error:
+            raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
+        taken, given = self._layers[0][0].shape[1], env.observation_space.shape
+        if given != (taken,) or self._layers[-1][0].shape[0] != env.task.action.dimensions:
+            raise ConfigError(f"{path}: sees {taken} numbers, gives {self._layers[-1][0].shape[0]}; this environment "
+                              f"shows {given} and takes {env.task.action.dimensions}; it was learnt with obs="
+                              f"{stored.get('obs', '?')}, task {stored.get('task', '?')}")
+        if int(stored.get("hold", env.action_repeat)) != env.action_repeat:
+            raise ConfigError(f"{path}: learnt with action_repeat={stored['hold']}; the environment has "
+                              f"{env.action_repeat}")
+        self._env = env
+
+    def __call__(self) -> np.ndarray:
+        x = self._env.observation
+        for W, b, function in self._layers:
+            x = function(W @ x + b)
+        return self._bounded(x).astype(np.float32)

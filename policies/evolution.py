@@ -1,0 +1,65 @@
+"""CMA-ES (Hansen 2016) on a smooth motion, in the simulator itself: no gradient, no model of the grains."""
+
+import pickle
+from typing import Any
+
+import cma
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from policies import checkpoint
+from policies.training import Training
+
+
+def motion(knots: np.ndarray, decisions: int) -> np.ndarray:
+    """Actions (decisions, dimensions) along a spline through knots (n, dimensions), within -1 and 1."""
+    places = np.linspace(0.0, 1.0, len(knots))
+    return np.clip(CubicSpline(places, knots)(np.linspace(0.0, 1.0, decisions)), -1.0, 1.0).astype(np.float32)
+
+
+def fitted(actions: np.ndarray, knots: int) -> np.ndarray:
+    """Knots (n, dimensions) whose spline is closest to actions."""
+    places = np.linspace(0.0, 1.0, len(actions))
+    basis = CubicSpline(np.linspace(0.0, 1.0, knots), np.eye(knots))(places)
+    return np.linalg.lstsq(basis, actions, rcond=None)[0]
+
+
+def evolve(training: Training) -> None:
+    """Run the search to its end; it begins with the first demonstration if there is one, at rest otherwise."""
+    options, n = training.preset.options, training.base.action_space.shape[0]
+    first = np.zeros((options["knots"], n))
+    for actions in training.sequences.values():
+        first = fitted(actions, options["knots"])
+        break
+    search: Any
+    if training.folder.checkpoint.is_file():
+        _, state = checkpoint.load(training.folder.checkpoint, None, None)
+        search = pickle.loads(state["search"])
+        training.start_again(state)
+    else:
+        search = cma.CMAEvolutionStrategy(first.ravel(), options["sigma"], {
+            "seed": training.seed + 1, "popsize": options["population"], "verbose": -9})  # 0 is a seed by the clock
+    while not training.over:
+        points = search.ask()
+        search.tell(points, [-played(training, motion(point.reshape(first.shape), training.decisions))
+                             for point in points])
+        training.keep(search=pickle.dumps(search))
+
+
+def played(training: Training, actions: np.ndarray) -> float:
+    """Return of an episode with these actions."""
+    training.env.reset()
+    total = 0.0
+    for action in actions:
+        _, reward, terminated, truncated, _ = training.env.step(action)
+        total += float(reward)
+        if terminated or truncated:
+            break
+    return total
+
+
+def replay(training: Training) -> None:
+    """The demonstrations one after the other, as a method among others."""
+    for actions in training.sequences.values():
+        if training.env.count < training.preset.episodes:
+            played(training, actions)

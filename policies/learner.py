@@ -1,0 +1,93 @@
+"""Methods of stable_baselines3 and sb3_contrib, as presets ask for them."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import sb3_contrib
+import stable_baselines3
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.policies import ContinuousCritic
+from stable_baselines3.sac.policies import SACPolicy
+from torch import nn
+from torch.nn import functional
+
+import mpm
+from policies.buffers import DemoReplayBuffer
+from policies.presets import Preset
+from policies.set_encoders import DeepSets, PointNet
+
+CONTRIBUTED = ("TQC", "CrossQ")
+NOISE = 0.1
+"""Standard deviation of the exploration of methods whose policies are deterministic (Fujimoto et al. 2018)."""
+ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets}
+
+
+class NormalisedReLU(nn.Module):
+    """Layer normalisation without parameters, then max(0, x)."""
+
+    def forward(self, x: Any) -> Any:
+        """(..., features) to the same."""
+        return functional.relu(functional.layer_norm(x, x.shape[-1:]))
+
+
+class NormalisedCritic(SACPolicy):
+    """A policy of SAC whose critics normalise their layers (Ball et al. 2023)."""
+
+    def make_critic(self, features_extractor: Any = None) -> ContinuousCritic:
+        """As stable_baselines3 makes it, with another activation."""
+        given = self._update_features_extractor(self.critic_kwargs, features_extractor)
+        return ContinuousCritic(**{**given, "activation_fn": NormalisedReLU}).to(self.device)
+
+
+class Corrected(gymnasium.ActionWrapper):
+    """Actions correct a sequence that is known: what is done is sequence + share * action, within -1 and 1."""
+
+    def __init__(self, env: gymnasium.Env, sequence: np.ndarray, share: float) -> None:
+        super().__init__(env)
+        self._sequence, self._share, self._next = sequence, share, 0
+
+    def reset(self, **options: Any) -> Any:
+        """Begin the sequence anew."""
+        self._next = 0
+        return self.env.reset(**options)
+
+    def action(self, action: np.ndarray) -> np.ndarray:
+        """What is done."""
+        known = self._sequence[min(self._next, len(self._sequence) - 1)]
+        self._next += 1
+        return np.clip(known + self._share * action, -1.0, 1.0).astype(np.float32)
+
+
+def kind_of(name: str) -> Any:
+    """The class of a learner."""
+    return getattr(sb3_contrib if name in CONTRIBUTED else stable_baselines3, "PPO" if name == "GAIL" else name)
+
+
+def build(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None = None) -> Any:
+    """A model that has learnt nothing yet; slices say where a flat observation has its grains. Raises mpm.InvalidValue
+    for options that the class does not know."""
+    kind, options = kind_of(preset.learner), dict(preset.options)
+    for own in ("discriminator_updates",):
+        options.pop(own, None)
+    policy: Any = "MlpPolicy"
+    inner = dict(options.pop("policy_kwargs", {}))
+    if preset.critic_layer_norm:
+        policy = NormalisedCritic
+    if preset.encoder is not None:
+        if not slices:
+            raise mpm.InvalidValue(f"encoder {preset.encoder}: needs a task with grains, and obs: flat")
+        inner |= {"features_extractor_class": ENCODERS[preset.encoder], "features_extractor_kwargs": {"slices": slices}}
+    if preset.learner in ("TD3", "DDPG"):
+        n = env.action_space.shape[0]
+        options["action_noise"] = NormalActionNoise(np.zeros(n), np.full(n, NOISE))
+    if preset.demonstrations is not None and preset.learner not in ("GAIL", "PPO"):
+        options["replay_buffer_class"] = DemoReplayBuffer
+        options["replay_buffer_kwargs"] = {"demo_size": preset.demonstrations.size,
+                                           "demo_fraction": preset.demonstrations.fraction}
+    if isinstance(env.observation_space, gymnasium.spaces.Dict):
+        policy = "MultiInputPolicy"
+    try:
+        return kind(policy, env, seed=seed, policy_kwargs=inner, device="cpu", **options)
+    except TypeError as error:
+        raise mpm.InvalidValue(f"options of {preset.learner}: {error}") from error

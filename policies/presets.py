@@ -1,0 +1,71 @@
+"""What a method of learning is made of: files of configs/training."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import pydantic
+import yaml
+from pydantic import ConfigDict, Field, NonNegativeInt, PositiveInt
+
+import mpm
+
+Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "replay"]
+
+
+class Demonstrations(pydantic.BaseModel):
+    """How demonstrations take part."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    size: PositiveInt = 50_000
+    """Transitions that their buffer has room for."""
+    fraction: float = Field(0.5, ge=0.0, le=1.0)
+    """Share of a batch, once there is experience of one's own."""
+    updates: NonNegativeInt = 1
+    """Updates for each demonstrated transition, as it enters."""
+
+
+class Preset(pydantic.BaseModel):
+    """A method."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    description: str
+    learner: Learner
+    demonstrations: Demonstrations | None = None
+    """Needs demonstrations; null: takes none."""
+    obs: str = "flat"
+    """Layout of the observation."""
+    scaled: bool = True
+    """Observations in units of the task (decimetres from its goal, and so on); false: metres, as the environment's."""
+    episodes: PositiveInt = 150
+    residual: float | None = Field(None, gt=0.0, le=1.0)
+    """The policy corrects the first demonstration, by at most so much; null: it acts itself."""
+    critic_layer_norm: bool = False
+    encoder: Literal["pointnet", "deep_sets"] | None = None
+    """What sees the grains as a set; null: a flat network."""
+    options: dict[str, Any] = {}  # noqa: RUF012
+    """Arguments of the learner's class."""
+
+
+def folder() -> Path:
+    """configs/training, beside the packages in a checkout and inside robosim in a wheel."""
+    top = Path(__file__).resolve().parent.parent
+    inside = top / "robosim" / "configs" / "training"
+    return inside if inside.is_dir() else top / "configs" / "training"
+
+
+def methods() -> list[str]:
+    """Names of all methods."""
+    return sorted(path.stem for path in folder().glob("*.yaml"))
+
+
+def load_preset(name: str) -> Preset:
+    """A method by name, or from a .yaml file of one's own; raises mpm.InvalidValue for what is none."""
+    path = Path(name) if name.endswith((".yaml", ".yml")) else folder() / f"{name}.yaml"
+    if not path.is_file():
+        raise mpm.InvalidValue(f"method {name!r}; accepted: {', '.join(methods())}, or a .yaml file of your own")
+    try:
+        return Preset(**yaml.safe_load(path.read_text()))
+    except (pydantic.ValidationError, yaml.YAMLError, TypeError) as error:
+        raise mpm.InvalidValue(f"{path}: {error}") from error

@@ -1,0 +1,166 @@
+"""`robosim tables`: what runs came to, method by method, beside published numbers."""
+
+import argparse
+import csv
+import html
+import json
+from collections import defaultdict
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+import mpm
+from policies.files import write, write_json
+from policies.presets import folder
+
+EXAMPLE = "example:\n  robosim tables out/runs --out out/tables"
+READINGS = {"best": "score of the best motion, replayed", "tcs": "score, mean of the last ten episodes",
+            "return": "return, mean of the last ten episodes", "delivered": "delivered by the best motion",
+            "spilled": "spilled by the best motion", "collisions": "collisions of the best motion",
+            "seconds": "seconds an episode"}
+RESAMPLED = 2000
+
+
+def command(commands: argparse._SubParsersAction) -> None:
+    """Add `tables` to the command line."""
+    run = commands.add_parser("tables", help="what runs came to, beside published numbers", epilog=EXAMPLE,
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("runs", type=Path, nargs="+", help="folders; every run below them counts")
+    run.add_argument("--out", type=Path, required=True, help="folder for index.html, tables.json and tables.csv")
+    run.set_defaults(run=lambda a: tables(a.runs, a.out))
+
+
+def runs_below(folders: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Finished runs, one dictionary each, and words on those that are not."""
+    rows, others = [], []
+    for top in folders:
+        if not top.is_dir():
+            raise mpm.InvalidValue(f"{top}: no folder; accepted: folders with runs of `robosim train`")
+        for path in sorted(top.rglob("manifest.json")):
+            try:
+                manifest = json.loads(path.read_text())
+                status = json.loads(path.with_name("status.json").read_text())
+                if status["state"] != "finished":
+                    others.append(f"{path.parent}: {status['state']} {status.get('reason', '')}".strip())
+                    continue
+                rows.append(row(manifest, status))
+            except (OSError, ValueError, KeyError) as error:
+                others.append(f"{path.parent}: cannot be read: {type(error).__name__}: {error}")
+    return rows, others
+
+
+def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
+    """A run's numbers."""
+    replayed, last = status["replayed"], status["last"]
+    label = manifest["method"]
+    if label == "dg_sac" and manifest["preset"]["obs"] != "flat":
+        label = manifest["preset"]["obs"]  # the ablations are named after what is seen
+    return {"task": manifest["task"], "method": label, "material": manifest["material"], "seed": manifest["seed"],
+            "commit": manifest["commit"], "episodes": status["episodes"], "best": replayed.get("tcs"),
+            "tcs": last.get("tcs"), "return": last["return"], "seconds": status["seconds"] / status["episodes"],
+            **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions")}}
+
+
+def summary(values: list[float], rng: np.random.Generator) -> dict[str, float]:
+    """Mean, standard deviation, and the interquartile mean with the 95 % interval of its resamples (Agarwal et al.
+    2021)."""
+    data = np.array(values)
+    again = [middle(rng.choice(data, len(data))) for _ in range(RESAMPLED)] if len(data) > 1 else [middle(data)]
+    low, high = np.percentile(again, (2.5, 97.5))
+    return {"n": len(data), "mean": float(data.mean()), "std": float(data.std()), "iqm": middle(data),
+            "low": float(low), "high": float(high)}
+
+
+def middle(data: np.ndarray) -> float:
+    """Mean of the half in the middle."""
+    ordered = np.sort(data)
+    cut = len(ordered) // 4
+    return float(ordered[cut : len(ordered) - cut].mean())
+
+
+def tables(runs: list[Path], out: Path) -> int:
+    """Write the tables of runs into a folder; returns 0."""
+    rows, others = runs_below(runs)
+    if not rows:
+        raise mpm.InvalidValue(f"{', '.join(map(str, runs))}: no finished run below; "
+                               f"{'; '.join(others) or 'none at all'}")
+    out.mkdir(parents=True, exist_ok=True)
+    published = yaml.safe_load((folder().parent / "published" / "arxiv_2406_09178.yaml").read_text())
+    rng, found = np.random.default_rng(0), defaultdict(dict)
+    groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
+    for one in rows:
+        groups[one["method"], one["task"]].append(one)
+    for (method, task), members in groups.items():
+        found[method][task] = {key: summary(values, rng) for key in READINGS
+                               if (values := [m[key] for m in members if m[key] is not None])}
+    write_json(out / "tables.json", {"tables": found, "runs": rows, "not_finished": others, "published": published})
+    write(out / "tables.csv", lambda path: as_csv(path, rows))
+    write(out / "index.html", lambda path: path.write_text(page(found, published, others, runs)))
+    print(as_text(found, published))
+    for words in others:
+        print(f"not finished: {words}")
+    print(f"{out / 'index.html'}")
+    return 0
+
+
+def as_csv(path: Path, rows: list[dict[str, Any]]) -> None:
+    """A line a run."""
+    with path.open("w", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]))
+        table.writeheader()
+        table.writerows(rows)
+
+
+def theirs(published: dict, key: str, method: str, task: str) -> list[float] | None:
+    """Published mean and deviation; the best motion's score stands beside the published score."""
+    values = published[{"best": "tcs"}.get(key, key)].get(method) if key in ("best", "tcs", "return") else None
+    return values[published["tasks"].index(task)] if values and task in published["tasks"] else None
+
+
+def cells(found: dict, published: dict, key: str, form: Callable[[dict, list[float] | None], str]) -> list[list[str]]:
+    """A table as words: methods by tasks."""
+    known = [task for task in published["tasks"] if any(task in one for one in found.values())]
+    names = known + sorted({task for one in found.values() for task in one} - set(known))
+    table = [["method", *names]]
+    for method in sorted(found):
+        table.append([method, *(form(found[method][task][key], theirs(published, key, method, task))
+                                if key in found[method].get(task, {}) else "" for task in names)])
+    return table
+
+
+def as_text(found: dict, published: dict) -> str:
+    """The scores, for a terminal."""
+    def form(own: dict, other: list[float] | None) -> str:
+        return f"{own['mean']:.1f}±{own['std']:.1f}" + (f" ({other[0]:.1f})" if other else "")
+
+    table = cells(found, published, "best", form)
+    widths = [max(len(line[k]) for line in table) for k in range(len(table[0]))]
+    lines = ["  ".join(word.ljust(width) for word, width in zip(line, widths)) for line in table]
+    return f"{READINGS['best']}, in brackets {published['source']}:\n" + "\n".join(lines)
+
+
+def page(found: dict, published: dict, others: list[str], runs: list[Path]) -> str:
+    """All tables as one page that needs nothing else."""
+    def form(own: dict, other: list[float] | None) -> str:
+        words = f"{own['mean']:.2f} ± {own['std']:.2f}<br><small>{own['n']} runs, IQM {own['iqm']:.2f} " \
+                f"[{own['low']:.2f}, {own['high']:.2f}]</small>"
+        return words + (f"<br><i>{other[0]:.2f} ± {other[1]:.2f}</i>" if other else "")
+
+    parts = [f"<h1>What runs came to</h1><p>robosim {html.escape(version('robosim'))}; runs below "
+             f"{html.escape(', '.join(map(str, runs)))}. Mean ± standard deviation; interquartile mean with its 95 % "
+             f"interval; in italics {html.escape(published['source'])}, on a geometry of its own.</p>"]
+    for key, title in READINGS.items():
+        head, *body = cells(found, published, key, form)
+        parts.append(f"<h2>{title}</h2><table><tr>{''.join(f'<th>{html.escape(w)}</th>' for w in head)}</tr>")
+        parts += [f"<tr><th>{html.escape(line[0])}</th>{''.join(f'<td>{w}</td>' for w in line[1:])}</tr>"
+                  for line in body]
+        parts.append("</table>")
+    if others:
+        parts.append("<h2>Not finished</h2><ul>" + "".join(f"<li>{html.escape(w)}</li>" for w in others) + "</ul>")
+    style = "body{font:15px sans-serif;margin:2em}table{border-collapse:collapse}td,th{border:1px solid #bbb;" \
+            "padding:.3em .6em;text-align:right}small{color:#666}"
+    return f"<!doctype html><meta charset=utf-8><title>runs</title><style>{style}</style>{''.join(parts)}"

@@ -1,0 +1,183 @@
+"""A run: the environment it learns in, its folder, and what happens at the end of every episode."""
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.vec_env import DummyVecEnv
+from tqdm import tqdm
+
+import mpm
+from policies import checkpoint, demonstrations
+from policies.episodes import Episode, Episodes
+from policies.learner import Corrected, build, kind_of
+from policies.network import export
+from policies.presets import Preset
+from policies.run_folder import RunFolder, commit
+from policies.scaled import Scaled
+
+EVERY = 10
+"""Episodes between checkpoints."""
+
+
+def made(task: str, obs: str, hold: int, **options: Any) -> gymnasium.Env:
+    """The environment of a sub-task, or of any other id of Gymnasium that has a version ("Pendulum-v1"); raises
+    mpm.InvalidValue for a task that does not exist."""
+    try:
+        if "-v" in task:
+            return gymnasium.make(task)
+        return gymnasium.make(f"robosim:robosim/{task}-v0", obs=obs, action_repeat=hold, **options)
+    except gymnasium.error.Error as error:
+        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
+
+
+class Training:
+    """One run in one folder, from where it stands; `learn` (or another method's function) brings it to its end.
+
+    starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos: what
+    `demonstrations.read` takes. Raises mpm.InvalidValue for what does not fit together.
+    """
+
+    def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
+                 starts: str = "nominal", hold: int = 10, force: bool = False, **options: Any) -> None:
+        self.preset, self.seed, self.hold = preset, seed, hold
+        self.base: Any = made(task, preset.obs, hold, **options)
+        raw = self.base.unwrapped
+        granular = hasattr(raw, "task")
+        self.decisions = -(-raw.task.steps // hold) if granular else self.base.spec.max_episode_steps
+        self.cap = raw.reward.extremes()[1] if granular else None
+        self.reset_options = {"nominal": True} if granular and starts == "nominal" else None
+        self.sequences = self._sequences(demos)
+        if granular and preset.scaled and preset.obs != "dict":
+            self.base = Scaled(self.base, preset.obs)
+        scene = [raw.task.model_dump(), raw.material.model_dump()] if granular else [task]
+        self.folder = RunFolder(out, {
+            "method": method, "preset": preset.model_dump(), "task": task, "seed": seed, "starts": starts, "hold": hold,
+            "material": options.get("material") or (raw.task.material if granular else None),
+            "fingerprint": digest(scene), "demonstrations": {k: digest(v.tolist()) for k, v in self.sequences.items()},
+            "commit": commit(), "command": " ".join(sys.argv)}, force)
+        self.env = Episodes(self.base, seed, self.reset_options, self._ended)
+        self.acting: gymnasium.Env = self.env
+        if preset.residual is not None:
+            self.acting = Corrected(self.env, next(iter(self.sequences.values())), preset.residual)
+        self.progress: tqdm = tqdm(total=preset.episodes, desc=f"{method} {task} seed {seed}", file=sys.stderr)
+        self.model: Any = None
+        self._improved = False
+
+    def _sequences(self, demos: Path | None) -> dict[str, np.ndarray]:
+        """Actions of the demonstrations, by file."""
+        asked = self.preset.demonstrations is not None
+        if demos is not None and not asked and self.preset.learner != "CMA-ES":  # which may begin with one
+            raise mpm.InvalidValue(f"--demos {demos}: this method takes no demonstrations; leave it out")
+        if demos is None and not asked:
+            return {}
+        if demos is None:
+            raise mpm.InvalidValue("this method learns from demonstrations; give their folder as --demos")
+        return demonstrations.read(demos, self.decisions, self.hold, self.base.action_space.shape[0])
+
+    def _ended(self, episode: Episode) -> None:
+        self._improved |= self.folder.add(episode, self.hold)
+        told = {key: f"{episode.row[key]:.2f}" for key in ("return", "tcs") if key in episode.row}
+        self.progress.set_postfix(told)
+        self.progress.update()
+        self.folder.status("running")
+
+    @property
+    def over(self) -> bool:
+        """Whether all episodes are done, or there is nothing left to reach."""
+        return self.env.count >= self.preset.episodes or self.folder.capped(self.cap)
+
+    def start_again(self, state: dict[str, Any]) -> None:
+        """Go on from the rest of a checkpoint: episodes and random numbers."""
+        self.folder.rows, self.folder.best, self.env.count = state["rows"], state["best"], len(state["rows"])
+        self.progress.update(self.env.count)
+        checkpoint.resume(state)
+
+    def keep(self, **more: Any) -> None:
+        """Write a checkpoint."""
+        checkpoint.save(self.folder.checkpoint, self.model, rows=self.folder.rows, best=self.folder.best, **more)
+
+    def keep_best(self, policy: Any) -> None:
+        """Keep the policy if the episode that has just ended was the best so far."""
+        if self._improved:
+            units = (self.base.offset, self.base.factor) if isinstance(self.base, Scaled) else None
+            export(policy, self.folder.path / "best_policy.npz", units, obs=self.preset.obs, hold=self.hold,
+                   task=self.folder.manifest["task"], method=self.folder.manifest["method"])
+            self._improved = False
+
+    def demonstrated(self) -> Any:
+        """Transitions of all demonstrations, acted out in the environment that is learnt in."""
+        for k, actions in enumerate(self.sequences.values()):
+            yield from demonstrations.acted(self.base, actions, self.reset_options, self.seed + k)
+
+    def learn(self, venv: Any = None, part: Any = None) -> None:
+        """Run a method of stable_baselines3 to its end; part: another callback, with its own `state` and `load`."""
+        venv = venv or DummyVecEnv([lambda: self.acting])
+        logger = configure(str(self.folder.path), ["tensorboard"])
+        if self.folder.checkpoint.is_file():
+            self.model, state = checkpoint.load(self.folder.checkpoint, kind_of(self.preset.learner), venv)
+            self.model.set_logger(logger)
+            if part is not None:
+                part.load(state["part"])
+            self.start_again(state)
+            self.model._last_obs = venv.reset()
+        else:
+            self.model = build(self.preset, venv, self.seed, getattr(self.base.unwrapped, "observation_slices", None))
+            self.model.set_logger(logger)
+            wanted = self.preset.demonstrations
+            if wanted is not None and hasattr(self.model, "replay_buffer") and self.preset.residual is None:
+                demonstrations.guide(self.model, self.demonstrated(), wanted.updates)
+        first = self.env.count == 0
+        keeper = Keeper(self, part)
+        while not self.over:
+            left = (self.preset.episodes - self.env.count) * self.decisions
+            self.model.learn(left, callback=[keeper, *([part] if part else [])], reset_num_timesteps=first)
+            first = False
+
+    def replay_best(self) -> dict[str, Any]:
+        """The best actions once more from the nominal start; raises nothing where there are none."""
+        path = self.folder.path / "best.npz"
+        if not path.is_file():
+            return {}
+        with np.load(path, allow_pickle=False) as stored:
+            actions = stored["actions"]
+        total, info = 0.0, {}
+        for step in demonstrations.acted(self.base, actions, self.reset_options, self.seed):
+            total, info = total + step.reward, step.info
+        return {"return": total, **({"tcs": info["tcs"], "is_success": info["is_success"], **info["readings"]}
+                                    if "tcs" in info else {})}
+
+    def finish(self) -> None:
+        """Close the run: its best replayed, its status written."""
+        self.progress.close()
+        reason = "every episode done" if self.env.count >= self.preset.episodes else "score stayed at its highest"
+        self.folder.status("finished", reason=reason, replayed=self.replay_best(), highest=self.cap)
+
+
+class Keeper(BaseCallback):
+    """Keeps the best policy at the end of an episode, a checkpoint between two, and stops where nothing is left."""
+
+    def __init__(self, training: Training, part: Any) -> None:
+        super().__init__()
+        self.training, self._part, self._kept = training, part, training.env.count
+
+    def _on_rollout_start(self) -> None:
+        count = self.training.env.count
+        if count >= self._kept + EVERY and not self.training.env.under_way:
+            self.training.keep(part=self._part.state() if self._part else None)
+            self._kept = count
+
+    def _on_step(self) -> bool:
+        self.training.keep_best(self.model.policy)
+        return not self.training.over
+
+
+def digest(value: Any) -> str:
+    """Twelve letters that change with a value."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:12]

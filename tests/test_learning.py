@@ -1,0 +1,238 @@
+"""Learning: the buffer, runs that are killed and go on, what is refused, and policies as files."""
+
+import json
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+
+import mpm
+
+torch = pytest.importorskip("torch")
+from sb3_contrib import TQC, CrossQ  # noqa: E402
+from stable_baselines3 import DDPG, SAC, TD3  # noqa: E402
+
+from policies import checkpoint  # noqa: E402
+from policies.buffers import DemoReplayBuffer  # noqa: E402
+from policies.demonstrations import acted, guide, read  # noqa: E402
+from policies.presets import Preset, load_preset, methods  # noqa: E402
+from policies.run_folder import RunFolder  # noqa: E402
+from policies.train import train  # noqa: E402
+from policies.training import Training  # noqa: E402
+
+torch.set_num_threads(1)
+SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
+
+
+def weights(model) -> np.ndarray:
+    """All parameters of a model's policy."""
+    return np.concatenate([p.detach().numpy().ravel() for p in model.policy.parameters()])
+
+
+def make(kind, **options):
+    return kind("MlpPolicy", gymnasium.make("Pendulum-v1"), seed=3, device="cpu", **SMALL, **options)
+
+
+@pytest.mark.parametrize("kind, steps", [(SAC, 200), *(pytest.param(kind, 2000, marks=pytest.mark.slow)
+                                                       for kind in (SAC, TD3, DDPG, TQC, CrossQ))])
+def test_without_demonstrations_it_is_the_method_itself(kind, steps):
+    """The same parameters after as many updates as steps."""
+    models = [make(kind, **options).learn(steps) for options in ({}, {"replay_buffer_class": DemoReplayBuffer})]
+    assert models[0]._n_updates >= steps - 10
+    assert np.abs(weights(models[0]) - weights(models[1])).max() < 1e-6
+
+
+def filled(fraction: float, demos: int, own: int) -> DemoReplayBuffer:
+    """A buffer whose rewards tell who added: 1 a demonstration, 0 the agent."""
+    space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    buffer = DemoReplayBuffer(500, space, space, demo_size=100, demo_fraction=fraction)
+    for k in range(demos + own):
+        row = np.full((1, 2), k / 1000.0, np.float32)
+        told = (row, row, row, np.array([float(k < demos)]), np.array([False]), [{}])
+        if k < demos:
+            with buffer.demonstrating():
+                buffer.add(*told)
+        else:
+            buffer.add(*told)
+    return buffer
+
+
+@pytest.mark.parametrize("fraction, demos, own, expected", [
+    (0.5, 10, 20, 0.5), (0.25, 10, 20, 0.25), (0.0, 10, 20, 0.0), (1.0, 10, 20, 1.0), (0.5, 0, 20, 0.0),
+    (0.5, 10, 0, 1.0), (0.0, 10, 0, 1.0)])
+def test_batches_hold_the_share_of_demonstrations(fraction, demos, own, expected):
+    """And all of one side while the other is empty; a buffer that was stored and loaded draws the same batches."""
+    import pickle
+
+    buffer = filled(fraction, demos, own)
+    np.random.seed(0)  # noqa: NPY002
+    batch = buffer.sample(64)
+    assert float(batch.rewards.mean()) == expected
+    assert batch.observations.shape == (64, 2)
+    kept = pickle.dumps(buffer)
+    assert len(kept) < 20_000  # not the room that was allocated
+    again = pickle.loads(kept)
+    np.random.seed(0)  # noqa: NPY002
+    assert torch.equal(again.sample(64).observations, batch.observations)
+    again.add(*[np.zeros((1, 2), np.float32)] * 3, np.zeros(1), np.zeros(1), [{}])
+    assert again.size() == buffer.size() + 1
+
+
+def test_demonstrations_enter_with_updates():
+    """Algorithm 3, lines 2 to 11: every transition is kept, scaled, and learnt from."""
+    model = make(SAC, replay_buffer_class=DemoReplayBuffer)
+    model.learn(0)
+    actions = np.full((50, 1), 0.5, np.float32)
+    before = weights(model)
+    assert guide(model, acted(gymnasium.make("Pendulum-v1"), actions, None, 0), 1) == 50
+    assert model.replay_buffer.demo.size() == 50 and model.replay_buffer.own.size() == 0
+    assert model._n_updates == 50 and np.abs(weights(model) - before).max() > 1e-4
+    assert np.allclose(model.replay_buffer.demo.actions[:50], 0.25)  # torque 0.5 of 2
+
+
+def preset(**changes) -> Preset:
+    return load_preset("sac").model_copy(update={"episodes": 4, "options": SMALL, **changes})
+
+
+@pytest.mark.parametrize("learner", ["SAC", "PPO"])
+def test_a_run_that_is_cut_goes_on_to_the_same_bits(tmp_path, learner):
+    """Cut after two of four episodes, where the checkpoint is, and gone on with in another process's stead."""
+    options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
+    from policies import training as module
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "EVERY", 2)
+        chosen = preset(learner=learner, options=options)
+        whole = Training("x", chosen, "Pendulum-v1", tmp_path / "whole", seed=1)
+        whole.learn()
+        cut = Training("x", chosen, "Pendulum-v1", tmp_path / "cut", seed=1)
+        cut.preset = chosen.model_copy(update={"episodes": 3})
+        cut.learn()
+        with pytest.raises(mpm.InvalidValue, match="another process"):
+            Training("x", chosen, "Pendulum-v1", tmp_path / "cut", seed=1)
+        cut.folder.close()
+        np.random.seed(99)  # noqa: NPY002  (nothing may hang on what this process did before)
+        torch.manual_seed(99)
+        again = Training("x", chosen, "Pendulum-v1", tmp_path / "cut", seed=1)
+        again.learn()
+    assert again.env.count == whole.env.count == 4
+    assert np.array_equal(weights(again.model), weights(whole.model))
+    keys = ("episode", "return", "decisions")
+    assert [[row[key] for key in keys] for row in again.folder.rows] == [
+        [row[key] for key in keys] for row in whole.folder.rows]
+
+
+def test_the_best_is_kept_over_a_resume(tmp_path):
+    """A worse episode after going on does not replace what was found before."""
+    from policies.episodes import Episode
+
+    def row(k, total):
+        return Episode({"episode": k, "return": total, "seconds": 1.0, "simulating": 0.5, "diverged": ""},
+                       np.full((5, 1), total))
+
+    told = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"}
+    folder = RunFolder(tmp_path, told)
+    assert folder.add(row(0, 1.0), 10) and not folder.add(row(1, 0.5), 10)
+    checkpoint.save(folder.checkpoint, None, rows=folder.rows, best=folder.best)
+    _, state = checkpoint.load(folder.checkpoint, None, None)
+    folder.close()
+    later = RunFolder(tmp_path, told)
+    later.rows, later.best = state["rows"], state["best"]
+    assert not later.add(row(2, 0.7), 10)
+    with np.load(tmp_path / "best.npz") as best:
+        assert float(best["return"]) == 1.0 and np.all(best["actions"] == 1.0)
+
+
+def test_what_does_not_fit_is_refused(tmp_path):
+    with pytest.raises(mpm.InvalidValue, match="accepted: bc, cmaes"):
+        train("dgsac", "Pendulum-v1", tmp_path)
+    with pytest.raises(mpm.InvalidValue, match="NoSuchTask"):
+        train("sac", "NoSuchTask", tmp_path)
+    with pytest.raises(mpm.InvalidValue, match="--demos"):
+        train("dg_sac", "Pendulum-v1", tmp_path)
+    np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((100, 6)))
+    with pytest.raises(mpm.InvalidValue, match=r"shape \(100, 6\)"):
+        train("dg_sac", "Pendulum-v1", tmp_path / "run", demos=tmp_path)
+    with pytest.raises(mpm.InvalidValue, match="takes no demonstrations"):
+        train("sac", "Pendulum-v1", tmp_path / "run", demos=tmp_path)
+    np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((10, 3)))
+    with pytest.raises(mpm.InvalidValue, match="10 actions"):
+        read(tmp_path, 100, 10, 3)
+    assert not (tmp_path / "run").exists()
+    told = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"}
+    RunFolder(tmp_path / "a", told).close()
+    with pytest.raises(mpm.InvalidValue, match="seed 0, now 1"):
+        RunFolder(tmp_path / "a", {**told, "seed": 1})
+    RunFolder(tmp_path / "a", {**told, "seed": 1}, force=True)
+
+
+@pytest.mark.parametrize("name", methods())
+def test_every_method_of_the_folder_is_whole(name):
+    """Its file is valid, and its learner's class knows its options."""
+    chosen = load_preset(name)
+    assert chosen.description and chosen.episodes > 0
+    if chosen.learner in ("SAC", "TD3", "DDPG", "PPO", "GAIL") and chosen.encoder is None:
+        from policies.learner import build
+
+        assert build(chosen, gymnasium.make("Pendulum-v1"), 0).policy is not None
+
+
+@pytest.mark.slow
+def test_soft_actor_critic_learns_the_pendulum(tmp_path):
+    """20 000 steps at a rate of 1e-3: the mean of 100 episodes lies within -200 and -120."""
+    chosen = load_preset("sac").model_copy(update={"episodes": 100})
+    chosen = chosen.model_copy(update={"options": {**chosen.options, "learning_rate": 1e-3, "batch_size": 256}})
+    training = Training("sac", chosen, "Pendulum-v1", tmp_path, seed=0)
+    training.learn()
+    env, totals = gymnasium.make("Pendulum-v1"), []
+    for k in range(100):
+        seen, over, total = env.reset(seed=1000 + k)[0], False, 0.0
+        while not over:
+            seen, reward, terminated, truncated, _ = env.step(training.model.predict(seen, deterministic=True)[0])
+            total, over = total + float(reward), terminated or truncated
+        totals.append(total)
+    assert -200 < np.mean(totals) < -120
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", methods())
+def test_every_method_runs_on_grains(tmp_path, method):
+    """Three episodes; the best actions, replayed, give the return that was trained with; the policy as a file does what
+    the policy does."""
+    rng = np.random.default_rng(0)
+    np.savez(tmp_path / "demonstration_0.npz", actions=rng.uniform(-0.3, 0.3, (50, 3)), hold=20)
+    takes = load_preset(method).demonstrations is not None
+    out = tmp_path / "run"
+    assert train(method, "SpoonTranslate", out, demos=tmp_path if takes else None, episodes=3, hold=20) == 0
+    status = json.loads((out / "status.json").read_text())
+    assert status["state"] == "finished" and status["episodes"] >= 1
+    assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)
+    if (out / "best_policy.npz").is_file():
+        from robosim.envs.policies import policy
+
+        env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", action_repeat=20).unwrapped
+        env.reset(seed=0)
+        action = policy(str(out / "best_policy.npz"), env, 0)()
+        assert action.shape == (3,) and np.all(np.abs(action) <= 1.0)
+
+
+@pytest.mark.slow
+def test_a_killed_command_goes_on(tmp_path):
+    """SIGKILL after the first checkpoint; the same command ends with the table of one that was left alone."""
+    def run(out, kill: bool):
+        words = [sys.executable, "-m", "robosim.cli", "train", "sac", "Pendulum-v1", "--episodes", "14", "--out",
+                 str(out)]
+        process = subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        while kill and process.poll() is None:
+            if (out / "checkpoint.zip").is_file():
+                process.kill()
+        return process.wait()
+
+    assert run(tmp_path / "whole", False) == 0
+    assert run(tmp_path / "cut", True) != 0
+    assert run(tmp_path / "cut", False) == 0
+    tables = [(tmp_path / name / "episodes.csv").read_text().splitlines() for name in ("whole", "cut")]
+    cut = [[line.split(",")[:2] for line in lines] for lines in tables]
+    assert cut[0] == cut[1] and len(cut[0]) == 15
