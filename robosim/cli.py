@@ -13,7 +13,7 @@ from robosim.envs.evaluate import evaluate
 from robosim.envs.policies import NAMES as POLICIES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
-from robosim.report_cases import run_cases
+from robosim.reports.cases import report
 from robosim.resources import config_names
 from robosim.session import rehearse
 from robosim.stability import AXES, COMPARISONS, run_matrix
@@ -46,12 +46,7 @@ def parser() -> argparse.ArgumentParser:
     bench.add_argument("--yardsticks", type=Path, help="folder with scripts to measure in the same run")
     bench.add_argument("--out", type=Path, help="folder for bench_field.json")
     bench.set_defaults(run=lambda a: bench_field(a.sizes, a.scenes, a.yardsticks, a.out))
-    report = commands.add_parser("report", help="run cases with known answers: error against run time",
-                                 epilog="example:\n  robosim report axis_aligned vortex --out out/report",
-                                 formatter_class=argparse.RawDescriptionHelpFormatter)
-    report.add_argument("cases", nargs="*", metavar="CASE", help=f"of: {', '.join(NAMES)} (default: all)")
-    report.add_argument("--out", type=Path, required=True, help="folder for report.jsonl, one line a run")
-    report.set_defaults(run=lambda a: run_cases(a.cases, a.out))
+    _add_report(commands)
     stable = commands.add_parser("stability", help="judge stiff and extreme cases",
                                  epilog="example:\n  robosim stability courant drop_height --out out/stability",
                                  formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -63,6 +58,25 @@ def parser() -> argparse.ArgumentParser:
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top
+
+
+def _add_report(commands: argparse._SubParsersAction) -> None:
+    """The command `report`."""
+    run = commands.add_parser("report", help="run cases with known answers: error against run time",
+                              epilog="example:\n  robosim report axis_aligned vortex --quick --out out/report",
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("cases", nargs="*", metavar="CASE", help=f"of: {', '.join(NAMES)} (default: all)")
+    run.add_argument("--out", type=Path, required=True, help="folder for index.html, report.json and report.jsonl (a "
+                     "line a run); what is finished there is not run again")
+    run.add_argument("--quick", action="store_true", help="fewer and smaller runs of every case")
+    run.add_argument("--jobs", type=_positive, default=1, help="runs at a time, each pinned to a core; alone, seconds "
+                     "are not disturbed (default: 1)")
+    run.add_argument("--points", type=Path, help="JSON file with other codes' points on the column collapse")
+    run.add_argument("--yardsticks", type=Path, help="folder with reference_layout.py, run on the spot, so that their "
+                     "seconds are those of this machine")
+    run.add_argument("--compare", type=Path, help="report.json of another run: what got better, what worse")
+    run.set_defaults(run=lambda a: report(a.cases, a.out, quick=a.quick, jobs=a.jobs, points=a.points,
+                                          yardsticks=a.yardsticks, compare=a.compare))
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:

@@ -5,6 +5,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 
@@ -14,6 +15,10 @@ SOURCE = ("Stokes (1843): a ball of radius a in the middle of a hollow sphere of
 BANDS = {"frequency": 0.03}
 """Accepted relative error of the frequency; the water is compressible, which has to be far quicker than the spring."""
 SWEEP = [{"cell": c, "mass_ratio": m} for c in (0.006, 0.004, 0.003) for m in (2.0, 0.1)]
+"""Choices that the report runs."""
+QUICK = [{"cell": 0.006, "mass_ratio": 2.0, "swings": 1.2}]
+HEADLINE, KNOB = "frequency", "cell"
+CHECKS = (Within("frequency", BANDS["frequency"], {"cell": 0.003, "mass_ratio": 2.0}),)
 RADIUS, STIFFNESS, DENSITY, SOUND = 0.03, 200.0, 1000.0, 30.0
 KICK = 0.1
 """[m/s] with which the ball starts: it swings by a tenth of its radius."""

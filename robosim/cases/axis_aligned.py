@@ -7,6 +7,7 @@ once: zeroed nodes give eight times the error and order one.
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Order, Within
 from robosim.cases.record import Clock, Record
 
 NAME = "axis_aligned"
@@ -16,6 +17,13 @@ BANDS = {"rms at 16 cells": 0.02, "rms at 32 cells": 0.008, "order 8 to 16": 1.7
 """Errors at most, orders at least."""
 SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for c in (0.2, 0.5) for n in (8, 16, 32)]
 """Choices that the report runs."""
+QUICK = [{"cells": n, "courant": 0.2, "precision": p} for p, n in (("f64", 8), ("f64", 16), ("f32", 8), ("f32", 16))]
+HEADLINE, KNOB = "rms", "cells"
+FINEST = {"courant": 0.2, "precision": "f64"}
+CHECKS = (Within("rms", BANDS["rms at 16 cells"], {"cells": 16}),
+          Within("rms", BANDS["rms at 32 cells"], {"cells": 32}),
+          Order("rms", "cells", (8, 16), BANDS["order 8 to 16"], FINEST),
+          Order("rms", "cells", (16, 32), BANDS["order 16 to 32"], FINEST))
 E, NU, DENSITY, AMPLITUDE = 1e4, 0.3, 1.0, 0.05
 PHASE = np.array([0.0, 2.0 / 3.0, 4.0 / 3.0])
 SPEED = np.sqrt(E / DENSITY)

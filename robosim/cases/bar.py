@@ -4,6 +4,7 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 import mpm
+from robosim.cases.checks import Order, Within
 from robosim.cases.record import Clock, Record
 
 NAME = "bar"
@@ -12,6 +13,12 @@ BANDS = {"frequency at 50 cells": 5e-4, "order": 1.8, "decay": 1e-3}
 """Relative errors at most; order of the frequency at least (zeroed walls: 1); decay per period at most."""
 SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for c in (0.2, 0.5) for n in (13, 25, 50)]
 """Choices that the report runs."""
+QUICK = [{"cells": n, "courant": 0.2, "precision": "f64"} for n in (13, 25, 50)]
+HEADLINE, KNOB = "frequency", "cells"
+FINEST = {"courant": 0.2, "precision": "f64"}
+CHECKS = (Within("frequency", BANDS["frequency at 50 cells"], {"cells": 50, **FINEST}),
+          Within("decay", BANDS["decay"], {"cells": 50, **FINEST}),
+          Order("frequency", "cells", (13, 25), BANDS["order"], FINEST))
 LENGTH, E, DENSITY, SPEED = 25.0, 100.0, 1.0, 0.1
 BETA = np.pi / (2 * LENGTH)
 OMEGA = BETA * np.sqrt(E / DENSITY)

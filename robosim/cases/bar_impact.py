@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 
@@ -13,6 +14,10 @@ BANDS = {"speed": 0.03}
 """Largest error of the block's speed until 1.8 L / c, relative to v0, at cells of 5 mm and m = 0.5 kg."""
 SWEEP = [{"cell": c, "mass": m, "offset_cells": o} for m in (0.5, 0.05) for c in (0.01, 0.005, 0.0025)
          for o in (0.0, 0.5)]
+"""Choices that the report runs."""
+QUICK = [{"cell": c, "mass": 0.5, "offset_cells": 0.0} for c in (0.01, 0.005)]
+HEADLINE, KNOB = "speed", "cell"
+CHECKS = (Within("speed", BANDS["speed"], {"cell": 0.005, "mass": 0.5}),)
 E, DENSITY, SIDE, LENGTH = 1e6, 1000.0, 0.05, 0.5
 SPEED = 0.1
 

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 
@@ -13,6 +14,10 @@ BANDS = {"reaction": 0.01, "settlement": 0.05, "drift": 1e-4}
 """Relative errors of the mean reaction over half a second and of the settlement; drift along the bed [m/s]."""
 SWEEP = [{"bed": b, "coupling": c, "offset_cells": o} for b in ("elastic", "sand") for c in ("mobility", "lagged")
          for o in (0.0, 0.5)]
+"""Choices that the report runs."""
+QUICK = [{"bed": "elastic", "coupling": "mobility", "offset_cells": 0.0}]
+HEADLINE, KNOB = "reaction", None
+CHECKS = tuple(Within(name, bound, {"coupling": "mobility"}) for name, bound in BANDS.items())
 E, SIDE, MASS, G = 1e5, 0.1, 1.0, 9.81
 HOST_STEP = 0.002
 

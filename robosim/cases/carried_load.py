@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 from robosim.grains import tool_sdf
@@ -15,6 +16,10 @@ SOURCE = "Newton's second law: force at the wrist = (mass of spoon + mass of gra
 BANDS = {"at_rest": 0.02, "accelerated": 0.02}
 """Error of the force that is left to the grains, relative to theirs."""
 SWEEP = [{"material": m, "acceleration": a} for m in ("salt", "sugar", "flour") for a in (2.0, 5.0)]
+"""Choices that the report runs."""
+QUICK = [{"material": "salt", "acceleration": 2.0}]
+HEADLINE, KNOB = "accelerated", None
+CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
 HOST_STEP, SPOON_MASS = 1e-3, 0.133
 
 GANTRY = """

@@ -5,6 +5,7 @@ import numpy as np
 
 import mpm
 from mpm.elasticity import Hencky
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 
@@ -15,6 +16,11 @@ BANDS = {"f64": 1e-12, "f32": 1e-5, "reaction": 1e-6}
 ball received against what the grains gave, relative to it."""
 SWEEP = [{"material": m, "precision": p, "mass_ratio": r}
          for m in ("elastic", "sand") for p in ("f32", "f64") for r in (1e-3, 1.0, 1e3)]
+"""Choices that the report runs."""
+QUICK = [{"material": "sand", "precision": p, "mass_ratio": 1.0} for p in ("f32", "f64")]
+HEADLINE, KNOB = "angular", None
+CHECKS = (*(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") for name in ("linear", "angular")),
+          Within("reaction", BANDS["reaction"]))
 SPEED, SPIN, SIDE = 1.0, 5.0, 0.1
 HOST_STEP = 0.002
 

@@ -11,6 +11,7 @@ import numpy as np
 
 import mpm
 from mpm.sampling import JITTER
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 
 NAME = "column_collapse"
@@ -19,12 +20,19 @@ SOURCE = ("Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a <
 BANDS = {"least run-out, a = 1": 0.85, "most run-out, a = 1": 1.5, "run-out, a = 3": 0.35, "height": 0.25,
          "drift": 0.005}
 """(r99 - r0) / r0 for a = 1, its relative error for a = 3, relative error of the height; rms velocity left [m/s]."""
-SWEEP = [{"cells": n, "quarter": q} for q in (True, False) for n in (8, 12, 16, 20)] + [{"a": 3.0, "cells": 12}]
+SWEEP = [*({"cells": n, "quarter": q} for q in (True, False) for n in (8, 12, 16, 20)), {"a": 3.0, "cells": 12},
+         *({"cells": n, "cone": "plane_strain"} for n in (8, 12, 16, 20))]
 """Choices that the report runs."""
+QUICK = [{"cells": n} for n in (6, 8, 12, 16)] + [{"cells": 12, "cone": "plane_strain"}]
+HEADLINE, KNOB = "rim", "cells"
+CHECKS = (Within("run_out", BANDS["most run-out, a = 1"], {"a": 1.0, "cells": 12, "cone": "compression"},
+                 BANDS["least run-out, a = 1"]),
+          Within("rim", 0.05, {"a": 1.0, "cells": 12, "cone": "compression"}),
+          Within("run-out", BANDS["run-out, a = 3"], {"a": 3.0}), Within("drift", BANDS["drift"], {"a": 3.0}))
 RADIUS, DENSITY, NU, G = 0.1, 1600.0, 0.3, 9.81
 FLOOR_FRICTION = 0.5
-PHI_DEG = 25.377
-"""Friction angle with which the cone of triaxial compression carries tan 30 deg in simple shear."""
+ANGLES_DEG = {"compression": 25.377, "plane_strain": 35.264}
+"""Friction angle with which either cone carries tan 30 deg in simple shear."""
 NEWTON = np.array([(0.03, 3.56, 0.2000), (0.02, 7.75, 0.2126), (0.0125, 25.2, 0.2205)])
 """Cell [m], seconds and r99 [m] for a = 1 of Newton 1.8's SolverImplicitMPM (Warp on one core, dt 4 ms, 8 grains per
 cell, the whole round), measured where `reference_layout.py 50000` reads 1060 ns
@@ -57,9 +65,10 @@ def fill(a: float, cell: float, per_cell: int, quarter: bool) -> np.ndarray:
     return grains + np.random.default_rng(0).uniform(-JITTER, JITTER, grains.shape) * half
 
 
-def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, courant: float, precision: str) -> mpm.Solver:
+def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, courant: float, precision: str,
+           cone: str = "compression") -> mpm.Solver:
     """The column before its release, about the z axis."""
-    sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=PHI_DEG)
+    sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=ANGLES_DEG[cone], cone=cone)
     grains = fill(a, cell, per_cell, quarter)
     volume = math.pi * RADIUS**2 * a * RADIUS / (4 if quarter else 1) / len(grains)
     room = math.ceil(1.5 * rim(a) / cell) * cell
@@ -73,14 +82,15 @@ def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, couran
 
 
 def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 2e4, courant: float = 0.7,
-            precision: str = "f32", quarter: bool = True, duration: float | None = None) -> Record:
+            precision: str = "f32", quarter: bool = True, duration: float | None = None,
+            cone: str = "compression") -> Record:
     """Errors of rim and height; cells per radius, E [Pa] for a = 1, duration [s] or None for twice the source's time.
 
     E grows with a, so that columns of all heights are compressed alike, by 3 % on average at 2e4. The rim is the same
     to some 1 % for half or one and a half times that; the height is not: soft or coarse columns sag at the axis.
     """
     cell, duration = RADIUS / cells, duration or 0.6 * math.sqrt(a)
-    solver = column(a, cell, per_cell, quarter, E * a, courant, precision)
+    solver = column(a, cell, per_cell, quarter, E * a, courant, precision, cone)
     clock = Clock(solver)
     clock.advance(duration)
     positions = solver.positions()
@@ -90,7 +100,7 @@ def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 
     errors = {"rim": r99 / rim(a) - 1, "run-out": (r99 - RADIUS) / (rim(a) - RADIUS) - 1,
               "height": height / crest(a) - 1, "drift": np.sqrt((solver.velocities() ** 2).sum(1).mean())}
     choices = {"a": a, "cells": cells, "per_cell": per_cell, "E": E, "courant": courant, "precision": precision,
-               "quarter": quarter, "duration": duration}
+               "quarter": quarter, "duration": duration, "cone": cone}
     newton = np.exp(np.interp(np.log(abs(errors["rim"])), np.log(1 - NEWTON[::-1, 2] / rim(1.0)),
                               np.log(NEWTON[::-1, 1])))
     return clock.record(NAME, choices, errors, r99=r99, newton_seconds_at_this_error=newton,

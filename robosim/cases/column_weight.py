@@ -3,6 +3,7 @@
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 
 NAME = "column_weight"
@@ -13,6 +14,11 @@ BANDS = {"stress at 20 cells": 0.03, "stress at 40 cells": 0.015, "settlement": 
 SWEEP = [{"cells": n, "precision": p, "integrator": i}
          for p, i in (("f32", "series"), ("f32", "exact"), ("f64", "exact")) for n in (10, 20, 40)]
 """Choices that the report runs."""
+QUICK = [{"cells": n, "precision": "f32", "integrator": "series"} for n in (10, 20, 40)]
+HEADLINE, KNOB = "stress", "cells"
+CHECKS = (Within("stress", BANDS["stress at 20 cells"], {"cells": 20}),
+          Within("stress", BANDS["stress at 40 cells"], {"cells": 40}),
+          *(Within("settlement", BANDS["settlement"], {"cells": n}) for n in (20, 40)))
 LENGTH, E, NU, DENSITY, G = 0.2, 1e5, 0.3, 1500.0, 9.81
 SETTLEMENT = 2.139780e-3
 

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Rising, Within
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 
@@ -13,6 +14,10 @@ SOURCE = ("Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar
 BANDS = {"above_limit": 0.0}
 """Accepted excess of the pull over its limit, in units of the limit."""
 SWEEP = [{"slip": s} for s in (0.0, 0.15, 0.3, 0.5)]
+"""Choices that the report runs."""
+QUICK = [{"slip": 0.3, "duration": 1.0}]
+HEADLINE, KNOB = "above_limit", None
+CHECKS = (Within("above_limit", BANDS["above_limit"], low=0.0), Rising("pull", "slip"))
 RADIUS, WIDTH, LOAD, SPEED = 0.05, 0.04, 5.0, 0.1
 """[m], [m], [N], [m/s] at the rim."""
 BED = (0.40, 0.14, 0.05)

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 from robosim.coupling import GranularPlugin
 
@@ -12,6 +13,11 @@ SOURCE = "Archimedes: draught / side = density / density of water"
 BANDS = {"cells": 0.5, "share": 0.02, "thrust": 0.03}
 """Accepted error of the draught: half a cell plus a share of it; of the thrust on a fixed immersed cube, relative."""
 SWEEP = [{"cell": c, "offset_cells": o, "fixed": f} for c in (0.01, 0.008) for o in (0.0, 0.5) for f in (False, True)]
+"""Choices that the report runs."""
+QUICK = [{"cell": 0.008, "offset_cells": 0.5, "fixed": True}]
+HEADLINE, KNOB = "draught", "cell"
+CHECKS = (*(Within("draught", BANDS["cells"] * c / 0.08 + BANDS["share"] * 0.8, {"cell": c, "fixed": False})
+            for c in (0.01, 0.008)), Within("thrust", BANDS["thrust"], {"cell": 0.008, "fixed": True}))
 SIDE, WIDTH, DEPTH = 0.08, 0.24, 0.14
 DENSITY, G, SOUND = 1000.0, 9.81, 12.0
 HOST_STEP = 0.004

@@ -3,6 +3,7 @@
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 
 NAME = "free_fall"
@@ -11,6 +12,8 @@ BANDS = {"f64": 1e-12, "f32": 2e-6}
 """Largest error of a position [m], by precision."""
 SWEEP = [{"precision": p} for p in ("f32", "f64")]
 """Choices that the report runs."""
+QUICK, HEADLINE, KNOB = SWEEP, "max", None
+CHECKS = tuple(Within("max", BANDS[p], {"precision": p}) for p in ("f64", "f32"))
 G = 9.81
 
 

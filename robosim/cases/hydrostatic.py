@@ -3,6 +3,7 @@
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 
 NAME = "hydrostatic"
@@ -12,6 +13,9 @@ BANDS = {"gradient": 0.02, "base": 0.02, "height": 2e-4}
 SWEEP = [{"cells": n, "precision": p, "material": m} for m in ("water", "sand") for p in ("f32", "f64")
          for n in (10, 20)]
 """Choices that the report runs."""
+QUICK = [{"cells": 20, "precision": "f32", "material": m} for m in ("water", "sand")]
+HEADLINE, KNOB = "gradient", "cells"
+CHECKS = tuple(Within(name, bound, {"cells": 20}) for name, bound in BANDS.items())
 DEPTH, BULK, DENSITY, G, HEIGHT = 0.1, 1e5, 1000.0, 9.81, 0.0995095
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 
 NAME = "lock_gate"
@@ -12,6 +13,10 @@ BANDS = {"force": 0.03, "torque": 0.03, "crossed": 0.0}
 """Relative errors of the means over the second half, and the share of grains that changed sides."""
 SWEEP = [{"thickness_cells": t, "offset_cells": o} for t in (0.3, 1.0, 2.0) for o in (0.0, 0.25, 0.5, 0.75)]
 """Choices that the report runs."""
+QUICK = [{"thickness_cells": 0.3, "offset_cells": 0.75, "duration": 0.2},
+         {"thickness_cells": 2.0, "offset_cells": 0.0, "duration": 0.2}]
+HEADLINE, KNOB = "force", None
+CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
 DEEP, SHALLOW, CHAMBER, WIDTH = 0.10, 0.05, 0.10, 0.02
 DENSITY, G, SOUND = 1000.0, 9.81, 12.0
 

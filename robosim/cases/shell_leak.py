@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 
 NAME = "shell_leak"
@@ -16,6 +17,9 @@ BANDS = {"crossed": 0.0, "momentum": 1e-4}
 """Grains through the wall, and the unaccounted share of the impulse exchanged with the shell."""
 SWEEP = [{"cell": c, "offset": o / 10} for c in (0.005, 0.01) for o in range(10)]
 """Choices that the report runs."""
+QUICK = [{"cell": 0.01, "grains": 1500, "until": 2.2, "offset": 0.3}]
+HEADLINE, KNOB = "momentum", None
+CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
 AXES = np.array([0.035, 0.025, 0.030])
 """Semi-axes [m] of the half ellipsoid below z = 0."""
 HOST_DT = 2e-3

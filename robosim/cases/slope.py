@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Order, Within
 from robosim.cases.record import Clock, Record
 
 NAME = "slope"
@@ -18,6 +19,10 @@ BANDS = {"low at 32 cells": -0.20, "high at 32 cells": 0.10}
 prediction than to g (sin theta - tan phi cos theta), the reading `by_angle`."""
 SWEEP = [{"cells": n, "courant": c} for c in (0.2, 0.5) for n in (8, 16, 32)]
 """Choices that the report runs."""
+QUICK = [{"cells": n, "courant": 0.5} for n in (8, 16)]
+HEADLINE, KNOB = "acceleration", "cells"
+CHECKS = (Within("acceleration", BANDS["high at 32 cells"], {"cells": 32}, BANDS["low at 32 cells"]),
+          *(Order("acceleration", "cells", ends, 0.0, {"courant": 0.5}) for ends in ((8, 16), (16, 32))))
 HEIGHT, DENSITY, NU, G = 0.05, 1600.0, 0.3, 9.81
 SETTLING, RAMP, FIT_FROM, END = 0.03, 0.03, 0.12, 0.30
 """[s]: damped rest under the normal pull, then from zero on the tangential pull's rise, and the span of the fit."""

@@ -3,6 +3,7 @@
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Within
 from robosim.cases.record import Clock, Record
 
 NAME = "spin"
@@ -11,6 +12,8 @@ BANDS = {"f64": 1e-12, "f32": 1e-5}
 """Largest drift of linear and angular momentum, relative to the angular momentum, by precision."""
 SWEEP = [{"precision": p, "courant": c} for p in ("f32", "f64") for c in (0.2, 0.5)]
 """Choices that the report runs."""
+QUICK, HEADLINE, KNOB = [{"precision": "f64", "courant": 0.2}, {"precision": "f32", "courant": 0.2}], "angular", None
+CHECKS = tuple(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") for name in ("linear", "angular"))
 
 
 def measure(*, precision: str = "f64", courant: float = 0.3, steps: int = 1000) -> Record:

@@ -7,6 +7,7 @@ so that no boundary condition takes part.
 import numpy as np
 
 import mpm
+from robosim.cases.checks import Order, Within
 from robosim.cases.record import Clock, Record
 
 NAME = "vortex"
@@ -15,6 +16,11 @@ BANDS = {"rms at 40 cells per metre": 0.02, "order 20 to 40": 1.5}
 """Error at most [amplitudes in m], order at least."""
 SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for c in (0.2, 0.5) for n in (10, 20, 40)]
 """Choices that the report runs."""
+QUICK = [{"cells": n, "courant": 0.2, "precision": "f64"} for n in (10, 20, 40)]
+HEADLINE, KNOB = "rms", "cells"
+FINEST = {"courant": 0.2, "precision": "f64"}
+CHECKS = (Within("rms", BANDS["rms at 40 cells per metre"], {"cells": 40}),
+          Order("rms", "cells", (20, 40), BANDS["order 20 to 40"], FINEST))
 E, NU, DENSITY = 1000.0, 0.3, 1000.0
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
 

@@ -1,0 +1,1 @@
+"""Reports that a laboratory decides by: error against run time, stability, and what a scene needs."""
