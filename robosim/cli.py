@@ -14,9 +14,10 @@ from robosim.envs.policies import NAMES as POLICIES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.reports.cases import report
+from robosim.reports.matrix import stability
 from robosim.resources import config_names
 from robosim.session import rehearse
-from robosim.stability import AXES, COMPARISONS, run_matrix
+from robosim.stability import AXES, COMPARISONS
 
 EXAMPLE = "example:\n  robosim rehearse spoon --material sugar --camera close --out out/sugar"
 
@@ -52,8 +53,9 @@ def parser() -> argparse.ArgumentParser:
                                  formatter_class=argparse.RawDescriptionHelpFormatter)
     stable.add_argument("axes", nargs="*", metavar="AXIS", help=f"of: {', '.join(AXES)} (default: all of these); to "
                         f"compare couplings: {', '.join(COMPARISONS)}")
-    stable.add_argument("--out", type=Path, required=True, help="folder for stability.json")
-    stable.set_defaults(run=lambda a: run_matrix(a.axes, a.out))
+    stable.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
+    stable.add_argument("--jobs", type=_positive, default=1, help="cells at a time, a core each (default: 1)")
+    stable.set_defaults(run=lambda a: stability(a.axes, a.out, a.jobs))
     _add_evaluate(commands)
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)

@@ -73,6 +73,7 @@ class Rehearsal:
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
                                      coupling=config.coupling)
         self.servo = Servo(planned.arm, config.servo)
+        self.servo.check(self.model, self.data, self.scene.arm_dofs)
         self.recording = Recording()
         self.seed = seed
         self.duration = config.grasp_time + planned.motion.duration

@@ -7,17 +7,14 @@ momentum accounted for to 1e-5 of what was exchanged.
 
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 import mpm
 from robosim.coupled_stability import COMPARISONS, COUPLED_AXES
 from robosim.errors import UnknownName
-from robosim.output import OutputFolder
+from robosim.robot_stability import ROBOT_AXES
 from robosim.verdict import DENSITY, NU, G, Verdict, sand, sound, stretches, verdict_of
 
 CELL = 0.005
@@ -166,24 +163,21 @@ AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
     "lone_grain": (lone_grains, ("free", "wall", "corner")),
     "degenerate": (degenerate, ("rest", "equal stretches", "squeezed", "inverted")),
     **COUPLED_AXES,
+    **ROBOT_AXES,
 }
 """Name -> (judge, values)."""
 
 
-def run_matrix(axes: list[str], out: Path) -> int:
-    """Judge the cells of the axes (all when the list is empty) into stability.json; returns 1 if one is unstable."""
-    for axis in axes:
-        if axis not in AXES and axis not in COMPARISONS:
-            raise UnknownName("axis", axis, [*AXES, *COMPARISONS])
-    folder = OutputFolder(out)
-    mpm.init()
-    verdicts: list[Verdict] = []
+def axis_named(name: str) -> tuple[Callable[..., Verdict], tuple]:
+    """Judge and values of an axis; raises UnknownName."""
     every = AXES | COMPARISONS
-    cells = [(axis, value) for axis in axes or AXES for value in every[axis][1]]
-    for axis, value in tqdm(cells, unit="cell", disable=None):
-        with warnings.catch_warnings():  # a heap squeezed by its own weight is one of the cells
-            warnings.simplefilter("ignore", mpm.StrongCompression)
-            verdicts.append(every[axis][0](value))
-        folder.write_json("stability.json", [asdict(verdict) for verdict in verdicts])
-        tqdm.write(f"{axis:20} {value!s:16} {verdicts[-1].verdict:9} {verdicts[-1].reason}")
-    return int(any(verdict.verdict == "unstable" for verdict in verdicts))
+    if name not in every:
+        raise UnknownName("axis", name, every)
+    return every[name]
+
+
+def judged(axis: str, value: float | str) -> Verdict:
+    """One cell."""
+    with warnings.catch_warnings():  # a heap squeezed by its own weight is one of the cells
+        warnings.simplefilter("ignore", mpm.StrongCompression)
+        return axis_named(axis)[0](value)

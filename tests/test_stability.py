@@ -1,20 +1,21 @@
 """Stiff and extreme cases behave or refuse, as defined in `robosim.stability`."""
 
-import warnings
+import json
 
 import numpy as np
 import pytest
 
 import mpm
-from robosim.stability import AXES, Verdict, run_matrix
+from robosim.errors import ConfigError
+from robosim.reports import matrix
+from robosim.reports.matrix import stability
+from robosim.stability import AXES, judged
 
-QUICK = [("friction_angle_deg", 0.0), ("drop_height", 5.0), ("lone_grain", "corner"), ("degenerate", "inverted")]
-
-
-def judged(axis: str, value: float | str) -> Verdict:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mpm.StrongCompression)
-        return AXES[axis][0](value)
+REFUSED = {("courant", 0.8), ("courant", 0.9), ("courant", 1.0), ("arm_host_step", 5e-3), ("arm_host_step", 1e-2),
+           ("arm_pose", "stretched"), ("arm_pose", "near a limit"), ("arm_pose", "beyond reach")}
+"""Cells that name a bound and the value given; all others are stable."""
+QUICK = [("friction_angle_deg", 0.0), ("drop_height", 5.0), ("lone_grain", "corner"), ("degenerate", "inverted"),
+         ("arm_host_step", 2e-3), ("payload", 60.0), ("arm_pose", "wrist aligned")]
 
 
 @pytest.mark.parametrize(("axis", "value"), QUICK)
@@ -33,15 +34,24 @@ def test_steps_above_the_bound_are_refused_with_both_numbers(number: float) -> N
 @pytest.mark.parametrize(("axis", "value"), [(axis, value) for axis in AXES for value in AXES[axis][1]])
 def test_every_cell_is_stable_or_refused(axis: str, value: float | str) -> None:
     verdict = judged(axis, value)
-    refused = axis == "courant" and value > 0.734
-    assert verdict.verdict == ("refused" if refused else "stable"), verdict
+    assert verdict.verdict == ("refused" if (axis, value) in REFUSED else "stable"), verdict
 
 
 def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
-    broken = Verdict("lone_grain", "free", "unstable", "made up")
-    monkeypatch.setitem(AXES, "lone_grain", (lambda value: broken, ("free",)))
-    assert run_matrix(["lone_grain"], tmp_path) == 1
-    assert "made up" in (tmp_path / "stability.json").read_text()
+    """A cell whose process ends without an answer is unstable, with its last words; what is judged is kept."""
+    monkeypatch.setitem(AXES, "payload", (AXES["payload"][0], (1.0, "heavy")))
+    assert stability(["payload"], tmp_path) == 1
+    told = json.loads((tmp_path / "stability.json").read_text())["cells"]
+    assert [cell["verdict"] for cell in told] == ["stable", "unstable"]
+    assert "TypeError" in told[1]["reason"]
+    page = (tmp_path / "index.html").read_text()
+    assert 'class="unstable" title=' in page and "1 stable, 0 refused, 1 unstable" in page
+    monkeypatch.setattr(matrix, "worked_off", lambda work, jobs: iter(()))  # nothing is left to be judged
+    assert stability(["payload"], tmp_path) == 1
+    (tmp_path / "stability.json").write_text("{")
+    with pytest.raises(ConfigError, match="left as it is"):
+        stability(["payload"], tmp_path)
+    assert (tmp_path / "stability.json").read_text() == "{"
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from robosim.errors import UnknownName
 NAMES = (
     "free_fall", "axis_aligned", "bar", "vortex", "spin", "column_weight", "hydrostatic", "dam_break", "slope",
     "column_collapse", "lock_gate", "shell_leak", "closed_system", "bar_impact", "floating_cube",
-    "block_at_rest", "carried_load", "added_mass", "driven_wheel",
+    "block_at_rest", "carried_load", "added_mass", "driven_wheel", "ik_poses", "jerk_limits", "two_models",
 )
 
 

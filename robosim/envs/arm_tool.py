@@ -91,6 +91,7 @@ class ArmTool(Carrier):
         self.grasp = Grasp(self.model, self.data, self.scene.tool)
         self.servo, self._smoother = Servo(self._arm, self._robot.servo), Smoother(self._robot, task.step_dt, self._arm)
         self._q = self._start_q
+        self.servo.check(self.model, self.data, self.scene.arm_dofs)
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
 

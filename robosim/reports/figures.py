@@ -19,7 +19,7 @@ class Plot:
     """Axes of error against seconds, or of anything else; every point that is added may have words."""
 
     def __init__(self, title: str, x: str, y: str, *, logarithmic: bool = True,
-                 size: tuple[float, float] = (7.5, 4.6)) -> None:
+                 size: tuple[float, float] = (10.0, 4.6)) -> None:
         self.figure, self.axes = plt.subplots(figsize=size, layout="constrained")
         self.axes.set(title=title, xlabel=x, ylabel=y)
         if logarithmic:
@@ -28,7 +28,8 @@ class Plot:
         self._words: dict[str, str] = {}
         self._series = 0
 
-    def line(self, points: Sequence[tuple[float, float]], words: Sequence[str], label: str, *, own: bool = True) -> None:
+    def line(self, points: Sequence[tuple[float, float]], words: Sequence[str], label: str, *,
+             own: bool = True) -> None:
         """A series (x, y); own: joined by a line, otherwise bare marks."""
         marker = MARKERS[self._series % len(MARKERS)]
         drawn, = self.axes.plot(*zip(*points), "-" if own else "", lw=1, alpha=0.7, label="_")
@@ -52,7 +53,7 @@ class Plot:
     def svg(self) -> str:
         """The picture, without what stands before its <svg>."""
         if self._series:
-            self.axes.legend(fontsize=7, loc="best")
+            self.figure.legend(fontsize=7, loc="outside right upper")
         text = as_svg(self.figure, self._words)
         plt.close(self.figure)
         return text

@@ -1,23 +1,30 @@
-"""One run of a case, in a process of its own: `python -m robosim.reports.one CASE CHOICES CORE`; prints the record."""
+"""One run of a case, or one cell of the stability matrix, in a process of its own; prints it as JSON.
+
+`python -m robosim.reports.one CASE CHOICES CORE`, `python -m robosim.reports.one --cell AXIS VALUE CORE`.
+"""
 
 import json
-import os
 import sys
 import warnings
+from dataclasses import asdict
 
 import mpm
 from robosim.cases import find
+from robosim.reports.processes import pin
+from robosim.stability import judged
 
 
 def main() -> None:
     """Run it."""
-    name, choices, core = sys.argv[1], json.loads(sys.argv[2]), int(sys.argv[3])
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {core})
+    *words, core = sys.argv[1:]
+    pin(core)
     mpm.init()
+    if words[0] == "--cell":
+        print(json.dumps(asdict(judged(words[1], json.loads(words[2])))))
+        return
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mpm.StrongCompression)
-        print(find(name).measure(**choices).line())
+        print(find(words[0]).measure(**json.loads(words[1])).line())
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ table{border-collapse:collapse;margin:.8em 0}td,th{border:1px solid #ccc;padding
 th{cursor:pointer;background:#f3f3f3}td.number{text-align:right;font-variant-numeric:tabular-nums}
 .pass,.stable{background:#dff3df}.fail,.unstable{background:#f9d2d2}.refused{background:#fbeecb}
 .not-run{color:#888}code{background:#f3f3f3;padding:.1em .3em}figure{margin:1em 0}
+table.heat td{min-width:5em;text-align:center;padding:.6em .4em}
 header{border-bottom:1px solid #ccc;margin-bottom:1em}small{color:#666}
 """
 SCRIPT = """
@@ -54,6 +55,15 @@ class Page:
         body = "".join(f"<tr>{''.join(cell(value) for value in row)}</tr>" for row in rows)
         self._parts.append(f"<table><thead><tr>{''.join(f'<th>{escape(h)}</th>' for h in head)}</tr></thead>"
                            f"<tbody>{body}</tbody></table>")
+
+    def heat(self, rows: dict[str, list[tuple[str, str, str]]]) -> None:
+        """Rows of coloured cells: (words in it, verdict, words when the pointer rests on it)."""
+        width = max(map(len, rows.values()), default=0)
+        body = "".join(
+            f"<tr><th>{escape(name)}</th>" + "".join(
+                f'<td class="{escape(kind)}" title="{escape(more)}">{escape(text)}</td>' for text, kind, more in cells)
+            + "<td></td>" * (width - len(cells)) + "</tr>" for name, cells in rows.items())
+        self._parts.append(f"<table class=heat><tbody>{body}</tbody></table>")
 
     def html(self) -> str:
         """The whole."""

@@ -2,11 +2,8 @@
 
 import json
 import os
-import subprocess
 import sys
-import time
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +12,7 @@ from tqdm import tqdm
 from robosim.cases import find
 from robosim.cases.record import Record
 from robosim.errors import ConfigError
+from robosim.reports.processes import worked_off
 from robosim.reports.provenance import version_of
 
 FIELDS = ("case", "choices", "code", "record", "failed")
@@ -77,47 +75,13 @@ def carried_out(runs: list[Run], path: Path, jobs: int) -> list[Run]:
     known = {run.key: run for run in read(path) if run.record is not None}  # what failed is tried again
     waiting = [run for run in runs if run.key not in known]
     progress = tqdm(initial=len(runs) - len(waiting), total=len(runs), unit="run", file=sys.stderr)
-    for run in worked_off(waiting, jobs):
+    work = [("robosim.reports.one", (run.case, json.dumps(run.choices))) for run in waiting]
+    for place, found, failed in worked_off(work, jobs):
+        record = Record(**found) if found is not None else None
+        run = replace(waiting[place], record=record, failed=failed)
         written(path, run)
         known[run.key] = run
         progress.set_postfix_str(run.case)
         progress.update()
     progress.close()
     return [known[run.key] for run in runs]
-
-
-def worked_off(waiting: list[Run], jobs: int) -> Iterator[Run]:
-    """Runs as they come to their end."""
-    queue, active = list(waiting), {}
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
-    try:
-        while queue or active:
-            for core in cores[:jobs]:
-                if queue and core not in active:
-                    run = queue.pop(0)
-                    active[core] = (run, started(run, core))
-            time.sleep(0.02)
-            for core, (run, process) in list(active.items()):
-                if process.poll() is not None:
-                    del active[core]
-                    yield answered(run, process)
-    finally:
-        for _, process in active.values():
-            process.kill()
-
-
-def started(run: Run, core: int) -> subprocess.Popen:
-    """A process for one run."""
-    words = [sys.executable, "-m", "robosim.reports.one", run.case, json.dumps(run.choices), str(core)]
-    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            env={**os.environ, "OMP_NUM_THREADS": "1", "MUJOCO_GL": "egl"})
-
-
-def answered(run: Run, process: subprocess.Popen) -> Run:
-    """What the process said: a record in its last line, or its last words."""
-    said, complained = process.communicate()
-    try:
-        return Run(run.case, run.choices, run.code, Record(**json.loads(said.strip().splitlines()[-1])))
-    except (IndexError, ValueError, TypeError):
-        last = (complained.strip().splitlines() or [f"ended with {process.returncode}"])[-1]
-        return Run(run.case, run.choices, run.code, failed=last)
