@@ -14,6 +14,7 @@ from robosim.envs.policies import NAMES as POLICIES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.reports.cases import report
+from robosim.reports.explain import explain
 from robosim.reports.matrix import stability
 from robosim.resources import config_names
 from robosim.session import rehearse
@@ -56,6 +57,7 @@ def parser() -> argparse.ArgumentParser:
     stable.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
     stable.add_argument("--jobs", type=_positive, default=1, help="cells at a time, a core each (default: 1)")
     stable.set_defaults(run=lambda a: stability(a.axes, a.out, a.jobs))
+    _add_explain(commands)
     _add_evaluate(commands)
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
@@ -79,6 +81,21 @@ def _add_report(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--compare", type=Path, help="report.json of another run: what got better, what worse")
     run.set_defaults(run=lambda a: report(a.cases, a.out, quick=a.quick, jobs=a.jobs, points=a.points,
                                           yardsticks=a.yardsticks, compare=a.compare))
+
+
+def _add_explain(commands: argparse._SubParsersAction) -> None:
+    """The command `explain`."""
+    run = commands.add_parser("explain", help="what a scene is made of, and its cheapest setting",
+                              epilog="example:\n  robosim explain SpoonPour --tolerance 0.02 --out out/explain",
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("scene", help=f"one of: {', '.join([*TASKS, *config_names('rehearsals')])}; or a rehearsal's file")
+    run.add_argument("--tolerance", type=float, help="run the scene coarse to fine as well, and find the cheapest "
+                     "setting whose readings lie within this of the scene's own: shares by their difference, masses "
+                     "and forces relative")
+    run.add_argument("--apply", action="store_true", help="write the scene's file with that setting into --out")
+    run.add_argument("--jobs", type=_positive, default=1, help="settings at a time, a core each (default: 1)")
+    run.add_argument("--out", type=Path, help="folder for index.html and explain.json; what is there is not run again")
+    run.set_defaults(run=lambda a: explain(a.scene, tolerance=a.tolerance, out=a.out, apply=a.apply, jobs=a.jobs))
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:

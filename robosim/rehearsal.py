@@ -58,9 +58,10 @@ def plan(config: RehearsalConfig) -> Plan:
 class Rehearsal:
     """The coupled scene of a planned motion; `run` carries it out."""
 
-    def __init__(self, config: RehearsalConfig, planned: Plan, seed: int = 0) -> None:
+    def __init__(self, config: RehearsalConfig, planned: Plan, seed: int = 0,
+                 material: MaterialConfig | None = None) -> None:
         self.config, self.plan = config, planned
-        self.material: MaterialConfig = load_material(config.material)
+        self.material: MaterialConfig = material or load_material(config.material)
         self.scene: Scene = compile_scene(rehearsal_spec(config), config.tool)
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
         self.data.qpos[self.scene.arm_qpos] = planned.motion.state(0.0).q
