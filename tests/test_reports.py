@@ -1,0 +1,213 @@
+"""Reports: claims that can fail, runs that are never repeated, pages that open from disk."""
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mpm
+from robosim.cases import NAMES, bar, closed_system, find, slope
+from robosim.cases.checks import Order, Rising, Within
+from robosim.cases.record import Record
+from robosim.errors import ConfigError, UnknownName
+from robosim.reports import runs as module
+from robosim.reports.analysis import findings, front, seconds_to
+from robosim.reports.cases import peers, report
+from robosim.reports.compare import compared
+from robosim.reports.explain import explain, judged
+from robosim.reports.page import Page
+from robosim.reports.provenance import version_of
+
+
+def made(error: float, seconds: float = 1.0, **choices) -> Record:
+    return Record(case="bar", choices=choices, particles=1, steps=1, seconds=seconds, compile_seconds=0.0,
+                  errors={"rms": error})
+
+
+def test_claims_are_judged_by_the_worst_run() -> None:
+    runs = [made(0.01, cells=10), made(-0.03, cells=10, precision="f32"), made(0.0025, cells=20)]
+    assert Within("rms", 0.02, {"cells": 10}).judge(runs).found == -0.03
+    assert Within("rms", 0.02, {"cells": 10}).judge(runs).verdict == "fail"
+    assert Within("rms", 0.02, {"cells": 20}).judge(runs).verdict == "pass"
+    assert Within("rms", 0.02, {"cells": 40}).judge(runs).verdict == "not run"
+    assert Within("rms", 0.02, {"cells": 50}).judge([made(np.nan, cells=50)]).verdict == "fail"
+    second = Order("rms", "cells", (10, 20), 1.9).judge([runs[0], runs[2]])
+    assert second.found == pytest.approx(2.0) and second.verdict == "pass"
+    assert Order("rms", "cell", (0.2, 0.1), 2.1).judge([made(0.04, cell=0.2), made(0.01, cell=0.1)]).verdict == "fail"
+    assert Rising("rms", "slip").judge([made(1.0, slip=0.1), made(0.5, slip=0.2)]).verdict == "fail"
+
+
+def test_front_and_price() -> None:
+    """Against answers found by hand: an error of 1 % halfway, in logarithms, between 4 % in 1 s and 0.25 % in 4 s."""
+    assert front([(1.0, 0.04), (2.0, 0.05), (4.0, 0.0025), (0.5, 0.5)]) == [3, 0, 2]
+    assert seconds_to(0.01, [(1.0, 0.04), (4.0, 0.0025)]) == pytest.approx(2.0)
+    assert seconds_to(0.001, [(1.0, 0.04), (4.0, 0.0025)]) is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_case_claims_what_its_runs_can_tell(name: str) -> None:
+    case = find(name)
+    known = {key for choices in (*case.SWEEP, *case.QUICK) for key in choices}
+    assert case.CHECKS and case.QUICK and case.SOURCE
+    assert case.KNOB is None or case.KNOB in known
+    for check in case.CHECKS:
+        assert check.judge([]).verdict == "not run"
+
+
+def test_a_report_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lines of finished runs are kept and not run again, a failed one becomes a row with its reason; the page needs
+    nothing but itself, and its points tell their values."""
+    monkeypatch.setattr(find("free_fall"), "QUICK", [{"precision": "f64", "steps": 20}, {"precision": "f16"}])
+    assert report(["free_fall"], tmp_path, quick=True) == 1
+    first = (tmp_path / "report.jsonl").read_text().splitlines()
+    told = json.loads((tmp_path / "report.json").read_text())
+    assert [bool(run["failed"]) for run in told["runs"]] == [False, True]
+    assert "f16" in told["runs"][1]["failed"]
+    assert {c["verdict"] for c in told["cases"]["free_fall"]["claims"]} == {"pass", "not run"}
+    page = (tmp_path / "index.html").read_text()
+    assert "<title>precision f64" in page and "No result at precision f16" in page
+    outside = [link for link in re.findall(r'(?:src|href)="([^"]*)"', page) if not link.startswith("#")]
+    assert not outside
+    run = []
+    monkeypatch.setattr(module, "worked_off", lambda work, jobs: run.append(work) or iter(()))
+    with pytest.raises(KeyError):  # only what failed would be run again
+        report(["free_fall"], tmp_path, quick=True)
+    assert [json.loads(words[1]) for _, words in run[0]] == [{"precision": "f16"}]
+    assert (tmp_path / "report.jsonl").read_text().splitlines() == first
+
+
+def test_other_code_is_run_again() -> None:
+    """The version of a case changes with what it imports, and with nothing else."""
+    assert version_of("robosim.cases.free_fall") != version_of("robosim.cases.spin")
+    assert version_of("robosim.cases.bar") == version_of("robosim.cases.bar")
+    assert len(version_of("robosim.cases.ik_poses")) == 12
+
+
+@pytest.mark.parametrize("content", ["{", '{"case": "bar"}\n', "[1, 2]\n"])
+def test_a_foreign_file_is_named_and_kept(tmp_path: Path, content: str) -> None:
+    (tmp_path / "report.jsonl").write_text(content)
+    with pytest.raises(ConfigError, match="line 1.*left as it is"):
+        report(["free_fall"], tmp_path)
+    assert (tmp_path / "report.jsonl").read_text() == content
+    (tmp_path / "points.json").write_text(content)
+    with pytest.raises(ConfigError, match=r"points\.json"):
+        peers(tmp_path / "points.json")
+
+
+def test_unknown_names_are_told_with_the_list(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName, match="free_fall"):
+        report(["fre_fall"], tmp_path)
+    with pytest.raises(UnknownName, match="SpoonPour"):
+        explain("SpoonPure")
+    with pytest.raises(ConfigError, match="--tolerance 2"):
+        explain("SpoonPour", tolerance=2.0)
+
+
+def test_two_reports_are_compared() -> None:
+    def one(error: float, seconds: float) -> dict:
+        record = {"errors": {"rms": error}, "seconds": seconds}
+        return {"made_by": {"commit": "c", "machine": "m"}, "runs": [{"case": "bar", "choices": {}, "record": record}]}
+
+    rows = compared(Page("x"), one(0.02, 1.0), one(0.01, 1.0))
+    assert rows[0][5] == pytest.approx(0.5)
+    assert compared(Page("x"), one(0.02, 1.0), one(0.0201, 1.01)) == []
+    with pytest.raises(ConfigError, match=r"report\.json"):
+        compared(Page("x"), {}, one(0.01, 1.0))
+
+
+def test_the_cheapest_setting_within_the_tolerance() -> None:
+    def result(setting: dict, seconds: float, mass: float, spilled: float) -> dict:
+        return {"setting": setting, "failed": "",
+                "answer": {"seconds": seconds, "readings": {"mass": mass, "spilled": spilled}}}
+
+    rows = judged([result({}, 8.0, 2.0, 0.001), result({"cell": 2.0}, 1.0, 2.1, 0.001),
+                   result({"cell": 1.5}, 2.0, 2.02, 0.004)], 0.02)
+    assert [row["within"] for row in rows] == [True, False, True]
+    assert rows[2]["cheaper"] == 4.0 and rows[2]["worst"] == "mass"
+
+
+@pytest.mark.slow
+def test_explain_names_parts_and_costs(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    assert explain("SpoonTranslate", out=tmp_path) == 0
+    said = capsys.readouterr().out
+    assert "leaves out:" in said and "no wrench is compiled" in said and "  field: " in said
+    own = json.loads((tmp_path / "explain.json").read_text())["results"][0]["answer"]
+    assert own["readings"]["delivered"] == 1.0
+    assert sum(own["costs"].values()) == pytest.approx(own["seconds"] / own["simulated"], rel=1e-6)
+
+
+# planted errors: each makes a claim fail that holds without it --------------------------------------------------------
+def verdicts(case: str, *records: Record) -> dict[str, str]:
+    return {finding.claim: finding.verdict for finding in findings(case, list(records))}
+
+
+def test_a_reaction_that_is_scaled_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ball is given nine tenths of what the grains lose."""
+    whole = mpm.Solver.collider_impulse
+
+    def scaled(self: mpm.Solver, *which, **about) -> mpm.Wrench:
+        return mpm.Wrench(*(0.9 * part for part in whole(self, *which, **about)))
+
+    choices = {"precision": "f32", "mass_ratio": 1.0, "material": "sand"}
+    monkeypatch.setattr(mpm.Solver, "collider_impulse", scaled)
+    assert "fail" in verdicts("closed_system", closed_system.measure(**choices)).values()
+
+
+@pytest.mark.slow
+def test_a_wall_that_is_off_by_half_a_cell_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bar begins half a cell off the wall that holds it."""
+    box = mpm.sample_box
+    choices = {"cells": 50, "courant": 0.2, "precision": "f64", "periods": 1}
+    monkeypatch.setattr(bar.mpm, "sample_box", lambda low, high, spacing: box(low, high, spacing) + [spacing, 0, 0])
+    assert verdicts("bar", bar.measure(**choices))["frequency at cells 50, courant 0.2, precision f64"] == "fail"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_a_friction_that_is_off_by_a_tenth_fails(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
+    alpha = mpm.DruckerPrager.alpha.fget
+    monkeypatch.setattr(mpm.DruckerPrager, "alpha", property(lambda self: factor * alpha(self)))
+    assert verdicts("slope", slope.measure(cells=32))["acceleration at cells 32"] == "fail"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [["report", "free_fall", "spin", "--quick"], ["stability", "payload", "arm_pose"]])
+def test_a_killed_report_goes_on(tmp_path: Path, command: list[str]) -> None:
+    """SIGKILL after the first result; the same command keeps it, and ends with all of them."""
+    kept = tmp_path / ("report.jsonl" if command[0] == "report" else "stability.json")
+    words = [sys.executable, "-m", "robosim.cli", *command, "--out", str(tmp_path)]
+    process = subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True)
+    while not kept.is_file():
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = kept.read_text()
+    done = len(before.splitlines()) if command[0] == "report" else len(json.loads(before)["cells"])
+    assert subprocess.run(words, capture_output=True, check=False).returncode == 0
+    after = kept.read_text()
+    if command[0] == "report":
+        assert after.startswith(before) and len(after.splitlines()) == 4
+    else:
+        cells = json.loads(after)["cells"]
+        assert len(cells) == 11 and cells[:done] == json.loads(before)["cells"]
+
+
+@pytest.mark.slow
+def test_the_page_works_in_a_browser(tmp_path: Path) -> None:
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("needs chromium")
+    page = Page("sorts")
+    page.table(["n"], [[3.0], [1.0], [2.0]])
+    path = tmp_path / "index.html"
+    path.write_text(page.html().replace("</script>", ';document.querySelector("th").click();</script>'))
+    seen = subprocess.run([browser, "--headless", "--no-sandbox", "--dump-dom", path.as_uri()], capture_output=True,
+                          text=True, timeout=60, check=True).stdout
+    assert re.findall(r'data-value="([0-9.]+)"', seen) == ["1.0", "2.0", "3.0"]
