@@ -95,6 +95,9 @@ def imitate(training: Training) -> None:
 class Standardised(nn.Module):
     """Inputs less the demonstrations' mean, over their spread; what never varied there is left as wide as it is."""
 
+    mean: torch.Tensor
+    scale: torch.Tensor
+
     def __init__(self, shown: torch.Tensor) -> None:
         super().__init__()
         spread = shown.std(0)

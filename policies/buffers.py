@@ -29,7 +29,7 @@ class DemoReplayBuffer(ReplayBuffer):
         if not 0.0 <= demo_fraction <= 1.0:
             raise mpm.InvalidValue(f"demo_fraction {demo_fraction}; accepted: 0 to 1")
         super().__init__(1, observation_space, action_space, *args, **options)
-        kind = DictReplayBuffer if isinstance(observation_space, spaces.Dict) else ReplayBuffer
+        kind: Any = DictReplayBuffer if isinstance(observation_space, spaces.Dict) else ReplayBuffer
         self.own = kind(buffer_size, observation_space, action_space, *args, **options)
         self.demo = kind(demo_size, observation_space, action_space, *args, **options)
         self.demo_fraction, self._into = demo_fraction, self.own
@@ -80,7 +80,7 @@ class DemoReplayBuffer(ReplayBuffer):
         return {**self.__dict__, "own": trimmed(self.own), "demo": trimmed(self.demo), "_into": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
+        vars(self).update(state)
         self.own, self.demo = untrimmed(*state["own"]), untrimmed(*state["demo"])
         self._into = self.own
 
@@ -108,7 +108,7 @@ def trimmed(buffer: ReplayBuffer) -> tuple[type, dict[str, Any], int]:
     return type(buffer), state, buffer.buffer_size
 
 
-def untrimmed(kind: type, state: dict[str, Any], rows: int) -> Any:
+def untrimmed(kind: Any, state: dict[str, Any], rows: int) -> Any:
     """The buffer again, with room for as many rows as it had."""
     def grown(array: np.ndarray) -> np.ndarray:
         whole = np.zeros((rows, *array.shape[1:]), array.dtype)
@@ -122,5 +122,5 @@ def untrimmed(kind: type, state: dict[str, Any], rows: int) -> Any:
         elif value is not None:
             state[name] = grown(value)
     buffer = kind.__new__(kind)
-    buffer.__dict__.update(state)
+    vars(buffer).update(state)
     return buffer

@@ -19,7 +19,7 @@ def clone(training: Training) -> None:
                                lambda _: options["learning_rate"], net_arch=options["net_arch"])
     for _ in range(options["updates"]):
         batch = torch.randint(len(seen), (options["batch_size"],))
-        error = ((policy.get_distribution(seen[batch]).distribution.mean - done[batch]) ** 2).mean()
+        error = ((policy.get_distribution(seen[batch]).mode() - done[batch]) ** 2).mean()
         policy.optimizer.zero_grad()
         error.backward()
         policy.optimizer.step()

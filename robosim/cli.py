@@ -13,6 +13,7 @@ from robosim.envs.evaluate import evaluate
 from robosim.envs.policies import NAMES as POLICIES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
+from robosim.reports.bench import PARTS, bench
 from robosim.reports.cases import report
 from robosim.reports.explain import explain
 from robosim.reports.matrix import stability
@@ -22,7 +23,9 @@ from robosim.stability import AXES, COMPARISONS
 
 EXAMPLE = "example:\n  robosim rehearse spoon --material sugar --camera close --out out/sugar"
 
-BENCH_EXAMPLE = "example:\n  robosim bench field --sizes 300 2880 --scenes sand fluid --out out/bench"
+BENCH_EXAMPLE = """examples:
+  robosim bench coupling kinematics --out out/bench
+  robosim bench field --sizes 300 2880 --scenes sand fluid --out out/bench"""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -40,14 +43,7 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--seed", type=_seed, default=0, help="of the grains' places (default: 0)")
     run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material, grasp=a.grasp,
                                             camera=None if a.no_video else a.camera, seed=a.seed))
-    bench = commands.add_parser("bench", help="measure the speed of the field", epilog=BENCH_EXAMPLE,
-                                formatter_class=argparse.RawDescriptionHelpFormatter)
-    bench.add_argument("what", choices=["field"])
-    bench.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), help="grains (default: %(default)s)")
-    bench.add_argument("--scenes", nargs="+", default=list(SCENES), help=f"of: {', '.join(SCENES)} (default: all)")
-    bench.add_argument("--yardsticks", type=Path, help="folder with scripts to measure in the same run")
-    bench.add_argument("--out", type=Path, help="folder for bench_field.json")
-    bench.set_defaults(run=lambda a: bench_field(a.sizes, a.scenes, a.yardsticks, a.out))
+    _add_bench(commands)
     _add_report(commands)
     stable = commands.add_parser("stability", help="judge stiff and extreme cases",
                                  epilog="example:\n  robosim stability courant drop_height --out out/stability",
@@ -62,6 +58,21 @@ def parser() -> argparse.ArgumentParser:
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top
+
+
+def _add_bench(commands: argparse._SubParsersAction) -> None:
+    """The command `bench`."""
+    run = commands.add_parser("bench", help="measure speed", epilog=BENCH_EXAMPLE,
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("what", nargs="*", metavar="PART", help=f"field alone, or any of: {', '.join(PARTS)} (default: "
+                     "all but field)")
+    run.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), help="field: grains (default: %(default)s)")
+    run.add_argument("--scenes", nargs="+", default=list(SCENES), help=f"field: of {', '.join(SCENES)} (default: all)")
+    run.add_argument("--yardsticks", type=Path, help="field: folder with scripts to measure in the same run")
+    run.add_argument("--out", type=Path, help="folder for bench.json, or bench_field.json")
+    run.add_argument("--readme", type=Path, help="file with <!-- bench --> marks, between which the table goes")
+    run.set_defaults(run=lambda a: bench_field(a.sizes, a.scenes, a.yardsticks, a.out) if a.what == ["field"]
+                     else bench(a.what, a.out, a.readme))
 
 
 def _add_report(commands: argparse._SubParsersAction) -> None:

@@ -12,6 +12,12 @@ def folder(name: str) -> Path:
     return installed if installed.is_dir() else Path(__file__).resolve().parent.parent / name
 
 
+def trained(task: str) -> Path | None:
+    """The motion that ships for a sub-task, as it was learnt; None where none does."""
+    path = Path(__file__).resolve().parent.parent / "policies" / "trained" / f"{task}.npz"
+    return path if path.is_file() else None
+
+
 def config_names(kind: str) -> list[str]:
     """Stems of configs/<kind>/*.yaml, sorted."""
     return sorted(path.stem for path in (folder("configs") / kind).glob("*.yaml"))

@@ -10,8 +10,9 @@ import numpy as np
 from mpm.motion import relative_rotation
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, UnknownName
+from robosim.resources import trained
 
-NAMES = ("zero", "random", "scripted")
+NAMES = ("zero", "random", "scripted", "learned")
 Policy = Callable[[], np.ndarray]
 """The next action of the episode."""
 
@@ -26,6 +27,12 @@ def policy(name: str, env: GrainEnv, seed: int) -> Policy:
         return lambda: rng.uniform(-1.0, 1.0, n).astype(np.float32)
     if name == "scripted":
         return Script(env)
+    if name == "learned":
+        shipped = trained(env.TASK)
+        if shipped is None:
+            raise ConfigError(f"policy 'learned': none ships for {env.TASK or 'a task of your own'}; `robosim train` "
+                              f"learns one")
+        return Replay(shipped, _stored(shipped), env)
     if Path(name).is_file():
         stored = _stored(Path(name))
         return Network(Path(name), stored, env) if "weight_0" in stored else Replay(Path(name), stored, env)

@@ -11,7 +11,7 @@ import numpy as np
 import mpm
 from robosim.config import load_rehearsal
 from robosim.envs import TASKS
-from robosim.materials import load_material, overridden
+from robosim.materials import MaterialConfig, load_material, overridden
 from robosim.reports.anatomy import parts
 from robosim.reports.processes import pin
 from robosim.reports.stopwatch import Stopwatch
@@ -36,6 +36,11 @@ def told(solver: mpm.Solver, watch: Stopwatch, seconds: float, simulated: float,
             "parts": [part._asdict() for part in parts(solver)]}
 
 
+def softened(material: MaterialConfig, setting: dict[str, float]) -> dict[str, float]:
+    """Young's modulus by a setting, where it has a factor for it."""
+    return {"E": getattr(material, "E").value * setting["E"]} if "E" in setting else {}  # noqa: B009  (not every law)
+
+
 def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """An episode of the scripted policy, the tool alone."""
     from robosim.envs.grain_env import GrainEnv
@@ -46,7 +51,7 @@ def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     dt = task.field.dt and task.step_dt / max(1, round(task.step_dt / (task.field.dt * setting.get("dt", 1.0))))
     field = task.field.model_copy(update={"cell": task.field.cell * setting.get("cell", 1.0), "dt": dt})
     material = load_material(task.material)
-    numbers = {"E": material.E.value * setting["E"]} if "E" in setting else {}
+    numbers = softened(material, setting)
     env = GrainEnv(task=task.model_copy(update={"field": field}), **numbers)
     env.reset(options={"nominal": True})
     env.solver.compile()
@@ -79,8 +84,7 @@ def of_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     wall = float(np.clip(config.collision_thickness, 0.5 * cell, cell))
     config = config.model_copy(update={"field": field, "collision_thickness": wall})
     material = load_material(config.material)
-    if "E" in setting:
-        material = overridden(material, {"E": material.E.value * setting["E"]})
+    material = overridden(material, softened(material, setting))
     run = Rehearsal(config, plan(config), material=material)
     run.solver.compile()
     watch = Stopwatch()
