@@ -51,7 +51,7 @@ def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     dt = task.field.dt and task.step_dt / max(1, round(task.step_dt / (task.field.dt * setting.get("dt", 1.0))))
     field = task.field.model_copy(update={"cell": task.field.cell * setting.get("cell", 1.0), "dt": dt})
     material = load_material(task.material)
-    numbers = softened(material, setting)
+    numbers: dict[str, Any] = dict(softened(material, setting))
     env = GrainEnv(task=task.model_copy(update={"field": field}), **numbers)
     env.reset(options={"nominal": True})
     env.solver.compile()
