@@ -56,5 +56,5 @@ $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
 	@rm -f $(VENV)/.test; touch $@
 
 $(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(BIN)/python -m pip install -c constraints.txt -e ".[test]"
+	$(BIN)/python -m pip install -c constraints.txt -e ".[test,learn]"
 	@rm -f $(VENV)/.run; touch $@

@@ -13,6 +13,8 @@ from robosim.shapes.tool import WALL
 
 RIGID_PARTICLES = 20_000
 """Static particles on the surface of each container: 2 mm apart."""
+ROUGH = 1e-5
+"""[m] by which the search for candidates is wider than the tool's box: single precision is off by less."""
 ROBOT = ("link1", "link2", "link3", "link4", "link5", "link6", "link7", "palm", "f1", "f2", "fm")
 """Starts of the names of the bodies that must touch neither table nor containers; link0 stands on the table."""
 
@@ -28,6 +30,10 @@ class RigidParticles:
             points = trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0]
             places.append(body_pose(data, model.body(name).id).apply(points))
         self._places = np.concatenate(places)
+        self._rough = self._places.astype(np.float32)
+        """The same in single precision, to find the few that lie in the tool's box."""
+        self._low = np.asarray(self._sdf.lower) - ROUGH
+        self._high = self._low + self._sdf.spacing * (np.array(self._sdf.host.shape) - 1) + 2 * ROUGH
         self._rim = self._places[:, 2].max()
         self.count, self.depth = 0, 0.0
         """Particles inside the tool, summed over all steps; the deepest [m]."""
@@ -35,8 +41,11 @@ class RigidParticles:
     def look(self, data: mujoco.MjData) -> None:
         """Count this moment's particles inside the tool."""
         pose = body_pose(data, self._tool)
-        near = np.linalg.norm(self._places - pose.position, axis=1) < self._sdf.radius
-        if pose.position[2] - self._sdf.radius < self._rim and near.any():
+        if pose.position[2] - self._sdf.radius >= self._rim:
+            return
+        local = (self._rough - pose.position.astype(np.float32)) @ pose.matrix.astype(np.float32)
+        near = np.flatnonzero(((local > self._low) & (local < self._high)).all(1))
+        if len(near):  # elsewhere the distance is positive: the box of its lattice holds the tool
             distance = self._sdf.distance(pose.inverse().apply(self._places[near]))
             self.count += int(np.sum(distance < 0))
             self.depth = max(self.depth, float(-distance.min()))
