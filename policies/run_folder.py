@@ -32,6 +32,18 @@ def commit() -> str:
     return told.stdout.strip() if told is not None and told.returncode == 0 else version("robosim")
 
 
+def locked(path: Path) -> bool:
+    """Whether a process is at work in a run's folder."""
+    lock = FileLock(path / ".lock")
+    try:
+        with lock.acquire(timeout=0):
+            return False
+    except Timeout:
+        return True
+    except FileNotFoundError:
+        return False
+
+
 class RunFolder:
     """Files of one run, each written beside and renamed.
 

@@ -124,8 +124,12 @@ def work_off(waiting: list[Run], jobs: int, total: int) -> list[tuple[Run, str]]
     progress = tqdm(initial=total - len(waiting), total=total, desc="runs", file=sys.stderr)
     try:
         while queue or active:
-            while queue and len(active) < jobs:
-                active.append(started(queue.pop(0)))
+            for run in [run for run in queue if not at_work(run)][: jobs - len(active)]:
+                queue.remove(run)
+                if run.state == "finished":  # by a process that a killed sweep has left behind
+                    progress.update()
+                else:
+                    active.append(started(run))
             time.sleep(0.2)
             for run, process in [pair for pair in active if pair[1].poll() is not None]:
                 active.remove((run, process))
@@ -137,6 +141,13 @@ def work_off(waiting: list[Run], jobs: int, total: int) -> list[tuple[Run, str]]
             process.terminate()
         progress.close()
     return failed
+
+
+def at_work(run: Run) -> bool:
+    """Whether a process is at work in the run's folder, such as one that a killed sweep has left behind."""
+    from policies.run_folder import locked
+
+    return locked(run.out)
 
 
 def started(run: Run) -> tuple[Run, subprocess.Popen]:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 
 import gymnasium
 import numpy as np
@@ -236,3 +237,23 @@ def test_a_killed_command_goes_on(tmp_path):
     tables = [(tmp_path / name / "episodes.csv").read_text().splitlines() for name in ("whole", "cut")]
     cut = [[line.split(",")[:2] for line in lines] for lines in tables]
     assert cut[0] == cut[1] and len(cut[0]) == 15
+
+
+@pytest.mark.slow
+def test_a_sweep_that_is_killed_twice_ends_whole(tmp_path):
+    """Two tasks, two methods, two seeds; SIGKILL to the sweep only: what it left behind is waited for, not repeated."""
+    file, out = tmp_path / "sweep.yaml", tmp_path / "runs"
+    file.write_text(f"tasks: [Pendulum-v1, MountainCarContinuous-v0]\nmethods: [sac, ppo]\nseeds: [0, 1]\nepisodes: 2\n"
+                    f"out: {out}\n")
+    words = [sys.executable, "-m", "robosim.cli", "sweep", str(file), "--jobs", "2"]
+    for seconds in (8, 12):
+        process = subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        time.sleep(seconds)
+        process.kill()
+        process.wait()
+    assert subprocess.run(words, capture_output=True, check=False).returncode == 0
+    states = [json.loads(path.read_text()) for path in out.rglob("status.json")]
+    assert len(states) == 8 and all(state["state"] == "finished" and state["episodes"] == 2 for state in states)
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}
+    assert subprocess.run(words, capture_output=True, check=False).returncode == 0
+    assert before == {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}

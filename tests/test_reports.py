@@ -18,7 +18,7 @@ from robosim.cases.checks import Order, Rising, Within
 from robosim.cases.record import Record
 from robosim.errors import ConfigError, UnknownName
 from robosim.reports import runs as module
-from robosim.reports.analysis import findings, front, seconds_to
+from robosim.reports.analysis import findings, finite, front, seconds_to
 from robosim.reports.cases import peers, report
 from robosim.reports.compare import compared
 from robosim.reports.explain import explain, judged
@@ -99,6 +99,18 @@ def test_a_foreign_file_is_named_and_kept(tmp_path: Path, content: str) -> None:
     (tmp_path / "points.json").write_text(content)
     with pytest.raises(ConfigError, match=r"points\.json"):
         peers(tmp_path / "points.json")
+
+
+def test_a_line_that_was_cut_is_run_again(tmp_path: Path) -> None:
+    """And numbers that are none reach the page as nothing."""
+    path = tmp_path / "report.jsonl"
+    run = module.Run("bar", {"cells": 13}, "code", made(np.nan, cells=13))
+    module.written(path, run)
+    whole = path.read_text()
+    path.write_text(whole + whole[:40])
+    again = module.read(path)
+    assert len(again) == 1 and np.isnan(again[0].record.errors["rms"]) and path.read_text() == whole
+    assert finite({"a": [np.inf, 1.0], "b": (np.nan, "x")}) == {"a": [None, 1.0], "b": [None, "x"]}
 
 
 def test_unknown_names_are_told_with_the_list(tmp_path: Path) -> None:

@@ -84,3 +84,12 @@ def analysed(case: str, runs: list[Run]) -> dict[str, Any]:
 def number(value: float | None) -> float | None:
     """A value as JSON knows it."""
     return None if value is None or not np.isfinite(value) else float(value)
+
+
+def finite(value: Any) -> Any:
+    """A value of JSON whose numbers are all finite: null stands for the others."""
+    if isinstance(value, dict):
+        return {key: finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(part) for part in value]
+    return number(value) if isinstance(value, float) else value

@@ -12,7 +12,7 @@ from robosim.cases import NAMES, find
 from robosim.cases.checks import Within, told, value
 from robosim.errors import ConfigError
 from robosim.output import OutputFolder
-from robosim.reports.analysis import analysed, series
+from robosim.reports.analysis import analysed, finite, series
 from robosim.reports.compare import compared
 from robosim.reports.figures import Plot
 from robosim.reports.page import Page
@@ -36,7 +36,8 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
     runs = carried_out(planned(names or list(NAMES), quick), folder.path / "report.jsonl", jobs)
     speed = measured(yardsticks) if yardsticks else None
     results = {name: analysed(name, [run for run in runs if run.case == name]) for name in names or NAMES}
-    whole = {"made_by": provenance(), "yardstick_ns": speed, "cases": results, "runs": [asdict(run) for run in runs]}
+    whole = finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,
+                    "runs": [asdict(run) for run in runs]})
     folder.write_json("report.json", whole)
     page = drawn(results, runs, others, speed)
     if older is not None:

@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from robosim.errors import ConfigError
 from robosim.output import OutputFolder
+from robosim.reports.analysis import finite
 from robosim.reports.page import Page
 from robosim.reports.processes import worked_off
 from robosim.reports.provenance import provenance, version_of
@@ -39,7 +40,7 @@ def stability(axes: list[str], out: Path, jobs: int = 1) -> int:
     progress = tqdm(initial=len(cells) - len(waiting), total=len(cells), unit="cell", file=sys.stderr)
     for place, found, failed in worked_off(work, jobs):
         axis, value = waiting[place]
-        known[key(axis, value)] = found or asdict(Verdict(axis, value, "unstable", f"the process ended: {failed}"))
+        known[key(axis, value)] = finite(found) or asdict(Verdict(axis, value, "unstable", f"the process ended: {failed}"))
         told = [known[key(*cell)] for cell in cells if key(*cell) in known]
         folder.write_json("stability.json", {"made_by": provenance(), "code": code, "cells": told})
         progress.update()

@@ -15,6 +15,8 @@ from robosim.errors import ConfigError
 from robosim.reports.processes import worked_off
 from robosim.reports.provenance import version_of
 
+BEGIN = '{"case": "'
+"""What every line begins with."""
 FIELDS = ("case", "choices", "code", "record", "failed")
 
 
@@ -50,7 +52,12 @@ def planned(names: list[str], quick: bool) -> list[Run]:
 def read(path: Path) -> list[Run]:
     """Runs that were written down; raises ConfigError for a file that holds anything else."""
     runs = []
-    for k, line in enumerate(path.read_text().splitlines() if path.is_file() else [], 1):
+    text = path.read_text() if path.is_file() else ""
+    whole = text[: text.rfind("\n") + 1]
+    if text != whole and text[len(whole) :].startswith(BEGIN):  # a run that was killed while it wrote
+        path.write_text(whole)
+        text = whole
+    for k, line in enumerate(text.splitlines(), 1):
         try:
             told = json.loads(line)
             record = Record(**told["record"]) if told["record"] else None
