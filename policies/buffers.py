@@ -28,7 +28,8 @@ class DemoReplayBuffer(ReplayBuffer):
                  demo_size: int = 50_000, demo_fraction: float = 0.5, **options: Any) -> None:
         if not 0.0 <= demo_fraction <= 1.0:
             raise mpm.InvalidValue(f"demo_fraction {demo_fraction}; accepted: 0 to 1")
-        super().__init__(1, observation_space, action_space, *args, **options)
+        super().__init__(1, spaces.Box(0.0, 1.0, (1,), np.float32), action_space, *args, **options)  # holds nothing
+        self.observation_space = observation_space
         kind: Any = DictReplayBuffer if isinstance(observation_space, spaces.Dict) else ReplayBuffer
         self.own = kind(buffer_size, observation_space, action_space, *args, **options)
         self.demo = kind(demo_size, observation_space, action_space, *args, **options)

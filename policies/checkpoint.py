@@ -18,6 +18,8 @@ from policies.files import write
 
 def save(path: Path, model: Any, **more: Any) -> None:
     """Keep a model with its buffers, the states of all random numbers, and what else is given."""
+    if model is not None:
+        more["actions"] = model.action_space.np_random.bit_generator.state
     state = {"python": random.getstate(), "numpy": np.random.get_state(),  # noqa: NPY002  (what stable_baselines3 draws from)
              "torch": torch.get_rng_state(), **more}
 
@@ -46,8 +48,10 @@ def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
         return model, pickle.loads(file.read("state.pickle"))
 
 
-def resume(state: dict[str, Any]) -> None:
-    """Let the random numbers go on where they were."""
+def resume(state: dict[str, Any], model: Any = None) -> None:
+    """Let the random numbers go on where they were, those of a model's first random actions too."""
+    if model is not None:
+        model.action_space.np_random.bit_generator.state = state["actions"]
     random.setstate(state["python"])
     np.random.set_state(state["numpy"])  # noqa: NPY002
     torch.set_rng_state(state["torch"])

@@ -35,6 +35,7 @@ class Episodes(gymnasium.Wrapper):
         self.seed, self.options, self.on_end, self.count = seed, options, on_end, 0
         """count: episodes that have ended"""
         self._actions: list[np.ndarray] = []
+        self._start = 0
         self._total, self._simulating, self._began = 0.0, 0.0, time.perf_counter()
 
     @property
@@ -45,8 +46,8 @@ class Episodes(gymnasium.Wrapper):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start the episode that is due; a seed given here is not used, for the run's own rules."""
         self._actions, self._total, self._simulating, self._began = [], 0.0, 0.0, time.perf_counter()
-        start = int(np.random.SeedSequence([self.seed, self.count]).generate_state(1)[0])
-        return self.env.reset(seed=start, options=options or self.options)
+        self._start = int(np.random.SeedSequence([self.seed, self.count]).generate_state(1)[0])
+        return self.env.reset(seed=self._start, options=options or self.options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """As the environment's; info["episode"] at the end, as gymnasium and stable_baselines3 name it."""
@@ -61,7 +62,7 @@ class Episodes(gymnasium.Wrapper):
 
     def _end(self, info: dict[str, Any]) -> None:
         seconds = time.perf_counter() - self._began
-        row: dict[str, Any] = {"episode": self.count, "return": self._total}
+        row: dict[str, Any] = {"episode": self.count, "start": self._start, "return": self._total}
         if "tcs" in info:
             row |= {"tcs": info["tcs"], "is_success": info["is_success"], **info["readings"]}
         row |= {"decisions": len(self._actions), "seconds": round(seconds, 3),

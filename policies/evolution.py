@@ -7,6 +7,7 @@ import cma
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+import mpm
 from policies import checkpoint
 from policies.training import Training
 
@@ -27,6 +28,9 @@ def fitted(actions: np.ndarray, knots: int) -> np.ndarray:
 def evolve(training: Training) -> None:
     """Run the search to its end; it begins with the first demonstration if there is one, at rest otherwise."""
     options, n = training.preset.options, training.base.action_space.shape[0]
+    if training.preset.episodes < options["population"]:
+        raise mpm.InvalidValue(f"--episodes {training.preset.episodes}; accepted: a generation or more, "
+                               f"{options['population']}")
     first = np.zeros((options["knots"], n))
     for actions in training.sequences.values():
         first = fitted(actions, options["knots"])
@@ -39,7 +43,7 @@ def evolve(training: Training) -> None:
     else:
         search = cma.CMAEvolutionStrategy(first.ravel(), options["sigma"], {
             "seed": training.seed + 1, "popsize": options["population"], "verbose": -9})  # 0 is a seed by the clock
-    while not training.over:
+    while not training.over and training.env.count + options["population"] <= training.preset.episodes:
         points = search.ask()
         search.tell(points, [-played(training, motion(point.reshape(first.shape), training.decisions))
                              for point in points])

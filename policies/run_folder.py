@@ -18,7 +18,7 @@ import mpm
 from policies.episodes import Episode
 from policies.files import write, write_json
 
-IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "fingerprint", "demonstrations", "commit")
+IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "hold", "fingerprint", "demonstrations", "commit")
 """Parts of a manifest that a run must share with what lies in its folder."""
 LAST = 10
 """Episodes at the end that the paper's training reward is the mean of."""
@@ -66,7 +66,8 @@ class RunFolder:
         except mpm.InvalidValue:
             self.close()
             raise
-        write_json(path / "manifest.json", self.manifest)
+        if not self.finished or force:
+            write_json(path / "manifest.json", self.manifest)
 
     def _recognise(self, force: bool) -> None:
         found = self.read("manifest.json")
@@ -106,7 +107,7 @@ class RunFolder:
         if not episode.total > self.best or episode.row["diverged"]:
             return False
         self.best = episode.total
-        told = {key: np.array(episode.row[key]) for key in ("episode", "return", "tcs") if key in episode.row}
+        told = {key: np.array(episode.row[key]) for key in ("episode", "start", "return", "tcs") if key in episode.row}
         names = {key: np.array(self.manifest[key]) for key in ("task", "material", "method", "seed", "fingerprint")}
         write(self.path / "best.npz", partial(np.savez, actions=episode.actions.astype(np.float32),
                                               hold=np.array(hold), **told, **names))

@@ -40,7 +40,7 @@ class PointNet(_Sets):
 
 
 class DeepSets(_Sets):
-    """Mean and largest of every feature (Zaheer et al. 2017), of positions relative to the tool in decimetres: a
+    """Mean and largest of every feature (Zaheer et al. 2017), of positions relative to the tool: a
     largest value alone is blind to how many grains there are, which is what the reward counts."""
 
     POOLS = 2
@@ -49,5 +49,5 @@ class DeepSets(_Sets):
         """(batch, observation) to (batch, features)."""
         grains, rest = self._parts(observations)
         place = observations[:, None, self._tool.start : self._tool.start + 3]
-        features = self._each(torch.cat((10.0 * (grains[..., :3] - place), grains[..., 3:]), 2))
+        features = self._each(torch.cat((grains[..., :3] - place, grains[..., 3:]), 2))
         return torch.cat((features.mean(1), features.amax(1), rest), 1)

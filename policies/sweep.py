@@ -8,7 +8,7 @@ import sys
 import time
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pydantic
 import yaml
@@ -53,11 +53,14 @@ class Run(NamedTuple):
     out: Path
     words: list[str]
     """Of its command."""
+    preset: dict[str, Any]
 
     @property
     def state(self) -> str:
         """finished, failed, or what else its folder says; "new" where there is none."""
         try:
+            if json.loads((self.out / "manifest.json").read_text())["preset"] != self.preset:
+                return "another"  # which `robosim train` refuses by name
             return str(json.loads((self.out / "status.json").read_text())["state"])
         except (OSError, ValueError, KeyError):
             return "new"
@@ -91,10 +94,13 @@ def planned(file: SweepFile) -> list[Run]:
         if load_preset(method).demonstrations is not None:
             if file.demos is None:
                 raise mpm.InvalidValue(f"method {method} learns from demonstrations; give their folder as `demos`")
-            words += ["--demos", file.demos.format(task=task)]
+            words += ["--demos", file.demos.replace("{task}", task)]
+        changes = {} if file.episodes is None else {"episodes": file.episodes}
         if file.episodes is not None:
             words += ["--episodes", str(file.episodes)]
-        runs.append(Run(out, words))
+        runs.append(Run(out, words, load_preset(method).model_copy(update=changes).model_dump()))
+    if len({run.out for run in runs}) < len(runs):
+        raise mpm.InvalidValue("two runs would share a folder; accepted: tasks, methods and seeds of different names")
     return runs
 
 
@@ -135,12 +141,20 @@ def work_off(waiting: list[Run], jobs: int, total: int) -> list[tuple[Run, str]]
                 active.remove((run, process))
                 progress.update()
                 if process.returncode != 0:
-                    failed.append((run, (run.out / "log.txt").read_text().strip().splitlines()[-1]))
+                    failed.append((run, last_words(run, process.returncode)))
     finally:
         for _, process in active:
             process.terminate()
         progress.close()
     return failed
+
+
+def last_words(run: Run, code: int) -> str:
+    """Why a process ended: the signal that killed it, or the last line that it wrote."""
+    if code < 0:
+        return f"killed by signal {-code}"
+    lines = (run.out / "log.txt").read_text().strip().splitlines()
+    return lines[-1] if lines else f"ended with {code}"
 
 
 def at_work(run: Run) -> bool:

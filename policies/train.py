@@ -81,5 +81,5 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
         training.folder.close()
     found = training.folder.read("status.json")
     print(f"{method} on {task}: best return {found['best_return']}, replayed {found['replayed']}")
-    print(f"to see it: robosim evaluate {task} --policy {out / 'best.npz'} --episodes 1 --out FOLDER")
+    print(f"to see it: robosim evaluate {task} --policy {out / 'best.npz'} --nominal --episodes 1 --out FOLDER")
     return 0

@@ -30,8 +30,9 @@ def made(task: str, obs: str, hold: int, **options: Any) -> gymnasium.Env:
     """The environment of a sub-task, or of any other id of Gymnasium that has a version ("Pendulum-v1"); raises
     mpm.InvalidValue for a task that does not exist."""
     try:
-        if "-v" in task:
+        if "-v" in task and not task.startswith("robosim"):
             return gymnasium.make(task)
+        task = task.split("/")[-1].split("-v")[0]
         return gymnasium.make(f"robosim:robosim/{task}-v0", obs=obs, action_repeat=hold, **options)
     except gymnasium.error.Error as error:
         raise mpm.InvalidValue(f"task {task!r}: {error}") from error
@@ -51,8 +52,11 @@ class Training:
         raw = self.base.unwrapped
         granular = hasattr(raw, "task")
         self.decisions = -(-raw.task.steps // hold) if granular else self.base.spec.max_episode_steps
+        if self.decisions is None or not isinstance(self.base.action_space, gymnasium.spaces.Box):
+            raise mpm.InvalidValue(f"task {task!r}: accepted: continuous actions and episodes of a fixed length")
         self.cap = raw.reward.extremes()[1] if granular else None
-        self.reset_options = {"nominal": True} if granular and starts == "nominal" else None
+        self.nominal = {"nominal": True} if granular else None
+        self.reset_options = self.nominal if starts == "nominal" else None
         self.sequences = self._sequences(demos)
         if granular and preset.scaled and preset.obs != "dict":
             self.base = Scaled(self.base, preset.obs)
@@ -72,7 +76,7 @@ class Training:
 
     def _sequences(self, demos: Path | None) -> dict[str, np.ndarray]:
         """Actions of the demonstrations, by file."""
-        asked = self.preset.demonstrations is not None
+        asked = self.preset.demonstrations is not None or self.preset.residual is not None
         if demos is not None and not asked and self.preset.learner != "CMA-ES":  # which may begin with one
             raise mpm.InvalidValue(f"--demos {demos}: this method takes no demonstrations; leave it out")
         if demos is None and not asked:
@@ -97,7 +101,7 @@ class Training:
         """Go on from the rest of a checkpoint: episodes and random numbers."""
         self.folder.rows, self.folder.best, self.env.count = state["rows"], state["best"], len(state["rows"])
         self.progress.update(self.env.count)
-        checkpoint.resume(state)
+        checkpoint.resume(state, self.model)
 
     def keep(self, **more: Any) -> None:
         """Write a checkpoint."""
@@ -105,16 +109,16 @@ class Training:
 
     def keep_best(self, policy: Any) -> None:
         """Keep the policy if the episode that has just ended was the best so far."""
-        if self._improved:
+        if self._improved and self.preset.residual is None:  # a correction is no policy without what it corrects
             units = (self.base.offset, self.base.factor) if isinstance(self.base, Scaled) else None
             export(policy, self.folder.path / "best_policy.npz", units, obs=self.preset.obs, hold=self.hold,
                    task=self.folder.manifest["task"], method=self.folder.manifest["method"])
-            self._improved = False
+        self._improved = False
 
     def demonstrated(self) -> Any:
         """Transitions of all demonstrations, acted out in the environment that is learnt in."""
-        for k, actions in enumerate(self.sequences.values()):
-            yield from demonstrations.acted(self.base, actions, self.reset_options, self.seed + k)
+        for actions in self.sequences.values():
+            yield from demonstrations.acted(self.base, actions, self.nominal, self.seed)
 
     def learn(self, venv: Any = None, part: Any = None) -> None:
         """Run a method of stable_baselines3 to its end; part: another callback, with its own `state` and `load`."""
@@ -141,14 +145,14 @@ class Training:
             first = False
 
     def replay_best(self) -> dict[str, Any]:
-        """The best actions once more from the nominal start; raises nothing where there are none."""
+        """The best actions once more, from the start that they were found at; nothing where there are none."""
         path = self.folder.path / "best.npz"
         if not path.is_file():
             return {}
         with np.load(path, allow_pickle=False) as stored:
-            actions = stored["actions"]
+            actions, start = stored["actions"], int(stored["start"])
         total, info = 0.0, {}
-        for step in demonstrations.acted(self.base, actions, self.reset_options, self.seed):
+        for step in demonstrations.acted(self.base, actions, self.reset_options, start):
             total, info = total + step.reward, step.info
         return {"return": total, **({"tcs": info["tcs"], "is_success": info["is_success"], **info["readings"]}
                                     if "tcs" in info else {})}
@@ -156,7 +160,7 @@ class Training:
     def finish(self) -> None:
         """Close the run: its best replayed, its status written."""
         self.progress.close()
-        reason = "every episode done" if self.env.count >= self.preset.episodes else "score stayed at its highest"
+        reason = "score stayed at its highest" if self.folder.capped(self.cap) else "every episode done"
         self.folder.status("finished", reason=reason, replayed=self.replay_best(), highest=self.cap)
 
 

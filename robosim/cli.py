@@ -120,13 +120,14 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--episodes", type=_positive, default=5, help="with seeds from --seed on (default: 5)")
     run.add_argument("--seed", type=_seed, default=0, help="of the first episode (default: 0)")
     run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
+    run.add_argument("--nominal", action="store_true", help="start at the task's own place, not within its ranges")
     run.add_argument("--arm", action="store_true", help="let the whole arm carry the tool")
     run.add_argument("--grasp", choices=["weld", "friction"], default="weld", help="how its hand holds it")
     run.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode)")
     run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
     run.set_defaults(run=lambda a: evaluate(
-        a.task, a.policy, a.out, episodes=a.episodes, seed=a.seed, film=not a.no_video, material=a.material, arm=a.arm,
-        grasp=a.grasp))
+        a.task, a.policy, a.out, episodes=a.episodes, seed=a.seed, film=not a.no_video, nominal=a.nominal,
+        material=a.material, arm=a.arm, grasp=a.grasp))
 
 
 def _positive(text: str) -> int:

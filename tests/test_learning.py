@@ -1,6 +1,8 @@
 """Learning: the buffer, runs that are killed and go on, what is refused, and policies as files."""
 
+import copy
 import json
+import pickle
 import subprocess
 import sys
 import time
@@ -18,10 +20,12 @@ from stable_baselines3 import DDPG, SAC, TD3  # noqa: E402
 from policies import checkpoint  # noqa: E402
 from policies.buffers import DemoReplayBuffer  # noqa: E402
 from policies.demonstrations import acted, guide, read  # noqa: E402
+from policies.network import export  # noqa: E402
 from policies.presets import Preset, load_preset, methods  # noqa: E402
 from policies.run_folder import RunFolder  # noqa: E402
 from policies.train import train  # noqa: E402
 from policies.training import Training  # noqa: E402
+from robosim.envs.policies import Network  # noqa: E402
 
 torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
@@ -33,7 +37,7 @@ def weights(model) -> np.ndarray:
 
 
 def make(kind, **options):
-    return kind("MlpPolicy", gymnasium.make("Pendulum-v1"), seed=3, device="cpu", **SMALL, **options)
+    return kind("MlpPolicy", gymnasium.make("Pendulum-v1"), seed=3, device="cpu", **copy.deepcopy(SMALL), **options)
 
 
 @pytest.mark.parametrize("kind, steps", [(SAC, 200), *(pytest.param(kind, 2000, marks=pytest.mark.slow)
@@ -65,8 +69,6 @@ def filled(fraction: float, demos: int, own: int) -> DemoReplayBuffer:
     (0.5, 10, 0, 1.0), (0.0, 10, 0, 1.0)])
 def test_batches_hold_the_share_of_demonstrations(fraction, demos, own, expected):
     """And all of one side while the other is empty; a buffer that was stored and loaded draws the same batches."""
-    import pickle
-
     buffer = filled(fraction, demos, own)
     np.random.seed(0)  # noqa: NPY002
     batch = buffer.sample(64)
@@ -79,6 +81,41 @@ def test_batches_hold_the_share_of_demonstrations(fraction, demos, own, expected
     assert torch.equal(again.sample(64).observations, batch.observations)
     again.add(*[np.zeros((1, 2), np.float32)] * 3, np.zeros(1), np.zeros(1), [{}])
     assert again.size() == buffer.size() + 1
+
+
+@pytest.mark.parametrize("kind", [SAC, TD3])
+def test_a_policy_as_a_file_acts_as_it_does(tmp_path, kind):
+    """To single precision, with observations scaled before the network and in the file's first layer."""
+    model = make(kind)
+    rng = np.random.default_rng(0)
+    offset, factor = rng.standard_normal(3), rng.uniform(0.5, 2.0, 3)
+    assert export(model.policy, tmp_path / "p.npz", (offset, factor))
+    stored = dict(np.load(tmp_path / "p.npz"))
+    for _ in range(20):
+        seen = rng.standard_normal(3)
+        x = seen
+        for k, name in enumerate(stored["activations"]):
+            x = Network.FUNCTIONS[str(name)](stored[f"weight_{k}"] @ x + stored[f"bias_{k}"])
+        x = np.tanh(x) if stored["bound"] == "tanh" else np.clip(x, -1.0, 1.0)
+        wanted, _ = model.predict(((seen - offset) * factor).astype(np.float32), deterministic=True)
+        assert 2.0 * x == pytest.approx(wanted, abs=1e-4)  # the pendulum's torque is -2 to 2
+
+
+def test_dictionaries_are_kept_too():
+    """A space of several parts, with the demonstrations' share."""
+    Box = gymnasium.spaces.Box
+    space = gymnasium.spaces.Dict({"a": Box(-1.0, 1.0, (2, 3)), "b": Box(-1.0, 1.0, (1,))})
+    buffer = DemoReplayBuffer(20, space, Box(-1.0, 1.0, (2,)), demo_size=20)
+    one = {key: np.ones((1, *part.shape), np.float32) for key, part in space.items()}
+    for k in range(4):
+        told = (one, one, np.ones((1, 2)), np.array([float(k % 2)]), np.array([False]), [{}])
+        if k % 2:
+            with buffer.demonstrating():
+                buffer.add(*told)
+        else:
+            buffer.add(*told)
+    batch = pickle.loads(pickle.dumps(buffer)).sample(10)
+    assert batch.observations["a"].shape == (10, 2, 3) and float(batch.rewards.mean()) == 0.5
 
 
 def test_demonstrations_enter_with_updates():
@@ -211,12 +248,14 @@ def test_every_method_runs_on_grains(tmp_path, method):
     assert status["state"] == "finished" and status["episodes"] >= 1
     assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)
     if (out / "best_policy.npz").is_file():
-        from robosim.envs.policies import policy
+        from robosim.envs.policies import learnt_with, policy
 
-        env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", action_repeat=20).unwrapped
-        env.reset(seed=0)
+        stored = dict(np.load(out / "best_policy.npz"))
+        env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", **learnt_with(str(out / "best_policy.npz"))).unwrapped
+        seen = env.reset(seed=0)[0]
         action = policy(str(out / "best_policy.npz"), env, 0)()
-        assert action.shape == (3,) and np.all(np.abs(action) <= 1.0)
+        assert action.shape == (3,) and np.all(np.abs(action) <= 1.0) and np.abs(action).max() > 0
+        assert stored["weight_0"].shape[1] == len(seen)
 
 
 @pytest.mark.slow

@@ -98,7 +98,7 @@ class Rising:
         """The smallest rise from one run to the next."""
         rows = sorted((record.choices[self.knob], value(record, self.name)) for record in chosen(records, self.where))
         smallest = float(np.diff([row[1] for row in rows]).min()) if len(rows) > 1 else None
-        return Finding(f"{self.name} rises with {self.knob}", smallest, 0.0, np.inf)
+        return Finding(f"{self.name} rises with {self.knob}", smallest, 1e-6, np.inf)
 
 
 Check = Within | Order | Rising

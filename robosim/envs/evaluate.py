@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
-from robosim.envs.policies import policy
+from robosim.envs.policies import learnt_with, policy
 from robosim.errors import UnknownName
 from robosim.output import OutputFolder
 from robosim.rendering import RenderingUnavailable
@@ -20,10 +20,12 @@ FRAME_RATE = 50
 
 
 def evaluate(task: str, name: str, out: Path | None, *, episodes: int = 5, seed: int = 0, film: bool = True,
-             **options: Any) -> int:
-    """Run episodes with seeds from `seed` on; options go to the environment. Returns 0."""
+             nominal: bool = False, **options: Any) -> int:
+    """Run episodes with seeds from `seed` on, or from the task's own start; options go to the environment, which sees
+    and holds as a policy's file says. Returns 0."""
     if task not in TASKS:
         raise UnknownName("task", task, TASKS)
+    options |= learnt_with(name)
     made = gymnasium.make(f"robosim/{task}-v0", render_mode="rgb_array" if film and out else None, **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
@@ -33,7 +35,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int = 5, seed:
     try:
         for k in tqdm(range(episodes), desc=f"{task}, {name}", file=sys.stderr):
             writer = _writer(folder, env) if k == 0 and film else None
-            rows.append(_episode(env, name, seed + k, writer))
+            rows.append(_episode(env, name, seed + k, writer, nominal))
             if folder:
                 folder.write_json("evaluation.json", summary(task, name, rows))
     finally:
@@ -56,9 +58,9 @@ def _writer(folder: OutputFolder | None, env: GrainEnv) -> Mp4Writer | None:
     return Mp4Writer(folder.path / "episode.mp4", fps=FRAME_RATE)
 
 
-def _episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None) -> dict[str, Any]:
+def _episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool) -> dict[str, Any]:
     """One episode's figures; the film gets a frame per action."""
-    env.reset(seed=seed)
+    env.reset(seed=seed, options={"nominal": nominal})
     act, total, over, info = policy(name, env, seed), 0.0, False, {}
     actions = []
     try:

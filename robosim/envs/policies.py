@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 from zipfile import BadZipFile
 
 import numpy as np
@@ -37,6 +37,17 @@ def policy(name: str, env: GrainEnv, seed: int) -> Policy:
         stored = _stored(Path(name))
         return Network(Path(name), stored, env) if "weight_0" in stored else Replay(Path(name), stored, env)
     raise UnknownName("policy", name, NAMES, "or the path of a .npz file with an array `actions`, or with a network")
+
+
+def learnt_with(name: str) -> dict[str, Any]:
+    """Options of the environment that the network in a file was learnt in; none for any other policy."""
+    if not Path(name).is_file():
+        return {}
+    stored = _stored(Path(name))
+    if "weight_0" not in stored:
+        return {}
+    kinds = {"obs": ("obs", str), "hold": ("action_repeat", int)}
+    return {option: kind(stored[key]) for key, (option, kind) in kinds.items() if key in stored}
 
 
 def _stored(path: Path) -> dict[str, np.ndarray]:

@@ -13,7 +13,6 @@ from robosim.reports.runs import Run
 
 GOAL = 0.01
 """Error whose price in seconds is told."""
-COMMON = ("cells", "cell")
 
 
 def findings(case: str, records: list[Record]) -> list[Finding]:

@@ -12,7 +12,7 @@ from robosim.cases import NAMES, find
 from robosim.cases.checks import Within, told, value
 from robosim.errors import ConfigError
 from robosim.output import OutputFolder
-from robosim.reports.analysis import analysed, finite, series
+from robosim.reports.analysis import analysed, finite, front, series
 from robosim.reports.compare import compared
 from robosim.reports.figures import Plot
 from robosim.reports.page import Page
@@ -43,11 +43,11 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
     if older is not None:
         compared(page, older, whole)
     folder.write("index.html", lambda path: path.write_text(page.html()))
-    return summed_up(results, folder.path)
+    return summed_up(results, folder.path, quick)
 
 
-def summed_up(results: dict[str, Any], path: Path) -> int:
-    """Say what came out; 1 where a claim failed or a run did."""
+def summed_up(results: dict[str, Any], path: Path, quick: bool) -> int:
+    """Say what came out; 1 where a claim failed or a run did, or where a whole report leaves a claim untold."""
     bad = 0
     for name, result in results.items():
         verdicts = [claim["verdict"] for claim in result["claims"]]
@@ -58,7 +58,7 @@ def summed_up(results: dict[str, Any], path: Path) -> int:
                 print(f"  fail: {claim['claim']}: {claim['found']}; accepted {claim['low']} to {claim['high']}")
         for failed in result["failed"]:
             print(f"  no result: {told(failed['choices'])}: {failed['reason']}")
-        bad += verdicts.count("fail") + len(result["failed"])
+        bad += verdicts.count("fail") + len(result["failed"]) + (0 if quick else verdicts.count("not run"))
     print(path / "index.html")
     return int(bad > 0)
 
@@ -103,12 +103,7 @@ def diagram(name: str, records: list, others: dict[str, Any] | None, speed: floa
                  f"{module.HEADLINE} {value(r, module.HEADLINE):.3g}" for r in members]
         plot.line(points, words, label)
         everything += points
-    best, front = float("inf"), []
-    for point in sorted(everything):
-        if point[1] < best:
-            best = point[1]
-            front.append(point)
-    plot.front(front)
+    plot.front([everything[k] for k in front(everything)])
     if name == "column_collapse" and others is not None:
         draw_peers(plot, others, speed)
     bounds = [check.high for check in module.CHECKS if isinstance(check, Within) and check.name == module.HEADLINE

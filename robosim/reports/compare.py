@@ -1,6 +1,7 @@
 """What got better and what worse since another report."""
 
 import json
+import math
 from typing import Any
 
 from robosim.cases.checks import told
@@ -16,22 +17,26 @@ def compared(page: Page, old: dict[str, Any], new: dict[str, Any]) -> list[list[
     the old file is no report."""
     try:
         before = {key(run): run["record"] for run in old["runs"] if run["record"]}
+        whose = f"{old['made_by']['commit']} on {old['made_by']['machine']}"
     except (KeyError, TypeError) as error:
         raise ConfigError("--compare: accepted: a report.json of `robosim report`") from error
     rows: list[list[object]] = []
     for run in new["runs"]:
         was, now = before.get(key(run)), run["record"]
+        if was is not None and now is None:
+            rows.append([run["case"], told(run["choices"]), f"no result: {run['failed']}", None, None, math.inf, None,
+                         None, None])
         if was is None or now is None:
             continue
         for name in sorted(set(was["errors"]) & set(now["errors"])):
             error = ratio(now["errors"][name], was["errors"][name])
             seconds = ratio(now["seconds"], was["seconds"])
-            if max(error, 1 / error, seconds, 1 / seconds) > NOTABLE:
+            if max(abs(math.log(r)) if r < math.inf else r for r in (error, seconds)) > math.log(NOTABLE):
                 rows.append([run["case"], told(run["choices"]), name, was["errors"][name], now["errors"][name], error,
                              was["seconds"], now["seconds"], seconds])
-    rows.sort(key=lambda row: -abs(float(str(row[5])) - 1.0))
+    rows.sort(key=lambda row: -abs(math.log(float(str(row[5])))))
     page.heading("Since the other report")
-    page.text(f"{old['made_by']['commit']} on {old['made_by']['machine']} before; runs whose error or seconds changed "
+    page.text(f"{whose} before; runs whose error or seconds changed "
               f"by more than {NOTABLE - 1:.0%}. Below 1 is better.")
     page.table(["case", "choices", "error of", "before", "now", "ratio", "seconds before", "now", "ratio"], rows)
     return rows
@@ -42,7 +47,9 @@ def key(run: dict[str, Any]) -> str:
     return json.dumps([run["case"], run["choices"]], sort_keys=True)
 
 
-def ratio(new: float, old: float) -> float:
+def ratio(new: float | None, old: float | None) -> float:
     """|new| / |old|, 1 where both are nothing."""
+    if new is None or old is None:  # was or is no number
+        return math.inf if new is None and old is not None else 1.0
     tiny = 1e-15
     return max(abs(new), tiny) / max(abs(old), tiny)

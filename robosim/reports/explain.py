@@ -1,5 +1,6 @@
 """`robosim explain`: what a scene is made of, what each part costs, the cheapest setting that still reads the same."""
 
+import hashlib
 import json
 import sys
 from pathlib import Path
@@ -55,8 +56,12 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
               f"{row['error']:.3%}{'' if row['within'] else '  outside'}")
     assert best is not None  # the scene's own setting is within any tolerance of itself
     print(f"cheapest within {tolerance:.1%}: {named(best['setting'])}, {best['cheaper']:.2f} times cheaper")
-    if apply and folder is not None:
-        print(f"written: {applied(scene, kind, best['setting'], folder)}")
+    for result in results:
+        if result["answer"] is None:
+            print(f"{named(result['setting'])}: did not run: {result['failed']}")
+    if apply and folder is not None:  # a scene's file says nothing of its material's numbers
+        best = min((row for row in rows if row["within"] and "E" not in row["setting"]), key=lambda row: row["seconds"])
+        print(f"written, with {named(best['setting'])}: {applied(scene, kind, best['setting'], folder)}")
     written(scene, results, folder, rows)
     return int(best["setting"] == OWN)
 
@@ -64,6 +69,8 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
 def ran(scene: str, settings: list[dict[str, float]], folder: OutputFolder | None, jobs: int) -> list[dict[str, Any]]:
     """Answers of the settings; those that the folder holds from the same code are not run again."""
     code = version_of("robosim.reports.settings")
+    if Path(scene).is_file():
+        code += hashlib.sha256(Path(scene).read_bytes()).hexdigest()[:12]
     known: dict[str, dict[str, Any]] = {}
     if folder is not None and (folder.path / "explain.json").is_file():
         try:
@@ -136,8 +143,6 @@ def applied(scene: str, kind: str, setting: dict[str, float], folder: OutputFold
         field["dt"] = float(field["dt"]) * setting["dt"]
     if "collision_thickness" in config:
         config["collision_thickness"] = min(max(config["collision_thickness"], 0.5 * field["cell"]), field["cell"])
-    if "E" in setting:
-        print(f"the material's E is not the scene's: give a material with {setting['E']:g} times its E as well")
     return folder.write_yaml(f"{Path(scene).stem}.yaml", config)
 
 

@@ -17,6 +17,8 @@ from robosim.reports.provenance import provenance, version_of
 from robosim.stability import AXES, axis_named
 from robosim.verdict import Verdict
 
+ENDED = "the process ended: "
+"""Begins the reason of a cell that gave no answer; such a cell is judged again."""
 DEFINITIONS = {
     "grains": "finite; every principal stretch between 0.05 and 20; no grain outside the walls; speeds below twice "
     "what the drop gives plus a tenth of the sound speed; energy never more than 1 % above the start's; momentum "
@@ -40,13 +42,12 @@ def stability(axes: list[str], out: Path, jobs: int = 1) -> int:
     progress = tqdm(initial=len(cells) - len(waiting), total=len(cells), unit="cell", file=sys.stderr)
     for place, found, failed in worked_off(work, jobs):
         axis, value = waiting[place]
-        known[key(axis, value)] = finite(found) or asdict(Verdict(axis, value, "unstable", f"the process ended: {failed}"))
-        told = [known[key(*cell)] for cell in cells if key(*cell) in known]
-        folder.write_json("stability.json", {"made_by": provenance(), "code": code, "cells": told})
+        ended = Verdict(axis, value, "unstable", f"{ENDED}{failed}")
+        known[key(axis, value)] = finite(found) or asdict(ended)
+        folder.write_json("stability.json", {"made_by": provenance(), "code": code, "cells": list(known.values())})
         progress.update()
     progress.close()
     verdicts = [known[key(*cell)] for cell in cells]
-    folder.write_json("stability.json", {"made_by": provenance(), "code": code, "cells": verdicts})
     folder.write("index.html", lambda path: path.write_text(drawn(verdicts).html()))
     for verdict in verdicts:
         print(f"{verdict['axis']:20} {verdict['value']!s:16} {verdict['verdict']:9} {verdict['reason']}")
@@ -66,7 +67,7 @@ def stored(path: Path, code: str) -> list[dict[str, Any]]:
     try:
         told = json.loads(path.read_text())
         cells = [cell for cell in told["cells"] if {"axis", "value", "verdict", "reason", "readings"} <= set(cell)]
-        return cells if told["code"] == code else []
+        return [cell for cell in cells if not cell["reason"].startswith(ENDED)] if told["code"] == code else []
     except (ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: not a stability report ({type(error).__name__}: {error}); it is left as it is: "
                           f"give another --out, or move the file away") from error

@@ -4,9 +4,10 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import IO, Any, NamedTuple
 
 Work = tuple[str, Sequence[str]]
 """A module with a `main`, and the words that it is given; the core is added as the last."""
@@ -25,27 +26,44 @@ def worked_off(waiting: Sequence[Work], jobs: int) -> Iterator[tuple[int, Any, s
                     active[core] = (place, started(work, core))
             time.sleep(0.02)
             for core, (place, process) in list(active.items()):
-                if process.poll() is not None:
+                if process.process.poll() is not None:
                     del active[core]
                     yield place, *answer(process)
     finally:
         for _, process in active.values():
-            process.kill()
+            process.process.kill()
 
 
-def started(work: Work, core: int) -> subprocess.Popen:
+class Started(NamedTuple):
+    """A process, and where its words go."""
+
+    process: subprocess.Popen
+    said: IO[str]
+    complained: IO[str]
+
+
+def started(work: Work, core: int) -> Started:
     """The process of a piece of work."""
-    return subprocess.Popen([sys.executable, "-m", work[0], *work[1], str(core)], stdout=subprocess.PIPE,
-                            stderr=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    said, complained = (tempfile.TemporaryFile("w+") for _ in range(2))  # noqa: SIM115  (a full pipe would stop it)
+    process = subprocess.Popen([sys.executable, "-m", work[0], *work[1], str(core)], stdout=said, stderr=complained,
+                               env={**os.environ, "OMP_NUM_THREADS": "1"})
+    return Started(process, said, complained)
 
 
-def answer(process: subprocess.Popen) -> tuple[Any, str]:
-    """What a process said: a value, or its last words."""
-    said, complained = process.communicate()
+def answer(started: Started) -> tuple[Any, str]:
+    """What a process said: a value, or why it ended."""
+    lines = []
+    for file in (started.said, started.complained):
+        file.seek(0)
+        lines.append(file.read().strip().splitlines())
+        file.close()
+    code = started.process.wait()
+    if code < 0:
+        return None, f"killed by signal {-code}"
     try:
-        return json.loads(said.strip().splitlines()[-1]), ""
+        return json.loads(lines[0][-1]), ""
     except (IndexError, ValueError):
-        return None, (complained.strip().splitlines() or [f"ended with {process.returncode}"])[-1]
+        return None, (lines[1] or [f"ended with {code}"])[-1]
 
 
 def pin(core: str) -> None:

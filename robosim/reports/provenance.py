@@ -10,6 +10,8 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
+from robosim.resources import folder
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = ("mpm", "robosim")
 
@@ -59,7 +61,8 @@ def file_of(module: str) -> Path | None:
 
 @lru_cache
 def version_of(module: str) -> str:
-    """Twelve letters that change with a module's code or that of anything it imports of ours."""
+    """Twelve letters that change with a module's code or that of anything it imports of ours, with configurations and
+    models, and with the libraries that compute."""
     todo, seen = [module], {}
     while todo:
         path = file_of(todo.pop())
@@ -67,7 +70,9 @@ def version_of(module: str) -> str:
             continue
         seen[path] = path.read_bytes()
         todo += sorted(imported(path))
-    told = hashlib.sha256()
+    told = hashlib.sha256(" ".join(version(name) for name in ("taichi", "mujoco", "numpy", "pin", "ruckig")).encode())
+    for path in sorted([*folder("configs").rglob("*.yaml"), *folder("models").rglob("*.xml")]):
+        told.update(path.read_bytes())
     for path in sorted(seen):
         told.update(path.relative_to(ROOT).as_posix().encode() + seen[path])
     return told.hexdigest()[:12]
