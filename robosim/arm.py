@@ -46,10 +46,14 @@ class Arm:
         whole[self.q_index] = q
         return whole
 
+    def placement(self, q: np.ndarray) -> pinocchio.SE3:
+        """World pose of the tool's frame, as Pinocchio keeps it: it changes with the next call."""
+        pinocchio.forwardKinematics(self.model, self.data, self.full(q))
+        return pinocchio.updateFramePlacement(self.model, self.data, self.frame)
+
     def tool_pose(self, q: np.ndarray) -> Pose:
         """World pose of the tool's frame."""
-        pinocchio.forwardKinematics(self.model, self.data, self.full(q))
-        placement = pinocchio.updateFramePlacement(self.model, self.data, self.frame)
+        placement = self.placement(q)
         return Pose.from_matrix(placement.translation, placement.rotation)
 
     def elbow_height(self, q: np.ndarray) -> float:

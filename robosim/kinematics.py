@@ -18,6 +18,7 @@ MAX_JUMP = 0.6
 WAYPOINT_RESTARTS = 25
 """Postures tried before a waypoint counts as unreachable."""
 SHOULDER = np.array([0.0, 0.0, 0.36])
+UNIT = np.eye(6)
 DRAW = 1e-3
 """Share of the way to its rest posture that the elbow is drawn in a step."""
 HOME = np.radians([0.0, 45.0, 0.0, -95.0, 0.0, -50.0, 0.0])
@@ -38,9 +39,7 @@ class Solution(NamedTuple):
 
 def _error(arm: Arm, q: np.ndarray, target: pinocchio.SE3) -> np.ndarray:
     """Twist (6,) in the tool's axes that carries the tool to the target in unit time."""
-    pose = arm.tool_pose(q)
-    current = pinocchio.SE3(pose.matrix, pose.position)
-    return pinocchio.log6(current.actInv(target)).vector
+    return pinocchio.log6(arm.placement(q).actInv(target)).vector
 
 
 def solve(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOME, iterations: int = 200) -> Solution:
@@ -57,8 +56,8 @@ def solve(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOME, it
             break
         J = arm.jacobian(q)
         damping = 1e-8 + 1e-3 * size**2  # vanishes at the goal: convergence stays quadratic
-        pinv = J.T @ np.linalg.inv(J @ J.T + damping * np.eye(6))
-        step = pinv @ error + (np.eye(7) - pinv @ J) @ (0.05 * (rest - q)) * min(1.0, size * 10)
+        free = 0.05 * min(1.0, 10 * size) * (rest - q)
+        step = free + J.T @ np.linalg.solve(J @ J.T + damping * UNIT, error - J @ free)
         step *= min(1.0, 0.3 / np.abs(step).max())
         trial = np.clip(q + step, arm.lower + margin, arm.upper - margin)
         error = _error(arm, trial, goal)
@@ -71,8 +70,8 @@ def step_towards(arm: Arm, target: Pose, q: np.ndarray, rest: np.ndarray) -> np.
     error = _error(arm, q, pinocchio.SE3(target.matrix, np.asarray(target.position, float)))
     J = arm.jacobian(q)
     damping = 1e-6 + 1e-3 * float(error @ error)
-    pinv = J.T @ np.linalg.inv(J @ J.T + damping * np.eye(6))
-    step = pinv @ error + DRAW * (np.eye(7) - pinv @ J) @ (rest - q)
+    free = DRAW * (rest - q)
+    step = free + J.T @ np.linalg.solve(J @ J.T + damping * UNIT, error - J @ free)
     step *= min(1.0, 0.1 / max(float(np.abs(step).max()), 1e-12))
     return np.clip(q + step, arm.lower + 1e-3, arm.upper - 1e-3)
 
