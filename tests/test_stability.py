@@ -46,8 +46,10 @@ def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert "TypeError" in told[1]["reason"]
     page = (tmp_path / "index.html").read_text()
     assert 'class="unstable" title=' in page and "1 stable, 0 refused, 1 unstable" in page
-    monkeypatch.setattr(matrix, "worked_off", lambda work, jobs: iter(()))  # nothing is left to be judged
+    asked = []
+    monkeypatch.setattr(matrix, "worked_off", lambda work, jobs: asked.extend(work) or iter([(0, None, "again")]))
     assert stability(["payload"], tmp_path) == 1
+    assert [words for _, words in asked] == [("--cell", "payload", '"heavy"')]  # what gave no answer is judged again
     (tmp_path / "stability.json").write_text("{")
     with pytest.raises(ConfigError, match="left as it is"):
         stability(["payload"], tmp_path)
