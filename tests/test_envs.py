@@ -309,8 +309,8 @@ def test_dict_layout_holds_the_same_numbers(pour: GrainEnv) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in TASKS if trained(name)])
 def test_shipped_motions_do_what_they_ship_for(name: str) -> None:
-    """From the nominal start: at least what the paper's method scores, 95 % delivered where grains are carried or pushed
-    and 85 % where they are poured; the score that the file says, give or take a few grains on another machine."""
+    """From the nominal start: at least what the paper's method scores, 95 % delivered where grains are carried or
+    pushed, 85 % where they are poured; the score that the file says, give or take a few grains on another machine."""
     least = {"SpoonTranslate": 41.0, "ScoopTranslate": 44.1, "ShovelMove": 41.0, "SpoonPour": 18.57, "ScoopPour": 44.13,
              "BottlePickPour": 33.01}[name]
     env = GrainEnv(task=name)
