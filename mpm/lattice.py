@@ -93,6 +93,12 @@ class Lattice(Shape):
             bar[d] = bar[d] / self.spacing if away[d] == 0 else away[d] / far * phi_bar
         return bar
 
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner [m] (3,) of the lattice in the frame, which hold the solid."""
+        lower = np.asarray(self.lower, float)
+        return lower, lower + self.spacing * (np.array(self.host.shape) - 1)
+
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Distances [m] (n,) at points (n, 3) in the frame."""
         from scipy.ndimage import map_coordinates

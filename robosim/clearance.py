@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import trimesh
 
+from mpm.lattice import Lattice
 from robosim.config import RehearsalConfig
 from robosim.frames import body_pose
 from robosim.grains import tool_sdf
@@ -32,8 +33,8 @@ class RigidParticles:
         self._places = np.concatenate(places)
         self._rough = self._places.astype(np.float32)
         """The same in single precision, to find the few that lie in the tool's box."""
-        self._low = np.asarray(self._sdf.lower) - ROUGH
-        self._high = self._low + self._sdf.spacing * (np.array(self._sdf.host.shape) - 1) + 2 * ROUGH
+        low, high = self._sdf.bounds if isinstance(self._sdf, Lattice) else (-self._sdf.radius, self._sdf.radius)
+        self._low, self._high = low - ROUGH, high + ROUGH
         self._rim = self._places[:, 2].max()
         self.count, self.depth = 0, 0.0
         """Particles inside the tool, summed over all steps; the deepest [m]."""

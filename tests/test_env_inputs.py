@@ -86,6 +86,7 @@ def test_random_materials_reach_the_field(env: GrainEnv) -> None:
         env.solver.set_material(0, mpm.VonMises(E=1e5, nu=0.2, density=1200.0, yield_stress=1e3))
 
 
+@pytest.mark.slow
 def test_a_damaged_start_is_made_anew(env: GrainEnv, capsys: pytest.CaptureFixture) -> None:
     (path,) = cache_folder().glob("ShovelMove-*.npz")
     whole = path.read_bytes()

@@ -24,7 +24,6 @@ from robosim.shapes.spoon import INTERIOR
 EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
             "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
 """TCS of no motion and of a perfect one: the tables of arXiv 2406.09178, and for what they lack its equations."""
-ALL = [pytest.param(name, marks=() if name in ("SpoonPour", "SpoonScoop") else pytest.mark.slow) for name in TASKS]
 MOST = [pytest.param(name, marks=() if name == "SpoonPour" else pytest.mark.slow) for name in TASKS]
 
 
@@ -96,7 +95,7 @@ def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
     assert reward.succeeded(way)
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", MOST)
 def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, request: Any) -> None:
     fixture = {"SpoonPour": "pour", "SpoonScoop": "scoop"}.get(name)
     env = request.getfixturevalue(fixture) if fixture else made(name)

@@ -55,8 +55,8 @@ def motion(steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
     return np.tile([0.25, 0.02, -0.02], (steps, 1)), np.tile([0.3, 0.8, 0.5], (steps, 1))
 
 
-@pytest.mark.parametrize("name", ["clay", *(pytest.param(name, marks=pytest.mark.slow) for name in LAWS
-                                            if name != "clay")])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
 def test_gradient_by_the_tools_motion(name):
     """50 and 500 substeps with contact: cosine with differences at least 0.9999. Sand's stress ends where it is pulled
     apart: over 500 substeps its loss jumps between the differences' ends, and only its derivatives are asked for."""

@@ -150,7 +150,8 @@ PLOUGH = """
 """
 
 
-@pytest.mark.parametrize("tolerance", [pytest.param(None, marks=pytest.mark.slow), 1e-9])
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [None, 1e-9])
 def test_what_hangs_on_a_mocap_body_ploughs_with_its_velocity(tolerance: float | None) -> None:
     """Its force is that of a moving blade, also in steps that are repeated for another body's sake."""
     model = mujoco.MjModel.from_xml_string(PLOUGH)
