@@ -52,6 +52,7 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
     assert linear[0] > -0.95 and abs(angular[2] - 8.0) > 0.01  # they met, with friction
 
 
+@pytest.mark.slow
 def test_infinite_mass_is_a_driven_collider() -> None:
     """W = 0: the grains feel what a collider with the same screw does to them."""
     ends = []
@@ -101,6 +102,7 @@ def pendulum(host_step: float, dry: float = 0.0, **choices: object) -> GranularP
     return GranularPlugin(model, data, solver, bodies={"bob": None}, **choices)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_what_mujoco_does_is_what_was_foreseen() -> None:
     """A bob on hinges swings into sand: the mobility knows the joints that hold it, and their dry friction."""
     for dry in (0.0, 0.01):

@@ -80,6 +80,7 @@ def test_divergence_keeps_the_last_good_state(short: Path, tmp_path: Path, monke
     assert len(np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)) == 20
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_whole_files(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     original = Rehearsal.step
 
@@ -95,6 +96,7 @@ def test_ctrl_c_leaves_whole_files(short: Path, tmp_path: Path, monkeypatch: pyt
     assert not [p.name for p in out.iterdir() if "part" in p.name]
 
 
+@pytest.mark.slow
 def test_snapshot_resumes_to_the_bit(short: Path) -> None:
     """On one thread the same state gives the same bits."""
     config = load_rehearsal(str(short))

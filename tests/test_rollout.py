@@ -109,6 +109,7 @@ def pair_roll(settled_pair) -> mpm.Rollout:
     return mpm.Rollout(solver, 20, step_dt=SUBSTEPS * solver.dt, materials=True)
 
 
+@pytest.mark.slow
 def test_the_roll_out_is_the_solvers_own_future(two_materials, pair_roll):
     """The same numbers to rounding as `advance`, with two materials."""
     solver, roll = two_materials, pair_roll

@@ -169,6 +169,7 @@ def test_what_hangs_on_a_mocap_body_ploughs_with_its_velocity(tolerance: float |
     assert plugin.solver.collider_pose(0).position[0] == pytest.approx(0.03 + 150 * 0.0004)
 
 
+@pytest.mark.slow
 def test_solver_goes_back_to_what_it_kept() -> None:
     """Grains, bodies' twists and motions: the same advance again, to the bit."""
     model = mujoco.MjModel.from_xml_string(PLOUGH)
