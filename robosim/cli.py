@@ -6,7 +6,6 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import mpm
-from robosim.bench import SCENES, SIZES, bench_field
 from robosim.cases import NAMES
 from robosim.envs import TASKS
 from robosim.envs.evaluate import evaluate
@@ -14,9 +13,10 @@ from robosim.envs.policies import NAMES as POLICIES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.reports.bench import PARTS, bench
-from robosim.reports.cases import report
 from robosim.reports.explain import explain
+from robosim.reports.field_bench import SCENES, SIZES, bench_field
 from robosim.reports.matrix import stability
+from robosim.reports.work_precision import report
 from robosim.resources import config_names
 from robosim.session import rehearse
 from robosim.stability import AXES, COMPARISONS

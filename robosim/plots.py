@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first
 import numpy as np  # noqa: E402
 
 from robosim.rehearsal import Rehearsal  # noqa: E402
-from robosim.report import tracking_error  # noqa: E402
+from robosim.rehearsal_report import tracking_error  # noqa: E402
 
 SMOOTH = 20
 """Steps over which plotted forces are averaged; the file trajectory.csv is not."""

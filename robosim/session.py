@@ -14,8 +14,8 @@ from robosim.materials import law_of, load_material
 from robosim.output import OutputFolder
 from robosim.plots import plot_report
 from robosim.rehearsal import Rehearsal, plan
+from robosim.rehearsal_report import figures, missed
 from robosim.rendering import RenderingUnavailable
-from robosim.report import figures, missed
 
 RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "last_good_state.npz")
 """Files of an earlier run that would contradict this one's."""

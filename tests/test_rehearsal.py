@@ -13,7 +13,7 @@ from robosim.cli import main
 from robosim.config import load_rehearsal
 from robosim.recording import COLUMNS
 from robosim.rehearsal import Rehearsal, plan
-from robosim.report import BOUNDS, missed
+from robosim.rehearsal_report import BOUNDS, missed
 from robosim.resources import config_path
 from robosim.session import rehearse
 

@@ -19,11 +19,11 @@ from robosim.cases.record import Record
 from robosim.errors import ConfigError, UnknownName
 from robosim.reports import runs as module
 from robosim.reports.analysis import findings, finite, front, seconds_to
-from robosim.reports.cases import peers, report
 from robosim.reports.compare import compared
 from robosim.reports.explain import explain, judged
 from robosim.reports.page import Page
 from robosim.reports.provenance import version_of
+from robosim.reports.work_precision import peers, report
 
 
 def made(error: float, seconds: float = 1.0, **choices) -> Record:

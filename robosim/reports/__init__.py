@@ -1,1 +1,1 @@
-"""Reports that a laboratory decides by: error against run time, stability, and what a scene needs."""
+"""Reports that a laboratory decides by: error against run time, stability, speed, and what a scene needs."""

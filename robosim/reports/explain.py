@@ -12,8 +12,8 @@ from tqdm import tqdm
 from robosim.envs import TASKS
 from robosim.errors import ConfigError, UnknownName
 from robosim.output import OutputFolder
-from robosim.reports.figures import Plot
 from robosim.reports.page import Page
+from robosim.reports.plot import Plot
 from robosim.reports.processes import worked_off
 from robosim.reports.provenance import version_of
 from robosim.reports.settings import FRACTIONS

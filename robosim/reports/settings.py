@@ -75,7 +75,7 @@ def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
 def of_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """A whole-arm rehearsal without film."""
     from robosim.rehearsal import Rehearsal, plan
-    from robosim.report import figures
+    from robosim.rehearsal_report import figures
 
     config = load_rehearsal(name)
     cell = config.field.cell * setting.get("cell", 1.0)

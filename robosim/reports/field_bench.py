@@ -100,7 +100,7 @@ def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, ou
 
 def _in_fresh_process(scene: str, grains: int) -> dict[str, float]:
     """A process of its own: compiled kernels and memory of the last scene must not help this one."""
-    code = (f"import json, mpm; from robosim.bench import time_scene; mpm.init(); "
+    code = (f"import json, mpm; from robosim.reports.field_bench import time_scene; mpm.init(); "
             f"print(json.dumps(time_scene({scene!r}, {grains})))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return json.loads(done.stdout.strip().splitlines()[-1])

@@ -14,8 +14,8 @@ from robosim.errors import ConfigError
 from robosim.output import OutputFolder
 from robosim.reports.analysis import analysed, finite, front, series
 from robosim.reports.compare import compared
-from robosim.reports.figures import Plot
 from robosim.reports.page import Page
+from robosim.reports.plot import Plot
 from robosim.reports.provenance import provenance
 from robosim.reports.runs import Run, carried_out, planned
 
