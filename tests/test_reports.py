@@ -145,6 +145,21 @@ def test_the_cheapest_setting_within_the_tolerance() -> None:
     assert rows[2]["cheaper"] == 4.0 and rows[2]["worst"] == "mass"
 
 
+def test_the_cheapest_setting_counts_where_it_cannot_be_written(
+        tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A softer material is not the scene's file to say: that holds the scene's own setting, and the answer is still
+    that a cheaper one was found."""
+    def result(setting: dict, seconds: float) -> dict:
+        return {"setting": setting, "failed": "", "answer": {
+            "grains": 1, "cell": 0.004, "dt": 1e-4, "parts": [], "costs": {}, "seconds": seconds,
+            "readings": {"mass": 2.0}}}
+
+    monkeypatch.setattr("robosim.reports.explain.ran", lambda *which: [result({}, 8.0), result({"E": 0.25}, 4.0)])
+    assert explain("SpoonPour", tolerance=0.02, out=tmp_path, apply=True) == 0
+    said = capsys.readouterr().out
+    assert "cheapest within 2.0%: E x 0.25" in said and "written, with as it is" in said
+
+
 @pytest.mark.slow
 def test_explain_names_parts_and_costs(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert explain("SpoonTranslate", out=tmp_path) == 0

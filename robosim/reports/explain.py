@@ -60,8 +60,9 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
         if result["answer"] is None:
             print(f"{named(result['setting'])}: did not run: {result['failed']}")
     if apply and folder is not None:  # a scene's file says nothing of its material's numbers
-        best = min((row for row in rows if row["within"] and "E" not in row["setting"]), key=lambda row: row["seconds"])
-        print(f"written, with {named(best['setting'])}: {applied(scene, kind, best['setting'], folder)}")
+        plain = min((row for row in rows if row["within"] and "E" not in row["setting"]),
+                    key=lambda row: row["seconds"])
+        print(f"written, with {named(plain['setting'])}: {applied(scene, kind, plain['setting'], folder)}")
     written(scene, results, folder, rows)
     return int(best["setting"] == OWN)
 

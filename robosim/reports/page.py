@@ -38,9 +38,9 @@ class Page:
                        if key != "command")
         self._parts.append(f"<header><h1>{escape(title)}</h1><code>{escape(told['command'])}</code>{rows}</header>")
 
-    def heading(self, text: str, level: int = 2) -> None:
+    def heading(self, text: str) -> None:
         """A heading."""
-        self._parts.append(f"<h{level}>{escape(text)}</h{level}>")
+        self._parts.append(f"<h2>{escape(text)}</h2>")
 
     def text(self, text: str) -> None:
         """A paragraph."""

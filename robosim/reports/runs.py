@@ -37,11 +37,6 @@ class Run:
         """The same for the same work."""
         return json.dumps([self.case, self.choices, self.code], sort_keys=True)
 
-    @property
-    def done(self) -> bool:
-        """Whether it was run, well or not."""
-        return self.record is not None or bool(self.failed)
-
 
 def planned(names: list[str], quick: bool) -> list[Run]:
     """Runs of cases, with the version of the code as it is now."""
