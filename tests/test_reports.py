@@ -1,5 +1,6 @@
 """Reports: claims that can fail, runs that are never repeated, pages that open from disk."""
 
+import inspect
 import json
 import re
 import shutil
@@ -59,6 +60,22 @@ def test_every_case_claims_what_its_runs_can_tell(name: str) -> None:
     assert case.KNOB is None or case.KNOB in known
     for check in case.CHECKS:
         assert check.judge([]).verdict == "not run"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_claim_is_told_by_a_whole_report(name: str) -> None:
+    """What a claim asks for is among the sweep's runs, where arguments that the sweep leaves open have their default,
+    and the record says so. Otherwise the claim would stay "not run" however much is run."""
+    case = find(name)
+    source, arguments = inspect.getsource(case.measure), inspect.signature(case.measure).parameters
+    runs = [{key: argument.default for key, argument in arguments.items()} | choices for choices in case.SWEEP]
+    for check in case.CHECKS:
+        ends = [{check.knob: end} for end in check.ends] if isinstance(check, Order) else [{}]
+        for wanted in ({**check.where, **end} for end in ends):
+            found = [choices for choices in runs if wanted.items() <= choices.items()]
+            assert found, f"{check}: no run at {wanted}"
+            assert not isinstance(check, Rising) or len({choices[check.knob] for choices in found}) > 1
+            assert all(f'"{key}": {key}' in source for key in wanted), f"{check}: the record says nothing of {wanted}"
 
 
 def test_a_report_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -192,8 +209,10 @@ def test_a_wall_that_is_off_by_half_a_cell_fails(monkeypatch: pytest.MonkeyPatch
     """The bar begins half a cell off the wall that holds it."""
     box = mpm.sample_box
     choices = {"cells": 50, "courant": 0.2, "precision": "f64", "periods": 1}
+    claim = "frequency at cells 50, courant 0.2, precision f64"
+    assert verdicts("bar", bar.measure(**choices))[claim] == "pass"
     monkeypatch.setattr(bar.mpm, "sample_box", lambda low, high, spacing: box(low, high, spacing) + [spacing, 0, 0])
-    assert verdicts("bar", bar.measure(**choices))["frequency at cells 50, courant 0.2, precision f64"] == "fail"
+    assert verdicts("bar", bar.measure(**choices))[claim] == "fail"
 
 
 @pytest.mark.slow
