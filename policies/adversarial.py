@@ -88,8 +88,7 @@ def imitate(training: Training) -> None:
     judge = nn.Sequential(Standardised(shown), nn.Linear(pairs.shape[1], WIDTH), nn.Tanh(), nn.Linear(WIDTH, WIDTH),
                           nn.Tanh(), nn.Linear(WIDTH, 1))
     venv = Imitated(DummyVecEnv([lambda: training.acting]), judge)
-    updates = training.preset.options["discriminator_updates"]
-    training.learn(venv, Discriminator(venv, judge, shown, updates))
+    training.learn(venv, Discriminator(venv, judge, shown, training.preset.discriminator_updates))
 
 
 class Standardised(nn.Module):

@@ -68,8 +68,6 @@ def build(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None =
     """A model that has learnt nothing yet; slices say where a flat observation has its grains. Raises mpm.InvalidValue
     for options that the class does not know."""
     kind, options = kind_of(preset.learner), dict(preset.options)
-    for own in ("discriminator_updates",):
-        options.pop(own, None)
     policy: Any = "MlpPolicy"
     inner = dict(options.pop("policy_kwargs", {}))
     if preset.critic_layer_norm:

@@ -44,6 +44,8 @@ class Preset(pydantic.BaseModel):
     critic_layer_norm: bool = False
     encoder: Literal["pointnet", "deep_sets"] | None = None
     """What sees the grains as a set; null: a flat network."""
+    discriminator_updates: PositiveInt = 1
+    """Of GAIL, for each batch of the policy's transitions."""
     options: dict[str, Any] = {}  # noqa: RUF012
     """Arguments of the learner's class."""
 
