@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import time
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -130,7 +130,8 @@ def work_off(waiting: list[Run], jobs: int, total: int) -> list[tuple[Run, str]]
     progress = tqdm(initial=total - len(waiting), total=total, desc="runs", file=sys.stderr)
     try:
         while queue or active:
-            for run in [run for run in queue if not at_work(run)][: jobs - len(active)]:
+            free = (run for run in queue if not at_work(run))  # each look opens a file: no more of them than needed
+            for run in list(islice(free, jobs - len(active))):
                 queue.remove(run)
                 if run.state == "finished":  # by a process that a killed sweep has left behind
                     progress.update()
