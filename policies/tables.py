@@ -22,6 +22,9 @@ READINGS = {"best": "score of the best motion, replayed", "tcs": "score, mean of
             "return": "return, mean of the last ten episodes", "delivered": "delivered by the best motion",
             "spilled": "spilled by the best motion", "collisions": "collisions of the best motion",
             "seconds": "seconds an episode"}
+SETTINGS = {"material": "{}", "starts": "{} starts", "hold": "actions held for {} steps", "obs": "observes {}",
+            "wanted": "{} episodes wanted"}
+"""What runs of a method may differ by besides their seed, and how a table says it."""
 RESAMPLED = 2000
 
 
@@ -60,9 +63,22 @@ def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
     if label == "dg_sac" and manifest["preset"]["obs"] != "flat":
         label = manifest["preset"]["obs"]  # the ablations are named after what is seen
     return {"task": manifest["task"], "method": label, "material": manifest["material"], "seed": manifest["seed"],
-            "commit": manifest["commit"], "episodes": status["episodes"], "best": replayed.get("tcs"),
-            "tcs": last.get("tcs"), "return": last["return"], "seconds": status["seconds"] / status["episodes"],
+            "starts": manifest["starts"], "hold": manifest["hold"], "obs": manifest["preset"]["obs"],
+            "wanted": manifest["preset"]["episodes"], "commit": manifest["commit"], "episodes": status["episodes"],
+            "best": replayed.get("tcs"), "tcs": last.get("tcs"), "return": last["return"],
+            "seconds": status["seconds"] / status["episodes"],
             **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions")}}
+
+
+def told_apart(rows: list[dict[str, Any]]) -> list[str]:
+    """The line of the tables that each run belongs to: its method, and its own value of whatever the method's runs
+    differ by, since a mean over runs of different settings is the mean of nothing."""
+    seen: dict[tuple[str, str], set] = defaultdict(set)
+    for one in rows:
+        for key in SETTINGS:
+            seen[one["method"], key].add(one[key])
+    return [", ".join([one["method"], *(words.format(one[key]) for key, words in SETTINGS.items()
+                                        if len(seen[one["method"], key]) > 1)]) for one in rows]
 
 
 def summary(values: list[float], rng: np.random.Generator) -> dict[str, float]:
@@ -92,11 +108,12 @@ def tables(runs: list[Path], out: Path) -> int:
     published = yaml.safe_load((folder().parent / "published" / "arxiv_2406_09178.yaml").read_text())
     rng, found = np.random.default_rng(0), defaultdict(dict)
     groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
-    for one in rows:
-        groups[one["method"], one["task"]].append(one)
-    for (method, task), members in groups.items():
-        found[method][task] = {key: summary(values, rng) for key in READINGS
-                               if (values := [m[key] for m in members if m[key] is not None])}
+    for label, one in zip(told_apart(rows), rows):
+        groups[label, one["task"]].append(one)
+    for (label, task), members in groups.items():
+        found[label][task] = {
+            key: {**summary(values, rng), "published": theirs(published, key, members[0]["method"], task)}
+            for key in READINGS if (values := [m[key] for m in members if m[key] is not None])}
     write_json(out / "tables.json", {"tables": found, "runs": rows, "not_finished": others, "published": published})
     write(out / "tables.csv", lambda path: as_csv(path, rows))
     write(out / "index.html", lambda path: path.write_text(page(found, published, others, runs)))
@@ -121,21 +138,21 @@ def theirs(published: dict, key: str, method: str, task: str) -> list[float] | N
     return values[published["tasks"].index(task)] if values and task in published["tasks"] else None
 
 
-def cells(found: dict, published: dict, key: str, form: Callable[[dict, list[float] | None], str]) -> list[list[str]]:
+def cells(found: dict, published: dict, key: str, form: Callable[[dict], str]) -> list[list[str]]:
     """A table as words: methods by tasks."""
     known = [task for task in published["tasks"] if any(task in one for one in found.values())]
     names = known + sorted({task for one in found.values() for task in one} - set(known))
     table = [["method", *names]]
     for method in sorted(found):
-        table.append([method, *(form(found[method][task][key], theirs(published, key, method, task))
-                                if key in found[method].get(task, {}) else "" for task in names)])
+        table.append([method, *(form(found[method][task][key]) if key in found[method].get(task, {}) else ""
+                                for task in names)])
     return table
 
 
 def as_text(found: dict, published: dict) -> str:
     """The scores, for a terminal."""
-    def form(own: dict, other: list[float] | None) -> str:
-        return f"{own['mean']:.1f}±{own['std']:.1f}" + (f" ({other[0]:.1f})" if other else "")
+    def form(own: dict) -> str:
+        return f"{own['mean']:.1f}±{own['std']:.1f}" + (f" ({own['published'][0]:.1f})" if own["published"] else "")
 
     table = cells(found, published, "best", form)
     widths = [max(len(line[k]) for line in table) for k in range(len(table[0]))]
@@ -145,10 +162,10 @@ def as_text(found: dict, published: dict) -> str:
 
 def page(found: dict, published: dict, others: list[str], runs: list[Path]) -> str:
     """All tables as one page that needs nothing else."""
-    def form(own: dict, other: list[float] | None) -> str:
+    def form(own: dict) -> str:
         words = f"{own['mean']:.2f} ± {own['std']:.2f}<br><small>{own['n']} runs, IQM {own['iqm']:.2f} " \
                 f"[{own['low']:.2f}, {own['high']:.2f}]</small>"
-        return words + (f"<br><i>{other[0]:.2f} ± {other[1]:.2f}</i>" if other else "")
+        return words + ("<br><i>{:.2f} ± {:.2f}</i>".format(*own["published"]) if own["published"] else "")
 
     parts = [f"<h1>What runs came to</h1><p>robosim {html.escape(version('robosim'))}; runs below "
              f"{html.escape(', '.join(map(str, runs)))}. Mean ± standard deviation; interquartile mean with its 95 % "

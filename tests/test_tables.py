@@ -1,0 +1,68 @@
+"""Tables over runs: what is pooled, and what is told apart."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from policies.presets import load_preset
+from policies.tables import tables
+
+
+def finished(folder: Path, seed: int, score: float, *, method: str = "dg_sac", task: str = "SpoonPour",
+             material: str = "salt", starts: str = "nominal", hold: int = 10, **preset) -> None:
+    """The two files of a run that its tables are made of."""
+    folder.mkdir(parents=True)
+    told = load_preset(method).model_copy(update=preset).model_dump()
+    (folder / "manifest.json").write_text(json.dumps({
+        "method": method, "task": task, "seed": seed, "material": material, "starts": starts, "hold": hold,
+        "preset": told, "commit": "c"}))
+    (folder / "status.json").write_text(json.dumps({
+        "state": "finished", "episodes": 10, "seconds": 20.0, "last": {"return": score}, "replayed": {"tcs": score}}))
+
+
+def made(folder: Path) -> dict:
+    """Runs and mean score of each cell: line -> task -> (n, mean)."""
+    assert tables([folder], folder / "tables") == 0
+    told = json.loads((folder / "tables" / "tables.json").read_text())["tables"]
+    return {line: {task: (cell["best"]["n"], cell["best"]["mean"]) for task, cell in row.items()}
+            for line, row in told.items()}
+
+
+def test_seeds_are_pooled(tmp_path: Path) -> None:
+    """And nothing is said of settings that all runs of a method share; another method's settings are its own."""
+    finished(tmp_path / "a", 0, 10.0)
+    finished(tmp_path / "b", 1, 20.0)
+    finished(tmp_path / "c", 0, 30.0, task="ShovelMove")
+    finished(tmp_path / "d", 0, 5.0, method="sac", hold=20)
+    assert made(tmp_path) == {"dg_sac": {"SpoonPour": (2, 15.0), "ShovelMove": (1, 30.0)},
+                              "sac": {"SpoonPour": (1, 5.0)}}
+
+
+@pytest.mark.parametrize("setting, lines", [
+    ({"material": "sugar"}, ("salt", "sugar")),
+    ({"starts": "random"}, ("nominal starts", "random starts")),
+    ({"hold": 20}, ("actions held for 10 steps", "actions held for 20 steps")),
+    ({"method": "rlpd", "obs": "flat"}, ("observes moments", "observes flat")),
+    ({"episodes": 151}, ("150 episodes wanted", "151 episodes wanted")),
+    ({"hold": 20, "starts": "random"}, ("nominal starts, actions held for 10 steps",
+                                        "random starts, actions held for 20 steps"))])
+def test_what_differs_is_a_line_of_its_own(tmp_path: Path, setting: dict, lines: tuple[str, str]) -> None:
+    """Also over several sub-tasks; published numbers stand beside both."""
+    method = setting.get("method", "dg_sac")
+    finished(tmp_path / "a", 0, 10.0, method=method)
+    finished(tmp_path / "b", 0, 30.0, **{"method": method, **setting})
+    finished(tmp_path / "c", 0, 40.0, **{"method": method, "task": "ShovelMove", **setting})
+    assert made(tmp_path) == {f"{method}, {lines[0]}": {"SpoonPour": (1, 10.0)},
+                              f"{method}, {lines[1]}": {"SpoonPour": (1, 30.0), "ShovelMove": (1, 40.0)}}
+    told = json.loads((tmp_path / "tables" / "tables.json").read_text())
+    cell = told["tables"][f"{method}, {lines[1]}"]["SpoonPour"]["best"]
+    place = told["published"]["tasks"].index("SpoonPour")
+    assert cell["published"] == told["published"]["tcs"].get(method, {place: None})[place]
+
+
+def test_ablations_keep_their_name(tmp_path: Path) -> None:
+    """dg_sac with another observation is named after what it sees, as the paper's own rows are."""
+    finished(tmp_path / "a", 0, 10.0)
+    finished(tmp_path / "b", 0, 20.0, obs="none")
+    assert set(made(tmp_path)) == {"dg_sac", "none"}
