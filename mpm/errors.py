@@ -1,9 +1,19 @@
 """Errors of the field: each says what was given, where, and what would be accepted."""
 
+import copyreg
 from collections.abc import Iterable
+from typing import Any
 
 
-class MpmError(Exception):
+class Picklable(Exception):
+    """An error that another process can send, message and attributes kept, whatever its constructor takes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Exception's own calls the constructor with the message alone, which one with several arguments refuses.
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__
+
+
+class MpmError(Picklable):
     """Base of every error that `mpm` raises on purpose."""
 
 

@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable
 
+from mpm.errors import Picklable
 
-class RobosimError(Exception):
+
+class RobosimError(Picklable):
     """Base of every error that `robosim` raises on purpose."""
 
 
