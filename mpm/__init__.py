@@ -2,6 +2,7 @@
 
 from mpm.adjoint.rollout import Rollout
 from mpm.backend import init
+from mpm.batch import Batch
 from mpm.body import Body
 from mpm.collider import Collider
 from mpm.diagnostics import Diagnostics
@@ -35,6 +36,7 @@ from mpm.walls import Walls
 
 __all__ = [
     "BackendError",
+    "Batch",
     "Body",
     "Collider",
     "Diagnostics",

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mpm.errors import SimulationDiverged
+
 if TYPE_CHECKING:
     from mpm.solver import Solver
 
@@ -115,3 +117,15 @@ def _compaction(solver: "Solver") -> float:
     if solver.particles.j is not None:
         loss = max(loss, float(-np.nan_to_num(solver.particles.read([solver.particles.j])).min()))
     return loss
+
+
+def divergence_of(solver: "Solver", dt: float) -> SimulationDiverged:
+    """The error of a state that is not finite, or too fast for substeps of dt [s]."""
+    speeds = np.linalg.norm(solver.velocities(), axis=1)
+    worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
+    error = SimulationDiverged(
+        time=solver.time, step=solver.steps, particle=worst, position=tuple(solver.positions()[worst].tolist()),
+        speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / solver.grid.cell),
+    )
+    error.diagnostics = diagnostics_of(solver)
+    return error

@@ -70,7 +70,7 @@ class GridFields:
     def __init__(self, grid: Grid, precision: str, layers: int = 1) -> None:
         real = real_type(precision)
         nx, ny, nz = grid.shape
-        self.layers, self.width = layers, nx
+        self.layers, self.width, self.cell = layers, nx, grid.cell
         self.cells = tuple(int(n) for n in grid.cells)
         self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
         """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
@@ -83,6 +83,11 @@ class GridFields:
         """Indices of the active blocks."""
         self.count = ti.field(ti.i32, ())
         """Number of active blocks."""
+
+    def nodes_near(self, radius: float) -> int:
+        """Nodes, layers counted, that a ball of this radius [m] can hold."""
+        across = 2.0 * radius / self.cell + 2.0
+        return int(min(self.layers * int(across**3), np.prod(self.nodes.shape)))
 
 
 @ti.func

@@ -4,6 +4,7 @@ import numpy as np
 
 from mpm.backend import allocating, put, real_type, ti
 from mpm.body import Body
+from mpm.errors import InvalidValue
 from mpm.features import Features
 from mpm.grid import Grid
 
@@ -96,14 +97,29 @@ class ParticleFields:
         return np.concatenate(slots)
 
     def write(self, fields: list, values: np.ndarray, padding: float | None = None) -> None:
-        """Store values (n_particles, k) into k pack fields; padding lanes repeat the last particle of their body."""
+        """Store values (n_particles, k) into k pack fields; see `packed`."""
+        for field, column in zip(fields, self.packed(values, padding)):
+            put(field, column)
+
+    def packed(self, values: np.ndarray, padding: float | None = None) -> np.ndarray:
+        """Values (n_particles, k) as k pack fields hold them (k, n_packs, LANES); padding lanes repeat the last
+        particle of their body."""
         packed = np.zeros((self.n_packs * LANES, values.shape[1]), self._dtype)
         packed[self.index] = values
         for count, (begin, end) in zip(self.counts, self.ranges):
             used = begin * LANES + count
             packed[used : end * LANES] = packed[used - 1] if padding is None else padding
-        for field, column in zip(fields, packed.T):
-            put(field, np.ascontiguousarray(column).reshape(self.n_packs, LANES))
+        return np.ascontiguousarray(packed.T).reshape(-1, self.n_packs, LANES)
+
+    def checked(self, state: dict[str, np.ndarray], name: str) -> np.ndarray:
+        """One of a snapshot's arrays; raises InvalidValue where the snapshot is of another scene."""
+        named = self.named_fields()
+        if name not in state:
+            raise InvalidValue(f"load: the state has {', '.join(state)}; the scene also needs {name}")
+        shape = (sum(self.counts), len(named[name]))
+        if state[name].shape != shape:
+            raise InvalidValue(f"load: {name} has shape {state[name].shape}; the scene has {shape}")
+        return state[name]
 
     def read(self, fields: list) -> np.ndarray:
         """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""

@@ -10,8 +10,8 @@ from mpm.body import Body, Material
 from mpm.checks import check_passage, check_scene
 from mpm.collider import Collider
 from mpm.contact import cache_static
-from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, energy_of, momentum_of
-from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge, UnknownName
+from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, divergence_of, energy_of, momentum_of
+from mpm.errors import InvalidValue, TimeStepTooLarge, UnknownName
 from mpm.features import features_of
 from mpm.grid import Grid, GridFields
 from mpm.mobility import MobileFields
@@ -20,12 +20,13 @@ from mpm.motion import Pose, Twist, Wrench
 from mpm.motions import Motions
 from mpm.numbers import Numbers
 from mpm.particles import LANES, ParticleFields
+from mpm.sample import Sample
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
 from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
 from mpm.tally import ROWS as TALLY_ROWS
-from mpm.tally import Tallied, Tally, tallied
+from mpm.tally import Tallied, Tally
 from mpm.timestep import COURANT_FRACTION, material_bound
 from mpm.walls import Walls
 
@@ -77,6 +78,8 @@ class Solver:
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._stamp = 0
         self.tally: Tally | None = None
+        self.sample: Sample | None = None
+        self._ranks, self._unseen = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
         self._integrator, self._accelerated = integrator, body_acceleration is not None
         self._dtype = np.float64 if self.precision == "f64" else np.float32
         self._build()
@@ -102,8 +105,8 @@ class Solver:
                 self.cuts = CutFields(self.grid, self.precision, self.particles.n_packs * LANES)
             self.mobiles = None
             if self.features.mobile:
-                capacities = [self._nodes_near(self.colliders[i].sdf.radius) for i in self.features.mobile]
-                self.mobiles = MobileFields(capacities, self.precision)
+                radii = [self.colliders[i].sdf.radius for i in self.features.mobile]
+                self.mobiles = MobileFields([self.fields.nodes_near(radius) for radius in radii], self.precision)
             self.node_contact = self.node_owner = None
             if self.features.static_colliders:
                 self.node_contact = ti.Vector.field(4, real_type(self.precision), self.grid.shape)
@@ -141,22 +144,29 @@ class Solver:
 
     def set_material(self, index: int, material: Material) -> None:
         """Give a body other numbers of its law from now on; raises TimeStepTooLarge where they need a smaller dt."""
-        body = self.bodies[index]
-        if type(material) is not type(body.material):
-            raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {type(body.material).__name__}")
+        self.check_material(index, material)
+        self.bodies[index] = replace(self.bodies[index], material=material)
+        self.numbers.set_law(index, material)
+
+    def check_material(self, index: int, material: Material) -> None:
+        """Raise where a body cannot be given this material."""
+        accepted = type(self.bodies[index].material)
+        if type(material) is not accepted:
+            raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {accepted.__name__}")
         bound = material_bound(self.grid.cell, material)
         if self.dt > bound:
             raise TimeStepTooLarge(self.dt, bound, "isolated particle")
-        self.bodies[index] = replace(body, material=material)
-        self.numbers.set_law(index, material)
 
-    def attach(self, tally: Tally) -> None:
-        """Let a tally of this solver read within advances, too; its kernel is compiled anew."""
+    def attach(self, tally: Tally, sample: Sample | None = None) -> None:
+        """Let a tally of this solver read within advances, and a sample at their ends; its kernel is compiled anew."""
         if tally.solver is not self or tally.index not in self.features.moving_colliders:
             raise InvalidValue("attach: the tally is of another solver, or its tool cannot move")
-        self.tally = tally
+        if sample is not None and sample.particles is not self.particles:
+            raise InvalidValue("attach: the sample is of another solver")
+        self.tally, self.sample = tally, sample
         self._substeps = Substeps(self)
         self._out = np.zeros((self._substeps.rows + TALLY_ROWS * MAX_LOOKS, 6))
+        self._ranks = np.zeros((MAX_LOOKS, *tally.ranks_shape), np.float32)
 
     def set_body_acceleration(self, accelerations: np.ndarray) -> None:
         """Accelerations [m/s^2] (n_particles, 3) besides gravity from now on; the solver was built with some."""
@@ -167,11 +177,6 @@ class Solver:
         if values.shape != accepted:
             raise InvalidValue(f"body_acceleration has shape {values.shape}; accepted: {accepted}")
         self.particles.write(self.particles.acceleration, values)
-
-    def _nodes_near(self, radius: float) -> int:
-        """Nodes, layers counted, that a ball of this radius [m] can hold."""
-        across = 2.0 * radius / self.grid.cell + 2.0
-        return self.fields.layers * int(min(across**3, float(np.prod(self.grid.shape))))
 
     # motion of colliders -------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, *ends: Pose) -> None:
@@ -208,11 +213,8 @@ class Solver:
     def compile(self) -> None:
         """Compile now what the first advance would; nothing moves."""
         with default_precision(self.precision):
-            self._stamp += 1
-            self._substeps.mark(self._stamp)
-            self._substeps.run(0, self._stamp + 1, self.dt, np.zeros((1, 1, 18), self._dtype), self.mobility.table,
-                               self._out, 0, 1)
-        self._listed = False
+            self._launch(0, self.dt, np.zeros((1, 1, 18), self._dtype), 0, 1)
+            self._substeps.mark(self.take_stamps(1))
 
     # time ----------------------------------------------------------------------------------------------------------
     def advance(self, duration: float, looks: int = 1) -> list[Tallied]:
@@ -239,32 +241,34 @@ class Solver:
                     self._stamp += 1  # blocks that the last advance listed for its next substep carry the old one
                     self._substeps.mark(self._stamp + 1)
                 self._listed = False  # an interrupted launch leaves no list
-                self._substeps.run(n, self._stamp + 1, dt, motion, self.mobility.table, self._out, first, interval)
+                self._launch(n, dt, motion, first, interval)
                 self._listed = True
             self.ledger += self._out[: self._substeps.rows]
             if self.tally is not None:
                 begin = self._substeps.rows
                 for look in range(first // interval, (first + n) // interval):
-                    read.append(tallied(self._out[begin + TALLY_ROWS * look : begin + TALLY_ROWS * (look + 1)]))
+                    rows = self._out[begin + TALLY_ROWS * look : begin + TALLY_ROWS * (look + 1)]
+                    read.append(self.tally.said(rows, self._ranks[look]))
             self.steps += n
             self._stamp += n
             self.time += n * dt
             self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
             squares, fastest = self._out[self._substeps.status, :2]
             if not math.isfinite(squares + self.mobility.table.sum()) or fastest * dt > SPEED_LIMIT * self.grid.cell:
-                raise self._diverged(dt)
+                raise divergence_of(self, dt)
             self.mobility.end(self._motions.poses)
         return read
 
-    def _diverged(self, dt: float) -> SimulationDiverged:
-        speeds = np.linalg.norm(self.velocities(), axis=1)
-        worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
-        error = SimulationDiverged(
-            time=self.time, step=self.steps, particle=worst, position=tuple(self.positions()[worst]),
-            speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / self.grid.cell),
-        )
-        error.diagnostics = self.diagnostics()
-        return error
+    def take_stamps(self, count: int) -> int:
+        """The first of `count` numbers that no substep has had; blocks are listed under them."""
+        self._listed = False
+        self._stamp += count + 1  # blocks that the last advance listed for its next substep carry the one after its own
+        return self._stamp - count + 1
+
+    def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
+        seen = self._unseen if self.sample is None else self.sample.values
+        self._substeps.run(substeps, self._stamp + 1, dt, motion, self.mobility.table, self._out, first, interval,
+                           self._ranks, seen)
 
     # readings ------------------------------------------------------------------------------------------------------
     def positions(self) -> np.ndarray:
@@ -333,15 +337,14 @@ class Solver:
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Return to a state of this solver or of one built from the same scene."""
         for name, fields in self.particles.named_fields().items():
-            if name not in state:
-                raise InvalidValue(f"load: the state has {', '.join(state)}; the scene also needs {name}")
-            if state[name].shape != (sum(self.particles.counts), len(fields)):
-                raise InvalidValue(f"load: {name} has shape {state[name].shape}; the scene has "
-                                   f"{(sum(self.particles.counts), len(fields))}")
-            self.particles.write(fields, state[name])
-        self.time, self.steps = float(state["time"]), int(state["steps"])
-        self._motions.poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+            self.particles.write(fields, self.particles.checked(state, name))
         self.mobility.restore(state)
+        poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+        self.taken_over(poses, float(state["time"]), int(state["steps"]))
+
+    def taken_over(self, poses: list[Pose], time: float, steps: int) -> None:
+        """The grains' fields hold another state: its time [s], substeps and poses of the colliders."""
+        self.time, self.steps, self._motions.poses = time, steps, poses
         self._motions.pending.clear()
         self._momentum = self.momentum()
         self._listed = False

@@ -47,6 +47,8 @@ class Substeps:
         self.meets_colliders = len(scene.colliders) > 0
         self.tally, self.first_tally_row = scene.tally, self.rows
         self.tallies = scene.tally is not None
+        self.sample = scene.sample
+        self.samples = scene.sample is not None
         self.tally_place = scene.features.moving_colliders.index(scene.tally.index) if self.tallies else -1
 
     @ti.kernel
@@ -58,60 +60,75 @@ class Substeps:
 
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
-            mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32):
+            mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32,
+            ranks: ti.types.ndarray(), seen: ti.types.ndarray()):
         """Advance by `substeps` of dt [s]; motion (k, substeps, 18) of the moving colliders; mobile: those that contact
         moves (see `mobility`), read and written; out: ledger, status and what the tally read after every `interval`
-        substeps, `first` of which lie in earlier launches of the advance."""
+        substeps, `first` of which lie in earlier launches of the advance; ranks: what it says of single grains then;
+        seen: the sample after the last substep."""
         ti.loop_config(serialize=True)
         for s in range(substeps):
-            stamp = first_stamp + s
-            gravity = self.numbers.gravity[None]
-            corner = ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
-                                ti.cast(self.origin[2], ti.f64)])
-            clear(self.grid, 0, self.grid.count[None])
-            if ti.static(len(self.features.mobile) > 0):
-                begin_mobiles(self, mobile, motion, s, dt)
-            if ti.static(len(self.features.shells) > 0):
-                label_nodes(self, motion, s, stamp, corner)
-                label_grains(self, self.particles, motion, s)
-            for body in ti.static(range(len(self.laws))):
-                self.to_grid(self.particles, self.laws[body], body, dt, out)
-            if ti.static(len(self.features.shells) > 0):
-                scatter_cut(self)
-            if ti.static(self.is_periodic):
-                fold_periodic(self.grid, self.features.periodic, self.cells, stamp)
-            fold(self.grid, self.walls, stamp, dt, gravity)
-            update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out)
-            if ti.static(len(self.features.mobile) > 0):
-                meet(self, mobile, corner, out)
-                move_mobiles(self, mobile, motion, s, dt)
-            unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out, self.tape)
-            if ti.static(self.is_periodic):
-                unfold_periodic(self.grid, self.features.periodic, self.cells)
-            self.grid.count[None] = 0
-            for body in ti.static(range(len(self.laws))):
-                self.to_particles(self.particles, body, dt, stamp + 1)
-            if ti.static(len(self.features.shells) > 0):
-                gather_cut(self, motion, s, mobile, dt, corner, stamp + 1, out)
-            if ti.static(len(self.features.moving_solids) > 0):
-                for body in ti.static(range(len(self.laws))):
-                    backstop(self.particles, self.grid, self, motion, s, mobile, dt, self.origin, body,
-                             stamp + 1, out)
+            self.substep(s, first_stamp + s, dt, motion, mobile, out)
             if ti.static(self.tallies):
-                self.look(motion, s, first + s + 1, interval, out)
+                self.look(motion, s, first + s + 1, interval, out, ranks, 0)
             if s == substeps - 1:
                 for body in ti.static(range(len(self.laws))):
-                    self.take_momentum(self.particles, body, corner, out)
+                    self.take_momentum(self.particles, body, self.corner_of_grid(), out)
                 self.take_status(out)
+                if ti.static(self.samples):
+                    self.sample.take(seen, 0)
 
     @ti.func
-    def look(self, motion: ti.template(), s: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template()):
-        """Let the tally read after every `interval` substeps; `done` are behind."""
+    def corner_of_grid(self):
+        """The grid's origin in double precision."""
+        return ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
+                          ti.cast(self.origin[2], ti.f64)])
+
+    @ti.func
+    def substep(self, s: ti.i32, stamp: ti.i32, dt, motion: ti.template(), mobile: ti.template(), out: ti.template()):
+        """One substep, the s-th of the motion; the blocks of the next one are listed at its end."""
+        gravity = self.numbers.gravity[None]
+        corner = self.corner_of_grid()
+        clear(self.grid, 0, self.grid.count[None])
+        if ti.static(len(self.features.mobile) > 0):
+            begin_mobiles(self, mobile, motion, s, dt)
+        if ti.static(len(self.features.shells) > 0):
+            label_nodes(self, motion, s, stamp, corner)
+            label_grains(self, self.particles, motion, s)
+        for body in ti.static(range(len(self.laws))):
+            self.to_grid(self.particles, self.laws[body], body, dt, out)
+        if ti.static(len(self.features.shells) > 0):
+            scatter_cut(self)
+        if ti.static(self.is_periodic):
+            fold_periodic(self.grid, self.features.periodic, self.cells, stamp)
+        fold(self.grid, self.walls, stamp, dt, gravity)
+        update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out)
+        if ti.static(len(self.features.mobile) > 0):
+            meet(self, mobile, corner, out)
+            move_mobiles(self, mobile, motion, s, dt)
+        unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out, self.tape)
+        if ti.static(self.is_periodic):
+            unfold_periodic(self.grid, self.features.periodic, self.cells)
+        self.grid.count[None] = 0
+        for body in ti.static(range(len(self.laws))):
+            self.to_particles(self.particles, body, dt, stamp + 1)
+        if ti.static(len(self.features.shells) > 0):
+            gather_cut(self, motion, s, mobile, dt, corner, stamp + 1, out)
+        if ti.static(len(self.features.moving_solids) > 0):
+            for body in ti.static(range(len(self.laws))):
+                backstop(self.particles, self.grid, self, motion, s, mobile, dt, self.origin, body, stamp + 1, out)
+
+    @ti.func
+    def look(self, motion: ti.template(), s: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template(),
+             ranks: ti.template(), earlier: ti.i32):
+        """Let the tally read after every `interval` substeps; `done` are behind, and `earlier` readings of others."""
         if done % interval == 0:
             k = ti.static(self.tally_place)
-            row = self.first_tally_row + ti.static(TALLY_ROWS) * (done // interval - 1)
+            read = done // interval - 1
             self.tally.accumulate(ti.cast(tool_origin(motion, k, s), ti.f64), ti.cast(tool_axes(motion, k, s), ti.f64),
-                                  out, row)
+                                  out, self.first_tally_row + ti.static(TALLY_ROWS) * read)
+            if ti.static(self.tally.ranks):
+                self.tally.rank(ranks, earlier + read)
 
     @ti.func
     def mark_blocks(self, P: ti.template(), stamp: ti.i32):

@@ -43,6 +43,8 @@ class Tallied(NamedTuple):
     """Points of the scenery within the margin of the probe."""
     clearance: float
     """Smallest distance [m] of those points to the probe."""
+    ranks: np.ndarray | None = None
+    """With `ranks`: distance [m] of each counted grain, and 1 where it is on target (n, 2), float32."""
 
 
 @ti.data_oriented
@@ -53,7 +55,7 @@ class Tally:
     weights (3,): of the Manhattan distance. target, bounds: in the world; interior: in the frame of collider `tool`; a
     grain in it is never lost. reach: [m] from the tool within which grains count as touching; None: not looked
     at. points: [m] (n, 3), scenery that is looked up in the signed distance `probe`, in the tool's frame, with a margin
-    [m]; None: none. ranks: `distances` of each grain, too.
+    [m]; None: none. ranks: what each grain adds, too.
 
     A solver that it is attached to (`Solver.attach`) also reads within an advance.
     """
@@ -83,9 +85,10 @@ class Tally:
                 probe.allocate()
         self._out = np.zeros((ROWS, 6))
         self.slots = self.particles.index[chosen]
-        """Rows of `distances` that belong to the counted grains."""
-        self.distances = np.zeros((len(counted) if ranks else 1, 2), np.float32)
-        """With `ranks`: distance of each slot's grain, and 1 where it is on target; after `read`."""
+        """Rows of a reading's ranks that belong to the counted grains."""
+        self.ranks_shape = (len(counted) if ranks else 1, 2)
+        """Numbers of single grains in one reading."""
+        self._ranks = np.zeros((1, *self.ranks_shape), np.float32)
 
     def restart(self) -> None:
         """Forget who was lost or on target before: what is so now counts as found so."""
@@ -96,21 +99,32 @@ class Tally:
         """The present state."""
         pose: Pose = self.solver.collider_pose(self.index)
         self._out[:] = 0.0
-        self._sum(np.concatenate([pose.position, pose.matrix.ravel()]), self._out, self.distances)
-        return tallied(self._out)
+        self._sum(np.concatenate([pose.position, pose.matrix.ravel()]), self._out, self._ranks)
+        return self.said(self._out, self._ranks[0])
+
+    def said(self, rows: np.ndarray, ranks: np.ndarray) -> Tallied:
+        """What two rows of sums and the numbers of single grains say."""
+        sums = rows.ravel()
+        return Tallied(float(sums[DISTANCE]), *[int(v) for v in sums[NEWLY_LOST:CLEARANCE]], float(sums[CLEARANCE]),
+                       ranks[self.slots] if self.ranks else None)
 
     @ti.kernel
-    def _sum(self, pose: ti.types.ndarray(), out: ti.types.ndarray(), distances: ti.types.ndarray()):
+    def _sum(self, pose: ti.types.ndarray(), out: ti.types.ndarray(), ranks: ti.types.ndarray()):
         ti.loop_config(serialize=True)
         for _ in range(1):
             c = ti.Vector([pose[k] for k in range(3)])
             R = ti.Matrix([[pose[3 + 3 * i + j] for j in range(3)] for i in range(3)])
             self.accumulate(c, R, out, 0)
             if ti.static(self.ranks):
-                for slot in range(self.particles.n_packs * LANES):
-                    if self.counted[slot] > 0:
-                        distances[slot, 0] = ti.cast(self.distance(self.place(slot)), ti.f32)
-                        distances[slot, 1] = ti.cast(self.flags[slot] & WAS_ON_TARGET, ti.f32) / WAS_ON_TARGET
+                self.rank(ranks, 0)
+
+    @ti.func
+    def rank(self, ranks: ti.template(), reading):
+        """What each counted grain adds, after `accumulate`."""
+        for slot in range(self.particles.n_packs * LANES):
+            if self.counted[slot] > 0:
+                ranks[reading, slot, 0] = ti.cast(self.distance(self.place(slot)), ti.f32)
+                ranks[reading, slot, 1] = ti.cast(self.flags[slot] & WAS_ON_TARGET, ti.f32) / WAS_ON_TARGET
 
     @ti.func
     def accumulate(self, c, R, out: ti.template(), row):
@@ -198,8 +212,3 @@ def add(out: ti.template(), row, place: ti.template(), value):
     """To one of the sums."""
     out[row + ti.static(place // 6), ti.static(place % 6)] += value
 
-
-def tallied(rows: np.ndarray) -> Tallied:
-    """What two rows of sums say."""
-    sums = rows.ravel()
-    return Tallied(float(sums[DISTANCE]), *[int(v) for v in sums[NEWLY_LOST:CLEARANCE]], float(sums[CLEARANCE]))

@@ -53,11 +53,11 @@ def test_actions_are_checked(env: GrainEnv) -> None:
     ):
         with pytest.raises(robosim.ConfigError, match=words):
             env.step(action)
-    env.clip_actions = True
+    env.actions.clip = True
     env.step(np.array([0.0, 0.0, 1.5]))
     with pytest.raises(robosim.ConfigError, match="nan"):
         env.step(np.array([0, np.nan, 0]))
-    env.clip_actions = False
+    env.actions.clip = False
 
 
 def test_steps_belong_to_an_episode(env: GrainEnv) -> None:

@@ -89,7 +89,7 @@ def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
     poured = n if task.kind == "pour" else 0
     none = mpm.Tallied(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
     way = none._replace(newly_lost=poured, lost_on_target=poured, lost=poured, on_target=n)
-    total = sum(sum(reward.step(None, now, 0.0, now is way).values()) for now in (none, way))  # pyright: ignore[reportArgumentType]
+    total = sum(sum(reward.step(now, 0.0, now is way).values()) for now in (none, way))
     assert reward.tcs == pytest.approx(EXTREMES[name][1], abs=1e-9)
     assert total == pytest.approx(reward.tcs + 2 * reward.beta * reward.gamma)
     assert reward.succeeded(way)
@@ -106,7 +106,11 @@ def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, r
     _, info, seen = episode(env, "scripted", 0)
     assert info["is_success"] and info["tcs"] > 0.8 * env.reward.extremes()[1]
     assert info["tcs"] == pytest.approx(sum(info["tcs_terms"].values()))
-    assert np.all(np.ptp(np.array(seen), axis=0) > 0)  # nothing that is observed stays constant
+    seen += episode(env, "random", 0)[2]  # a script may leave a height as it is
+    moved, slices = np.ptp(np.array(seen), axis=0) > 0, env.observation_slices
+    # nothing that is observed stays constant; a coordinate of a grain deep in a heap may
+    assert moved[slices["particles"]].reshape(-1, 6).any(axis=1).all()
+    assert moved[slices["tool"]].all() and moved[slices["time"]].all()
 
 
 @pytest.mark.parametrize("name", MOST)
@@ -157,7 +161,7 @@ def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
         scoop.solver.load(state)
         scoop.tally.restart()
         now = scoop.tally.read()
-        terms = scoop.reward.step(scoop.tally, now, -1.5, True)
+        terms = scoop.reward.step(now, -1.5, True)
         x = scoop.solver.positions()
         distance = np.abs(x - task.goal) @ weights.distance.weights
         elite = np.argsort(distance)[: task.grains.elites]
@@ -191,7 +195,7 @@ def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
         pour.tally.restart()
         after = jump()
         now = pour.tally.read()
-        terms = pour.reward.step(pour.tally, now, 0.0, True)
+        terms = pour.reward.step(now, 0.0, True)
         tool = pour.solver.collider_pose(0).inverse()
         out, ahead = (~bounds.holds(x) & ~INTERIOR.holds(tool.apply(x)) for x in (before, after))
         crossed = ahead & ~out
@@ -266,31 +270,18 @@ def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
     assert 0 < env.carrier.grasp.slip < 0.02  # pyright: ignore[reportAttributeAccessIssue]
 
 
-@pytest.mark.slow
-def test_vector_environments_end_and_begin_together() -> None:
-    vector = gymnasium.make_vec("robosim/ShovelMove-v0", num_envs=2)
-    try:
-        first, _ = vector.reset(seed=[0, 1])
-        assert first.shape[0] == 2 and not np.array_equal(*first)
-        for step in range(100):
-            seen, _, over, _, infos = vector.step(np.zeros(vector.action_space.shape, np.float32))
-            assert over.all() == (step == 99)
-        assert seen[0, -1] == 0.0 and infos["final_obs"][0][-1] == 1.0
-    finally:
-        vector.close()
-
-
 @pytest.mark.parametrize(("layout", "length"), [
     ("flat", 203 * 6 + 8), ("all", 203 * 6 + 8), ("positions", 203 * 3 + 8), ("velocities", 203 * 3 + 8), ("none", 8),
     ("moments", 30 + 8),
 ])
 def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: Any, length: int) -> None:
     observer = Observer(pour.task, pour.solver, layout)
+    grains = mpm.Sample(pour.solver, observer.chosen) if layout != "none" else None
     pour.reset(seed=0)
     act = policy("random", pour, 0)
     for _ in range(20):
         pour.step(act())
-        seen = observer.read(pour.tally.read(), 0.2)
+        seen = observer.read(grains.read() if grains else np.zeros((0, 6)), pour.episode.pose, pour.tally.read(), 0.2)
         assert seen.shape == (length,) and seen.dtype == np.float32 and observer.space.contains(seen)
     assert sum(part.stop - part.start for part in observer.slices.values()) == length
 
@@ -299,7 +290,7 @@ def test_dict_layout_holds_the_same_numbers(pour: GrainEnv) -> None:
     flat, parts = (Observer(pour.task, pour.solver, layout) for layout in ("flat", "dict"))
     pour.reset(seed=0)
     now = pour.tally.read()
-    seen, table = flat.read(now, 0.5), parts.read(now, 0.5)
+    seen, table = (observer.read(pour.world.grains(), pour.episode.pose, now, 0.5) for observer in (flat, parts))
     assert parts.space.contains(table)
     for name in ("particles", "tool", "time"):
         assert np.array_equal(seen[flat.slices[name]], table[name].ravel())

@@ -63,19 +63,25 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
         expected = reference.read()
         assert read[-1][:6] == pytest.approx(expected, rel=1e-9, abs=1e-12)
         x = solver.positions()
-        assert tally.distances[tally.slots, 0] == pytest.approx(WEIGHTS @ np.abs(x[chosen] - GOAL).T, rel=1e-6)
-        assert (tally.distances[tally.slots, 1] > 0).tolist() == TARGET.holds(x[chosen]).tolist()
+        ranks = read[-1].ranks
+        assert ranks is not None
+        assert ranks[:, 0] == pytest.approx(WEIGHTS @ np.abs(x[chosen] - GOAL).T, rel=1e-6)
+        assert (ranks[:, 1] > 0).tolist() == TARGET.holds(x[chosen]).tolist()
         phi = solver.colliders[0].sdf.distance(solver.collider_pose(0).inverse().apply(x))
         assert read[-1].touching == (phi < 0.03).sum() > 0
     assert sum(r.newly_lost for r in read) == read[-1].lost > 5 and sum(r.lost_on_target for r in read) > 0
     places = solver.positions()
 
-    solver, tally, _ = scene(reach=0.03)
-    solver.attach(tally)
+    solver, tally, chosen = scene(ranks=True, reach=0.03)
+    sample = mpm.Sample(solver, chosen)
+    solver.attach(tally, sample)
     tally.restart()
     solver.set_collider_motion(0, *way)
-    assert solver.advance(5e-2, looks=10) == read
+    for now, before in zip(solver.advance(5e-2, looks=10), read, strict=True):
+        assert now[:-1] == before[:-1] and np.array_equal(now.ranks, before.ranks)  # pyright: ignore[reportArgumentType]
     assert np.array_equal(solver.positions(), places)
+    assert sample.values[:, :3] == pytest.approx(places[chosen], abs=1e-6)
+    assert sample.values[:, 3:] == pytest.approx(solver.velocities()[chosen], abs=1e-6)
 
 
 def test_points_near_the_probe_are_counted() -> None:

@@ -18,6 +18,6 @@ def register() -> None:
 
 def _vector(name: str, **options: Any) -> gymnasium.vector.VectorEnv:
     """Several environments of one sub-task."""
-    from robosim.envs.vector import GrainVectorEnv
+    from robosim.envs.vector import make_vector
 
-    return GrainVectorEnv(name, **options)
+    return make_vector(name, **options)

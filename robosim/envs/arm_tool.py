@@ -11,7 +11,7 @@ import mpm
 from robosim.arm import SPEED_LIMITS, Arm
 from robosim.config import Grip, RobotConfig, load_robot
 from robosim.coupling import GranularPlugin
-from robosim.envs.carrier import Carrier
+from robosim.envs.carrier import Carrier, Step
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 from robosim.errors import RobotDiverged, UnreachableWaypoint
@@ -77,7 +77,8 @@ class ArmTool(Carrier):
     """Moves the tool with the arm: the grains push back."""
 
     def __init__(self, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally, grasp: Grip) -> None:
-        super().__init__(task, solver, tally)
+        super().__init__(task)
+        self._solver, self._tally = solver, tally
         self._robot = load_robot("iiwa14")
         self._task = task
         self._grip: Grip = grasp
@@ -139,7 +140,7 @@ class ArmTool(Carrier):
         super().restart(pose)
         return body_pose(self.data, self.scene.tool)
 
-    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[mpm.Tallied]:
+    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
         """Command velocities [m/s], [rad/s] in world axes; the arm follows as it can."""
         for _ in range(steps):
             self.command(linear, angular)
@@ -148,7 +149,7 @@ class ArmTool(Carrier):
             self._q = q
             self.plugin.step()
             self.grasp.watch()
-            yield self._tally.read()
+            yield self._tally.read(), self._solver.collider_pose(TOOL)
 
     def _drive(self, wanted: JointState) -> None:
         """Motor torques for a joint state."""

@@ -11,14 +11,17 @@ from mpm.solver import MAX_LOOKS
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 
+Step = tuple[mpm.Tallied, mpm.Pose]
+"""What was read after a step of `step_dt`, and where the tool was then."""
+
 
 class Carrier:
     """What is told where the tool shall be. The tool's origin stays in its box."""
 
-    def __init__(self, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally) -> None:
-        self._solver, self._tally, self._dt = solver, tally, task.step_dt
+    def __init__(self, task: TaskConfig) -> None:
+        self._dt = task.step_dt
         self._lower, self._upper = np.array(task.action.lower), np.array(task.action.upper)
-        self.commanded = solver.collider_pose(TOOL)
+        self.commanded = task.start.pose
         """Where the tool is told to be."""
 
     robot: Any = None
@@ -33,32 +36,27 @@ class Carrier:
         self.commanded = pose
         return pose
 
-    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[mpm.Tallied]:
-        """Command velocities for some steps and advance; what was read after each step of `step_dt`."""
+    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
+        """Command velocities for some steps and advance."""
         raise NotImplementedError
 
-    def command(self, linear: np.ndarray, angular: np.ndarray) -> None:
+    def command(self, linear: np.ndarray, angular: np.ndarray) -> mpm.Pose:
         """Move the commanded pose on by one step of `step_dt`, with velocities [m/s], [rad/s] in world axes."""
         place = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
         self.commanded = mpm.Pose(place, turned(self.commanded.quaternion, self._dt * angular))
+        return self.commanded
 
 
 class KinematicTool(Carrier):
     """Moves the tool's collider; nothing of arm or MuJoCo is there."""
 
-    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[mpm.Tallied]:
-        """Hold velocities [m/s], [rad/s] in world axes; what was read after each step of `step_dt`.
+    def __init__(self, task: TaskConfig, solver: mpm.Solver) -> None:
+        super().__init__(task)
+        self._solver = solver
 
-        As many steps as the solver can look at go into one launch; ranked grains are looked at from outside.
-        """
-        at_once = 1 if self._tally.ranks else MAX_LOOKS
-        while steps > 0:
-            n = min(steps, at_once)
-            steps -= n
-            way = [self._solver.collider_pose(TOOL)]
-            for _ in range(n):
-                self.command(linear, angular)
-                way.append(self.commanded)
-            self._solver.set_collider_motion(TOOL, *way)
-            read = self._solver.advance(n * self._dt, looks=n)
-            yield from read or [self._tally.read()]
+    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
+        """Hold velocities [m/s], [rad/s] in world axes; as many steps as the solver can look at in one launch."""
+        for first in range(0, steps, MAX_LOOKS):
+            way = [self.command(linear, angular) for _ in range(min(MAX_LOOKS, steps - first))]
+            self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *way)
+            yield from zip(self._solver.advance(len(way) * self._dt, looks=len(way)), way, strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 import mpm
 from mpm.substep import SPEED_LIMIT
 from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import TOOL, observed
+from robosim.envs.task_field import observed
 
 Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "all"]
 REACH = 0.05
@@ -25,12 +25,9 @@ class Observer:
 
     def __init__(self, task: TaskConfig, solver: mpm.Solver, layout: Layout) -> None:
         self.task, self.layout = task, layout
-        indices = observed(task) if layout in ("flat", "dict", "positions", "velocities") else np.arange(
-            task.grains.count)
-        self._sample = mpm.Sample(solver, indices) if layout != "none" else None
-        self._grains = np.zeros((len(indices), 6), np.float32)
-        self._solver = solver
-        self._quaternion = np.zeros(4)
+        every = np.arange(task.grains.count)
+        self.chosen = {"none": every[:0], "all": every, "moments": every}.get(layout, observed(task))
+        """Indices of the grains that are looked at."""
         cell = solver.grid.cell
         # a hair wider than the walls, because positions are rounded to single precision
         lower = np.asarray(solver.grid.lower) - 0.01 * cell
@@ -43,36 +40,23 @@ class Observer:
         """Part of a flat observation -> where it stands."""
         self.space = self._space()
 
-    def restart(self) -> None:
-        """A new episode: the quaternion's sign is free again."""
-        self._quaternion = np.zeros(4)
-
-    def read(self, now: mpm.Tallied, progress: float) -> Any:
-        """The observation of the present state, in an array of its own. progress: share of the episode."""
-        if self._sample is not None:
-            self._sample.read(self._grains)
-        tool = self._tool()
+    def read(self, grains: np.ndarray, pose: mpm.Pose, now: mpm.Tallied, progress: float) -> Any:
+        """An observation, in an array of its own, of the chosen grains (n, 6), a tool whose quaternion does not jump,
+        what was tallied, and the share of the episode that is over."""
+        tool = pose.position if self.task.action.dimensions == 3 else np.concatenate(pose)
         if self.layout == "dict":
-            return {"particles": self._grains.copy(), "tool": tool.astype(np.float32),
+            return {"particles": grains.copy(), "tool": tool.astype(np.float32),
                     "time": np.array([progress], np.float32)}
-        parts = {"flat": self._grains, "all": self._grains, "positions": self._grains[:, :3],
-                 "velocities": self._grains[:, 3:], "none": np.zeros(0), "moments": np.zeros(0)}
-        grains = parts[self.layout].ravel() if self.layout != "moments" else self._moments(now)
-        return np.concatenate([grains, tool, [progress]], dtype=np.float32, casting="same_kind")
+        if self.layout == "moments":
+            seen = self._moments(grains, pose, now)
+        else:
+            seen = {"positions": grains[:, :3], "velocities": grains[:, 3:]}.get(self.layout, grains).ravel()
+        return np.concatenate([seen, tool, [progress]], dtype=np.float32, casting="same_kind")
 
-    def _tool(self) -> np.ndarray:
-        """Position (3,), and where the tool may turn its quaternion (w, x, y, z), without a jump of sign."""
-        pose = self._solver.collider_pose(TOOL)
-        if self.task.action.dimensions == 3:
-            return np.asarray(pose.position)
-        sign = -1.0 if self._quaternion @ pose.quaternion < 0 else 1.0
-        self._quaternion = sign * pose.quaternion
-        return np.concatenate([pose.position, self._quaternion])
-
-    def _moments(self, now: mpm.Tallied) -> np.ndarray:
+    def _moments(self, grains: np.ndarray, pose: mpm.Pose, now: mpm.Tallied) -> np.ndarray:
         """Numbers of the whole heap; `_moment_bounds` says which."""
-        x, v = self._grains[:, :3].astype(float), self._grains[:, 3:].astype(float)
-        pose, n, counted = self._solver.collider_pose(TOOL), len(x), self.task.grains.counted
+        x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
+        n, counted = len(x), self.task.grains.counted
         looked_at = n if self.task.grains.elites else counted
         middle = x.mean(0)
         spread = np.cov(x.T)[np.triu_indices(3)]
@@ -98,7 +82,7 @@ class Observer:
         return bounds
 
     def _space(self) -> gymnasium.Space:
-        n = len(self._grains)
+        n = len(self.chosen)
         # a tool that is dropped falls to the table, beside the box that the command stays in
         tool_low = np.minimum(np.array(self.task.action.lower) - REACH, self._lower - REACH)
         tool_high = np.maximum(np.array(self.task.action.upper) + REACH, self._upper + REACH)

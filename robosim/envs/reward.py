@@ -39,12 +39,12 @@ class Reward:
         """Task completion score so far; terms of the last step come with it."""
         return sum(self.score.values())
 
-    def step(self, tally: mpm.Tally, now: mpm.Tallied, turned: float, last: bool) -> dict[str, float]:
+    def step(self, now: mpm.Tallied, turned: float, last: bool) -> dict[str, float]:
         """Terms of one step. turned: [rad] about the tool's lateral axis since the start; last: of the episode."""
         weights, n = self.task.reward, self.counted
         total, on_target = now.distance, now.on_target
-        if self.task.grains.elites:
-            total, on_target = self._elites(tally)
+        if now.ranks is not None:
+            total, on_target = self._elites(now.ranks)
         self.on_target = on_target
         values = {"distance": self.beta * (self.gamma - total)}
         if self.task.kind == "pour":
@@ -80,11 +80,10 @@ class Reward:
             self.score[name] += worst[name]
         return worst
 
-    def _elites(self, tally: mpm.Tally) -> tuple[float, int]:
+    def _elites(self, ranks: np.ndarray) -> tuple[float, int]:
         """Distance [m] of the grains closest to the goal, and how many of them are on the target."""
-        rows = tally.distances[tally.slots]
-        nearest = np.argpartition(rows[:, 0], self.counted - 1)[: self.counted]
-        return float(rows[nearest, 0].sum(dtype=float)), int(rows[nearest, 1].sum())
+        nearest = np.argpartition(ranks[:, 0], self.counted - 1)[: self.counted]
+        return float(ranks[nearest, 0].sum(dtype=float)), int(ranks[nearest, 1].sum())
 
     def readings(self, now: mpm.Tallied) -> dict[str, float]:
         """Physical readings that do not depend on the weights: fractions of N*; spilled, of the observed grains."""

@@ -57,9 +57,8 @@ def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     env.solver.compile()
     watch = Stopwatch()
     watch.watch(env.solver, "advance", "field")
-    watch.watch(env.tally, "read", "counting grains")
     watch.watch(env.reward, "step", "reward")
-    watch.watch(env._observer, "read", "observation")
+    watch.watch(env.world.observer, "read", "observation")
     act, over, impulses, begin, info = Script(env), False, [], time.perf_counter(), {}
     while not over:
         _, _, terminated, truncated, info = env.step(act())

@@ -1,0 +1,264 @@
+"""Several futures of one scene in one launch: their states lie in a bank and take turns in the solver's fields.
+
+Grid, colliders and kernel are shared, so that one more future costs its grains' state and no more; what a turn adds to
+the work is a copy of that state there and back.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mpm.backend import allocating, default_precision, real_type, ti
+from mpm.body import Material
+from mpm.diagnostics import divergence_of
+from mpm.errors import InvalidValue, SimulationDiverged
+from mpm.motion import Pose
+from mpm.motions import Motions
+from mpm.numbers import PARAMETERS
+from mpm.particles import LANES
+from mpm.substep import SPEED_LIMIT, Substeps
+from mpm.tally import ROWS as TALLY_ROWS
+from mpm.tally import Tallied
+
+LEFT_OUT, READ_ONLY = -1, 0
+"""Numbers of substeps that mean something else."""
+
+
+class Turn(NamedTuple):
+    """What a future does in a launch."""
+
+    substeps: int = LEFT_OUT
+    first_row: int = 0
+    """Of its part of the motion table."""
+    interval: int = 1
+    """Substeps between two readings."""
+    stamp: int = 0
+
+
+@ti.data_oriented
+class BatchSubsteps(Substeps):
+    """The kernel of a batch: the substeps of one future after another."""
+
+    def __init__(self, scene, n: int) -> None:  # noqa: ANN001  (a Solver; see Substeps)
+        super().__init__(scene)
+        self.n = n
+        self.kept = [field for named in scene.particles.named_fields().values() for field in named]
+        self.bank = ti.Vector.field(LANES, real_type(scene.precision), (n, len(self.kept), scene.particles.n_packs))
+        self.flags = ti.field(ti.i8, (n, scene.particles.n_packs * LANES if self.tallies else 1))
+        self.rows_of_sample = len(scene.sample.values) if self.samples else 0
+
+    @ti.kernel
+    def run_all(self, turns: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
+                mobile: ti.types.ndarray(), laws: ti.types.ndarray(), out: ti.types.ndarray(),
+                results: ti.types.ndarray(), ranks: ti.types.ndarray(), seen: ti.types.ndarray(), looks: ti.i32):
+        """Give every future its turn (n, 4); dts [s] (n,), laws (n, bodies, parameters and density); out is zero before
+        and after, results (n, rows, 6) hold what it held; ranks (n looks, grains, 2), seen (n grains, 6): as in
+        `Substeps.run`, one future after another."""
+        ti.loop_config(serialize=True)
+        for e in range(self.n):
+            substeps, row, interval, stamp = turns[e, 0], turns[e, 1], turns[e, 2], turns[e, 3]
+            if substeps != ti.static(LEFT_OUT):
+                self.fetch(e)
+                self.set_laws(laws, e)
+                dt = dts[e]
+                if substeps == ti.static(READ_ONLY):
+                    if ti.static(self.tallies):
+                        self.look(motion, row, 1, 1, out, ranks, e * looks)
+                else:
+                    self.mark_blocks(self.particles, stamp)
+                for s in range(substeps):
+                    self.substep(row + s, stamp + s, dt, motion, mobile, out)
+                    if ti.static(self.tallies):
+                        self.look(motion, row + s, s + 1, interval, out, ranks, e * looks)
+                self.take_status(out)
+                if ti.static(self.samples):
+                    self.sample.take(seen, e * ti.static(self.rows_of_sample))
+                self.store(e)
+                for i in range(results.shape[1]):
+                    for j in range(6):
+                        results[e, i, j] = out[i, j]
+                        out[i, j] = 0.0
+
+    @ti.func
+    def fetch(self, e):
+        """A future's state into the solver's fields."""
+        for i in ti.static(range(len(self.kept))):
+            for q in range(self.particles.n_packs):
+                self.kept[i][q] = self.bank[e, i, q]
+        if ti.static(self.tallies):
+            for slot in range(self.flags.shape[1]):
+                self.tally.flags[slot] = self.flags[e, slot]
+
+    @ti.func
+    def store(self, e):
+        """The solver's fields back to where a future's state lies."""
+        for i in ti.static(range(len(self.kept))):
+            for q in range(self.particles.n_packs):
+                self.bank[e, i, q] = self.kept[i][q]
+        if ti.static(self.tallies):
+            for slot in range(self.flags.shape[1]):
+                self.flags[e, slot] = self.tally.flags[slot]
+
+    @ti.func
+    def set_laws(self, laws: ti.template(), e):
+        """Numbers of a future's materials."""
+        for body in ti.static(range(len(self.laws))):
+            for i in ti.static(range(PARAMETERS)):
+                self.numbers.parameters[body, i] = laws[e, body, i]
+            self.numbers.densities[body] = laws[e, body, PARAMETERS]
+
+    @ti.kernel
+    def bring(self, e: ti.i32):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.fetch(e)
+
+    @ti.kernel
+    def begin(self, e: ti.i32, state: ti.types.ndarray()):
+        """A new state (fields, packs, lanes), in which nothing has been read yet."""
+        ti.loop_config(serialize=True)
+        for i in range(state.shape[0]):
+            for q in range(state.shape[1]):
+                for l in ti.static(range(LANES)):
+                    self.bank[e, i, q][l] = state[i, q, l]
+        ti.loop_config(serialize=True)
+        for slot in range(self.flags.shape[1]):
+            self.flags[e, slot] = 0
+
+
+class Batch:
+    """n futures of a solver's scene; each has its own grains' state, materials, time and poses of the colliders.
+
+    The solver's attached tally and sample read in every future. The solver itself is left in the state of some future:
+    `bring` chooses which. Colliders are moved, not pushed: raises InvalidValue for mobile ones.
+    """
+
+    def __init__(self, solver, n: int, looks: int = 1) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
+        if n < 1 or looks < 1:
+            raise InvalidValue(f"Batch: n = {n}, looks = {looks}; accepted: whole numbers from 1 on")
+        if solver.features.mobile:
+            raise InvalidValue(f"Batch: colliders {solver.features.mobile} are mobile; accepted: moved ones")
+        self.solver, self.n, self.looks = solver, n, looks
+        with default_precision(solver.precision), allocating():
+            self._substeps = BatchSubsteps(solver, n)
+        dtype, tally, sample = solver._dtype, solver.tally, solver.sample
+        rows = self._substeps.rows + (TALLY_ROWS * looks if tally else 0)
+        self._out, self._results = np.zeros((rows, 6)), np.zeros((n, rows, 6))
+        self._ranks = np.zeros((n * looks, *(tally.ranks_shape if tally else (1, 2))), np.float32)
+        self._seen = np.zeros((n * (len(sample.values) if sample else 1), 6), np.float32)
+        self._dts = np.zeros(n, dtype)
+        self._materials = [[body.material for body in solver.bodies] for _ in range(n)]
+        self._laws = np.zeros((n, len(solver.bodies), PARAMETERS + 1), dtype)
+        for e in range(n):
+            for body, material in enumerate(self._materials[e]):
+                self.set_material(e, body, material)
+        self._motions = [Motions(solver.colliders, solver.features, solver.mobility) for _ in range(n)]
+        self.time, self.steps = np.zeros(n), np.zeros(n, int)
+        """Of every future: [s], substeps."""
+        state = solver.state()
+        for e in range(n):
+            self.load(e, state)
+
+    @property
+    def bytes_each(self) -> int:
+        """Memory that one more future takes."""
+        bank, flags = self._substeps.bank, self._substeps.flags
+        size = 8 if self.solver.precision == "f64" else 4
+        each = int(np.prod(bank.shape[1:])) * LANES * size + flags.shape[1]
+        return each + (self._results.nbytes + self._ranks.nbytes + self._seen.nbytes) // self.n
+
+    def seen(self, e: int) -> np.ndarray:
+        """What the solver's sample read in a future when it last had a turn (n, 6)."""
+        return self._seen.reshape(self.n, -1, 6)[e]
+
+    def set_material(self, e: int, body: int, material: Material) -> None:
+        """As `Solver.set_material`, for one future."""
+        self.solver.check_material(body, material)
+        self._materials[e][body] = material
+        self._laws[e, body] = 0.0
+        self._laws[e, body, : len(material.parameters)] = material.parameters
+        self._laws[e, body, PARAMETERS] = material.density
+
+    def set_collider_motion(self, e: int, index: int, begin: Pose, *ends: Pose) -> None:
+        """As `Solver.set_collider_motion`, for one future."""
+        self._motions[e].set(index, begin, ends)
+
+    def collider_pose(self, e: int, index: int) -> Pose:
+        """Where a future's last advance left a collider."""
+        return self._motions[e].poses[index]
+
+    def load(self, e: int, state: dict[str, np.ndarray]) -> Tallied | None:
+        """Put a future into a state (see `Solver.state`); what the tally reads there, where nothing was lost before."""
+        particles = self.solver.particles
+        packed = [particles.packed(particles.checked(state, name)) for name in particles.named_fields()]
+        self._motions[e].poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+        self._motions[e].pending.clear()
+        self.time[e], self.steps[e] = float(state["time"]), int(state["steps"])
+        with default_precision(self.solver.precision):
+            self._substeps.begin(e, np.concatenate(packed))
+        self._read(e)
+        return self._read(e)  # what is lost at the start is found so, not newly lost
+
+    def _read(self, e: int) -> Tallied | None:
+        """What the tally reads in a future as it is."""
+        _, table = self._motions[e].take(1.0, 1, np.inf, self.solver.grid.cell, self.solver._dtype)
+        turns = [Turn()] * self.n
+        turns[e] = Turn(READ_ONLY)
+        self._launch(turns, table)
+        return self._tallied(e, 1)[0] if self.solver.tally else None
+
+    def advance(self, durations: np.ndarray, looks: np.ndarray) -> list[list[Tallied] | SimulationDiverged]:
+        """Advance every future by its duration [s] (n,), zero: it rests; what the tally read after each of its `looks`
+        (n,) equal intervals, or why the future has ended: `load` begins another."""
+        solver, tables, turns, rows = self.solver, [], [], 0
+        for e in range(self.n):
+            if durations[e] <= 0:
+                turns.append(Turn())
+                continue
+            if not 1 <= looks[e] <= self.looks:
+                raise InvalidValue(f"advance: looks[{e}] = {looks[e]}; accepted: 1 to {self.looks}, the batch's own")
+            total, table = self._motions[e].take(float(durations[e]), int(looks[e]), solver.dt, solver.grid.cell,
+                                                 solver._dtype)
+            self._dts[e] = durations[e] / total
+            turns.append(Turn(total, rows, total // int(looks[e])))
+            tables.append(table)
+            rows += total
+        if not tables:
+            return [[] for _ in turns]
+        self._launch(turns, np.concatenate(tables, axis=1))
+        return [self._outcome(e, turn, int(looks[e])) if turn.substeps > 0 else [] for e, turn in enumerate(turns)]
+
+    def _launch(self, turns: list[Turn], motion: np.ndarray) -> None:
+        solver = self.solver
+        stamped = []
+        for turn in turns:
+            stamped.append(turn._replace(stamp=solver.take_stamps(max(turn.substeps, 0) + 1)))
+        with default_precision(solver.precision):
+            self._substeps.run_all(np.array(stamped, np.int32), self._dts, np.ascontiguousarray(motion),
+                                   solver.mobility.table, self._laws, self._out, self._results, self._ranks, self._seen,
+                                   self.looks)
+
+    def _outcome(self, e: int, turn: Turn, looks: int) -> list[Tallied] | SimulationDiverged:
+        """What a future's turn came to."""
+        dt = float(self._dts[e])
+        self.time[e] += turn.substeps * dt
+        self.steps[e] += turn.substeps
+        squares, fastest = self._results[e, self._substeps.status, :2]
+        if not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
+            self.bring(e)
+            return divergence_of(self.solver, dt)
+        return self._tallied(e, looks) if self.solver.tally else []
+
+    def _tallied(self, e: int, looks: int) -> list[Tallied]:
+        begin = self._substeps.rows
+        return [self.solver.tally.said(self._results[e, begin + TALLY_ROWS * k : begin + TALLY_ROWS * (k + 1)],
+                                       self._ranks[e * self.looks + k]) for k in range(looks)]
+
+    def bring(self, e: int) -> None:
+        """Put the solver into a future's state, to be read or drawn."""
+        solver = self.solver
+        with default_precision(solver.precision):
+            self._substeps.bring(e)
+        solver.taken_over(self._motions[e].poses, float(self.time[e]), int(self.steps[e]))
+        for body, material in enumerate(self._materials[e]):
+            solver.set_material(body, material)

@@ -1,0 +1,93 @@
+"""Environments of one sub-task that take turns in one field: one launch, one kernel, one process."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+
+import mpm
+from robosim.envs.actions import Actions
+from robosim.envs.carrier import Carrier
+from robosim.envs.episode import Episode, Horizon
+from robosim.envs.observation import Layout
+from robosim.envs.task import TaskConfig
+from robosim.envs.task_field import TOOL
+from robosim.envs.world import Ranges, World, checked_options
+
+Info = dict[str, Any]
+
+
+class GrainBatch:
+    """n environments in step; what each does is what it would do alone, to the bit. Options as of `GrainEnv`, which
+    has the arm and pictures, too. One that ends begins anew in the same step (Gymnasium's SAME_STEP)."""
+
+    def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
+                 action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate",
+                 clip_actions: bool = False, randomize: Ranges | None = None, **numbers: float) -> None:
+        self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize)
+        self.action_repeat = action_repeat
+        self.batch = mpm.Batch(self.world.solver, n, looks=min(action_repeat, self.world.task.steps))
+        self.actions = Actions(self.world.task, clip=clip_actions)
+        self.observation_space, self.action_space = self.world.observer.space, self.actions.space
+        self.episodes = [Episode(self.world.task, horizon) for _ in range(n)]
+        self._carriers = [Carrier(self.world.task) for _ in range(n)]
+        self._rngs: list[np.random.Generator | None] = [None] * n
+        self._seen: list[Any] = [None] * n
+
+    def reset(self, seeds: list[int | None], options: dict[str, Any] | None,
+              chosen: np.ndarray) -> tuple[list[Any], list[Info]]:
+        """Start episodes in the chosen environments (n,), and say nothing of the others."""
+        nominal = checked_options(options)
+        infos: list[Info] = [{} for _ in self.episodes]
+        for e in np.flatnonzero(chosen):
+            if seeds[e] is not None or self._rngs[e] is None:
+                self._rngs[e] = seeding.np_random(seeds[e])[0]
+            infos[e] = self._begin(int(e), nominal)
+        return list(self._seen), infos
+
+    def _begin(self, e: int, nominal: bool = False) -> Info:
+        """Start an episode."""
+        rng, world = self._rngs[e], self.world
+        assert rng is not None
+        law = world.drawn_law(rng)
+        if law is not None:
+            self.batch.set_material(e, 0, law)
+        tool, pile = world.drawn_start(rng, nominal=nominal)
+        now = self.batch.load(e, world.placed(self._carriers[e].restart(tool), pile))
+        assert now is not None
+        info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), now)
+        self._look(e)
+        return info
+
+    def _look(self, e: int) -> None:
+        """Take an observation."""
+        episode = self.episodes[e]
+        self._seen[e] = self.world.observer.read(self.batch.seen(e)[: len(self.world.observer.chosen)], episode.pose,
+                                                 episode.now, episode.progress)
+
+    def step(self, actions: np.ndarray) -> tuple[list[Any], np.ndarray, np.ndarray, np.ndarray, list[Info], list[Info]]:
+        """Observations, rewards (n,), ended (n,), cut (n,), infos, and of those that ended "final_obs" and
+        "final_info"; the observation and info of such a one are those of its next start."""
+        dt, n = self.world.task.step_dt, len(self.episodes)
+        looks = np.array([episode.steps(self.action_repeat) for episode in self.episodes])
+        ways = []
+        for e, carrier in enumerate(self._carriers):
+            velocities = self.actions.velocities(actions[e], f"action of environment {e}")
+            ways.append([carrier.command(*velocities) for _ in range(looks[e])])
+            self.batch.set_collider_motion(e, TOOL, self.batch.collider_pose(e, TOOL), *ways[e])
+        rewards, ended, cut = np.zeros(n), np.zeros(n, bool), np.zeros(n, bool)
+        infos: list[Info] = [{} for _ in range(n)]
+        finals: list[Info] = [{} for _ in range(n)]
+        for e, read in enumerate(self.batch.advance(looks * dt, looks)):
+            episode = self.episodes[e]
+            if isinstance(read, mpm.SimulationDiverged):
+                episode.give_up(read)
+            else:
+                for now, pose in zip(read, ways[e], strict=True):
+                    episode.take(now, pose)
+                self._look(e)
+            rewards[e], ended[e], cut[e], infos[e] = episode.outcome()
+            if not episode.running:
+                finals[e] = {"final_obs": self._seen[e], "final_info": infos[e]}
+                infos[e] = self._begin(e)
+        return list(self._seen), rewards, ended, cut, infos, finals

@@ -1,0 +1,118 @@
+"""Futures that share a solver's fields are those that the solver has alone, to the bit."""
+
+import numpy as np
+import pytest
+
+import mpm
+
+CELL = 0.02
+STEP = 5e-3
+SALT = mpm.DruckerPrager(E=1e5, nu=0.2, density=1200.0, friction_angle_deg=30.0)
+SOFT = mpm.DruckerPrager(E=4e4, nu=0.3, density=900.0, friction_angle_deg=25.0)
+
+
+def scene() -> mpm.Solver:
+    """A box among falling grains, watched by a tally and a sample."""
+    positions = mpm.sample_box((0.1, 0.1, 0.06), (0.3, 0.3, 0.14), CELL / 2, np.random.default_rng(0))
+    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2,
+                       pose=mpm.Pose(np.array([0.2, 0.2, 0.03]), np.array([1.0, 0.0, 0.0, 0.0])))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), colliders=[box], dt=5e-4,
+                        bodies=[mpm.Body(SALT, positions, volume=(CELL / 2) ** 3)])
+    chosen = np.arange(2, len(positions), 3)
+    tally = mpm.Tally(solver, chosen, goal=np.array([0.3, 0.2, 0.1]), weights=np.ones(3), reach=0.03, ranks=True,
+                      target=mpm.Region((0.3, 0.2, 0.0), (0.1, 0.08, 9.0), round=True), tool=0,
+                      bounds=mpm.Region((0.2, 0.2, 0.55), (9.0, 9.0, 0.5)),
+                      interior=mpm.Region((0.0, 0.0, 0.05), (0.06, 0.05, 0.05)))
+    solver.attach(tally, mpm.Sample(solver, chosen))
+    return solver
+
+
+def starts(solver: mpm.Solver) -> list[dict[str, np.ndarray]]:
+    """The scene's, one that moves, one in another place."""
+    moving, aside = solver.state(), solver.state()
+    moving["v"] = moving["v"] + [0.1, 0.0, 0.2]
+    aside["x"] = aside["x"] + [0.03, -0.02, 0.0]
+    return [solver.state(), moving, aside]
+
+
+def way(begin: mpm.Pose, e: int, legs: int) -> list[mpm.Pose]:
+    """Poses that the box passes, others for each future."""
+    return [mpm.Pose(begin.position + k * np.array([0.002, 0.001 * e, 0.003]), begin.quaternion)
+            for k in range(legs + 1)]
+
+
+def same(one: mpm.Tallied, other: mpm.Tallied) -> bool:
+    return one[:-1] == other[:-1] and np.array_equal(one.ranks, other.ranks)  # pyright: ignore[reportArgumentType]
+
+
+def test_futures_are_those_of_the_solver_alone() -> None:
+    """Three starts, motions and numbers of steps, one with another material; two advances and a rest."""
+    alone, materials, legs = scene(), (SALT, SOFT, SALT), (3, 2, 4)
+    expected = []
+    for e, start in enumerate(starts(alone)):
+        alone.load(start)
+        alone.set_material(0, materials[e])
+        alone.tally.restart()
+        read = [alone.tally.read()]
+        for k in (legs[e], 1):
+            alone.set_collider_motion(0, *way(alone.collider_pose(0), e, k))
+            read += alone.advance(k * STEP, looks=k)
+        expected.append((read, alone.state(), alone.sample.values.copy()))
+
+    shared = scene()
+    batch = mpm.Batch(shared, 3, looks=4)
+    read = []
+    for e, start in enumerate(starts(shared)):
+        batch.set_material(e, 0, materials[e])
+        read.append([batch.load(e, start)])
+    for counts in (np.array(legs), np.ones(3, int), np.zeros(3, int)):
+        for e, k in enumerate(counts):
+            if k:
+                batch.set_collider_motion(e, 0, *way(batch.collider_pose(e, 0), e, k))
+        for row, new in zip(read, batch.advance(counts * STEP, counts)):
+            row += new
+    for e, (tallied, state, seen) in enumerate(expected):
+        assert len(tallied) == len(read[e]) and all(map(same, tallied, read[e]))
+        assert np.array_equal(batch.seen(e), seen)
+        batch.bring(e)
+        assert all(np.array_equal(shared.state()[name], values) for name, values in state.items() if name != "time")
+        assert shared.time == pytest.approx(state["time"], rel=1e-6)
+
+
+def test_a_future_that_diverges_ends_alone() -> None:
+    solver = scene()
+    good, bad = solver.state(), solver.state()
+    bad["v"][7] = np.nan
+    batch, pair = mpm.Batch(solver, 2), mpm.Batch(solver, 1)
+    batch.load(0, bad)
+    for single, e in ((batch, 1), (pair, 0)):
+        single.load(e, good)
+    error, read = batch.advance(np.full(2, STEP), np.ones(2, int))
+    assert isinstance(error, mpm.SimulationDiverged)
+    alone = pair.advance(np.full(1, STEP), np.ones(1, int))[0]
+    assert isinstance(read, list) and isinstance(alone, list) and same(read[0], alone[0])
+    batch.load(0, good)  # and begins anew
+    again = batch.advance(np.full(2, STEP), np.ones(2, int))[0]
+    assert isinstance(again, list) and same(again[0], alone[0])
+
+
+def test_a_future_costs_its_grains_alone() -> None:
+    """Position, velocity, affine velocity and strain in single precision, 21 numbers a grain, and what is read."""
+    solver = scene()
+    grains = sum(solver.particles.counts)
+    assert 21 * 4 * grains < mpm.Batch(solver, 2).bytes_each < 150 * grains
+
+
+def test_wrong_batches_are_refused() -> None:
+    solver = scene()
+    with pytest.raises(mpm.InvalidValue, match="n = 0"):
+        mpm.Batch(solver, 0)
+    batch = mpm.Batch(solver, 1)
+    with pytest.raises(mpm.InvalidValue, match="accepted: 1 to 1"):
+        batch.advance(np.full(1, STEP), np.full(1, 2))
+    with pytest.raises(mpm.TimeStepTooLarge):
+        batch.set_material(0, 0, mpm.DruckerPrager(E=1e9, nu=0.2, density=1200.0, friction_angle_deg=30.0))
+    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), mobile=True)
+    pushed = mpm.Solver(grid=solver.grid, colliders=[box], bodies=solver.bodies)
+    with pytest.raises(mpm.InvalidValue, match="mobile"):
+        mpm.Batch(pushed, 1)

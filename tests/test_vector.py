@@ -1,0 +1,176 @@
+"""Several environments at once: each is what it is alone, in one process or two, and ends or diverges alone."""
+
+import os
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import robosim  # noqa: F401  (registers the environments)
+from robosim.envs.vector import GrainVectorEnv
+from robosim.errors import ConfigError, RobosimError, UnknownName
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Settled starts of the tests lie in a folder of their own."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROBOSIM_CACHE", str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def carried() -> Iterator[gymnasium.vector.VectorEnv]:
+    """Three environments of the smallest sub-task, in this process; seven long actions make an episode."""
+    vector = gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=3, workers=1, action_repeat=150)
+    yield vector
+    vector.close()
+
+
+def actions(vector: gymnasium.vector.VectorEnv, seed: int) -> Iterator[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    while True:
+        yield rng.uniform(-0.3, 0.3, vector.action_space.shape).astype(np.float32)  # pyright: ignore[reportArgumentType]
+
+
+def equal(one: Any, other: Any) -> bool:
+    """Whether two infos hold the same numbers."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(equal(one[key], other[key]) for key in one)
+    if isinstance(one, np.ndarray) and one.dtype.hasobject:  # arrays of those that ended, None of the others
+        return len(one) == len(other) and all(map(equal, one, other))
+    return np.array_equal(one, other)
+
+
+def of(infos: dict[str, Any], e: int) -> dict[str, Any]:
+    """The info of one environment."""
+    return {key: of(value, e) if isinstance(value, dict) else value[e] for key, value in infos.items()
+            if not key.startswith("_") and infos.get(f"_{key}", np.ones(9))[e]}
+
+
+@pytest.mark.parametrize("options", [
+    {}, pytest.param({"obs": "moments", "randomize": {"friction_angle_deg": (20.0, 40.0)}}, marks=pytest.mark.slow),
+    pytest.param({"task": "SpoonScoop", "obs": "dict"}, marks=pytest.mark.slow),
+])
+def test_each_is_what_it_is_alone(options: dict[str, Any], carried: gymnasium.vector.VectorEnv) -> None:
+    """Observations, rewards and infos of three episodes side by side, over an end and into the next start."""
+    options = {"action_repeat": 150} | options
+    name = f"robosim/{options.pop('task', 'SpoonTranslate')}-v0"
+    usual = options == {"action_repeat": 150}
+    vector = carried if usual else gymnasium.make_vec(name, num_envs=3, workers=1, **options)
+    alone = gymnasium.make(name, disable_env_checker=True, **options)
+    seen, infos = vector.reset(seed=[5, 6, 7])
+    together = [(seen, np.zeros(3), np.zeros(3, bool), np.zeros(3, bool), infos)]
+    given = actions(vector, 1)
+    steps = [next(given) for _ in range(9)]
+    together += [vector.step(action) for action in steps]
+    for e in range(3):
+        observation, info = alone.reset(seed=5 + e)
+        for k, (seen, rewards, ended, cut, infos) in enumerate(together):
+            row: Any = {key: value[e] for key, value in seen.items()} if isinstance(seen, dict) else seen[e]
+            if k == 0:
+                assert equal(row, observation) and equal(of(infos, e), info)
+                continue
+            observation, reward, one_ended, one_cut, info = alone.step(steps[k - 1][e])
+            assert (reward, one_ended, one_cut) == (rewards[e], ended[e], cut[e])
+            mine = of(infos, e)
+            if one_ended:
+                assert equal(mine.pop("final_obs"), observation) and equal(mine.pop("final_info"), info)
+                observation, info = alone.reset()
+            assert equal(row, observation) and equal(mine, info)
+    assert sum(row[2].sum() for row in together) >= 3
+
+
+def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> None:
+    """A grain of one becomes a NaN: that episode ends, says why, begins anew; the others notice nothing."""
+    batch = carried._batches[0]  # pyright: ignore[reportAttributeAccessIssue]
+    given = actions(carried, 2)
+    first, second = next(given), next(given)
+    carried.reset(seed=3)
+    expected = [carried.step(first), carried.step(second)]
+    carried.reset(seed=3)
+    carried.step(first)
+    batch.batch.bring(1)
+    state = batch.world.solver.state()
+    state["v"][4] = np.nan
+    batch.batch.load(1, state)
+    seen, rewards, ended, cut, infos = carried.step(second)
+    assert ended.tolist() == [False, True, False] and not cut.any() and np.isfinite(seen).all()
+    assert "speed nan" in infos["final_info"]["diverged"][1] and rewards[1] < -40
+    for e in (0, 2):
+        assert np.array_equal(seen[e], expected[1][0][e]) and rewards[e] == expected[1][1][e]
+    assert np.isfinite(carried.step(first)[0]).all()
+
+
+def test_some_can_be_started_anew(carried: gymnasium.vector.VectorEnv) -> None:
+    carried.reset(seed=3)
+    given = actions(carried, 2)
+    before = carried.step(next(given))[0]
+    mask = np.array([False, True, False])
+    after, infos = carried.reset(seed=9, options={"reset_mask": mask})
+    assert [np.array_equal(a, b) for a, b in zip(before, after)] == (~mask).tolist()
+    assert infos["_time"].tolist() == mask.tolist()
+
+
+def test_wrong_input_is_refused(carried: gymnasium.vector.VectorEnv) -> None:
+    carried.reset(seed=0)
+    bad = np.zeros((3, 3), np.float32)
+    bad[2, 1] = np.nan
+    for given, complaint in ((bad, r"action of environment 2\[1\] \(y\) = nan"), (bad[:2], r"accepted: \(3, 3\)")):
+        with pytest.raises(ConfigError, match=complaint):
+            carried.step(given)
+    with pytest.raises(UnknownName, match="nominal"):
+        carried.reset(options={"start": 1})
+    with pytest.raises(ConfigError, match="num_envs = 0"):
+        gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=0)
+
+
+@pytest.mark.slow
+def test_processes_share_the_work_and_tell_when_one_dies() -> None:
+    options: dict[str, Any] = {"action_repeat": 150}
+    one, two = (GrainVectorEnv("SpoonTranslate", 3, workers=n, **options) for n in (1, 2))
+    try:
+        given = actions(one, 3)
+        for vector in (one, two):
+            vector.reset(seed=1)
+        for _ in range(8):
+            action = next(given)
+            for a, b in zip(one.step(action), two.step(action)):
+                assert equal(a, b)
+        with pytest.raises(ConfigError, match="environment 1"):  # the second of the first process
+            two.step(np.array([[0, 0, 0], [9, 0, 0], [0, 0, 0]], np.float32))
+        os.kill(two._batches[1]._process.pid, 9)
+        with pytest.raises(RobosimError, match="environments 2 to 2 ended with exit code -9"):
+            two.step(action)
+    finally:
+        one.close()
+        two.close()
+    with pytest.raises(UnknownName, match="valid"):
+        GrainVectorEnv("SpoonTranslate", 2, workers=2, material="rice")
+
+
+@pytest.mark.slow
+def test_arms_have_processes_of_their_own() -> None:
+    vector = gymnasium.make_vec("robosim/ShovelMove-v0", num_envs=2, arm=True, action_repeat=250)
+    try:
+        first, _ = vector.reset(seed=[0, 1])
+        assert first.shape[0] == 2 and not np.array_equal(*first)
+        for step in range(4):
+            seen, _, over, _, infos = vector.step(np.zeros(vector.action_space.shape, np.float32))  # pyright: ignore[reportArgumentType]
+            assert over.all() == (step == 3)
+        assert seen[0, -1] == 0.0 and infos["final_obs"][0][-1] == 1.0
+    finally:
+        vector.close()
+
+
+def test_nothing_warns_of_the_spaces(carried: gymnasium.vector.VectorEnv) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        seen, _ = carried.reset(seed=0)
+    assert carried.observation_space.contains(seen)
+    assert carried.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
