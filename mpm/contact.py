@@ -128,6 +128,19 @@ def shell_contact(scene: ti.template(), motion: ti.template(), s: ti.i32, I, J, 
 
 
 @ti.func
+def lanes_near(shape: ti.template(), particles: ti.template(), q, R, place, origin):
+    """Lanes of a pack, one bit each, whose grain may touch a shape at R, place: most are told to be far at a glance."""
+    half = particles.half[q]
+    r = [keep(particles.x[d][q] + (origin[d] - place[d])) for d in range(3)]
+    y = [keep(R[0, d] * r[0] + R[1, d] * r[1] + R[2, d] * r[2]) for d in range(3)]
+    near = 0
+    for l in ti.static(range(4)):
+        if half[l] > 0 and not shape.beyond(ti.Vector([y[d][l] for d in range(3)]), half[l]):
+            near |= 1 << l
+    return near
+
+
+@ti.func
 def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
              mobile: ti.template(), dt, origin, body: ti.template(), next_stamp: ti.i32, out: ti.template()):
     """Take from every grain whose cube (half an edge from its centre) a moving collider has entered what carries it
@@ -144,20 +157,23 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
             d2 = (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \
                 + (particles.x[2][q] + origin[2] - c_t[2]) ** 2
             reach = ti.static((scene.colliders[index].sdf.radius + 0.5 * scene.cell) ** 2)
-            lanes = 4 if d2.min() < reach else 0
-            for lane in range(lanes):
-                hot = ti.Vector([ti.cast(lane == l, grid.nodes.dtype) for l in range(4)])
-                x = ti.Vector([keep(particles.x[d][q].dot(hot)) for d in range(3)])
+            near = 0
+            if d2.min() < reach:
+                near = lanes_near(scene.colliders[index].sdf, particles, q, axes[k], c_t, origin)
+            while near > 0:
+                lane = 0 if near & 1 else (1 if near & 2 else (2 if near & 4 else 3))
+                near -= 1 << lane
+                x = ti.Vector([particles.x[d][q][lane] for d in range(3)])
                 r = ti.Vector([x[d] + origin[d] - c_t[d] for d in range(3)])
-                half = particles.half[q].dot(hot)
+                half = particles.half[q][lane]
                 y = axes[k].transpose() @ r
-                if r.norm_sqr() < reach and half > 0 and not scene.colliders[index].sdf.beyond(y, half):
+                if r.norm_sqr() < reach:
                     n_t, phi = scene.colliders[index].sdf.at(y)
                     if phi < half:
-                        v = ti.Vector([keep(particles.v[d][q].dot(hot)) for d in range(3)])
+                        v = ti.Vector([particles.v[d][q][lane] for d in range(3)])
                         normal = axes[k] @ n_t
                         approach = (v - surface_velocity(motion, k, s, r)).dot(normal)
-                        mass = scene.numbers.densities[body] * particles.volume[q].dot(hot)
+                        mass = scene.numbers.densities[body] * particles.volume[q][lane]
                         # the grain acts where it was before the move: x - dt v
                         place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + origin[d] for d in range(3)])
                         dv = normal * ti.min(ti.max(-approach, 0.0) + RECOVERY * scene.cell / dt, (half - phi) / dt)
@@ -165,6 +181,6 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                             dv = shared(scene, mobile, motion, s, index, place, mass, dv)
                         credit(out, scene.first_collider_row + index, place, mass * dv)
                         for d in ti.static(range(3)):
-                            particles.v[d][q] = particles.v[d][q] + dv[d] * hot
-                            particles.x[d][q] = particles.x[d][q] + dt * dv[d] * hot
+                            particles.v[d][q][lane] = v[d] + dv[d]
+                            particles.x[d][q][lane] = x[d] + dt * dv[d]
                         mark_place(grid, x + dt * dv, 1.0 / scene.cell, next_stamp)
