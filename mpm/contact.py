@@ -182,5 +182,5 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                         credit(out, scene.first_collider_row + index, place, mass * dv)
                         for d in ti.static(range(3)):
                             particles.v[d][q][lane] = v[d] + dv[d]
-                            particles.x[d][q][lane] = x[d] + dt * dv[d]
+                            particles.x[d][q][lane] = scene.moved(x[d] + dt * dv[d], d)  # not out through a wall
                         mark_place(grid, x + dt * dv, 1.0 / scene.cell, next_stamp)

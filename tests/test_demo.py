@@ -1,5 +1,7 @@
 """Demonstrations: the way from actions to twists and back, descent, and the command."""
 
+import json
+
 import gymnasium
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from policies import demo
 from policies.demo import demonstrate
 from policies.descent import Descent
 from policies.hold import Hold
+from robosim.envs.evaluate import evaluate
 from robosim.envs.task import load_task
 
 
@@ -67,6 +70,11 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
     assert found["losses"][2] < found["losses"][0]
     assert np.isfinite(found["check"]).all()
     assert {p.name for p in whole.iterdir()} == {"demonstration_0.npz", "demonstrations.json", "learning_curve.png"}
+    told = json.loads((whole / "demonstrations.json").read_text())["demonstrations"][0]
+    file = str(whole / "demonstration_0.npz")
+    assert evaluate("SpoonTranslate", file, tmp_path / "again", episodes=1, film=False) == 0
+    again = json.loads((tmp_path / "again" / "evaluation.json").read_text())
+    assert again["tcs"] == pytest.approx(told["among grains of salt"]["tcs"], abs=1e-9)
 
     real, calls = demo.Maker.value_and_grad, []
 
