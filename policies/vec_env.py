@@ -58,25 +58,25 @@ class VectorFace(VecEnv):
         """End the environments."""
         self.vector.close()
 
-    def get_attr(self, attr_name: str, indices: None | int | Sequence[int] = None) -> list[Any]:
+    def get_attr(self, attr_name: str, indices: int | Sequence[int] | None = None) -> list[Any]:
         """An attribute that all environments share, such as `render_mode`."""
         return [getattr(self.vector, attr_name)] * len(self._chosen(indices))
 
-    def set_attr(self, attr_name: str, value: Any, indices: None | int | Sequence[int] = None) -> None:
+    def set_attr(self, attr_name: str, value: Any, indices: int | Sequence[int] | None = None) -> None:
         """Environments of one field have no attributes of their own."""
         raise mpm.InvalidValue(f"VectorFace: {attr_name} cannot be set; give it as an option of gymnasium.make_vec")
 
-    def env_method(self, method_name: str, *method_args: Any, indices: None | int | Sequence[int] = None,
+    def env_method(self, method_name: str, *method_args: Any, indices: int | Sequence[int] | None = None,
                    **method_kwargs: Any) -> list[Any]:
         """Environments of one field have no methods of their own."""
         raise mpm.InvalidValue(f"VectorFace: {method_name} cannot be called on single environments; make one alone")
 
     def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper],
-                       indices: None | int | Sequence[int] = None) -> list[bool]:
+                       indices: int | Sequence[int] | None = None) -> list[bool]:
         """Never: SB3's Monitor goes around the whole (VecMonitor)."""
         return [False] * len(self._chosen(indices))
 
-    def _chosen(self, indices: None | int | Sequence[int]) -> list[int]:
+    def _chosen(self, indices: int | Sequence[int] | None) -> list[int]:
         return list(self._get_indices(indices))
 
 

@@ -1,5 +1,6 @@
 """Reports: claims that can fail, runs that are never repeated, pages that open from disk."""
 
+import contextlib
 import inspect
 import json
 import re
@@ -223,6 +224,19 @@ def test_a_friction_that_is_off_by_a_tenth_fails(monkeypatch: pytest.MonkeyPatch
     assert verdicts("slope", slope.measure(cells=32))["acceleration at cells 32"] == "fail"
 
 
+def gone(group: int) -> bool:
+    """Whether nothing of a group of processes runs any more, after ten seconds at most."""
+    for _ in range(200):
+        told = []
+        for path in Path("/proc").glob("[0-9]*/stat"):
+            with contextlib.suppress(OSError):  # it has just ended
+                told.append(path.read_text().rpartition(")")[2].split())
+        if not any(int(words[2]) == group and words[0] != "Z" for words in told):
+            return True
+        time.sleep(0.05)
+    return False
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", [["report", "free_fall", "spin", "--quick"], ["stability", "payload", "arm_pose"]])
 def test_a_killed_report_goes_on(tmp_path: Path, command: list[str]) -> None:
@@ -234,6 +248,8 @@ def test_a_killed_report_goes_on(tmp_path: Path, command: list[str]) -> None:
         time.sleep(0.05)
     process.send_signal(signal.SIGKILL)
     process.wait()
+    if sys.platform == "linux":
+        assert gone(process.pid)
     before = kept.read_text()
     done = len(before.splitlines()) if command[0] == "report" else len(json.loads(before)["cells"])
     assert subprocess.run(words, capture_output=True, check=False).returncode == 0
