@@ -5,6 +5,7 @@ Each figure is the median of repeated runs in a process of its own; one measurem
 """
 
 import json
+import os
 import re
 import statistics
 import sys
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from robosim.envs import TASKS
 from robosim.errors import ConfigError, UnknownName
 from robosim.output import OutputFolder
 from robosim.reports.processes import pin, worked_off
@@ -73,6 +75,29 @@ def environment(name: str, arm: bool = False) -> dict[str, float]:
     return {f"{name}{', whole arm' if arm else ''}: steps of 2 ms a second": env.task.steps / seconds}
 
 
+def side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, float]:
+    """Actions of n environments in a process for each core, against those of one alone."""
+    import numpy as np
+
+    from robosim.envs.batch import GrainBatch
+    from robosim.envs.vector import GrainVectorEnv
+
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+
+    def rate(vector: GrainVectorEnv) -> float:
+        vector.reset(seed=0)
+        still = np.zeros((vector.num_envs, *(vector.single_action_space.shape or ())), np.float32)
+        seconds = median(lambda: [vector.step(still) for _ in range(20)])
+        vector.close()
+        return 200 * vector.num_envs / seconds
+
+    alone, together = rate(GrainVectorEnv(name, 1, workers=1)), rate(GrainVectorEnv(name, n))
+    return {f"{n} x {name} on {os.cpu_count()} cores: steps of 2 ms a second": together,
+            "the same, of one alone": together / alone,
+            "memory of one more [MB]": GrainBatch(name, 1).batch.bytes_each / 1e6}
+
+
 def rendering() -> dict[str, float]:
     """Frames of a sub-task at the size of its pictures."""
     from robosim.envs.grain_env import GrainEnv
@@ -85,8 +110,8 @@ def rendering() -> dict[str, float]:
 
 PARTS: dict[str, Callable[[], dict[str, float]]] = {
     "coupling": coupling, "kinematics": kinematics, "rendering": rendering,
-    **{name: lambda name=name: environment(name) for name in ("SpoonTranslate", "SpoonScoop", "ScoopScoop")},
-    "arm": lambda: environment("SpoonTranslate", arm=True),
+    **{name: lambda name=name: environment(name) for name in TASKS}, "side_by_side": side_by_side,
+    **{f"arm_{name}": lambda name=name: environment(name, arm=True) for name in TASKS},
 }
 
 
