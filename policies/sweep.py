@@ -140,8 +140,11 @@ def work_off(waiting: list[Run], jobs: int, total: int) -> list[tuple[Run, str]]
             time.sleep(0.2)
             for run, process in [pair for pair in active if pair[1].poll() is not None]:
                 active.remove((run, process))
+                if process.returncode != 0 and at_work(run):  # one that a killed sweep left behind was first, after all
+                    queue.append(run)
+                    continue
                 progress.update()
-                if process.returncode != 0:
+                if process.returncode != 0 and run.state != "finished":
                     failed.append((run, last_words(run, process.returncode)))
     finally:
         for _, process in active:
