@@ -24,6 +24,12 @@ class Snapshot:
     @ti.kernel
     def keep(self):
         ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.copy()
+
+    @ti.func
+    def copy(self):
+        """As `keep`, within a launch."""
         for q in range(self.n_packs):
             for i in ti.static(range(len(self.fields))):
                 self.copies[i][q] = self.fields[i][q]
@@ -127,13 +133,14 @@ class ParticleFields:
 
     def keep(self) -> None:
         """Copy the state aside, on the device."""
-        self._snapshot().keep()
+        self.snapshot().keep()
 
     def rewind(self) -> None:
         """Return to the state last kept."""
-        self._snapshot().rewind()
+        self.snapshot().rewind()
 
-    def _snapshot(self) -> "Snapshot":
+    def snapshot(self) -> "Snapshot":
+        """Where the state is copied to; it takes memory from the first time on that somebody asks."""
         if self._kept is None:
             fields = [field for named in self.named_fields().values() for field in named]
             self._kept = Snapshot(fields, self.n_packs)

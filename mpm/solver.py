@@ -29,6 +29,7 @@ from mpm.tally import ROWS as TALLY_ROWS
 from mpm.tally import Tallied, Tally
 from mpm.timestep import COURANT_FRACTION, material_bound
 from mpm.walls import Walls
+from mpm.way_back import WayBack
 
 MAX_LOOKS = 64
 """Readings of an attached tally in one advance."""
@@ -123,7 +124,7 @@ class Solver:
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()
-        self._kept: tuple | None = None
+        self._way_back = WayBack(self)
         self._listed = False  # whether the blocks of the next substep are on the grid's list
 
     # scene -----------------------------------------------------------------------------------------------------------
@@ -268,7 +269,8 @@ class Solver:
     def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
         seen = self._unseen if self.sample is None else self.sample.values
         self._substeps.run(substeps, self._stamp + 1, dt, motion, self.mobility.table, self._out, first, interval,
-                           self._ranks, seen)
+                           self._ranks, seen, int(self._way_back.due))
+        self._way_back.due = self._way_back.due and substeps == 0
 
     # readings ------------------------------------------------------------------------------------------------------
     def positions(self) -> np.ndarray:
@@ -312,18 +314,11 @@ class Solver:
     # going back ------------------------------------------------------------------------------------------------------
     def keep(self) -> None:
         """Remember the state until the next `keep`: a copy beside the state, far cheaper than `state`."""
-        self.particles.keep()
-        self._kept = (self.time, self.steps, self._motions.kept(), self.mobility.kept(), self._momentum)
+        self._way_back.keep()
 
     def rewind(self) -> None:
         """Return to the state last kept, any number of times."""
-        if self._kept is None:
-            raise InvalidValue("rewind: nothing was kept; call keep() before what may have to be repeated")
-        self.particles.rewind()
-        self.time, self.steps, motions, mobility, self._momentum = self._kept
-        self._motions.poses, self._motions.pending = list(motions[0]), dict(motions[1])
-        self.mobility.restore(mobility)
-        self._listed = False
+        self._way_back.rewind()
 
     # snapshots -----------------------------------------------------------------------------------------------------
     def state(self) -> dict[str, np.ndarray]:
@@ -336,15 +331,16 @@ class Solver:
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Return to a state of this solver or of one built from the same scene."""
+        self._way_back.copy_now()
         for name, fields in self.particles.named_fields().items():
             self.particles.write(fields, self.particles.checked(state, name))
         self.mobility.restore(state)
         poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
         self.taken_over(poses, float(state["time"]), int(state["steps"]))
 
-    def taken_over(self, poses: list[Pose], time: float, steps: int) -> None:
-        """The grains' fields hold another state: its time [s], substeps and poses of the colliders."""
+    def taken_over(self, poses: list[Pose], time: float, steps: int, momentum: Momentum | None = None) -> None:
+        """The grains' fields hold another state: poses of its colliders, time [s], substeps, momentum if known."""
         self.time, self.steps, self._motions.poses = time, steps, poses
         self._motions.pending.clear()
-        self._momentum = self.momentum()
+        self._momentum = self.momentum() if momentum is None else momentum
         self._listed = False

@@ -47,6 +47,8 @@ class Substeps:
         self.meets_colliders = len(scene.colliders) > 0
         self.tally, self.first_tally_row = scene.tally, self.rows
         self.tallies = scene.tally is not None
+        self.keeps = len(scene.features.mobile) > 0  # a coupled step may be taken back
+        self.kept = scene.particles.snapshot() if self.keeps else None
         self.sample = scene.sample
         self.samples = scene.sample is not None
         self.tally_place = scene.features.moving_colliders.index(scene.tally.index) if self.tallies else -1
@@ -61,13 +63,18 @@ class Substeps:
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
             mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32,
-            ranks: ti.types.ndarray(), seen: ti.types.ndarray()):
+            ranks: ti.types.ndarray(), seen: ti.types.ndarray(), keep: ti.i32):
         """Advance by `substeps` of dt [s]; motion (k, substeps, 18) of the moving colliders; mobile: those that contact
         moves (see `mobility`), read and written; out: ledger, status and what the tally read after every `interval`
         substeps, `first` of which lie in earlier launches of the advance; ranks: what it says of single grains then;
-        seen: the sample after the last substep."""
+        seen: the sample after the last substep; keep: whether the state is first copied, to return to."""
         ti.loop_config(serialize=True)
         for s in range(substeps):
+            if ti.static(self.keeps):  # noqa: SIM102  (decided when compiling)
+                if keep > 0 and s == 0:
+                    self.kept.copy()
+                    if ti.static(self.tallies):
+                        self.tally.keep_flags()
             self.substep(s, first_stamp + s, dt, motion, mobile, out)
             if ti.static(self.tallies):
                 self.look(motion, s, first + s + 1, interval, out, ranks, 0)

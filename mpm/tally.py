@@ -77,7 +77,7 @@ class Tally:
             numbers = np.concatenate([target.row, bounds.row, interior.row, solver.grid.origin, goal, weights])
             self.numbers = ti.field(ti.f64, len(numbers))
             put(self.numbers, numbers)
-            self.counted, self.flags = ti.field(ti.i8, len(counted)), ti.field(ti.i8, len(counted))
+            self.counted, self.flags, self.kept = (ti.field(ti.i8, len(counted)) for _ in range(3))
             put(self.counted, counted)
             if points is not None:
                 self.points = ti.Vector.field(3, ti.f32, len(points))
@@ -94,6 +94,29 @@ class Tally:
         """Forget who was lost or on target before: what is so now counts as found so."""
         self.flags.fill(0)
         self.read()
+
+    def keep(self) -> None:
+        """Remember who was lost or on target, to return to with `rewind`."""
+        self._copy(False)
+
+    def rewind(self) -> None:
+        """Back to what was kept last."""
+        self._copy(True)
+
+    @ti.kernel
+    def _copy(self, back: bool):
+        ti.loop_config(serialize=True)
+        for slot in range(self.particles.n_packs * LANES):
+            if back:
+                self.flags[slot] = self.kept[slot]
+            else:
+                self.kept[slot] = self.flags[slot]
+
+    @ti.func
+    def keep_flags(self):
+        """As `keep`, within a launch."""
+        for slot in range(self.particles.n_packs * LANES):
+            self.kept[slot] = self.flags[slot]
 
     def read(self) -> Tallied:
         """The present state."""

@@ -80,6 +80,8 @@ class GranularPlugin:
         self.repeats = 0
         """Times that the last step was repeated."""
         self.ledger = empty_ledger(self._colliders)
+        self.read: list[mpm.Tallied] = []
+        """What the solver's tally, if one is attached, read after the last step."""
 
     def step(self) -> None:
         """One coupled `mj_step`.
@@ -98,7 +100,7 @@ class GranularPlugin:
             self._step_together()
         else:
             self._move_as_foreseen()
-            self.solver.advance(self.model.opt.timestep)
+            self.read = self.solver.advance(self.model.opt.timestep)
             self._apply_and_step()
         self.ledger = close_ledger(self.solver, before, self._colliders)
         self._watch_grid()
@@ -145,7 +147,7 @@ class GranularPlugin:
             self.solver.keep()
         for self.repeats in range(MAX_REPEATS + 1):
             self._hand_over(foresight, free)
-            self.solver.advance(self.model.opt.timestep)
+            self.read = self.solver.advance(self.model.opt.timestep)
             solved = np.array([np.concatenate(self.solver.collider_twist(self._colliders[n])) for n in self._dynamic])
             self._apply_and_step()
             ends = {i: self.solver.collider_pose(self._colliders[name]) for i, name in enumerate(self._dynamic)

@@ -76,9 +76,9 @@ class Smoother:
 class ArmTool(Carrier):
     """Moves the tool with the arm: the grains push back."""
 
-    def __init__(self, task: TaskConfig, solver: mpm.Solver, tally: mpm.Tally, grasp: Grip) -> None:
+    def __init__(self, task: TaskConfig, solver: mpm.Solver, grasp: Grip) -> None:
         super().__init__(task)
-        self._solver, self._tally = solver, tally
+        self._solver = solver
         self._robot = load_robot("iiwa14")
         self._task = task
         self._grip: Grip = grasp
@@ -149,7 +149,7 @@ class ArmTool(Carrier):
             self._q = q
             self.plugin.step()
             self.grasp.watch()
-            yield self._tally.read(), self._solver.collider_pose(TOOL)
+            yield self.plugin.read[-1], self._solver.collider_pose(TOOL)
 
     def _drive(self, wanted: JointState) -> None:
         """Motor torques for a joint state."""

@@ -76,7 +76,7 @@ class GrainEnv(gymnasium.Env):
             return KinematicTool(self.task, self.solver)
         from robosim.envs.arm_tool import ArmTool  # without an arm nothing of it is loaded
 
-        return ArmTool(self.task, self.solver, self.tally, grasp)
+        return ArmTool(self.task, self.solver, grasp)
 
     # an episode -----------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -106,7 +106,7 @@ class GrainEnv(gymnasium.Env):
         except (mpm.SimulationDiverged, RobotDiverged) as error:
             episode.give_up(error)
         else:  # after an error the last good observation is the last there is; a NaN is never traded for a reward
-            grains = world.grains() if self.arm or world.sample is None else world.sample.values
+            grains = world.sample.values if world.sample is not None else world.grains()
             self.observation = world.observer.read(grains, episode.pose, episode.now, episode.progress)
         reward, ended, cut, info = episode.outcome()
         if self.render_mode == "human":

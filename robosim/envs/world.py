@@ -37,8 +37,7 @@ class World:
         self.tally = build_tally(self.task, self.solver)
         self.observer = Observer(self.task, self.solver, obs)
         self.sample = mpm.Sample(self.solver, self.observer.chosen) if len(self.observer.chosen) else None
-        if not mobile:  # a coupled step may be taken back, and nothing may have been counted in it
-            self.solver.attach(self.tally, self.sample)
+        self.solver.attach(self.tally, self.sample)
         self._state = settled(name, self.task, self.material, self.solver)
 
     def _ranges(self, randomize: Ranges) -> Ranges:
