@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 import mpm
+from robosim.cases import lock_gate
 from robosim.coupled_stability import COMPARISONS, COUPLED_AXES
 from robosim.errors import UnknownName
 from robosim.robot_stability import ROBOT_AXES
@@ -137,6 +138,18 @@ def drop_height(height: float) -> Verdict:
     return verdict_of("drop_height", height, failed, seen)
 
 
+def shell_thickness(cells: float) -> Verdict:
+    """A plate so many cells thick between deep and shallow water: no grain passes, and the thrust is right to 3 %."""
+    try:
+        errors = lock_gate.measure(thickness_cells=cells, duration=0.5).errors
+    except mpm.MpmError as error:
+        refused = not isinstance(error, mpm.SimulationDiverged)
+        return Verdict("shell_thickness", cells, "refused" if refused else "unstable", str(error))
+    wrong = [f"{name} off by {errors[name]:.2%}" for name, bound in lock_gate.BANDS.items()
+             if not abs(errors[name]) <= bound]
+    return verdict_of("shell_thickness", cells, ", ".join(wrong), {name: float(v) for name, v in errors.items()})
+
+
 def lone_grains(place: str) -> Verdict:
     """One grain, strained by 1e-3, falls free, beside a wall or in a corner, for 20 000 substeps."""
     where = {"free": (0.05, 0.05, 0.08), "wall": (0.0012, 0.05, 0.02), "corner": (0.0012, 0.0012, 0.0012)}[place]
@@ -168,6 +181,7 @@ AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
     "friction_angle_deg": (friction_angle, (0.0, 1.0, 15.0, 30.0, 42.0, 45.0, 60.0)),
     "courant": (courant, (0.1, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)),
     "drop_height": (drop_height, (0.01, 0.1, 1.0, 5.0)),
+    "shell_thickness": (shell_thickness, (0.1, 0.25, 0.5, 1.0, 2.0)),
     "lone_grain": (lone_grains, ("free", "wall", "corner")),
     "degenerate": (degenerate, ("rest", "equal stretches", "squeezed", "inverted")),
     **COUPLED_AXES,
