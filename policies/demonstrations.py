@@ -24,12 +24,17 @@ class Shown(NamedTuple):
 def read(folder: Path, decisions: int, hold: int, dimensions: int) -> dict[str, np.ndarray]:
     """Actions (decisions, dimensions) of every demonstration_*.npz of a folder, or of one file, by name; raises
     mpm.InvalidValue for none, or for one that does not belong to the task."""
+    return {path.name: actions_in(path, decisions, hold, dimensions) for path in paths_in(folder)}
+
+
+def paths_in(folder: Path) -> list[Path]:
+    """Every finished demonstration_*.npz of a folder, or the one file; raises mpm.InvalidValue for none."""
     paths = sorted(folder.glob("demonstration_*.npz")) if folder.is_dir() else [folder]
     paths = [path for path in paths if ".unfinished" not in path.name]
-    if not paths:
+    if not paths or not all(path.is_file() for path in paths):
         raise mpm.InvalidValue(f"--demos {folder}: no demonstration_*.npz in it; `robosim demo TASK --out {folder}` "
                                f"makes them")
-    return {path.name: actions_in(path, decisions, hold, dimensions) for path in paths}
+    return paths
 
 
 def actions_in(path: Path, decisions: int, hold: int, dimensions: int) -> np.ndarray:
