@@ -16,9 +16,9 @@ from mpm.motion import Pose
 from mpm.motions import Motions
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
-from mpm.substep import SPEED_LIMIT, Substeps
+from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
+from mpm.tally import MAX_LOOKS, Tallied
 from mpm.tally import ROWS as TALLY_ROWS
-from mpm.tally import Tallied
 
 LEFT_OUT, READ_ONLY = -1, 0
 """Numbers of substeps that mean something else."""
@@ -32,6 +32,8 @@ class Turn(NamedTuple):
     """Of its part of the motion table."""
     interval: int = 1
     """Substeps between two readings."""
+    done: int = 0
+    """Substeps of the advance in earlier launches."""
     stamp: int = 0
 
 
@@ -51,12 +53,12 @@ class BatchSubsteps(Substeps):
     def run_all(self, turns: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
                 mobile: ti.types.ndarray(), laws: ti.types.ndarray(), out: ti.types.ndarray(),
                 results: ti.types.ndarray(), ranks: ti.types.ndarray(), seen: ti.types.ndarray(), looks: ti.i32):
-        """Give every future its turn (n, 4); dts [s] (n,), laws (n, bodies, parameters and density); out is zero before
+        """Give every future its turn (n, 5); dts [s] (n,), laws (n, bodies, parameters and density); out is zero before
         and after, results (n, rows, 6) hold what it held; ranks (n looks, grains, 2), seen (n grains, 6): as in
         `Substeps.run`, one future after another."""
         ti.loop_config(serialize=True)
         for e in range(self.n):
-            substeps, row, interval, stamp = turns[e, 0], turns[e, 1], turns[e, 2], turns[e, 3]
+            substeps, row, interval, done, stamp = turns[e, 0], turns[e, 1], turns[e, 2], turns[e, 3], turns[e, 4]
             if substeps != ti.static(LEFT_OUT):
                 self.fetch(e)
                 self.set_laws(laws, e)
@@ -69,7 +71,7 @@ class BatchSubsteps(Substeps):
                 for s in range(substeps):
                     self.substep(row + s, stamp + s, dt, motion, mobile, out)
                     if ti.static(self.tallies):
-                        self.look(motion, row + s, s + 1, interval, out, ranks, e * looks)
+                        self.look(motion, row + s, done + s + 1, interval, out, ranks, e * looks)
                 self.take_status(out)
                 if ti.static(self.samples):
                     self.sample.take(seen, e * ti.static(self.rows_of_sample))
@@ -134,8 +136,8 @@ class Batch:
     """
 
     def __init__(self, solver, n: int, looks: int = 1) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
-        if n < 1 or looks < 1:
-            raise InvalidValue(f"Batch: n = {n}, looks = {looks}; accepted: whole numbers from 1 on")
+        if n < 1 or not 1 <= looks <= MAX_LOOKS:
+            raise InvalidValue(f"Batch: n = {n}, looks = {looks}; accepted: 1 or more, 1 to {MAX_LOOKS}")
         if solver.features.mobile:
             raise InvalidValue(f"Batch: colliders {solver.features.mobile} are mobile; accepted: moved ones")
         self.solver, self.n, self.looks = solver, n, looks
@@ -146,7 +148,7 @@ class Batch:
         self._out, self._results = np.zeros((rows, 6)), np.zeros((n, rows, 6))
         self._ranks = np.zeros((n * looks, *(tally.ranks_shape if tally else (1, 2))), np.float32)
         self._seen = np.zeros((n * (len(sample.values) if sample else 1), 6), np.float32)
-        self._dts = np.zeros(n, dtype)
+        self._dts, self._tally = np.zeros(n), tally
         self._materials = [[body.material for body in solver.bodies] for _ in range(n)]
         self._laws = np.zeros((n, len(solver.bodies), PARAMETERS + 1), dtype)
         for e in range(n):
@@ -205,41 +207,54 @@ class Batch:
         turns = [Turn()] * self.n
         turns[e] = Turn(READ_ONLY)
         self._launch(turns, table)
-        return self._tallied(e, 1)[0] if self.solver.tally else None
+        return self._tallied(e, range(1))[0] if self._tally else None
 
     def advance(self, durations: np.ndarray, looks: np.ndarray) -> list[list[Tallied] | SimulationDiverged]:
         """Advance every future by its duration [s] (n,), zero: it rests; what the tally read after each of its `looks`
         (n,) equal intervals, or why the future has ended: `load` begins another."""
-        solver, tables, turns, rows = self.solver, [], [], 0
-        for e in range(self.n):
-            if durations[e] <= 0:
-                turns.append(Turn())
-                continue
-            if not 1 <= looks[e] <= self.looks:
-                raise InvalidValue(f"advance: looks[{e}] = {looks[e]}; accepted: 1 to {self.looks}, the batch's own")
+        self._check(durations, looks)
+        solver, tables, plans, rows = self.solver, [], [Turn()] * self.n, 0
+        for e in np.flatnonzero(durations):
             total, table = self._motions[e].take(float(durations[e]), int(looks[e]), solver.dt, solver.grid.cell,
                                                  solver._dtype)
             self._dts[e] = durations[e] / total
-            turns.append(Turn(total, rows, total // int(looks[e])))
+            plans[e] = Turn(total, rows, total // int(looks[e]))
             tables.append(table)
             rows += total
-        if not tables:
-            return [[] for _ in turns]
-        self._launch(turns, np.concatenate(tables, axis=1))
-        return [self._outcome(e, turn, int(looks[e])) if turn.substeps > 0 else [] for e, turn in enumerate(turns)]
+        outcomes: list[list[Tallied] | SimulationDiverged] = [[] for _ in plans]
+        for done in range(0, max(plan.substeps for plan in plans), MAX_SUBSTEPS):
+            turns = [plan._replace(substeps=min(MAX_SUBSTEPS, plan.substeps - done), first_row=plan.first_row + done,
+                                   done=done) if plan.substeps > done and isinstance(outcomes[e], list) else Turn()
+                     for e, plan in enumerate(plans)]
+            self._launch(turns, np.concatenate(tables, axis=1))
+            for e, turn in enumerate(turns):
+                if turn.substeps > 0:
+                    outcomes[e] = self._outcome(e, turn, outcomes[e])
+        return outcomes
+
+    def _check(self, durations: np.ndarray, looks: np.ndarray) -> None:
+        """Raise InvalidValue for what no future can do, before any begins."""
+        for name, given in (("durations", durations), ("looks", looks)):
+            if np.shape(given) != (self.n,):
+                raise InvalidValue(f"advance: {name} have shape {np.shape(given)}; accepted: ({self.n},)")
+        wrong = np.flatnonzero((looks < 1) | (looks > self.looks) | ~(durations >= 0)) if np.any(durations) else []
+        for e in wrong:
+            if durations[e] != 0:
+                raise InvalidValue(f"advance: durations[{e}] = {durations[e]} s, looks[{e}] = {looks[e]}; accepted: 0 "
+                                   f"or more, 1 to {self.looks}, the batch's own")
 
     def _launch(self, turns: list[Turn], motion: np.ndarray) -> None:
         solver = self.solver
-        stamped = []
-        for turn in turns:
-            stamped.append(turn._replace(stamp=solver.take_stamps(max(turn.substeps, 0) + 1)))
+        if solver.tally is not self._tally:
+            raise InvalidValue("Batch: another tally was attached since the batch was made; make it anew")
+        stamped = [turn._replace(stamp=solver.take_stamps(max(turn.substeps, 0) + 1)) for turn in turns]
         with default_precision(solver.precision):
-            self._substeps.run_all(np.array(stamped, np.int32), self._dts, np.ascontiguousarray(motion),
-                                   solver.mobility.table, self._laws, self._out, self._results, self._ranks, self._seen,
-                                   self.looks)
+            self._substeps.run_all(np.array(stamped, np.int32), self._dts.astype(solver._dtype),
+                                   np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._out,
+                                   self._results, self._ranks, self._seen, self.looks)
 
-    def _outcome(self, e: int, turn: Turn, looks: int) -> list[Tallied] | SimulationDiverged:
-        """What a future's turn came to."""
+    def _outcome(self, e: int, turn: Turn, before: list[Tallied]) -> list[Tallied] | SimulationDiverged:
+        """What a future's turn came to, with what earlier ones of the advance had read."""
         dt = float(self._dts[e])
         self.time[e] += turn.substeps * dt
         self.steps[e] += turn.substeps
@@ -247,18 +262,19 @@ class Batch:
         if not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
             self.bring(e)
             return divergence_of(self.solver, dt)
-        return self._tallied(e, looks) if self.solver.tally else []
+        looks = range(turn.done // turn.interval, (turn.done + turn.substeps) // turn.interval)
+        return [*before, *self._tallied(e, looks)] if self._tally else []
 
-    def _tallied(self, e: int, looks: int) -> list[Tallied]:
+    def _tallied(self, e: int, looks: range) -> list[Tallied]:
         begin = self._substeps.rows
-        return [self.solver.tally.said(self._results[e, begin + TALLY_ROWS * k : begin + TALLY_ROWS * (k + 1)],
-                                       self._ranks[e * self.looks + k]) for k in range(looks)]
+        return [self._tally.said(self._results[e, begin + TALLY_ROWS * k : begin + TALLY_ROWS * (k + 1)],
+                                 self._ranks[e * self.looks + k]) for k in looks]
 
     def bring(self, e: int) -> None:
         """Put the solver into a future's state, to be read or drawn."""
         solver = self.solver
         with default_precision(solver.precision):
             self._substeps.bring(e)
-        solver.taken_over(self._motions[e].poses, float(self.time[e]), int(self.steps[e]))
         for body, material in enumerate(self._materials[e]):
             solver.set_material(body, material)
+        solver.taken_over(list(self._motions[e].poses), float(self.time[e]), int(self.steps[e]))

@@ -180,7 +180,8 @@ def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template()
                         if ti.static(scene.mobile_place[index] >= 0):
                             dv = shared(scene, mobile, motion, s, index, place, mass, dv)
                         credit(out, scene.first_collider_row + index, place, mass * dv)
+                        moved = ti.Vector([scene.moved(x[d] + dt * dv[d], d) for d in range(3)])  # not through a wall
                         for d in ti.static(range(3)):
                             particles.v[d][q][lane] = v[d] + dv[d]
-                            particles.x[d][q][lane] = scene.moved(x[d] + dt * dv[d], d)  # not out through a wall
-                        mark_place(grid, x + dt * dv, 1.0 / scene.cell, next_stamp)
+                            particles.x[d][q][lane] = moved[d]
+                        mark_place(grid, moved, 1.0 / scene.cell, next_stamp)

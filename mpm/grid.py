@@ -90,6 +90,11 @@ class GridFields:
         return int(min(self.layers * int(across**3), np.prod(self.nodes.shape)))
 
 
+def wrapped(stamp: int) -> int:
+    """The number of a substep as the kernels' integers hold it; stamps are only ever compared with each other."""
+    return (stamp + 2**31) % 2**32 - 2**31
+
+
 @ti.func
 def in_first_layer(grid: ti.template(), I):
     """The node (3,) without the layer that it belongs to."""

@@ -13,7 +13,7 @@ from mpm.contact import cache_static
 from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, divergence_of, energy_of, momentum_of
 from mpm.errors import InvalidValue, TimeStepTooLarge, UnknownName
 from mpm.features import features_of
-from mpm.grid import Grid, GridFields
+from mpm.grid import Grid, GridFields, wrapped
 from mpm.mobility import MobileFields
 from mpm.mobility_table import MobilityTable
 from mpm.motion import Pose, Twist, Wrench
@@ -25,14 +25,11 @@ from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
 from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
+from mpm.tally import MAX_LOOKS, Tallied, Tally
 from mpm.tally import ROWS as TALLY_ROWS
-from mpm.tally import Tallied, Tally
 from mpm.timestep import COURANT_FRACTION, material_bound
 from mpm.walls import Walls
 from mpm.way_back import WayBack
-
-MAX_LOOKS = 64
-"""Readings of an attached tally in one advance."""
 
 
 class Solver:
@@ -124,7 +121,7 @@ class Solver:
         self.ledger = np.zeros((self._substeps.rows, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()
-        self._way_back = WayBack(self)
+        self.way_back = WayBack(self)
         self._listed = False  # whether the blocks of the next substep are on the grid's list
 
     # scene -----------------------------------------------------------------------------------------------------------
@@ -177,6 +174,7 @@ class Solver:
         accepted = (sum(self.particles.counts), 3)
         if values.shape != accepted:
             raise InvalidValue(f"body_acceleration has shape {values.shape}; accepted: {accepted}")
+        self.way_back.copy_now()
         self.particles.write(self.particles.acceleration, values)
 
     # motion of colliders -------------------------------------------------------------------------------------------
@@ -251,7 +249,7 @@ class Solver:
                     rows = self._out[begin + TALLY_ROWS * look : begin + TALLY_ROWS * (look + 1)]
                     read.append(self.tally.said(rows, self._ranks[look]))
             self.steps += n
-            self._stamp += n
+            self._stamp = wrapped(self._stamp + n)
             self.time += n * dt
             self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
             squares, fastest = self._out[self._substeps.status, :2]
@@ -263,14 +261,15 @@ class Solver:
     def take_stamps(self, count: int) -> int:
         """The first of `count` numbers that no substep has had; blocks are listed under them."""
         self._listed = False
-        self._stamp += count + 1  # blocks that the last advance listed for its next substep carry the one after its own
-        return self._stamp - count + 1
+        self._stamp = wrapped(self._stamp + 2)  # blocks that the last advance listed carry the one after its own
+        first, self._stamp = self._stamp, wrapped(self._stamp + count - 1)
+        return first
 
     def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
         seen = self._unseen if self.sample is None else self.sample.values
         self._substeps.run(substeps, self._stamp + 1, dt, motion, self.mobility.table, self._out, first, interval,
-                           self._ranks, seen, int(self._way_back.due))
-        self._way_back.due = self._way_back.due and substeps == 0
+                           self._ranks, seen, int(self.way_back.due))
+        self.way_back.due = self.way_back.due and substeps == 0
 
     # readings ------------------------------------------------------------------------------------------------------
     def positions(self) -> np.ndarray:
@@ -314,11 +313,11 @@ class Solver:
     # going back ------------------------------------------------------------------------------------------------------
     def keep(self) -> None:
         """Remember the state until the next `keep`: a copy beside the state, far cheaper than `state`."""
-        self._way_back.keep()
+        self.way_back.keep()
 
     def rewind(self) -> None:
         """Return to the state last kept, any number of times."""
-        self._way_back.rewind()
+        self.way_back.rewind()
 
     # snapshots -----------------------------------------------------------------------------------------------------
     def state(self) -> dict[str, np.ndarray]:
@@ -331,7 +330,7 @@ class Solver:
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Return to a state of this solver or of one built from the same scene."""
-        self._way_back.copy_now()
+        self.way_back.copy_now()
         for name, fields in self.particles.named_fields().items():
             self.particles.write(fields, self.particles.checked(state, name))
         self.mobility.restore(state)

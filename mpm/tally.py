@@ -20,6 +20,8 @@ COUNTED, LOSING = 1, 2
 """What is done with a grain: counted, and counted when lost."""
 WAS_ON_TARGET, IS_LOST = 1, 2
 """Flags that a grain keeps from step to step."""
+MAX_LOOKS = 64
+"""Readings in one advance."""
 FAR = 1.0
 """Clearance [m] where no point is near the tool."""
 
@@ -92,8 +94,14 @@ class Tally:
 
     def restart(self) -> None:
         """Forget who was lost or on target before: what is so now counts as found so."""
+        self._keep_first()
         self.flags.fill(0)
         self.read()
+
+    def _keep_first(self) -> None:
+        """What a solver is to be returned to is copied before it changes."""
+        if self.solver.tally is self:
+            self.solver.way_back.copy_now()
 
     def keep(self) -> None:
         """Remember who was lost or on target, to return to with `rewind`."""
@@ -120,6 +128,7 @@ class Tally:
 
     def read(self) -> Tallied:
         """The present state."""
+        self._keep_first()
         pose: Pose = self.solver.collider_pose(self.index)
         self._out[:] = 0.0
         self._sum(np.concatenate([pose.position, pose.matrix.ravel()]), self._out, self._ranks)

@@ -48,8 +48,9 @@ class VectorFace(VecEnv):
         for e in range(self.num_envs):
             row = one_of(infos, e)
             if over[e]:
-                last = row.pop("final_obs")
-                row = row["final_info"] | {"terminal_observation": last}
+                last, final = row.pop("final_obs"), row.pop("final_info")
+                self.reset_infos[e] = row
+                row = final | {"terminal_observation": last}
             row["TimeLimit.truncated"] = bool(cut[e] and not ended[e])
             rows.append(row)
         return seen, rewards.astype(np.float32), over, rows

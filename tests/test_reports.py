@@ -161,6 +161,10 @@ def test_the_cheapest_setting_within_the_tolerance() -> None:
                    result({"cell": 1.5}, 2.0, 2.02, 0.004)], 0.02)
     assert [row["within"] for row in rows] == [True, False, True]
     assert rows[2]["cheaper"] == 4.0 and rows[2]["worst"] == "mass"
+    rows = judged([result({}, 8.0, 2.0, 0.001), result({"cell": 0.8}, 20.0, 2.03, 0.001),
+                   result({"cell": 1.5}, 2.0, 2.02, 0.004)], 0.01)
+    assert [row["within"] for row in rows] == [False, True, True]  # the scene's own has an error, too
+    assert [row["cheaper"] for row in rows] == [2.5, 1.0, 10.0]
 
 
 def test_the_cheapest_setting_counts_where_it_cannot_be_written(

@@ -12,11 +12,11 @@ INTERIOR = mpm.Region((0.0, 0.0, 0.05), (0.06, 0.05, 0.05))
 GOAL, WEIGHTS = np.array([0.3, 0.2, 0.1]), np.array([1.0, 1.0, 0.5])
 
 
-def scene(every: int = 3, **options: object) -> tuple[mpm.Solver, mpm.Tally, np.ndarray]:
+def scene(every: int = 3, mobile: bool = False, **options: object) -> tuple[mpm.Solver, mpm.Tally, np.ndarray]:
     """A box that moves through falling grains, of which every third is counted."""
     salt = mpm.DruckerPrager(E=1e5, nu=0.2, density=1200.0, friction_angle_deg=30.0)
     positions = mpm.sample_box((0.1, 0.1, 0.06), (0.3, 0.3, 0.2), CELL / 2, np.random.default_rng(0))
-    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2,
+    box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2, mobile=mobile,
                        pose=mpm.Pose(np.array([0.2, 0.2, 0.03]), np.array([1.0, 0.0, 0.0, 0.0])))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), colliders=[box], dt=5e-4,
                         bodies=[mpm.Body(salt, positions, volume=(CELL / 2) ** 3)])
@@ -82,6 +82,27 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
     assert np.array_equal(solver.positions(), places)
     assert sample.values[:, :3] == pytest.approx(places[chosen], abs=1e-6)
     assert sample.values[:, 3:] == pytest.approx(solver.velocities()[chosen], abs=1e-6)
+
+
+def test_readings_of_a_step_that_is_taken_back_are_not_counted_twice() -> None:
+    """A tool that contact moves: who was lost, and who was on target, returns with the grains."""
+    solver, tally, _ = scene(mobile=True, ranks=True)
+    solver.attach(tally)
+    state = solver.state()
+    state["v"] = state["v"] + [2.0, 0.0, -1.0]
+    solver.load(state)
+    tally.restart()
+    solver.advance(0.02)
+    for change in (lambda: None, tally.read):
+        solver.keep()
+        change()  # a look between is taken back, too
+        first = solver.advance(0.02)[0]
+        solver.rewind()
+        again = solver.advance(0.02)[0]
+        if change is not tally.read:
+            assert first[:-1] == again[:-1] and first.newly_lost > 0
+        solver.rewind()
+        assert tally.read().lost < again.lost
 
 
 def test_points_near_the_probe_are_counted() -> None:

@@ -42,6 +42,7 @@ def test_an_episode_says_the_same_as_gymnasiums(face: VectorFace) -> None:
             assert row["TimeLimit.truncated"] == (k == 4)
             if k == 4:
                 assert np.array_equal(row["terminal_observation"], infos["final_obs"][e])
+                assert face.reset_infos[e]["tcs"] == infos["tcs"][e] and face.reset_infos[e]["time"] == 0.0
                 assert row["reward_terms"]["lost"] == infos["final_info"]["reward_terms"]["lost"][e]
             else:
                 assert row["readings"]["delivered"] == infos["readings"]["delivered"][e]

@@ -40,6 +40,8 @@ def actions(vector: gymnasium.vector.VectorEnv, seed: int) -> Iterator[np.ndarra
 
 def equal(one: Any, other: Any) -> bool:
     """Whether two infos hold the same numbers."""
+    if isinstance(one, tuple):
+        return all(map(equal, one, other))
     if isinstance(one, dict):
         return one.keys() == other.keys() and all(equal(one[key], other[key]) for key in one)
     if isinstance(one, np.ndarray) and one.dtype.hasobject:  # arrays of those that ended, None of the others
@@ -118,14 +120,22 @@ def test_some_can_be_started_anew(carried: gymnasium.vector.VectorEnv) -> None:
 
 
 def test_wrong_input_is_refused(carried: gymnasium.vector.VectorEnv) -> None:
+    good = next(actions(carried, 4))
+    carried.reset(seed=0)
+    expected = carried.step(good)[0]
     carried.reset(seed=0)
     bad = np.zeros((3, 3), np.float32)
     bad[2, 1] = np.nan
     for given, complaint in ((bad, r"action of environment 2\[1\] \(y\) = nan"), (bad[:2], r"accepted: \(3, 3\)")):
         with pytest.raises(ConfigError, match=complaint):
             carried.step(given)
+    assert np.array_equal(carried.step(good)[0], expected)  # nobody has moved for what was refused
     with pytest.raises(UnknownName, match="nominal"):
         carried.reset(options={"start": 1})
+    for options, complaint in (({"horizon": "terminated"}, "horizon"), ({"obs": "postions"}, "positions"),
+                               ({"action_repeat": 2.5}, "whole number"), ({"material": "rice"}, "salt")):
+        with pytest.raises(ConfigError, match=complaint):
+            GrainVectorEnv("SpoonTranslate", 2, workers=1, **options)
     with pytest.raises(ConfigError, match="num_envs = 0"):
         gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=0)
 
@@ -142,8 +152,9 @@ def test_processes_share_the_work_and_tell_when_one_dies() -> None:
             action = next(given)
             for a, b in zip(one.step(action), two.step(action)):
                 assert equal(a, b)
-        with pytest.raises(ConfigError, match="environment 1"):  # the second of the first process
-            two.step(np.array([[0, 0, 0], [9, 0, 0], [0, 0, 0]], np.float32))
+        with pytest.raises(ConfigError, match="environment 2"):
+            two.step(np.array([[0, 0, 0], [0, 0, 0], [9, 0, 0]], np.float32))
+        assert equal(one.step(action), two.step(action))
         os.kill(two._batches[1]._process.pid, 9)
         with pytest.raises(RobosimError, match="environments 2 to 2 ended with exit code -9"):
             two.step(action)

@@ -9,6 +9,13 @@ from robosim.errors import ConfigError
 AXES = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
 
 
+def checked_repeat(action_repeat: int) -> int:
+    """Steps that an action is held for; raises ConfigError for what is no such number."""
+    if not isinstance(action_repeat, int | np.integer) or action_repeat < 1:
+        raise ConfigError(f"action_repeat = {action_repeat!r}; accepted: a whole number from 1 on")
+    return int(action_repeat)
+
+
 class Actions:
     """The action space of a sub-task, and what its numbers mean. clip: values outside are clipped, not refused."""
 

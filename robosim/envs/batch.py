@@ -6,13 +6,15 @@ import numpy as np
 from gymnasium.utils import seeding
 
 import mpm
-from robosim.envs.actions import Actions
+from mpm.tally import MAX_LOOKS
+from robosim.envs.actions import Actions, checked_repeat
 from robosim.envs.carrier import Carrier
-from robosim.envs.episode import Episode, Horizon
+from robosim.envs.episode import Episode, Horizon, checked_horizon
 from robosim.envs.observation import Layout
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 from robosim.envs.world import Ranges, World, checked_options
+from robosim.errors import ConfigError
 
 Info = dict[str, Any]
 
@@ -24,9 +26,10 @@ class GrainBatch:
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
                  action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate",
                  clip_actions: bool = False, randomize: Ranges | None = None, **numbers: float) -> None:
+        checked_horizon(horizon)
         self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize)
-        self.action_repeat = action_repeat
-        self.batch = mpm.Batch(self.world.solver, n, looks=min(action_repeat, self.world.task.steps))
+        self.action_repeat = checked_repeat(action_repeat)
+        self.batch = mpm.Batch(self.world.solver, n, looks=min(action_repeat, MAX_LOOKS))
         self.actions = Actions(self.world.task, clip=clip_actions)
         self.observation_space, self.action_space = self.world.observer.space, self.actions.space
         self.episodes = [Episode(self.world.task, horizon) for _ in range(n)]
@@ -38,6 +41,8 @@ class GrainBatch:
               chosen: np.ndarray) -> tuple[list[Any], list[Info]]:
         """Start episodes in the chosen environments (n,), and say nothing of the others."""
         nominal = checked_options(options)
+        if not all(begun or now for begun, now in zip((rng is not None for rng in self._rngs), chosen)):
+            raise ConfigError("reset_mask leaves out environments that never began; reset all of them first")
         infos: list[Info] = [{} for _ in self.episodes]
         for e in np.flatnonzero(chosen):
             if seeds[e] is not None or self._rngs[e] is None:
@@ -68,26 +73,36 @@ class GrainBatch:
     def step(self, actions: np.ndarray) -> tuple[list[Any], np.ndarray, np.ndarray, np.ndarray, list[Info], list[Info]]:
         """Observations, rewards (n,), ended (n,), cut (n,), infos, and of those that ended "final_obs" and
         "final_info"; the observation and info of such a one are those of its next start."""
-        dt, n = self.world.task.step_dt, len(self.episodes)
-        looks = np.array([episode.steps(self.action_repeat) for episode in self.episodes])
-        ways = []
-        for e, carrier in enumerate(self._carriers):
-            velocities = self.actions.velocities(actions[e], f"action of environment {e}")
-            ways.append([carrier.command(*velocities) for _ in range(looks[e])])
-            self.batch.set_collider_motion(e, TOOL, self.batch.collider_pose(e, TOOL), *ways[e])
+        n = len(self.episodes)
+        # all are checked before any is told to move
+        velocities = [self.actions.velocities(action, f"action of environment {e}") for e, action in enumerate(actions)]
+        left = np.array([episode.steps(self.action_repeat) for episode in self.episodes])
+        while left.any():
+            left -= self._advance(velocities, np.minimum(left, MAX_LOOKS))
+            left[[episode.diverged is not None for episode in self.episodes]] = 0
         rewards, ended, cut = np.zeros(n), np.zeros(n, bool), np.zeros(n, bool)
         infos: list[Info] = [{} for _ in range(n)]
         finals: list[Info] = [{} for _ in range(n)]
-        for e, read in enumerate(self.batch.advance(looks * dt, looks)):
-            episode = self.episodes[e]
-            if isinstance(read, mpm.SimulationDiverged):
-                episode.give_up(read)
-            else:
-                for now, pose in zip(read, ways[e], strict=True):
-                    episode.take(now, pose)
+        for e, episode in enumerate(self.episodes):
+            if episode.diverged is None:
                 self._look(e)
             rewards[e], ended[e], cut[e], infos[e] = episode.outcome()
             if not episode.running:
                 finals[e] = {"final_obs": self._seen[e], "final_info": infos[e]}
                 infos[e] = self._begin(e)
         return list(self._seen), rewards, ended, cut, infos, finals
+
+    def _advance(self, velocities: list[tuple[np.ndarray, np.ndarray]], steps: np.ndarray) -> np.ndarray:
+        """Advance each environment by some steps (n,), none: it rests; returns them."""
+        ways = [[carrier.command(*velocity) for _ in range(count)]
+                for carrier, velocity, count in zip(self._carriers, velocities, steps)]
+        for e, way in enumerate(ways):
+            if way:
+                self.batch.set_collider_motion(e, TOOL, self.batch.collider_pose(e, TOOL), *way)
+        for episode, read, way in zip(self.episodes, self.batch.advance(steps * self.world.task.step_dt, steps), ways):
+            if isinstance(read, mpm.SimulationDiverged):
+                episode.give_up(read)
+            else:
+                for now, pose in zip(read, way, strict=True):
+                    episode.take(now, pose)
+        return steps

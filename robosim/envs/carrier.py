@@ -7,7 +7,7 @@ import numpy as np
 
 import mpm
 from mpm.motion import turned
-from mpm.solver import MAX_LOOKS
+from mpm.tally import MAX_LOOKS
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 

@@ -1,14 +1,20 @@
 """One running episode: its reward, its clock, where its tool is, and what a step of it says."""
 
 import math
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import mpm
 from robosim.envs.reward import Reward
 from robosim.envs.task import TaskConfig
-from robosim.errors import ConfigError
+from robosim.errors import ConfigError, UnknownName
 
 Horizon = Literal["terminate", "truncate"]
+
+
+def checked_horizon(horizon: str) -> None:
+    """Raise UnknownName for what is none."""
+    if horizon not in get_args(Horizon):
+        raise UnknownName("horizon", horizon, get_args(Horizon))
 
 
 class Episode:

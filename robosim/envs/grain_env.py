@@ -8,16 +8,16 @@ import numpy as np
 
 import mpm
 from robosim.config import Grip
-from robosim.envs.actions import Actions
+from robosim.envs.actions import Actions, checked_repeat
 from robosim.envs.carrier import Carrier, KinematicTool
-from robosim.envs.episode import Episode, Horizon
+from robosim.envs.episode import Episode, Horizon, checked_horizon
 from robosim.envs.objective import objective
 from robosim.envs.observation import Layout
 from robosim.envs.reward import Reward
 from robosim.envs.task import TaskConfig
 from robosim.envs.task_field import TOOL
 from robosim.envs.world import World, checked_options
-from robosim.errors import ConfigError, RobotDiverged, UnknownName
+from robosim.errors import RobotDiverged, UnknownName
 
 CAMERAS = ("task", "side", "overview", "close")
 
@@ -36,19 +36,18 @@ class GrainEnv(gymnasium.Env):
         camera: str = "task", grasp: Grip = "weld", **numbers: float,
     ) -> None:
         for what, given, valid in (("render_mode", render_mode, (None, *self.metadata["render_modes"])),
-                                   ("horizon", horizon, get_args(Horizon)), ("obs", obs, get_args(Layout)),
                                    ("grasp", grasp, get_args(Grip))):
             if given not in valid:
                 raise UnknownName(what, given, [name for name in valid if name])
         if render_mode is not None and camera not in CAMERAS:
             raise UnknownName("camera", camera, CAMERAS)
-        if not isinstance(action_repeat, int | np.integer) or action_repeat < 1:
-            raise ConfigError(f"action_repeat = {action_repeat!r}; accepted: a whole number from 1 on")
+        self.action_repeat = checked_repeat(action_repeat)
+        checked_horizon(horizon)
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
                            randomize=randomize, mobile=arm)
         self.task, self.material = self.world.task, self.world.material
         self.solver, self.tally = self.world.solver, self.world.tally
-        self.render_mode, self.action_repeat, self.camera, self.arm = render_mode, action_repeat, camera, arm
+        self.render_mode, self.camera, self.arm = render_mode, camera, arm
         rate = max(1, round(1.0 / (action_repeat * self.task.step_dt)))
         self.metadata = {**type(self).metadata, "render_fps": rate}
         self.episode = Episode(self.task, horizon)

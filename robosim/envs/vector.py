@@ -30,7 +30,11 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
     if num_envs < 1:
         raise ConfigError(f"num_envs = {num_envs}; accepted: a whole number from 1 on")
     if not arm and render_mode is None:
+        for unused in ("grasp", "camera"):  # of arms and pictures
+            options.pop(unused, None)
         return GrainVectorEnv(name, num_envs, workers=workers, **options)
+    if workers not in (None, num_envs):
+        raise ConfigError(f"workers = {workers}; accepted with an arm or pictures: None, one for each environment")
     whole = options | {"arm": arm, "render_mode": render_mode}
     return AsyncVectorEnv([partial(_one, name, whole)] * num_envs, context="spawn",
                           autoreset_mode=AutoresetMode.SAME_STEP)
@@ -64,10 +68,11 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
             for part, size in zip(self._parts, sizes):
                 kind = GrainBatch if workers == 1 else partial(Remote, first=int(part.start))
                 self._batches.append(kind(name, size, **options))
-            self.single_observation_space, self.single_action_space = self._all("spaces")[0]
+            self.single_observation_space, self._actions = self._all("spaces")[0]
         except BaseException:
             self.close()
             raise
+        self.single_action_space = self._actions.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
@@ -92,6 +97,8 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
         """Hold an action (n, dimensions) in each."""
         if np.shape(actions) != self.action_space.shape:
             raise ConfigError(f"actions have shape {np.shape(actions)}; accepted: {self.action_space.shape}")
+        for e, action in enumerate(actions):  # here: one process must not step while another refuses
+            self._actions.velocities(action, f"action of environment {e}")
         answers = self._all("step", *[(actions[part],) for part in self._parts])
         infos: Info = {}
         every = [(info, final) for answer in answers for info, final in zip(*answer[4:])]
@@ -110,9 +117,13 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
         given = arguments or [()] * len(self._batches)
         if len(self._batches) == 1 and isinstance(self._batches[0], GrainBatch):
             return [asked(self._batches[0], what, given[0])]
-        for batch, these in zip(self._batches, given):
-            batch.send(what, these)
-        answers = [batch.receive() for batch in self._batches]  # all of them, so that none is read later by mistake
+        try:
+            for batch, these in zip(self._batches, given):
+                batch.send(what, these)
+            answers = [batch.receive() for batch in self._batches]
+        except BaseException:  # an answer that is left would be taken for that to a later question
+            self.close()
+            raise
         for answer in answers:
             if isinstance(answer, Failure):
                 raise answer.error from RobosimError(answer.where)
@@ -128,7 +139,7 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
 def asked(batch: GrainBatch, what: str, arguments: tuple) -> Any:
     """What a batch answers."""
     if what == "spaces":
-        return batch.observation_space, batch.action_space
+        return batch.observation_space, batch.actions
     return getattr(batch, what)(*arguments)
 
 
@@ -188,8 +199,12 @@ def _serve(pipe: Connection, name: str, n: int, options: dict[str, Any]) -> None
         except (EOFError, KeyboardInterrupt):
             return
         try:
-            pipe.send(failure if batch is None else asked(batch, what, arguments))
+            answer = failure if batch is None else asked(batch, what, arguments)
         except KeyboardInterrupt:
             return
         except Exception as error:
-            pipe.send(Failure(error, traceback.format_exc()))
+            answer = Failure(error, traceback.format_exc())
+        try:
+            pipe.send(answer)
+        except OSError:  # nobody is there any more
+            return

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -28,6 +28,8 @@ class World:
     def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None, obs: Layout = "flat",
                  numbers: dict[str, float] | None = None, randomize: Ranges | None = None,
                  mobile: bool = False) -> None:
+        if obs not in get_args(Layout):
+            raise UnknownName("obs", obs, get_args(Layout))
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
         self.material = overridden(load_material(material or self.task.material), numbers or {},
                                    "option, or number of this material,")

@@ -13,6 +13,8 @@ from typing import IO, Any, NamedTuple
 
 PR_SET_PDEATHSIG = 1
 """linux/prctl.h"""
+PARENT = "ROBOSIM_PARENT"
+"""Variable with the process that began this one."""
 Work = tuple[str, Sequence[str]]
 """A module with a `main`, and the words that it is given; the core is added as the last."""
 
@@ -50,7 +52,7 @@ def started(work: Work, core: int) -> Started:
     """The process of a piece of work."""
     said, complained = (tempfile.TemporaryFile("w+") for _ in range(2))  # noqa: SIM115  (a full pipe would stop it)
     process = subprocess.Popen([sys.executable, "-m", work[0], *work[1], str(core)], stdout=said, stderr=complained,
-                               env={**os.environ, "OMP_NUM_THREADS": "1"})
+                               env={**os.environ, "OMP_NUM_THREADS": "1", PARENT: str(os.getpid())})
     return Started(process, said, complained)
 
 
@@ -76,3 +78,5 @@ def pin(core: str) -> None:
         os.sched_setaffinity(0, {int(core)})
     if sys.platform == "linux":  # a killed report would leave its case behind, on the core that the next one times on
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.environ.get(PARENT, str(os.getppid())) != str(os.getppid()):  # it was gone before
+            raise SystemExit(1)
