@@ -113,12 +113,14 @@ def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, r
     assert moved[slices["tool"]].all() and moved[slices["time"]].all()
 
 
+@pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", MOST)
-def test_gymnasium_finds_nothing(name: str) -> None:
+def test_gymnasium_finds_nothing(name: str, arm: bool) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*not the same as the gym.*")
-        check_env(gymnasium.make(f"robosim/{name}-v0", obs="moments").unwrapped, skip_render_check=True)
+        env = gymnasium.make(f"robosim/{name}-v0", obs="moments", arm=arm)
+        check_env(env.unwrapped, skip_render_check=True)
 
 
 def test_same_seed_same_bits_and_seeds_differ(pour: GrainEnv) -> None:

@@ -179,7 +179,7 @@ def test_the_cheapest_setting_counts_where_it_cannot_be_written(
     monkeypatch.setattr("robosim.reports.explain.ran", lambda *which: [result({}, 8.0), result({"E": 0.25}, 4.0)])
     assert explain("SpoonPour", tolerance=0.02, out=tmp_path, apply=True) == 0
     said = capsys.readouterr().out
-    assert "cheapest within 2.0%: E x 0.25" in said and "written, with as it is" in said
+    assert "cheapest within 2.0% of as it is: E x 0.25" in said and "written, with as it is" in said
 
 
 @pytest.mark.slow

@@ -51,6 +51,14 @@ def test_methods_run_in_every_sub_task(name: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", TASKS)
+def test_the_arm_passes_the_check_too(name: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(f"robosim/{name}-v0", obs="moments", arm=True).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.slow
 def test_carrying_is_learnt_beyond_standing_still() -> None:
     """SAC as SB3 ships it, thirty episodes of SpoonTranslate: the best return is above that of no motion."""
     env = Monitor(gymnasium.make("robosim/SpoonTranslate-v0", obs="moments"))
