@@ -16,6 +16,7 @@ from mpm.motion import Pose
 from mpm.motions import Motions
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
+from mpm.stride import most_substeps
 from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
 from mpm.tally import MAX_LOOKS, Tallied
 from mpm.tally import ROWS as TALLY_ROWS
@@ -35,6 +36,8 @@ class Turn(NamedTuple):
     done: int = 0
     """Substeps of the advance in earlier launches."""
     stamp: int = 0
+    stay: int = 1
+    """The most substeps between two transfers."""
 
 
 @ti.data_oriented
@@ -53,12 +56,12 @@ class BatchSubsteps(Substeps):
     def run_all(self, turns: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
                 mobile: ti.types.ndarray(), laws: ti.types.ndarray(), out: ti.types.ndarray(),
                 results: ti.types.ndarray(), ranks: ti.types.ndarray(), seen: ti.types.ndarray(), looks: ti.i32):
-        """Give every future its turn (n, 5); dts [s] (n,), laws (n, bodies, parameters and density); out is zero before
+        """Give every future its turn (n, 6); dts [s] (n,), laws (n, bodies, parameters and density); out is zero before
         and after, results (n, rows, 6) hold what it held; ranks (n looks, grains, 2), seen (n grains, 6): as in
         `Substeps.run`, one future after another."""
         ti.loop_config(serialize=True)
         for e in range(self.n):
-            substeps, row, interval, done, stamp = turns[e, 0], turns[e, 1], turns[e, 2], turns[e, 3], turns[e, 4]
+            substeps, row, interval, done, stamp, stay = [turns[e, i] for i in ti.static(range(6))]
             if substeps != ti.static(LEFT_OUT):
                 self.fetch(e)
                 self.set_laws(laws, e)
@@ -68,10 +71,7 @@ class BatchSubsteps(Substeps):
                         self.look(motion, row, 1, 1, out, ranks, e * looks)
                 else:
                     self.mark_blocks(self.particles, stamp)
-                for s in range(substeps):
-                    self.substep(row + s, stamp + s, dt, motion, mobile, out)
-                    if ti.static(self.tallies):
-                        self.look(motion, row + s, done + s + 1, interval, out, ranks, e * looks)
+                self.advance(substeps, stamp, dt, motion, row, mobile, out, done, interval, ranks, e * looks, stay)
                 self.take_status(out)
                 if ti.static(self.samples):
                     self.sample.take(seen, e * ti.static(self.rows_of_sample))
@@ -218,7 +218,8 @@ class Batch:
             total, table = self._motions[e].take(float(durations[e]), int(looks[e]), solver.dt, solver.grid.cell,
                                                  solver._dtype)
             self._dts[e] = durations[e] / total
-            plans[e] = Turn(total, rows, total // int(looks[e]))
+            plans[e] = Turn(total, rows, total // int(looks[e]),
+                            stay=most_substeps(solver.transfer_interval, self._dts[e]))
             tables.append(table)
             rows += total
         outcomes: list[list[Tallied] | SimulationDiverged] = [[] for _ in plans]

@@ -28,6 +28,8 @@ class Features:
     """Axes along which space closes on itself."""
     moving_solids: tuple[int, ...]
     """Solid colliders that are given a motion."""
+    strides: bool
+    """Velocities may stay on the grid over several substeps."""
     shells: tuple[int, ...]
     """Thin colliders, with grains on both sides; they may move."""
     mobile: tuple[int, ...]
@@ -52,7 +54,7 @@ class Features:
 
 
 def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,
-                body_acceleration: bool) -> Features:
+                body_acceleration: bool, strides: bool) -> Features:
     """What a scene has."""
     thin = [isinstance(c.sdf, Shell) for c in colliders]
     return Features(
@@ -60,7 +62,7 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         volume_correction=any(b.material.has_volume_correction for b in bodies),
         tensor_state=any(b.material.state != "volume" for b in bodies),
         volume_state=any(b.material.state == "volume" for b in bodies),
-        body_acceleration=body_acceleration, periodic=walls.periodic,
+        body_acceleration=body_acceleration, strides=strides, periodic=walls.periodic,
         moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
         shells=tuple(i for i in range(len(colliders)) if thin[i]),
         mobile=tuple(i for i, c in enumerate(colliders) if c.mobile),

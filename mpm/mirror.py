@@ -131,8 +131,12 @@ def unfold_periodic(grid: ti.template(), periodic: ti.template(), cells: ti.temp
         for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
             I = block + ti.Vector([a, b, c])
             home = home_node(grid, I, periodic, cells)
-            if (home != I).any() and grid.nodes[I][3] < 0:
-                grid.nodes[I] = grid.nodes[home]
+            mass = -grid.nodes[I][3]
+            if (home != I).any() and mass > 0:
+                u = grid.nodes[home]
+                grid.nodes[I] = ti.Vector([u[0], u[1], u[2], mass])
+                u[3] -= mass  # each its own, which a substep without transfer starts from
+                grid.nodes[home] = u
 
 
 @ti.func

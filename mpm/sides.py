@@ -44,6 +44,8 @@ class CutFields:
         """First node of the stencil."""
         self.offset = ti.Vector.field(3, real, n_particles)
         """Offset from it in cells."""
+        self.mass = ti.field(real, n_particles)
+        """[kg]"""
         self.q = [ti.Vector.field(4, real, n_particles) for _ in range(4)]
         """Momentum and mass, and the columns of the affine momentum per cell."""
 
@@ -151,6 +153,8 @@ def keep_for_cut(cuts: ti.template(), q, l: ti.template(), node: ti.template(), 
     cuts.slot[c] = ti.Vector([q, l])
     cuts.base[c] = ti.Vector([node[0], node[1], node[2]])
     cuts.offset[c] = ti.Vector([f[0][l], f[1][l], f[2][l]])
+    if mass[l] > 0:  # later substeps of a stride bring none, for the same list
+        cuts.mass[c] = mass[l]
     cuts.q[0][c] = ti.Vector([p[0][l], p[1][l], p[2][l], mass[l]])
     for d in ti.static(range(3)):
         cuts.q[1 + d][c] = ti.Vector([Q[d][l], Q[3 + d][l], Q[6 + d][l], 0.0])
@@ -204,7 +208,8 @@ def scatter_cut(scene: ti.template()):
 @ti.func
 def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, corner,
                next_stamp: ti.i32, out: ti.template()):
-    """Gather the grains of the list again, from the layers that they scattered to, and stop those that would pass."""
+    """Gather the grains of the list again, from the layers that they scattered to; where dt > 0, they move for that
+    time [s], and those that would pass are stopped."""
     for n in range(scene.cuts.count[None]):
         slot = scene.cuts.slot[n]
         side = side_of(scene.particles, slot)
@@ -222,17 +227,20 @@ def gather_cut(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: t
         v = ti.Vector([value[0], value[1], value[2]])
         x = (ti.cast(scene.cuts.base[n], scene.grid.nodes.dtype) + f) * scene.cell
         free = v
-        v = stop_grain(scene, motion, s, mobile, dt, x, free, scene.cuts.q[0][n][3], side, slot, corner, out)
+        if dt > 0:
+            v = stop_grain(scene, motion, s, mobile, dt, x, free, scene.cuts.mass[n], side, slot, corner, out)
         hot = ti.Vector([ti.cast(slot[1] == l, scene.grid.nodes.dtype) for l in range(4)])
         gradient = 4.0 / scene.cell
         moved = x + dt * v
         for r in ti.static(range(3)):
             moved[r] = scene.moved(moved[r], r)
             put(scene.particles.v[r], slot[0], hot, v[r])
-            put(scene.particles.x[r], slot[0], hot, moved[r])
             for c in ti.static(range(3)):
                 put(scene.particles.C[3 * r + c], slot[0], hot, gradient * (moment[c][r] - free[r] * f[c]))
-        mark_place(scene.grid, moved, 1.0 / scene.cell, next_stamp)
+        if dt > 0:
+            for r in ti.static(range(3)):
+                put(scene.particles.x[r], slot[0], hot, moved[r])
+            mark_place(scene.grid, moved, 1.0 / scene.cell, next_stamp)
 
 
 @ti.func

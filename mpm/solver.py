@@ -24,6 +24,7 @@ from mpm.sample import Sample
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
+from mpm.stride import default_interval, most_substeps
 from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
 from mpm.tally import MAX_LOOKS, Tallied, Tally
 from mpm.tally import ROWS as TALLY_ROWS
@@ -39,6 +40,8 @@ class Solver:
     A collider that moves faster than dt allows is followed with smaller substeps. precision: "f32", "f64" or None
     (init's). integrator: "series", "exact", "auto" or None. "auto" takes the eigenvalues for grains whose strain leaves
     the range in which the series is exact to single precision; None is "auto" in single precision, "exact" in double.
+    transfer_interval: longest time [s] for which velocities stay on the grid (see `stride`); 0: every substep brings
+    them to the grains and back; None: that where there is a fluid, else `stride.LONGEST` times the bound.
     body_acceleration: (n_particles, 3) [m/s^2], see `set_body_acceleration`.
     """
 
@@ -46,7 +49,7 @@ class Solver:
         self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
         gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
         dt: float | None = None, precision: str | None = None, integrator: str | None = None,
-        body_acceleration: np.ndarray | None = None,
+        body_acceleration: np.ndarray | None = None, transfer_interval: float | None = None,
     ) -> None:
         session = session_precision()
         self.precision = precision or session
@@ -73,6 +76,10 @@ class Solver:
         self.asked_dt = dt
         """What the user asked for, or None."""
         self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
+        self.transfer_interval = (default_interval(self.bodies, self.bound) if transfer_interval is None
+                                  else float(transfer_interval))
+        if not self.transfer_interval >= 0:
+            raise InvalidValue(f"Solver: transfer_interval = {transfer_interval} s; accepted: 0, a time, or None")
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._stamp = 0
         self.tally: Tally | None = None
@@ -87,7 +94,7 @@ class Solver:
     def _build(self) -> None:
         """Allocate the fields that the scene asks for and the kernels that read them."""
         self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self._integrator,
-                                    self._accelerated)
+                                    self._accelerated, most_substeps(self.transfer_interval, self.dt) > 1)
         self.mobility = MobilityTable(self.features.mobile)
         self._motions = Motions(self.colliders, self.features, self.mobility)
         with default_precision(self.precision), allocating():
@@ -268,7 +275,8 @@ class Solver:
     def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
         seen = self._unseen if self.sample is None else self.sample.values
         self._substeps.run(substeps, self._stamp + 1, dt, motion, self.mobility.table, self._out, first, interval,
-                           self._ranks, seen, int(self.way_back.due))
+                           self._ranks, seen, int(self.way_back.due),
+                           most_substeps(self.transfer_interval, dt))
         self.way_back.due = self.way_back.due and substeps == 0
 
     # readings ------------------------------------------------------------------------------------------------------

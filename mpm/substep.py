@@ -11,6 +11,7 @@ from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
 from mpm.sides import gather_cut, keep_for_cut, label_grains, label_nodes, scatter_cut
 from mpm.strain import FULL, INTEGRATORS, keep
+from mpm.stride import drift_after, drift_before, hold, stride
 from mpm.surface import tool_axes, tool_origin
 from mpm.tally import ROWS as TALLY_ROWS
 from mpm.transfer import gather_lane, lane, scatter_lane, weights
@@ -63,27 +64,46 @@ class Substeps:
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
             mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32,
-            ranks: ti.types.ndarray(), seen: ti.types.ndarray(), keep: ti.i32):
+            ranks: ti.types.ndarray(), seen: ti.types.ndarray(), keep: ti.i32, stay: ti.i32):
         """Advance by `substeps` of dt [s]; motion (k, substeps, 18) of the moving colliders; mobile: those that contact
         moves (see `mobility`), read and written; out: ledger, status and what the tally read after every `interval`
         substeps, `first` of which lie in earlier launches of the advance; ranks: what it says of single grains then;
-        seen: the sample after the last substep; keep: whether the state is first copied, to return to."""
+        seen: the sample after the last substep; keep: whether the state is first copied, to return to; stay: the most
+        substeps between two transfers."""
         ti.loop_config(serialize=True)
-        for s in range(substeps):
+        for _ in range(1):
             if ti.static(self.keeps):  # noqa: SIM102  (decided when compiling)
-                if keep > 0 and s == 0:
+                if keep > 0:
                     self.kept.copy()
                     if ti.static(self.tallies):
                         self.tally.keep_flags()
-            self.substep(s, first_stamp + s, dt, motion, mobile, out)
+            self.advance(substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, ranks, 0, stay)
+            for body in ti.static(range(len(self.laws))):
+                self.take_momentum(self.particles, body, self.corner_of_grid(), out)
+            self.take_status(out)
+            if ti.static(self.samples):
+                self.sample.take(seen, 0)
+
+    @ti.func
+    def advance(self, substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(), first_row: ti.i32,
+                mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32, ranks: ti.template(),
+                earlier: ti.i32, stay: ti.i32):
+        """`substeps` with rows of the motion from first_row on, in strides of at most `stay`; see `run` and `look`."""
+        left, stamp, span = 0, first_stamp, 1
+        for s in range(substeps):
+            fresh = left == 0
+            if fresh:
+                stamp, span = first_stamp + s, 1
+                if ti.static(self.features.strides):
+                    most = ti.min(ti.min(stay, substeps - s), interval - (first + s) % interval)
+                    span = stride(self, motion, first_row + s, mobile, dt, most)
+                    if span > 1:
+                        self.drift(self.particles, drift_before(dt, span), stamp)
+                left = span
+            left -= 1
+            self.substep(first_row + s, stamp, dt, motion, mobile, out, fresh, span * (left == 0))
             if ti.static(self.tallies):
-                self.look(motion, s, first + s + 1, interval, out, ranks, 0)
-            if s == substeps - 1:
-                for body in ti.static(range(len(self.laws))):
-                    self.take_momentum(self.particles, body, self.corner_of_grid(), out)
-                self.take_status(out)
-                if ti.static(self.samples):
-                    self.sample.take(seen, 0)
+                self.look(motion, first_row + s, first + s + 1, interval, out, ranks, earlier)
 
     @ti.func
     def corner_of_grid(self):
@@ -92,18 +112,26 @@ class Substeps:
                           ti.cast(self.origin[2], ti.f64)])
 
     @ti.func
-    def substep(self, s: ti.i32, stamp: ti.i32, dt, motion: ti.template(), mobile: ti.template(), out: ti.template()):
-        """One substep, the s-th of the motion; the blocks of the next one are listed at its end."""
+    def substep(self, s: ti.i32, stamp: ti.i32, dt, motion: ti.template(), mobile: ti.template(), out: ti.template(),
+                fresh, span: ti.i32):
+        """One substep, the s-th of the motion. fresh: nodes take momentum and mass from the grains, not from the
+        substep before. span: 0, or the substeps of the stride that ends with this one; then grains move, and the blocks
+        of the next one are listed."""
         gravity = self.numbers.gravity[None]
         corner = self.corner_of_grid()
-        clear(self.grid, 0, self.grid.count[None])
+        if fresh:
+            clear(self.grid, 0, self.grid.count[None])
+        elif ti.static(self.features.strides):
+            hold(self.grid)
         if ti.static(len(self.features.mobile) > 0):
             begin_mobiles(self, mobile, motion, s, dt)
         if ti.static(len(self.features.shells) > 0):
-            label_nodes(self, motion, s, stamp, corner)
-            label_grains(self, self.particles, motion, s)
+            if fresh:
+                label_nodes(self, motion, s, stamp, corner)
+                label_grains(self, self.particles, motion, s)
+            self.cuts.count[None] = 0
         for body in ti.static(range(len(self.laws))):
-            self.to_grid(self.particles, self.laws[body], body, dt, out)
+            self.to_grid(self.particles, self.laws[body], body, dt, out, fresh)
         if ti.static(len(self.features.shells) > 0):
             scatter_cut(self)
         if ti.static(self.is_periodic):
@@ -116,14 +144,16 @@ class Substeps:
         unfold(self.grid, self.walls, stamp, self.numbers.wall_friction[None], corner, self.cell, out, self.tape)
         if ti.static(self.is_periodic):
             unfold_periodic(self.grid, self.features.periodic, self.cells)
-        self.grid.count[None] = 0
+        if span > 0:
+            self.grid.count[None] = 0
         for body in ti.static(range(len(self.laws))):
-            self.to_particles(self.particles, body, dt, stamp + 1)
+            self.to_particles(self.particles, body, drift_after(dt, span), stamp + span)
         if ti.static(len(self.features.shells) > 0):
-            gather_cut(self, motion, s, mobile, dt, corner, stamp + 1, out)
-        if ti.static(len(self.features.moving_solids) > 0):
+            gather_cut(self, motion, s, mobile, drift_after(dt, span), corner, stamp + span, out)
+        if ti.static(len(self.features.moving_solids) > 0) and span > 0:
             for body in ti.static(range(len(self.laws))):
-                backstop(self.particles, self.grid, self, motion, s, mobile, dt, self.origin, body, stamp + 1, out)
+                backstop(self.particles, self.grid, self, motion, s, mobile, drift_after(dt, span), self.origin, body,
+                         stamp + span, out)
 
     @ti.func
     def look(self, motion: ti.template(), s: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template(),
@@ -146,8 +176,17 @@ class Substeps:
             last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, stamp)
 
     @ti.func
-    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt, out: ti.template()):
-        """Strain, plastic flow, stress; then momentum, mass and the stress's push to the grid."""
+    def drift(self, P: ti.template(), dt, stamp: ti.i32):
+        """Move all grains for dt [s], and list the blocks that their stencils reach now, besides those listed."""
+        last = -1
+        for q in range(P.n_packs):
+            for r in ti.static(range(3)):
+                P.x[r][q] = self.moved(P.x[r][q] + dt * P.v[r][q], r)
+            last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, stamp)
+
+    @ti.func
+    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt, out: ti.template(), fresh):
+        """Strain, plastic flow, stress; then the stress's push to the grid, and momentum and mass where it is fresh."""
         p = [keep(self.numbers.parameters[body, i]) for i in range(PARAMETERS)]
         density = self.numbers.densities[body]
         force = -dt * 4.0 / (self.cell * self.cell)
@@ -156,31 +195,33 @@ class Substeps:
             tau = stress(self, P, law, q, dt, C, p)
             volume = P.volume[q]
             mass = density * volume
+            brought = mass * ti.cast(fresh, self.grid.nodes.dtype)
+            momentum = [keep(brought * P.v[d][q]) for d in range(3)]
             if ti.static(self.features.body_acceleration):
-                self.push(P, q, mass, dt, out)
-            self.spread(P, q, mass, force * volume, C, tau)
+                for d in ti.static(range(3)):
+                    momentum[d] += dt * mass * P.acceleration[d][q]
+                self.credit_acceleration(P, q, dt * mass, out)
+            self.spread(P, q, momentum, brought, force * volume, C, tau)
 
     @ti.func
-    def push(self, P: ti.template(), q, mass, dt, out: ti.template()):
-        """Body acceleration of a pack, credited with gravity."""
-        for d in ti.static(range(3)):
-            P.v[d][q] = P.v[d][q] + dt * P.acceleration[d][q]
+    def credit_acceleration(self, P: ti.template(), q, factor, out: ti.template()):
+        """The impulse, factor times body acceleration, of a pack: credited with gravity."""
         for l in ti.static(range(4)):
             x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) + self.origin[d] for d in range(3)])
-            p = ti.cast(dt * mass[l], ti.f64) * ti.Vector([ti.cast(P.acceleration[d][q][l], ti.f64) for d in range(3)])
+            p = ti.cast(factor[l], ti.f64) * ti.Vector([ti.cast(P.acceleration[d][q][l], ti.f64) for d in range(3)])
             moment = x.cross(p)
             for d in ti.static(range(3)):
                 out[GRAVITY_ROW, d] = out[GRAVITY_ROW, d] + p[d]
                 out[GRAVITY_ROW, 3 + d] = out[GRAVITY_ROW, 3 + d] + moment[d]
 
     @ti.func
-    def spread(self, P: ti.template(), q, mass, force, C: ti.template(), tau: ti.template()):
-        """Scatter a pack: affine momentum Q = force tau + mass C, per cell."""
+    def spread(self, P: ti.template(), q, p: ti.template(), mass, force, C: ti.template(), tau: ti.template()):
+        """Scatter a pack: momentum p (3), mass, and affine momentum Q = force tau + mass C, per cell."""
         Q = [keep((force * tau[FULL[i]] + mass * C[i]) * self.cell) for i in range(9)]
         base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
-        px = mass * P.v[0][q] - Q[0] * f[0] - Q[1] * f[1] - Q[2] * f[2]
-        py = mass * P.v[1][q] - Q[3] * f[0] - Q[4] * f[1] - Q[5] * f[2]
-        pz = mass * P.v[2][q] - Q[6] * f[0] - Q[7] * f[1] - Q[8] * f[2]
+        px = p[0] - Q[0] * f[0] - Q[1] * f[1] - Q[2] * f[2]
+        py = p[1] - Q[3] * f[0] - Q[4] * f[1] - Q[5] * f[2]
+        pz = p[2] - Q[6] * f[0] - Q[7] * f[1] - Q[8] * f[2]
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         zero = self.numbers.zero[None]
         for l in ti.static(range(4)):
@@ -201,17 +242,20 @@ class Substeps:
 
     @ti.func
     def to_particles(self, P: ti.template(), body: ti.template(), dt, next_stamp: ti.i32):
-        """Velocity, affine velocity and position of every pack of a body; lists the blocks of the next substep."""
+        """Velocity and affine velocity of every pack of a body; where dt > 0, its grains move for that time [s], and
+        the blocks of the next substep are listed."""
         last = -1
         for q in range(P.ranges[body][0], P.ranges[body][1]):
             v, B, f = self.gathered(P, q)
             gradient = 4.0 / self.cell
             for r in ti.static(range(3)):
                 P.v[r][q] = v[r]
-                P.x[r][q] = self.moved(P.x[r][q] + dt * v[r], r)
                 for c in ti.static(range(3)):
                     P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
-            last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, next_stamp)
+            if dt > 0:
+                for r in ti.static(range(3)):
+                    P.x[r][q] = self.moved(P.x[r][q] + dt * v[r], r)
+                last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, next_stamp)
         if ti.static(P.counts[body] % LANES > 0):
             self.still(P, P.ranges[body][1] - 1, ti.static(P.counts[body] % LANES))
 

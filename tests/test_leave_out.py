@@ -19,7 +19,7 @@ def test_idle_features_equal_absent_ones() -> None:
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout.strip().splitlines()[-1]) == {
         "moving collider": True, "mobile collider": True, "static collider": True, "second body": True,
-        "shell": True, "body acceleration": True,
+        "shell": True, "body acceleration": True, "stride": True,
     }
 
 

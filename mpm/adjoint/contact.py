@@ -59,17 +59,17 @@ def add(table: ti.template(), s: ti.i32, place: ti.template(), value):
 
 
 @ti.func
-def nodes_back(scene: ti.template(), bars: ti.template(), folded: ti.template(), motion: ti.template(), s: ti.i32, dt,
-               corner, motion_bar: ti.template()):
+def nodes_back(scene: ti.template(), bars: ti.template(), folded: ti.template(), place, motion: ti.template(),
+               s: ti.i32, dt, corner, motion_bar: ti.template()):
     """From bars of node velocities and masses to those of momenta and masses; adjoint of `update_nodes`. `folded` holds
-    momenta and masses."""
+    momenta and masses of several substeps, this one's at `place`."""
     gravity = scene.numbers.gravity[None]
     for n in range(scene.grid.count[None]):
         block = scene.grid.active[n] * BLOCK
         for a, b in ti.ndrange(BLOCK, BLOCK):
             for c in range(BLOCK):
                 I = block + ti.Vector([a, b, c])
-                q = folded[I]
+                q = folded[place, I[0], I[1], I[2]]
                 if q[3] > 0:
                     bar = bars[I]
                     free = ti.Vector([q[0], q[1], q[2]]) / q[3]
@@ -123,8 +123,8 @@ def static_back(scene: ti.template(), I, owner, before, bar):
 @ti.func
 def backstop_back(scene: ti.template(), P: ti.template(), B: ti.template(), after: ti.template(), index: ti.template(),
                   body: ti.template(), motion: ti.template(), s: ti.i32, dt, motion_bar: ti.template()):
-    """Adjoint of `backstop` on the bars of velocity and position. P holds the positions before the substep, the nodes
-    their velocities; leaves in `after` what grains near the tool had before the backstop."""
+    """Adjoint of `backstop` on the bars of velocity and position, of grains that moved for dt [s]. P holds positions
+    before the move, the nodes their velocities; leaves in `after` what grains near the tool had before the backstop."""
     c_t, R = keep(tool_origin(motion, 0, s)), keep(tool_axes(motion, 0, s))
     reach = ti.static((scene.colliders[index].sdf.radius + 0.5 * scene.cell) ** 2)
     for q in range(P.ranges[body][0], P.ranges[body][1]):

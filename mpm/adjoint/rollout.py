@@ -15,9 +15,11 @@ from mpm.adjoint.materials import material_bars
 from mpm.adjoint.schedule import Schedule, planned
 from mpm.adjoint.sweep import Sweep
 from mpm.backend import allocating, default_precision
+from mpm.diagnostics import divergence_of
 from mpm.errors import GradientDiverged, InvalidValue, TimeStepTooLarge
 from mpm.motion import Pose
 from mpm.particles import LANES, Snapshot
+from mpm.stride import most_substeps
 from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT
 from mpm.timestep import material_bound, travel_bound
 
@@ -73,7 +75,8 @@ class Rollout:
         with default_precision(solver.precision), allocating():
             self._history = History(solver.particles, solver.precision, self.schedule.slots)
             self._checkpoints = History(solver.particles, solver.precision, self.schedule.checkpoints)
-            self._sweep = Sweep(solver, self._history, materials=materials, limit=limit)
+            depth = min(most_substeps(solver.transfer_interval, self.step_dt / self.substeps), self.substeps)
+            self._sweep = Sweep(solver, self._history, depth=depth, materials=materials, limit=limit)
             self._bars = Snapshot(self._sweep.state_fields, solver.particles.n_packs)
         self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None
         self.forward_steps = 0
@@ -159,10 +162,10 @@ class Rollout:
             row = self.start["poses"][self._tool]
             start = Pose(row[:3], row[3:])
             radius = self.solver.colliders[self._tool].sdf.radius
-            speed = np.linalg.norm(given[0], axis=1) + radius * np.linalg.norm(given[1], axis=1)
-            longest = travel_bound(self.solver.grid.cell, float(speed.max()))
+            speeds = np.linalg.norm(given[0], axis=1) + radius * np.linalg.norm(given[1], axis=1)
+            longest = travel_bound(self.solver.grid.cell, float(speeds.max()))
             if self.step_dt / self.substeps > longest * (1 + 1e-9):
-                raise InvalidValue(f"Rollout: a tool at {speed.max():.3g} m/s needs "
+                raise InvalidValue(f"Rollout: a tool at {speeds.max():.3g} m/s needs "
                                    f"{math.ceil(self.step_dt / longest)} substeps a step; give substeps= that many, "
                                    f"now {self.substeps}")
         self._path = twists.path(start, *given, self.step_dt)
@@ -195,7 +198,7 @@ class Rollout:
             if not math.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
                 self.solver.time = float(self.start["time"]) + last * self.step_dt
                 self.solver.steps = int(self.start["steps"]) + last * self.substeps
-                raise self.solver._diverged(dt)
+                raise divergence_of(self.solver, dt)
         self.forward_steps += end - begin
 
     def _launches(self, begin: int, end: int) -> list[tuple[int, int]]:
@@ -308,15 +311,18 @@ class Rollout:
         return packed.reshape(steps, 6, particles.n_packs, LANES)
 
     def _located(self, begin: int, first: int, last: int, loss_bar: np.ndarray) -> GradientDiverged:
-        """Go back again until the first substep after which something is not finite, and say what."""
+        """Go back again until something is not finite, and say what, and at the beginning of which stride."""
         with default_precision(self.solver.precision):
             self._bars.rewind()
         rows, particles = self._table.reshape(-1, 18), self.solver.particles
-        quantity, particle, substep = "the tool's motion", -1, first * self.substeps
-        for substep in reversed(range(first * self.substeps, last * self.substeps)):
-            motion_bar = np.zeros((1, 18))
-            self._launch(0, substep - begin * self.substeps, 1, rows[substep : substep + 1], loss_bar, motion_bar,
-                         np.zeros((last - begin, 3)))
+        quantity, particle, end = "the tool's motion", -1, last * self.substeps
+        begins = self._sweep.begin.to_numpy()
+        while end > first * self.substeps:  # back by a stride
+            slot = int(begins[end - 1 - begin * self.substeps])
+            n = end - begin * self.substeps - slot
+            motion_bar = np.zeros((n, 18))
+            self._launch(0, slot, n, rows[end - n : end], loss_bar, motion_bar, np.zeros((last - begin, 3)))
+            end -= n
             bad = {name: np.flatnonzero(~np.isfinite(particles.read(fields)).all(1))
                    for name, fields in self._sweep.bars.named_fields().items()}
             found = [(name, int(rows_of[0])) for name, rows_of in bad.items() if len(rows_of)]
@@ -324,5 +330,5 @@ class Rollout:
                 quantity, particle = found[0]
             if found or not np.isfinite(motion_bar).all():
                 break
-        return GradientDiverged(step=substep // self.substeps, substep=substep % self.substeps, quantity=quantity,
+        return GradientDiverged(step=end // self.substeps, substep=end % self.substeps, quantity=quantity,
                                 particle=particle)

@@ -3,16 +3,18 @@
 from mpm.adjoint.constitutive import Through, revisit, stored, stress_back
 from mpm.adjoint.contact import backstop_back, nodes_back
 from mpm.adjoint.history import History
+from mpm.adjoint.nodes import NodeTape
 from mpm.adjoint.particles import ParticleBars
-from mpm.adjoint.transfer import gather_back, scatter_back
+from mpm.adjoint.transfer import gather_back, held_bar, scatter_back
 from mpm.adjoint.walls import WallTape, fold_back, unfold_back
 from mpm.backend import real_type, ti
 from mpm.contact import backstop, update_nodes
-from mpm.grid import BLOCK, clear
+from mpm.grid import clear
 from mpm.mirror import fold, unfold
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
 from mpm.strain import keep
+from mpm.stride import drift_after, drift_before, hold, stride
 
 POSITIONS, VELOCITIES, ALL = range(3)
 
@@ -28,20 +30,22 @@ class After:
 
 @ti.data_oriented
 class Sweep:
-    """The kernel of one roll-out. materials: whether bars of the laws' numbers are wanted. limit: largest entry of a
-    bar of the state, beyond which it is cut; None: not compiled."""
+    """The kernel of one roll-out. depth: the most substeps of a stride. materials: whether bars of the laws' numbers
+    are wanted. limit: largest entry of a bar of the state, beyond which it is cut; None: not compiled."""
 
-    def __init__(self, solver, history: History, *, materials: bool, limit: float | None) -> None:  # noqa: ANN001
+    def __init__(self, solver, history: History, *, depth: int, materials: bool,
+                 limit: float | None) -> None:  # noqa: ANN001
         self.scene, self.particles, self.history = solver._substeps, solver.particles, history
         self.grid, self.walls, self.laws = solver.fields, solver._substeps.walls, solver._substeps.laws
         self.bars = ParticleBars(self.particles, solver.precision)
         self.after = After(self.particles.n_packs, solver.precision)
         self.through = Through(self.laws, self.particles.n_packs, solver.precision)
-        self.tape = WallTape(solver.grid, solver.precision)
+        self.depth = depth
+        self.tape = WallTape(solver.grid, solver.precision, depth)
+        self.nodes = NodeTape(solver.grid, solver.precision, depth)
+        self.begin = ti.field(ti.i32, history.kept.shape[0])
+        """First slot of the stride that a slot's substep belongs to."""
         real = real_type(solver.precision)
-        self.node_bars = ti.Vector.field(4, real, solver.grid.shape)
-        self.folded = ti.Vector.field(4, real, solver.grid.shape)
-        """Momentum and mass of nodes, after the walls' images were added."""
         self.numbers_bar = ti.field(ti.f64, (len(self.laws), PARAMETERS))
         self.products = ti.Vector.field(4, real, 3)
         """Of one grain, by axis, on their way to sums; see `offset_bar`."""
@@ -62,57 +66,127 @@ class Sweep:
         positions, velocities and all in slot 0, interval, 2 interval ..., out: status in its last row.
         """
         ti.loop_config(serialize=True)
-        for t in range(substeps):
-            s = t if forward > 0 else substeps - 1 - t
-            stamp = first_stamp + 2 * t
-            gravity = self.scene.numbers.gravity[None]
-            corner = ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
-                                ti.cast(self.origin[2], ti.f64)])
-            if forward == 0 or t == 0:
-                self.history.load(first + s)
-            self.scene.mark_blocks(self.particles, stamp)
-            clear(self.grid, 0, self.grid.count[None])
-            for body in ti.static(range(len(self.laws))):
-                self.scene.to_grid(self.particles, self.laws[body], body, dt, out)
-            fold(self.grid, self.walls, stamp, dt, gravity)
-            if forward == 0:
-                self.keep_nodes()
-                if (first + s + 1) % interval == 0:
-                    self.take_loss(loss_bar, (first + s + 1) // interval - 1)
-            update_nodes(self.grid, self.scene, motion, s, dt, gravity, corner, self.cell, out)
-            unfold(self.grid, self.walls, stamp, self.scene.numbers.wall_friction[None], corner, self.cell, out,
-                   self.tape)
+        for _ in range(1):
+            corner = self.scene.corner_of_grid()
+            done = 0
+            while done < substeps:
+                begin, span = done, 1
+                if forward > 0:
+                    if done == 0:
+                        self.history.load(first)
+                    if ti.static(self.depth > 1):
+                        most = ti.min(self.depth, interval - done % interval)
+                        span = stride(self.scene, motion, done, mobile, dt, most)
+                else:
+                    begin = self.begin[first + substeps - done - 1] - first
+                    span = substeps - done - begin
+                for k in range(span):
+                    if forward == 0:
+                        self.history.load(first + begin + k)
+                    if k == 0:
+                        self.drift(drift_before(dt, span))
+                    self.to_nodes(motion, begin + k, k, first_stamp + 2 * done, dt, corner, forward, out)
+                    if forward > 0:
+                        self.begin[first + begin + k] = first + begin
+                        self.move(motion, begin + k, span * (k == span - 1), first_stamp + 2 * done + 1, dt, mobile,
+                                  out)
+                        self.history.store(first + begin + k + 1)
+                    else:
+                        self.nodes.keep(self.grid, self.nodes.velocities, k)
+                if forward == 0:
+                    for back in range(span):
+                        k = span - 1 - back
+                        if k < span - 1:
+                            self.history.load(first + begin + k)
+                            if k == 0:
+                                self.drift(drift_before(dt, span))
+                            self.nodes.bring(self.grid, k)
+                            self.nodes.hold_back(self.grid, k)
+                        else:
+                            self.nodes.clear_bars(self.grid)
+                            if (first + begin + span) % interval == 0:
+                                self.take_loss(loss_bar, (first + begin + span) // interval - 1)
+                        self.back(motion, begin + k, k, span * (k == span - 1), first + begin + k, dt, corner,
+                                  motion_bar)
+                        if k == 0:
+                            self.drift_back(drift_before(dt, span))
+                        if (first + begin + k) % interval == 0:
+                            self.measure(norms, (first + begin + k) // interval)
+                done += span
             if forward > 0:
-                self.grid.count[None] = 0
-                for body in ti.static(range(len(self.laws))):
-                    self.scene.to_particles(self.particles, body, dt, stamp + 1)
-                if ti.static(len(self.tool) > 0):
-                    for body in ti.static(range(len(self.laws))):
-                        backstop(self.particles, self.grid, self.scene, motion, s, mobile, dt, self.origin, body,
-                                 stamp + 1, out)
-                self.history.store(first + s + 1)
-                if t == substeps - 1:
-                    self.scene.take_status(out)
-            else:
-                self.back(motion, s, first + s, dt, corner, motion_bar)
-                if (first + s) % interval == 0:
-                    self.measure(norms, (first + s) // interval)
+                self.scene.take_status(out)
 
     @ti.func
-    def back(self, motion: ti.template(), s: ti.i32, slot: ti.i32, dt, corner, motion_bar: ti.template()):
-        """The adjoint of substep s, from slot on, with its nodes' velocities at hand."""
-        self.take_after(slot + 1)
-        for index in ti.static(self.tool):
-            for body in ti.static(range(len(self.laws))):
-                backstop_back(self.scene, self.particles, self.bars, self.after, index, body, motion, s, dt, motion_bar)
+    def drift(self, dt):
+        """Move all grains for dt [s], before their blocks are listed."""
+        if ti.static(self.depth > 1):
+            for q in range(self.particles.n_packs):
+                for d in ti.static(range(3)):
+                    x = self.particles.x[d][q]
+                    self.particles.x[d][q] = ti.select(dt > 0, self.scene.moved(x + dt * self.particles.v[d][q], d), x)
+
+    @ti.func
+    def drift_back(self, dt):
+        """Adjoint of `drift`; the particles hold the positions after it."""
+        if ti.static(self.depth > 1):
+            for q in range(self.particles.n_packs):
+                for d in ti.static(range(3)):
+                    bar = held_bar(self.scene, self.particles.x[d][q], self.bars.x[d][q], d, dt)
+                    self.bars.x[d][q] = bar
+                    self.bars.v[d][q] = self.bars.v[d][q] + dt * bar
+
+    @ti.func
+    def to_nodes(self, motion: ti.template(), s: ti.i32, k: ti.i32, stamp: ti.i32, dt, corner, forward: ti.i32,
+                 out: ti.template()):
+        """Substep s of the motion, the k-th of its stride, as far as to the nodes' velocities."""
+        gravity = self.scene.numbers.gravity[None]
+        if k == 0:
+            self.scene.mark_blocks(self.particles, stamp)
+            clear(self.grid, 0, self.grid.count[None])
+        elif ti.static(self.depth > 1):
+            hold(self.grid)
         for body in ti.static(range(len(self.laws))):
-            gather_back(self.products, self.scene, self.node_bars, self.particles, self.bars, self.after, body, dt)
-        unfold_back(self.grid, self.tape, self.node_bars, self.walls, self.scene.numbers.wall_friction[None])
-        nodes_back(self.scene, self.node_bars, self.folded, motion, s, dt, corner, motion_bar)
-        fold_back(self.grid, self.tape, self.node_bars, self.walls)
+            self.scene.to_grid(self.particles, self.laws[body], body, dt, out, k == 0)
+        fold(self.grid, self.walls, stamp, dt, gravity)
+        if forward == 0:
+            self.nodes.keep(self.grid, self.nodes.folded, k)
+        update_nodes(self.grid, self.scene, motion, s, dt, gravity, corner, self.cell, out)
+        self.tape.at[None] = k
+        unfold(self.grid, self.walls, stamp, self.scene.numbers.wall_friction[None], corner, self.cell, out, self.tape)
+
+    @ti.func
+    def move(self, motion: ti.template(), s: ti.i32, span: ti.i32, stamp: ti.i32, dt, mobile: ti.template(),
+             out: ti.template()):
+        """From the nodes to the grains, which move for `span` substeps, or stay where it is 0."""
+        if span > 0:
+            self.grid.count[None] = 0
+        for body in ti.static(range(len(self.laws))):
+            self.scene.to_particles(self.particles, body, drift_after(dt, span), stamp)
+        if ti.static(len(self.tool) > 0) and span > 0:
+            for body in ti.static(range(len(self.laws))):
+                backstop(self.particles, self.grid, self.scene, motion, s, mobile, drift_after(dt, span), self.origin,
+                         body, stamp, out)
+
+    @ti.func
+    def back(self, motion: ti.template(), s: ti.i32, k: ti.i32, span: ti.i32, slot: ti.i32, dt, corner,
+             motion_bar: ti.template()):
+        """The adjoint of `to_nodes` and `move` of substep s, from slot on, with its nodes' velocities at hand."""
+        self.take_after(slot + 1)
+        if span > 0:
+            for index in ti.static(self.tool):
+                for body in ti.static(range(len(self.laws))):
+                    backstop_back(self.scene, self.particles, self.bars, self.after, index, body, motion, s,
+                                  drift_after(dt, span), motion_bar)
+        for body in ti.static(range(len(self.laws))):
+            gather_back(self.products, self.scene, self.nodes.bars, self.particles, self.bars, self.after, body,
+                        drift_after(dt, span))
+        self.tape.at[None] = k
+        unfold_back(self.grid, self.tape, self.nodes.bars, self.walls, self.scene.numbers.wall_friction[None])
+        nodes_back(self.scene, self.nodes.bars, self.nodes.folded, k, motion, s, dt, corner, motion_bar)
+        fold_back(self.grid, self.tape, self.nodes.bars, self.walls)
         self.history.load_strains(slot)
         for body in ti.static(range(len(self.laws))):
-            self.to_grid_back(self.laws[body], body, dt)
+            self.to_grid_back(self.laws[body], body, dt, k == 0)
         if ti.static(self.cuts):
             for field in ti.static(self.state_fields):
                 for q in range(self.particles.n_packs):
@@ -121,14 +195,14 @@ class Sweep:
                     field[q] = ti.select(over, self.limit, ti.select(under, -self.limit, field[q]))
 
     @ti.func
-    def to_grid_back(self, law: ti.template(), body: ti.template(), dt):
+    def to_grid_back(self, law: ti.template(), body: ti.template(), dt, fresh):
         """Adjoint of scatter, stress and flow of a body; the particles hold the state before. Three loops, because in
         one the compiler takes everything apart into scalars."""
         p = [keep(self.scene.numbers.parameters[body, i]) for i in range(PARAMETERS)]
         for q in range(self.particles.ranges[body][0], self.particles.ranges[body][1]):
             revisit(self.particles, self.through, law, q, dt, stored(self.particles.C, q), p)
-        scatter_back(self.products, self.scene, self.node_bars, self.particles, self.bars, self.through.tau, body,
-                     -dt * 4.0 / (self.cell * self.cell))
+        scatter_back(self.products, self.scene, self.nodes.bars, self.particles, self.bars, self.through.tau, body,
+                     -dt * 4.0 / (self.cell * self.cell), fresh)
         for q in range(self.particles.ranges[body][0], self.particles.ranges[body][1]):
             rate_bar, p_bar = stress_back(self.particles, self.bars, self.through, law, q, dt,
                                           stored(self.particles.C, q), p)
@@ -137,17 +211,6 @@ class Sweep:
             if ti.static(self.materials):
                 for i in ti.static(range(len(p_bar))):
                     self.numbers_bar[body, i] = self.numbers_bar[body, i] + ti.cast(p_bar[i].sum(), ti.f64)
-
-    @ti.func
-    def keep_nodes(self):
-        """Copy the nodes of active blocks, and clear their bars."""
-        for n in range(self.grid.count[None]):
-            block = self.grid.active[n] * BLOCK
-            for a, b in ti.ndrange(BLOCK, BLOCK):
-                for c in ti.static(range(BLOCK)):
-                    I = block + ti.Vector([a, b, c])
-                    self.folded[I] = self.grid.nodes[I]
-                    self.node_bars[I] = ti.Vector.zero(self.grid.nodes.dtype, 4)
 
     @ti.func
     def take_after(self, slot):

@@ -50,7 +50,8 @@ def offset_bar(products: ti.template(), nodes: ti.template(), base: ti.template(
 def gather_back(products: ti.template(), scene: ti.template(), bars: ti.template(), P: ti.template(), B: ti.template(),
                 after: ti.template(), body: ti.template(), dt):
     """Bars of node velocities, added to `bars`, and those of the positions before, left in B.x. P holds the positions
-    before, `after` velocities and positions after, B the bars of the state after."""
+    before, `after` velocities and positions after, B the bars of the state after. dt: time [s] that the grains moved,
+    0 where they stayed."""
     gradient = 4.0 / scene.cell
     zero = scene.numbers.zero[None]
     for slot in range(LANES * P.ranges[body][0], LANES * P.ranges[body][1]):
@@ -58,7 +59,7 @@ def gather_back(products: ti.template(), scene: ti.template(), bars: ti.template
         node, f = stencil(scene.grid, [keep(P.x[d][q][l] * (1.0 / scene.cell)) for d in range(3)])
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         G = [keep(gradient * B.C[i][q][l]) for i in range(9)]
-        moved = [keep(held_bar(scene, after.x[d][q][l], B.x[d][q][l], d)) for d in range(3)]
+        moved = [keep(held_bar(scene, after.x[d][q][l], B.x[d][q][l], d, dt)) for d in range(3)]
         u = [keep(B.v[r][q][l] + dt * moved[r] - G[3 * r] * f[0] - G[3 * r + 1] * f[1] - G[3 * r + 2] * f[2])
              for r in range(3)]
         q0, a0 = ti.Vector([u[0], u[1], u[2], zero]), ti.Vector([G[0], G[3], G[6], zero])
@@ -72,22 +73,24 @@ def gather_back(products: ti.template(), scene: ti.template(), bars: ti.template
 
 
 @ti.func
-def held_bar(scene: ti.template(), x, bar, axis: ti.template()):
+def held_bar(scene: ti.template(), x, bar, axis: ti.template(), dt):
     """Bar of a coordinate after a move: none for one that a wall holds."""
-    held = (x <= scene.corner) | (x >= scene.corner + scene.span[axis])
+    held = (dt > 0) & ((x <= scene.corner) | (x >= scene.corner + scene.span[axis]))
     return ti.select(held, 0.0 * bar, bar)
 
 
 @ti.func
 def scatter_back(products: ti.template(), scene: ti.template(), bars: ti.template(), P: ti.template(),
-                 B: ti.template(), tau: ti.template(), body: ti.template(), force_per_volume):
-    """Adjoint of `Substeps.spread`: adds to B.x, sets B.v and B.C, and puts the bar of the stress in its place."""
+                 B: ti.template(), tau: ti.template(), body: ti.template(), force_per_volume, fresh):
+    """Adjoint of `Substeps.spread`: adds to B.x, sets B.v and B.C, and puts the bar of the stress in its place. fresh:
+    whether momentum and mass were spread, too."""
     zero = scene.numbers.zero[None]
+    brought = scene.numbers.densities[body] * ti.cast(fresh, scene.grid.nodes.dtype)
     for slot in range(LANES * P.ranges[body][0], LANES * P.ranges[body][1]):
         q, l = slot // LANES, slot % LANES
         node, f = stencil(scene.grid, [keep(P.x[d][q][l] * (1.0 / scene.cell)) for d in range(3)])
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
-        mass, force = scene.numbers.densities[body] * P.volume[q][l], force_per_volume * P.volume[q][l]
+        mass, force = brought * P.volume[q][l], force_per_volume * P.volume[q][l]
         Q = [keep((force * tau[FULL[i]][q][l] + mass * P.C[i][q][l]) * scene.cell) for i in range(9)]
         p = [keep(mass * P.v[r][q][l] - Q[3 * r] * f[0] - Q[3 * r + 1] * f[1] - Q[3 * r + 2] * f[2]) for r in range(3)]
         g, g_x, g_y, g_z = gather_lane(bars, node, wx, wy, wz)

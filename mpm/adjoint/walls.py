@@ -13,24 +13,27 @@ WALL, GHOST, MIRROR = range(3)
 
 @ti.data_oriented
 class WallTape:
-    """Wall node, ghost and mirror node of every column of every side, before the column is unfolded."""
+    """Wall node, ghost and mirror node of every column of every side, before the column is unfolded, in each of up to
+    `depth` substeps."""
 
     keeps = True
 
-    def __init__(self, grid: Grid, precision: str) -> None:
+    def __init__(self, grid: Grid, precision: str, depth: int) -> None:
         edge = max(grid.shape)
-        self.nodes = ti.Vector.field(4, real_type(precision), (6, 3, edge, edge))
+        self.nodes = ti.Vector.field(4, real_type(precision), (depth, 6, 3, edge, edge))
+        self.at = ti.field(ti.i32, ())
+        """The substep in question, of `depth`."""
 
     @ti.func
     def keep(self, grid: ti.template(), side, W, axis, inward, stamp):
         """The column at wall node W; a ghost in a block that is not active is nothing."""
         i, j = place_of(W, axis)
         ghost = W - unit(axis) * inward
-        self.nodes[side, WALL, i, j] = grid.nodes[W]
-        self.nodes[side, MIRROR, i, j] = grid.nodes[W + unit(axis) * inward]
-        self.nodes[side, GHOST, i, j] = ti.Vector.zero(grid.nodes.dtype, 4)
+        self.nodes[self.at[None], side, WALL, i, j] = grid.nodes[W]
+        self.nodes[self.at[None], side, MIRROR, i, j] = grid.nodes[W + unit(axis) * inward]
+        self.nodes[self.at[None], side, GHOST, i, j] = ti.Vector.zero(grid.nodes.dtype, 4)
         if grid.stamp[ghost // BLOCK] == stamp:
-            self.nodes[side, GHOST, i, j] = grid.nodes[ghost]
+            self.nodes[self.at[None], side, GHOST, i, j] = grid.nodes[ghost]
 
 
 @ti.func
@@ -51,7 +54,7 @@ def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), t
                 for a, b in ti.ndrange(BLOCK, BLOCK):
                     W = column(grid, block, a, b, axis, node)
                     i, j = place_of(W, axis)
-                    if tape.nodes[w, WALL, i, j][3] != 0:
+                    if tape.nodes[tape.at[None], w, WALL, i, j][3] != 0:
                         hidden = folded_earlier(grid, table, W, axis)
                         column_back(bars, tape, ti.Vector([w, i, j]), W, axis, inward, condition, n, hidden, friction)
 
@@ -59,8 +62,8 @@ def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), t
 @ti.func
 def column_back(bars: ti.template(), tape: ti.template(), place, W, axis, inward, condition, n, hidden, friction):
     """Adjoint of `unfold_column`."""
-    wall = tape.nodes[place[0], WALL, place[1], place[2]]
-    raw = tape.nodes[place[0], GHOST, place[1], place[2]]
+    wall = tape.nodes[tape.at[None], place[0], WALL, place[1], place[2]]
+    raw = tape.nodes[tape.at[None], place[0], GHOST, place[1], place[2]]
     ghost, mirror = W - unit(axis) * inward, W + unit(axis) * inward
     folded = raw[3] < 0 and not hidden
     met, slide = condition, friction
@@ -68,7 +71,7 @@ def column_back(bars: ti.template(), tape: ti.template(), place, W, axis, inward
         met, slide = SLIP, 0.0 * friction
     image, pair = 0.0 * n, 0.0 * friction
     if folded:
-        image = mirrored(tape.nodes[place[0], MIRROR, place[1], place[2]], n, condition)
+        image = mirrored(tape.nodes[tape.at[None], place[0], MIRROR, place[1], place[2]], n, condition)
         image[3] = -raw[3]
         pair = 2.0 * (-raw[3] * image - raw).dot(n)
     wall_bar, pair_bar = stop_back(wall, n, met, folded, pair, slide, bars[W])
@@ -148,7 +151,8 @@ def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), tab
                 for a, b in ti.ndrange(BLOCK, BLOCK):
                     W = column(grid, block, a, b, axis, node)
                     i, j = place_of(W, axis)
-                    folded = tape.nodes[w, WALL, i, j][3] != 0 and tape.nodes[w, GHOST, i, j][3] < 0
+                    k = tape.at[None]
+                    folded = tape.nodes[k, w, WALL, i, j][3] != 0 and tape.nodes[k, w, GHOST, i, j][3] < 0
                     if folded and not folded_earlier(grid, table, W, axis):
                         bar = bars[W + unit(axis) * inward]
                         image = mirrored(bar, n, condition)

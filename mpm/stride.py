@@ -1,0 +1,88 @@
+"""How many substeps velocities stay on the grid before the grains take them up again.
+
+Every transfer to the grains and back smooths velocities over a cell: a drag, the stronger the more transfers a second
+has, and so the smaller the substep. But only the substep has to be as small as sound asks; grains may stay where they
+are for as long as they travel little. In a stride of several substeps, nodes keep their velocity and feel stress,
+gravity and contact at every one, and the grains take up the rate of strain alone.
+
+Grains drift before the stride with the velocity that they bring to it, and after it with the one that they take from
+it, so that momentum and angular momentum are kept as by a single substep, and so is the path of free fall.
+"""
+
+from mpm.backend import ti
+from mpm.body import Body
+from mpm.grid import BLOCK
+from mpm.mobility import TWIST
+from mpm.timestep import TRAVEL_FRACTION
+
+TRAVEL = 0.5
+"""Cells that a grain may travel in a stride."""
+LONGEST = 4.0
+"""Default length of a stride, in largest substeps: a column's rim is then within 1 % of its source at any Courant
+number; twice that brings no more."""
+
+
+def default_interval(bodies: list[Body], bound: float) -> float:
+    """Longest stride [s] where the user names none. A fluid takes none: transfers are all that damps its noise (the
+    thrust on a gate falls by a tenth within two seconds otherwise)."""
+    return 0.0 if any(body.material.state == "volume" for body in bodies) else LONGEST * bound
+
+
+def most_substeps(interval: float, dt: float) -> int:
+    """Substeps of dt [s] in the longest stride, of `interval` [s]."""
+    return max(1, int(interval / dt + 1e-6))
+
+
+@ti.func
+def stride(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32):
+    """Substeps of the stride that begins with s, 1 to `most`: no grain travels more than `TRAVEL` cells, no tool more
+    than it may in a substep."""
+    fastest = dt * dt * 0.0
+    for q in range(scene.particles.n_packs):
+        v2 = scene.particles.v[0][q] ** 2 + scene.particles.v[1][q] ** 2 + scene.particles.v[2][q] ** 2
+        fastest = ti.max(fastest, v2.max())
+    count = within(most, dt * ti.sqrt(fastest), ti.static(TRAVEL * scene.cell))
+    for row, index in ti.static(enumerate(scene.features.moving_colliders)):
+        radius, limit = ti.static(scene.colliders[index].sdf.radius, TRAVEL_FRACTION * scene.cell)
+        if ti.static(scene.mobile_place[index] >= 0):
+            V = [mobile[scene.mobile_place[index], TWIST + i] for i in ti.static(range(6))]
+            speed = ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm()
+            count = within(count, ti.cast(dt, ti.f64) * speed, limit)
+        else:
+            for ahead in range(s, s + count):
+                V = [motion[row, ahead, 12 + i] for i in ti.static(range(6))]
+                count = within(count, dt * (ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm()), limit)
+    return count
+
+
+@ti.func
+def within(count: ti.i32, travel, limit):
+    """Count, or fewer substeps of so much travel [m], so that they stay within a limit [m]; one at least."""
+    result = 1
+    if 2.0 * travel <= limit:  # not where it is no number
+        result = ti.min(count, ti.cast(limit / ti.max(travel, 1e-3 * limit), ti.i32))
+    return ti.max(result, 1)
+
+
+@ti.func
+def drift_before(dt, span: ti.i32):
+    """Time [s] that grains drift before a stride: nothing before a single substep."""
+    return 0.5 * dt * (span - 1)
+
+
+@ti.func
+def drift_after(dt, span: ti.i32):
+    """Time [s] that grains drift after a stride; 0 for span 0, within one."""
+    return 0.5 * dt * (span + (span > 0))
+
+
+@ti.func
+def hold(grid: ti.template()):
+    """Turn the velocities of the substep before back to momenta."""
+    for n in range(grid.count[None]):
+        block = grid.active[n] * BLOCK
+        for a, b in ti.ndrange(BLOCK, BLOCK):
+            for c in ti.static(range(BLOCK)):
+                I = block + ti.Vector([a, b, c])
+                q = grid.nodes[I]
+                grid.nodes[I] = ti.Vector([q[3] * q[0], q[3] * q[1], q[3] * q[2], q[3]])
