@@ -16,8 +16,8 @@ from mpm.motion import Pose
 from mpm.motions import Motions
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
-from mpm.stride import most_substeps
-from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
+from mpm.stride import launches, most_substeps
+from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.tally import MAX_LOOKS, Tallied
 from mpm.tally import ROWS as TALLY_ROWS
 
@@ -223,10 +223,11 @@ class Batch:
             tables.append(table)
             rows += total
         outcomes: list[list[Tallied] | SimulationDiverged] = [[] for _ in plans]
-        for done in range(0, max(plan.substeps for plan in plans), MAX_SUBSTEPS):
-            turns = [plan._replace(substeps=min(MAX_SUBSTEPS, plan.substeps - done), first_row=plan.first_row + done,
-                                   done=done) if plan.substeps > done and isinstance(outcomes[e], list) else Turn()
-                     for e, plan in enumerate(plans)]
+        pieces = [launches(max(plan.substeps, 0), plan.interval) for plan in plans]
+        for k in range(max(map(len, pieces))):
+            turns = [Turn() if k >= len(pieces[e]) or not isinstance(outcomes[e], list) else
+                     plan._replace(substeps=pieces[e][k][1], first_row=plan.first_row + pieces[e][k][0],
+                                   done=pieces[e][k][0]) for e, plan in enumerate(plans)]
             self._launch(turns, np.concatenate(tables, axis=1))
             for e, turn in enumerate(turns):
                 if turn.substeps > 0:

@@ -24,11 +24,11 @@ from mpm.sample import Sample
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
-from mpm.stride import default_interval, most_substeps
-from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT, Substeps
+from mpm.stride import chosen_interval, launches, most_substeps
+from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.tally import MAX_LOOKS, Tallied, Tally
 from mpm.tally import ROWS as TALLY_ROWS
-from mpm.timestep import COURANT_FRACTION, material_bound
+from mpm.timestep import chosen_step, material_bound
 from mpm.walls import Walls
 from mpm.way_back import WayBack
 
@@ -69,17 +69,10 @@ class Solver:
         self.gravity = np.asarray(gravity, float)
         check_scene(grid, self.bodies, self.colliders, self.gravity)
         self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
-        if dt is not None and not dt > 0:
-            raise InvalidValue(f"Solver: dt = {dt} s; accepted: a positive time, or None")
-        if dt is not None and dt > self.bound:
-            raise TimeStepTooLarge(dt, self.bound, "isolated particle")
         self.asked_dt = dt
         """What the user asked for, or None."""
-        self.dt = dt if dt is not None else COURANT_FRACTION * self.bound
-        self.transfer_interval = (default_interval(self.bodies, self.bound) if transfer_interval is None
-                                  else float(transfer_interval))
-        if not self.transfer_interval >= 0:
-            raise InvalidValue(f"Solver: transfer_interval = {transfer_interval} s; accepted: 0, a time, or None")
+        self.dt = chosen_step(dt, self.bound)
+        self.transfer_interval = chosen_interval(transfer_interval, self.bodies, self.bound)
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._stamp = 0
         self.tally: Tally | None = None
@@ -238,8 +231,7 @@ class Solver:
         self.substep = dt
         self.mobility.begin(self._motions.poses, duration)
         self.ledger[:] = 0.0
-        for first in range(0, total, MAX_SUBSTEPS):
-            n = min(MAX_SUBSTEPS, total - first)
+        for first, n in launches(total, interval):
             motion = np.ascontiguousarray(table[:, first : first + n])
             self._out[:] = 0.0
             with default_precision(self.precision):

@@ -11,6 +11,7 @@ it, so that momentum and angular momentum are kept as by a single substep, and s
 
 from mpm.backend import ti
 from mpm.body import Body
+from mpm.errors import InvalidValue
 from mpm.grid import BLOCK
 from mpm.mobility import TWIST
 from mpm.timestep import TRAVEL_FRACTION
@@ -22,10 +23,30 @@ LONGEST = 4.0
 number; twice that brings no more."""
 
 
-def default_interval(bodies: list[Body], bound: float) -> float:
-    """Longest stride [s] where the user names none. A fluid takes none: transfers are all that damps its noise (the
-    thrust on a gate falls by a tenth within two seconds otherwise)."""
-    return 0.0 if any(body.material.state == "volume" for body in bodies) else LONGEST * bound
+MAX_SUBSTEPS = 64
+"""Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
+
+
+def chosen_interval(asked: float | None, bodies: list[Body], bound: float) -> float:
+    """Longest stride [s]: what is asked for, or the default. A fluid takes none by default: transfers are all that
+    damps its noise (the thrust on a gate falls by a tenth within two seconds otherwise)."""
+    if asked is None:
+        return 0.0 if any(body.material.state == "volume" for body in bodies) else LONGEST * bound
+    if not asked >= 0:
+        raise InvalidValue(f"Solver: transfer_interval = {asked} s; accepted: 0, a time, or None")
+    return float(asked)
+
+
+def launches(total: int, interval: int) -> list[tuple[int, int]]:
+    """(first, number) of the substeps of every launch of an advance that is read after every `interval` substeps.
+
+    Strides end with a launch: so that they do not depend on what lies beyond a reading, launches end there, too.
+    """
+    if interval <= MAX_SUBSTEPS:
+        size = MAX_SUBSTEPS // interval * interval
+        return [(first, min(size, total - first)) for first in range(0, total, size)]
+    return [(begin + first, min(MAX_SUBSTEPS, interval - first)) for begin in range(0, total, interval)
+            for first in range(0, interval, MAX_SUBSTEPS)]
 
 
 def most_substeps(interval: float, dt: float) -> int:

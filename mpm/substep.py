@@ -16,8 +16,6 @@ from mpm.surface import tool_axes, tool_origin
 from mpm.tally import ROWS as TALLY_ROWS
 from mpm.transfer import gather_lane, lane, scatter_lane, weights
 
-MAX_SUBSTEPS = 64
-"""Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
 SPEED_LIMIT = 1.0
 """Cells that a grain may travel in a substep before the run counts as diverged."""
 

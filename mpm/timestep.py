@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+from mpm.errors import InvalidValue, TimeStepTooLarge
+
 COURANT_FRACTION = 0.75
 """Default share of the isolated-particle bound: leaves room for compression, which stiffens the logarithmic strain."""
 TRAVEL_FRACTION = 0.25
@@ -35,3 +37,14 @@ def material_bound(cell: float, law: Any) -> float:
     """Time step [s] at which a lone particle of a material becomes unstable."""
     elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
     return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
+
+
+def chosen_step(dt: float | None, bound: float) -> float:
+    """The step [s] asked for, or `COURANT_FRACTION` of the bound [s]. Raises TimeStepTooLarge beyond it."""
+    if dt is None:
+        return COURANT_FRACTION * bound
+    if not dt > 0:
+        raise InvalidValue(f"Solver: dt = {dt} s; accepted: a positive time, or None")
+    if dt > bound:
+        raise TimeStepTooLarge(dt, bound, "isolated particle")
+    return dt

@@ -28,6 +28,12 @@ def test_materials_refuse(wrong: dict[str, float], message: str) -> None:
         mpm.DruckerPrager(**(SAND | wrong))
 
 
+@pytest.mark.parametrize("interval", [-1e-3, float("nan")])
+def test_a_stride_lasts_some_time(interval: float) -> None:
+    with pytest.raises(mpm.InvalidValue, match=f"transfer_interval = {interval}"):
+        solver([block()], transfer_interval=interval)
+
+
 def test_bodies_are_neither_empty_nor_outside() -> None:
     with pytest.raises(mpm.InvalidValue, match="shape"):
         mpm.Body(mpm.DruckerPrager(**SAND), np.zeros((0, 3)), volume=1e-6)

@@ -19,8 +19,8 @@ from mpm.diagnostics import divergence_of
 from mpm.errors import GradientDiverged, InvalidValue, TimeStepTooLarge
 from mpm.motion import Pose
 from mpm.particles import LANES, Snapshot
-from mpm.stride import most_substeps
-from mpm.substep import MAX_SUBSTEPS, SPEED_LIMIT
+from mpm.stride import MAX_SUBSTEPS, most_substeps
+from mpm.substep import SPEED_LIMIT
 from mpm.timestep import material_bound, travel_bound
 
 BUDGET = 1_000_000_000

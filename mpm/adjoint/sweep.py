@@ -14,7 +14,7 @@ from mpm.mirror import fold, unfold
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
 from mpm.strain import keep
-from mpm.stride import drift_after, drift_before, hold, stride
+from mpm.stride import MAX_SUBSTEPS, drift_after, drift_before, hold, stride
 
 POSITIONS, VELOCITIES, ALL = range(3)
 
@@ -76,6 +76,7 @@ class Sweep:
                         self.history.load(first)
                     if ti.static(self.depth > 1):
                         most = ti.min(self.depth, interval - done % interval)
+                        most = ti.min(most, MAX_SUBSTEPS - done % interval % MAX_SUBSTEPS)  # as `launches` cuts
                         span = stride(self.scene, motion, done, mobile, dt, most)
                 else:
                     begin = self.begin[first + substeps - done - 1] - first

@@ -46,6 +46,8 @@ def parts(solver: mpm.Solver) -> list[Part]:
         Part("periodic sides", any(f.periodic), "asked for" if any(f.periodic) else "no side is periodic"),
         Part("strain by eigenvalues", f.integrator != "series", f"integrator {f.integrator}" if f.integrator != "series"
              else "the series is exact to the precision at these steps"),
+        Part("strides of several substeps", f.strides, f"velocities stay on the grid for up to "
+             f"{1e3 * solver.transfer_interval:.2g} ms" if f.strides else "every substep brings them to the grains"),
         Part("tally of the task", solver.tally is not None, "read within the launch" if solver.tally is not None
              else "nobody counts within the launch"),
         Part("adjoint", False, "nobody has asked for a Rollout"),
