@@ -16,6 +16,8 @@ from mpm.motion import rotation_matrix, turned
 from mpm.strain import compose, keep, spectrum
 
 CELL, STEPS, SUBSTEPS = 0.01, 100, 5
+STRIDE = 1.0
+"""[s]: as long as a roll-out's step and the grains' travel allow, in fluids too."""
 LAWS = {
     "fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
     "clay": mpm.VonMises(E=2e5, nu=0.3, density=1500.0, yield_stress=2e3),
@@ -34,7 +36,7 @@ def scene(*laws, precision: str = "f64") -> mpm.Solver:
     ball = mpm.Collider(mpm.Sdf.sphere(0.02), friction=0.2, static=True,
                         pose=mpm.Pose(np.array([0.09, 0.02, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.14, 0.1, 0.08), CELL), bodies=bodies, colliders=[tool, ball],
-                        walls=mpm.Walls(friction=0.4), precision=precision)
+                        walls=mpm.Walls(friction=0.4), precision=precision, transfer_interval=STRIDE)
     solver.advance(0.02)
     return solver
 
