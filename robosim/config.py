@@ -57,6 +57,8 @@ class FieldConfig(Table):
     region_upper: Vector3
     dt: PositiveFloat | None = None
     """Substep [s]; null: from the stability bound."""
+    transfer_interval: float | None = Field(default=None, ge=0.0)
+    """Longest time [s] that velocities stay on the grid, 0: a substep; null: the solver's own."""
 
 
 class LimitsConfig(Table):

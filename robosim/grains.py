@@ -86,6 +86,6 @@ def build(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: int = 0)
     solver = mpm.Solver(
         grid=mpm.Grid(field.region_lower, field.region_upper, field.cell),
         bodies=[mpm.Body(law, positions, volume=volume)], colliders=colliders,
-        walls=mpm.Walls(friction=field.floor_friction), dt=field.dt,
+        walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, transfer_interval=field.transfer_interval,
     )
     return Grains(solver, 0, volume)

@@ -75,7 +75,8 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False) -> mpm.Sol
     colliders += container_colliders(task.containers, field)
     body = mpm.Body(law, filling(task, sdf), volume=grain_volume(task))
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
-                      colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=field.dt)
+                      colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=field.dt,
+                      transfer_interval=field.transfer_interval)
 
 
 def observed(task: TaskConfig) -> np.ndarray:
