@@ -18,9 +18,9 @@ from mpm.timestep import TRAVEL_FRACTION
 
 TRAVEL = 0.5
 """Cells that a grain may travel in a stride."""
-LONGEST = 4.0
+LONGEST = 3.0
 """Default length of a stride, in largest substeps: a column's rim is then within 1 % of its source at any Courant
-number; twice that brings no more."""
+number. Longer ones bring no more, and let its crest sag."""
 
 
 MAX_SUBSTEPS = 64

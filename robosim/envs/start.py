@@ -40,7 +40,8 @@ def settled(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.S
               if isinstance(collider.sdf, Lattice)]
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
     digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
-                      "transfer_interval": solver.transfer_interval, "shapes": shapes, "interior": tool_shape(task.tool).interior,
+                      "shapes": shapes, "interior": tool_shape(task.tool).interior,
+                      "transfer_interval": solver.transfer_interval,
                       "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
     # other tasks and materials have files of their own; a changed configuration finds its old file stale
     path = cache_folder() / f"{name}-{_digest(numbers)[:12]}{mobile}.npz"
