@@ -237,7 +237,7 @@ def test_what_grows_beyond_all_numbers_is_found(two_materials, pair_roll):
     solver.advance(solver.dt)
     assert np.isfinite(solver.positions()).all()
     assert pair_roll.value(*motion(20), weighted_ends(n, 20)) != 0.0
-    assert error.value.substep == SUBSTEPS - 1
+    assert error.value.substep == 0  # where the stride begins, the whole step
 
 
 @pytest.mark.slow
