@@ -16,10 +16,11 @@ from mpm.motion import Pose
 from mpm.motions import Motions
 from mpm.numbers import PARAMETERS
 from mpm.particles import LANES
-from mpm.stride import launches, most_substeps
+from mpm.stride import chosen_interval, launches, most_substeps
 from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.tally import MAX_LOOKS, Tallied
 from mpm.tally import ROWS as TALLY_ROWS
+from mpm.timestep import material_bound
 
 LEFT_OUT, READ_ONLY = -1, 0
 """Numbers of substeps that mean something else."""
@@ -219,7 +220,7 @@ class Batch:
                                                  solver._dtype)
             self._dts[e] = durations[e] / total
             plans[e] = Turn(total, rows, total // int(looks[e]),
-                            stay=most_substeps(solver.transfer_interval, self._dts[e]))
+                            stay=most_substeps(self._interval(e), self._dts[e]))
             tables.append(table)
             rows += total
         outcomes: list[list[Tallied] | SimulationDiverged] = [[] for _ in plans]
@@ -233,6 +234,11 @@ class Batch:
                 if turn.substeps > 0:
                     outcomes[e] = self._outcome(e, turn, outcomes[e])
         return outcomes
+
+    def _interval(self, e: int) -> float:
+        """Longest stride [s] of a future's materials."""
+        bound = min(material_bound(self.solver.grid.cell, material) for material in self._materials[e])
+        return chosen_interval(self.solver.asked_interval, self.solver.bodies, bound)
 
     def _check(self, durations: np.ndarray, looks: np.ndarray) -> None:
         """Raise InvalidValue for what no future can do, before any begins."""

@@ -13,7 +13,7 @@ make on average where the face is: thrust on a gate is right to 2.5 % at any pla
 impact on a bar to 2 % instead of 11 %."""
 
 RECOVERY = 0.01
-"""Cells by which the backstop brings a grain out in a substep: enough against the slow drift of a fluid towards a face
+"""Cells by which the backstop brings a grain out in a stride: enough against the slow drift of a fluid towards a face
 (1e-3), too little to throw what a scene begins with inside a tool."""
 
 

@@ -18,7 +18,7 @@ from mpm.transfer import weights
 CURVATURE = 0.5
 """Cells by which a curved shell may come closer to a stencil's outer nodes than its tangent plane."""
 WATCHED = 1.3
-"""Cells from the shell within which a grain can come to it in a substep: its own travel and the shell's."""
+"""Cells from the shell within which a grain can come to it in a stride: its own travel and the shell's."""
 RECOVERY = 0.2
 """Cells by which the backstop corrects a grain's next position at most."""
 
@@ -104,8 +104,7 @@ def reaches_across(scene: ti.template(), J):
 
 @ti.func
 def label_grains(scene: ti.template(), P: ti.template(), motion: ti.template(), s: ti.i32):
-    """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it. Empties the list."""
-    scene.cuts.count[None] = 0
+    """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it."""
     for q in range(P.n_packs):
         near = 0
         for row, index in ti.static(scene.features.shell_rows):
@@ -146,14 +145,14 @@ def grain_side(scene: ti.template(), motion: ti.template(), s: ti.i32, J, x):
 
 @ti.func
 def keep_for_cut(cuts: ti.template(), q, l: ti.template(), node: ti.template(), f: ti.template(), p: ti.template(),
-                 mass, Q: ti.template()):
+                 mass, Q: ti.template(), fresh):
     """Put lane l of pack q on the list, with what it would have scattered."""
     c = cuts.count[None]
     cuts.count[None] = c + 1
     cuts.slot[c] = ti.Vector([q, l])
     cuts.base[c] = ti.Vector([node[0], node[1], node[2]])
     cuts.offset[c] = ti.Vector([f[0][l], f[1][l], f[2][l]])
-    if mass[l] > 0:  # later substeps of a stride bring none, for the same list
+    if fresh:  # later substeps of a stride bring none, for the same list
         cuts.mass[c] = mass[l]
     cuts.q[0][c] = ti.Vector([p[0][l], p[1][l], p[2][l], mass[l]])
     for d in ti.static(range(3)):

@@ -40,8 +40,8 @@ class Solver:
     A collider that moves faster than dt allows is followed with smaller substeps. precision: "f32", "f64" or None
     (init's). integrator: "series", "exact", "auto" or None. "auto" takes the eigenvalues for grains whose strain leaves
     the range in which the series is exact to single precision; None is "auto" in single precision, "exact" in double.
-    transfer_interval: longest time [s] for which velocities stay on the grid (see `stride`); 0: every substep brings
-    them to the grains and back; None: that where there is a fluid, else `stride.LONGEST` times the bound.
+    transfer_interval: longest time [s] for which velocities stay on the grid (see `stride`), within an advance and
+    between looks; 0: a substep; None: that where any body is a fluid, else `stride.LONGEST` times the bound.
     body_acceleration: (n_particles, 3) [m/s^2], see `set_body_acceleration`.
     """
 
@@ -72,6 +72,7 @@ class Solver:
         self.asked_dt = dt
         """What the user asked for, or None."""
         self.dt = chosen_step(dt, self.bound)
+        self.asked_interval = transfer_interval
         self.transfer_interval = chosen_interval(transfer_interval, self.bodies, self.bound)
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._stamp = 0
@@ -87,7 +88,7 @@ class Solver:
     def _build(self) -> None:
         """Allocate the fields that the scene asks for and the kernels that read them."""
         self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self._integrator,
-                                    self._accelerated, most_substeps(self.transfer_interval, self.dt) > 1)
+                                    self._accelerated, self.transfer_interval > 0)
         self.mobility = MobilityTable(self.features.mobile)
         self._motions = Motions(self.colliders, self.features, self.mobility)
         with default_precision(self.precision), allocating():
@@ -144,6 +145,8 @@ class Solver:
         """Give a body other numbers of its law from now on; raises TimeStepTooLarge where they need a smaller dt."""
         self.check_material(index, material)
         self.bodies[index] = replace(self.bodies[index], material=material)
+        self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
+        self.transfer_interval = chosen_interval(self.asked_interval, self.bodies, self.bound)
         self.numbers.set_law(index, material)
 
     def check_material(self, index: int, material: Material) -> None:

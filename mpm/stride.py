@@ -51,13 +51,13 @@ def launches(total: int, interval: int) -> list[tuple[int, int]]:
 
 def most_substeps(interval: float, dt: float) -> int:
     """Substeps of dt [s] in the longest stride, of `interval` [s]."""
-    return max(1, int(interval / dt + 1e-6))
+    return max(1, int(min(interval / dt + 1e-6, MAX_SUBSTEPS)))
 
 
 @ti.func
 def stride(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32):
-    """Substeps of the stride that begins with s, 1 to `most`: no grain travels more than `TRAVEL` cells, no tool more
-    than it may in a substep."""
+    """Substeps of the stride that begins with s, 1 to `most`: at its present speed no grain travels more than `TRAVEL`
+    cells, no tool more than it may in a substep."""
     fastest = dt * dt * 0.0
     for q in range(scene.particles.n_packs):
         v2 = scene.particles.v[0][q] ** 2 + scene.particles.v[1][q] ** 2 + scene.particles.v[2][q] ** 2

@@ -199,7 +199,7 @@ class Substeps:
                 for d in ti.static(range(3)):
                     momentum[d] += dt * mass * P.acceleration[d][q]
                 self.credit_acceleration(P, q, dt * mass, out)
-            self.spread(P, q, momentum, brought, force * volume, C, tau)
+            self.spread(P, q, momentum, brought, force * volume, C, tau, fresh)
 
     @ti.func
     def credit_acceleration(self, P: ti.template(), q, factor, out: ti.template()):
@@ -213,7 +213,7 @@ class Substeps:
                 out[GRAVITY_ROW, 3 + d] = out[GRAVITY_ROW, 3 + d] + moment[d]
 
     @ti.func
-    def spread(self, P: ti.template(), q, p: ti.template(), mass, force, C: ti.template(), tau: ti.template()):
+    def spread(self, P: ti.template(), q, p: ti.template(), mass, force, C: ti.template(), tau: ti.template(), fresh):
         """Scatter a pack: momentum p (3), mass, and affine momentum Q = force tau + mass C, per cell."""
         Q = [keep((force * tau[FULL[i]] + mass * C[i]) * self.cell) for i in range(9)]
         base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
@@ -226,7 +226,7 @@ class Substeps:
             node = [keep(base[d][l]) for d in range(3)]
             if ti.static(len(self.features.shells) > 0):
                 if P.side[q][l] != 0:
-                    keep_for_cut(self.cuts, q, l, node, f, [px, py, pz], mass, Q)
+                    keep_for_cut(self.cuts, q, l, node, f, [px, py, pz], mass, Q, fresh)
                 else:
                     scatter_lane(
                         self.grid.nodes, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),

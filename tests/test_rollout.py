@@ -26,7 +26,7 @@ LAWS = {
 }
 
 
-def scene(*laws, precision: str = "f64") -> mpm.Solver:
+def scene(*laws, precision: str = "f64", interval: float = STRIDE) -> mpm.Solver:
     """A block on the floor beside a wall, a lattice tool that comes at it, and a static ball behind."""
     spacing = CELL / 2
     bodies = [mpm.Body(law, mpm.sample_box((0.04, 0.0 + 0.03 * i, 0.0), (0.07, 0.03 + 0.03 * i, 0.03), spacing,
@@ -36,7 +36,7 @@ def scene(*laws, precision: str = "f64") -> mpm.Solver:
     ball = mpm.Collider(mpm.Sdf.sphere(0.02), friction=0.2, static=True,
                         pose=mpm.Pose(np.array([0.09, 0.02, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.14, 0.1, 0.08), CELL), bodies=bodies, colliders=[tool, ball],
-                        walls=mpm.Walls(friction=0.4), precision=precision, transfer_interval=STRIDE)
+                        walls=mpm.Walls(friction=0.4), precision=precision, transfer_interval=interval)
     solver.advance(0.02)
     return solver
 
@@ -131,6 +131,24 @@ def test_the_roll_out_is_the_solvers_own_future(two_materials, pair_roll):
     assert rolled["poses"] == pytest.approx(advanced["poses"], abs=1e-12)
     assert float(rolled["time"]) == pytest.approx(float(advanced["time"]))
     solver.load(start)
+
+
+@pytest.mark.slow
+def test_gradient_through_uneven_strides():
+    """Steps of two, two and one substeps."""
+    solver = scene(LAWS["elastic"])
+    solver = scene(LAWS["elastic"], interval=2.0 * solver.dt)
+    roll = mpm.Rollout(solver, 10, step_dt=SUBSTEPS * solver.dt)
+    linear, angular = motion(10)
+    loss = weighted_ends(len(solver.masses()), 10)
+    _, (by_linear, by_angular) = roll.value_and_grad(linear, angular, loss)
+    assert np.unique(roll._sweep.begin.to_numpy()[:11]).tolist() == [0, 2, 4, 5, 7, 9, 10]
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        to_linear, to_angular = rng.standard_normal((10, 3)), 20.0 * rng.standard_normal((10, 3))
+        ends = [roll.value(linear + s * to_linear, angular + s * to_angular, loss) for s in (1e-7, -1e-7)]
+        along = np.sum(by_linear * to_linear) + np.sum(by_angular * to_angular)
+        assert along == pytest.approx((ends[0] - ends[1]) / 2e-7, rel=1e-3)
 
 
 @pytest.mark.slow

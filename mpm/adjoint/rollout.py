@@ -48,6 +48,10 @@ class Rollout:
     growth of sand's. window: at every so-manieth step the state's derivatives are dropped; what the tool's later places
     owe to its earlier twists stays. substeps: per step, or None: as many as the solver's dt asks for.
 
+    Strides are those of the solver, at most as long as its materials allow now; where rounding or a small change of the
+    motion would make one longer or shorter, the derivative does not see it. Nodes are kept for every substep of one
+    stride, besides the budget.
+
     Its fields stay until the process ends: make one, and `restart` it.
     """
 
@@ -75,7 +79,8 @@ class Rollout:
         with default_precision(solver.precision), allocating():
             self._history = History(solver.particles, solver.precision, self.schedule.slots)
             self._checkpoints = History(solver.particles, solver.precision, self.schedule.checkpoints)
-            depth = min(most_substeps(solver.transfer_interval, self.step_dt / self.substeps), self.substeps)
+            longest = min(most_substeps(solver.transfer_interval, self.step_dt / self.substeps), self.substeps)
+            depth = longest if solver.features.strides else 1
             self._sweep = Sweep(solver, self._history, depth=depth, materials=materials, limit=limit)
             self._bars = Snapshot(self._sweep.state_fields, solver.particles.n_packs)
         self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None

@@ -20,6 +20,8 @@ SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for 
 QUICK = [{"cells": n, "courant": 0.2, "precision": p} for p, n in (("f64", 8), ("f64", 16), ("f32", 8), ("f32", 16))]
 HEADLINE, KNOB = "rms", "cells"
 FINEST = {"courant": 0.2, "precision": "f64"}
+"""What is claimed is claimed at Courant number 0.2: at 0.5 the step's own error, of first order, outweighs the cells'.
+The force changes with every substep, so that no stride is longer."""
 CHECKS = (Within("rms", BANDS["rms at 16 cells"], {"cells": 16, "courant": 0.2}),
           Within("rms", BANDS["rms at 32 cells"], {"cells": 32, "courant": 0.2}),
           Order("rms", "cells", (8, 16), BANDS["order 8 to 16"], FINEST),
