@@ -238,7 +238,7 @@ class Batch:
     def _interval(self, e: int) -> float:
         """Longest stride [s] of a future's materials."""
         bound = min(material_bound(self.solver.grid.cell, material) for material in self._materials[e])
-        return chosen_interval(self.solver.asked_interval, self.solver.bodies, bound)
+        return chosen_interval(self.solver.asked_interval, self.solver.bodies, self.solver.colliders, bound)
 
     def _check(self, durations: np.ndarray, looks: np.ndarray) -> None:
         """Raise InvalidValue for what no future can do, before any begins."""

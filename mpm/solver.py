@@ -41,7 +41,7 @@ class Solver:
     (init's). integrator: "series", "exact", "auto" or None. "auto" takes the eigenvalues for grains whose strain leaves
     the range in which the series is exact to single precision; None is "auto" in single precision, "exact" in double.
     transfer_interval: longest time [s] for which velocities stay on the grid (see `stride`), within an advance and
-    between looks; 0: a substep; None: that where any body is a fluid, else `stride.LONGEST` times the bound.
+    between looks; 0: a substep; None: see `chosen_interval`.
     body_acceleration: (n_particles, 3) [m/s^2], see `set_body_acceleration`.
     """
 
@@ -69,11 +69,9 @@ class Solver:
         self.gravity = np.asarray(gravity, float)
         check_scene(grid, self.bodies, self.colliders, self.gravity)
         self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
-        self.asked_dt = dt
+        self.asked_dt, self.asked_interval = dt, transfer_interval
         """What the user asked for, or None."""
         self.dt = chosen_step(dt, self.bound)
-        self.asked_interval = transfer_interval
-        self.transfer_interval = chosen_interval(transfer_interval, self.bodies, self.bound)
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._stamp = 0
         self.tally: Tally | None = None
@@ -125,6 +123,11 @@ class Solver:
         self.way_back = WayBack(self)
         self._listed = False  # whether the blocks of the next substep are on the grid's list
 
+    @property
+    def transfer_interval(self) -> float:
+        """Longest stride [s] with the materials and colliders of now."""
+        return chosen_interval(self.asked_interval, self.bodies, self.colliders, self.bound)
+
     # scene -----------------------------------------------------------------------------------------------------------
     def set_colliders(self, colliders: list[Collider]) -> None:
         """Replace the scene's colliders before the first advance; the grains stay as they are."""
@@ -146,7 +149,6 @@ class Solver:
         self.check_material(index, material)
         self.bodies[index] = replace(self.bodies[index], material=material)
         self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
-        self.transfer_interval = chosen_interval(self.asked_interval, self.bodies, self.bound)
         self.numbers.set_law(index, material)
 
     def check_material(self, index: int, material: Material) -> None:

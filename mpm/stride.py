@@ -11,6 +11,7 @@ it, so that momentum and angular momentum are kept as by a single substep, and s
 
 from mpm.backend import ti
 from mpm.body import Body
+from mpm.collider import Collider
 from mpm.errors import InvalidValue
 from mpm.grid import BLOCK
 from mpm.mobility import TWIST
@@ -27,11 +28,13 @@ MAX_SUBSTEPS = 64
 """Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
 
 
-def chosen_interval(asked: float | None, bodies: list[Body], bound: float) -> float:
-    """Longest stride [s]: what is asked for, or the default. A fluid takes none by default: transfers are all that
-    damps its noise (the thrust on a gate falls by a tenth within two seconds otherwise)."""
+def chosen_interval(asked: float | None, bodies: list[Body], colliders: list[Collider], bound: float) -> float:
+    """Longest stride [s]: what is asked for, or else `LONGEST` times the bound [s]; a substep in two cases. Transfers
+    are all that damps a fluid's noise (the thrust on a gate falls by a tenth within two seconds otherwise). And where
+    contact moves a collider, a host cuts time as it likes: a swing through sand must not depend on its steps."""
     if asked is None:
-        return 0.0 if any(body.material.state == "volume" for body in bodies) else LONGEST * bound
+        fluid = any(body.material.state == "volume" for body in bodies)
+        return 0.0 if fluid or any(collider.mobile for collider in colliders) else LONGEST * bound
     if not asked >= 0:
         raise InvalidValue(f"Solver: transfer_interval = {asked} s; accepted: 0, a time, or None")
     return float(asked)

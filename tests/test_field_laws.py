@@ -107,8 +107,8 @@ def test_block_across_a_periodic_corner_keeps_its_momentum(axes: int) -> None:
 
 
 def test_ledger_closes_with_shell_and_solid_together() -> None:
-    """Sand on a plate near the floor, struck by a moving ball: what the grains gain, somebody gave. The last pack, beside
-    the plate, has one grain in four lanes."""
+    """Sand on a plate near the floor, struck by a moving ball: what the grains gain, somebody gave. The last pack,
+    beside the plate, has one grain in four lanes."""
     cell = 0.01
     corners = [[-0.06, -0.06, 0], [0.06, -0.06, 0], [0.06, 0.06, 0], [-0.06, 0.06, 0]]
     plate = mpm.Shell.from_mesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]), 1e-3)
