@@ -52,7 +52,7 @@ def momentum_of(solver: "Solver") -> Momentum:
 
 
 def energy_of(solver: "Solver") -> Energy:
-    """Energy of all grains; elastic energy of Hencky strains, and of a fluid's volume."""
+    """Energy of all grains; the elastic part is that of each law, and of a fluid's volume."""
     m, x, v = solver.masses(), solver.positions(), solver.velocities()
     C = solver.particles.read(solver.particles.C).astype(float)
     kinetic = 0.5 * m @ ((v**2).sum(1) + solver.grid.cell**2 / 4.0 * (C**2).sum(1))
@@ -63,8 +63,8 @@ def energy_of(solver: "Solver") -> Energy:
             j = solver.particles.read([solver.particles.j])[chosen, 0].astype(float)
             elastic += 0.5 * body.material.lam * volume[chosen] @ j**2
         else:
-            h = 0.5 * np.log(np.maximum(np.linalg.eigvalsh(strains[chosen]), 1e-30))
-            elastic += volume[chosen] @ (body.material.mu * (h**2).sum(1) + 0.5 * body.material.lam * h.sum(1) ** 2)
+            stretches = np.sqrt(np.maximum(np.linalg.eigvalsh(strains[chosen]), 1e-30))
+            elastic += volume[chosen] @ body.material.energy_density(stretches)
     return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ solver.gravity), float(elastic))
 
 

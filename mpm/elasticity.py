@@ -9,6 +9,8 @@ runs on packs of particles and on scalars.
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from mpm.adjoint.strain import root_back
 from mpm.backend import ti
 from mpm.errors import InvalidValue, UnknownName
@@ -58,6 +60,11 @@ class Hencky:
         """Numbers that the kernels read: (mu, lam)."""
         return (self.mu, self.lam)
 
+    def energy_density(self, stretches: np.ndarray) -> np.ndarray:
+        """Elastic energy [J/m^3] of the unstrained volume (n,) at principal stretches (n, 3)."""
+        h = np.log(stretches)
+        return self.mu * (h**2).sum(1) + 0.5 * self.lam * h.sum(1) ** 2
+
     @staticmethod
     @ti.func
     def stress(h: ti.template(), p: ti.template()):
@@ -83,6 +90,11 @@ class NeoHookean(Hencky):
 
     state = "cauchy_green"
 
+    def energy_density(self, stretches: np.ndarray) -> np.ndarray:
+        """As in Hencky."""
+        swelling = np.log(stretches).sum(1)
+        return self.mu * (0.5 * ((stretches**2).sum(1) - 3.0) - swelling) + 0.5 * self.lam * swelling**2
+
     @staticmethod
     @ti.func
     def stress(e: ti.template(), p: ti.template()):
@@ -106,6 +118,11 @@ class FixedCorotated(Hencky):
     """tau = 2 mu (b - V) + lam (J - 1) J I with V the root of b (Stomakhin et al. 2012, SCA), without an SVD."""
 
     state = "cauchy_green"
+
+    def energy_density(self, stretches: np.ndarray) -> np.ndarray:
+        """As in Hencky."""
+        swelling = stretches.prod(1) - 1.0
+        return self.mu * ((stretches - 1.0) ** 2).sum(1) + 0.5 * self.lam * swelling**2
 
     @staticmethod
     @ti.func

@@ -308,7 +308,7 @@ class Solver:
         return momentum_of(self)
 
     def energy(self) -> Energy:
-        """Energy of all grains, summed in float64; elastic energy of Hencky strains, and of a fluid's volume."""
+        """Energy of all grains, summed in float64; the elastic part is each law's own."""
         return energy_of(self)
 
     def diagnostics(self) -> Diagnostics:

@@ -14,14 +14,18 @@ from robosim.cases import (
     column_collapse,
     column_weight,
     dam_break,
+    elastic_energy,
     find,
     floating_cube,
     free_fall,
+    heap,
     hydrostatic,
     lock_gate,
+    orifice,
     shell_leak,
     slope,
     spin,
+    uniaxial,
     vortex,
 )
 from robosim.errors import UnknownName
@@ -49,6 +53,38 @@ def test_walls_are_second_order() -> None:
     assert finest["frequency"] <= bar.BANDS["frequency at 50 cells"]
     assert finest["decay"] <= bar.BANDS["decay"]
     assert np.log2(coarse["frequency"] / fine["frequency"]) / np.log2(25 / 13) >= bar.BANDS["order"]
+
+
+@pytest.mark.parametrize("model", ["fixed_corotated", *(pytest.param(m, marks=pytest.mark.slow)
+                                                        for m in ("hencky", "neo_hookean"))])
+def test_a_ringing_block_gains_no_energy(model: str) -> None:
+    """Kinetic and elastic energy swing against each other: a wrong energy, or a wrong stress, would rise and fall."""
+    errors = elastic_energy.measure(model=model, periods=4).errors
+    assert errors["growth"] <= elastic_energy.BANDS["growth"]
+    assert errors["slope"] <= elastic_energy.BANDS["slope"]
+
+
+@pytest.mark.parametrize(("model", "stretch"), [
+    pytest.param(*key, marks=() if key in {("hencky", 0.9), ("neo_hookean", 1.1)} else pytest.mark.slow)
+    for key in uniaxial.EXACT])
+def test_bar_is_stretched_as_its_law_says(model: str, stretch: float) -> None:
+    """The stress is the wall's pull, not the law's own formula."""
+    errors = uniaxial.measure(model=model, stretch=stretch).errors
+    assert all(abs(errors[name]) <= bound for name, bound in uniaxial.BANDS.items()), errors
+
+
+@pytest.mark.parametrize("beyond", [-3.0, 8.0])
+def test_heap_stands_up_to_the_slope_that_friction_bears(beyond: float) -> None:
+    record = heap.measure(phi_deg=25.0, beyond_deg=beyond, cells=16)
+    finding = next(f for f in (check.judge([record]) for check in heap.CHECKS) if f.found is not None)
+    assert finding.verdict == "pass", finding
+
+
+@pytest.mark.slow
+def test_sand_runs_out_of_a_slot_at_a_constant_rate() -> None:
+    records = [orifice.measure(orifice_cells=d) for d in (9, 13)]
+    findings = [check.judge(records) for check in orifice.CHECKS]
+    assert [f.verdict for f in findings if f.found is not None] == ["pass"] * 3, findings
 
 
 @pytest.mark.parametrize("cells", [20, 40])

@@ -10,9 +10,10 @@ from types import ModuleType
 from robosim.errors import UnknownName
 
 NAMES = (
-    "free_fall", "axis_aligned", "bar", "vortex", "spin", "column_weight", "hydrostatic", "dam_break", "slope",
-    "column_collapse", "lock_gate", "shell_leak", "closed_system", "bar_impact", "floating_cube",
-    "block_at_rest", "carried_load", "added_mass", "driven_wheel", "ik_poses", "jerk_limits", "two_models",
+    "free_fall", "axis_aligned", "bar", "vortex", "spin", "elastic_energy", "uniaxial", "column_weight",
+    "hydrostatic", "dam_break", "slope", "heap", "column_collapse", "orifice", "lock_gate", "shell_leak",
+    "closed_system", "bar_impact", "floating_cube", "block_at_rest", "carried_load", "added_mass",
+    "driven_wheel", "ik_poses", "jerk_limits", "two_models",
 )
 
 

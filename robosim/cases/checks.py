@@ -101,4 +101,24 @@ class Rising:
         return Finding(f"{self.name} rises with {self.knob}", smallest, 1e-6, np.inf)
 
 
-Check = Within | Order | Rising
+@dataclass(frozen=True)
+class Power:
+    """A reading grows with a power of another one, by a straight line through their logarithms."""
+
+    name: str
+    by: str
+    low: float
+    high: float
+    where: dict[str, Any] = field(default_factory=dict)
+
+    def judge(self, records: Sequence[Record]) -> Finding:
+        """The power."""
+        rows = [(value(record, self.by), value(record, self.name)) for record in chosen(records, self.where)]
+        claim = f"power of {self.by} in {self.name}" + (f" at {told(self.where)}" if self.where else "")
+        if len({row[0] for row in rows}) < 2:
+            return Finding(claim, None, self.low, self.high)
+        x, y = np.log(np.array(rows)).T
+        return Finding(claim, float(np.polyfit(x, y, 1)[0]), self.low, self.high)
+
+
+Check = Within | Order | Rising | Power
