@@ -27,6 +27,7 @@ RATE = 0.05
 """Step in actions of -1 to 1."""
 CHANGE, PATIENCE = 0.05, 5
 """A loss has settled when it has changed by less than this share for more than so many iterations."""
+SCRIPT = "script"
 DIRECTIONS = 3
 DIFFERENCE = 1e-3
 """Step in actions of the check by differences: in single precision a smaller one drowns in rounding."""
@@ -45,18 +46,21 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--iterations", type=int, default=150, help="at most, for each (default: 150)")
     run.add_argument("--rate", type=float, default=RATE, help=f"step in actions of -1 to 1 (default: {RATE})")
     run.add_argument("--hold", type=int, default=10, help="steps of 2 ms that an action is held (default: 10)")
-    run.add_argument("--from", dest="start", type=Path, help=".npz file with actions to begin with (default: none)")
+    run.add_argument("--from", dest="start", help=".npz file with actions to begin with, or `script`: the task's own, "
+                     "for a tool that must touch its material first (default: at rest)")
+    run.add_argument("--until", type=float, help="with --from script: time [s] at which the tool leaves the script and "
+                     "rests (default: the whole of it)")
     run.add_argument("--limit", type=float, help="cut entries of the state's derivatives in every substep, as sand's "
                      "may need (default: never)")
     run.add_argument("--seed", type=int, default=0, help="of the first start, as of the environment's reset")
     run.set_defaults(run=lambda a: demonstrate(
         a.task, a.out, n=a.n, material=a.material, iterations=a.iterations, rate=a.rate, hold=a.hold, start=a.start,
-        limit=a.limit, seed=a.seed))
+        limit=a.limit, seed=a.seed, until=a.until))
 
 
 def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = None, iterations: int = 150,
-                rate: float = RATE, hold: int = 10, start: Path | None = None, limit: float | None = None,
-                seed: int = 0) -> int:
+                rate: float = RATE, hold: int = 10, start: str | Path | None = None, limit: float | None = None,
+                seed: int = 0, until: float | None = None) -> int:
     """Make demonstrations 0 .. n - 1 into a folder, with their table and curves; returns 0."""
     for name, number in (("--n", n), ("--iterations", iterations), ("--hold", hold)):
         if number < 1:
@@ -70,7 +74,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     out.mkdir(parents=True, exist_ok=True)
     grains = sand.task.material
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
-    first = actions_of(start, Hold(sand.task, hold)) if start else np.zeros(Hold(sand.task, hold).shape)
+    first = first_actions(start, until, sand.task, Hold(sand.task, hold))
     soft: Any = gymnasium.make(f"robosim:robosim/{task}-v0", material=stand_in, action_repeat=hold).unwrapped
     maker = Maker(soft, stand_in, hold, limit)
     rows = []
@@ -96,6 +100,16 @@ def fingerprint(env: Any, *rest: object) -> str:
     """Twelve letters that change with the scene, the task, the material or anything else that is given."""
     told = json.dumps([env.task.model_dump(), env.material.model_dump(), *rest], sort_keys=True, default=str)
     return hashlib.sha256(told.encode()).hexdigest()[:12]
+
+
+def first_actions(start: str | Path | None, until: float | None, task: Any, hold: Hold) -> np.ndarray:
+    """Actions to begin with: none, those of a file, or the task's script up to a time [s]."""
+    end = task.steps * task.step_dt
+    if until is not None and (str(start) != SCRIPT or not 0 < until <= end):
+        raise mpm.InvalidValue(f"--until {until}; accepted: with --from {SCRIPT}, above 0 up to {end:g} s")
+    if start is None:
+        return np.zeros(hold.shape)
+    return hold.follow(task, until or end) if str(start) == SCRIPT else actions_of(Path(start), hold)
 
 
 def actions_of(path: Path, hold: Hold) -> np.ndarray:

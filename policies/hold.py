@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from mpm.motion import quaternion_of, relative_rotation, rotation_matrix
+
 
 class Hold:
     """Actions (n, dimensions) in [-1, 1], each held for `hold` steps of an episode; the tool's origin stays in its box,
@@ -22,6 +24,25 @@ class Hold:
     def begin(self, place: np.ndarray) -> None:
         """Where the tool's origin is at the start [m] (3,)."""
         self._start = np.asarray(place, float)
+
+    def follow(self, task: Any, until: float) -> np.ndarray:
+        """Actions of shape `shape` that keep to the task's script up to a time [s], and rest from then on."""
+        way, matrix = task.way(self._start), task.start.pose.matrix
+        place, actions = self._start, np.zeros(self.shape)
+        for k in range(self.n):
+            begin = k * self.hold * self.dt
+            held = min(self.hold, self.steps - k * self.hold) * self.dt
+            if begin + held > until + 1e-9:
+                break
+            wanted = way.pose(begin + held)
+            action = (wanted.position - place) / held
+            if self.dimensions == 6:
+                action = np.append(action, matrix @ relative_rotation(quaternion_of(matrix), wanted.quaternion) / held)
+            actions[k] = np.clip(action / self._speeds, -1.0, 1.0)
+            place = np.clip(place + held * (self._speeds * actions[k])[:3], self._low, self._high)
+            if self.dimensions == 6:
+                matrix = rotation_matrix(held * (self._speeds * actions[k])[3:]) @ matrix
+        return actions
 
     def twists(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Velocities of every step, linear [m/s] and angular [rad/s], (steps, 3) each."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mpm
+from mpm.motion import rotation_matrix
 from policies import demo
 from policies.demo import demonstrate
 from policies.descent import Descent
@@ -35,6 +36,25 @@ def test_actions_become_twists_and_derivatives_return():
             ends.append(np.sum(W * v) + np.sum(U * w))
         hold.twists(actions)
         assert np.sum(bars * way) == pytest.approx((ends[0] - ends[1]) / 2e-7, rel=1e-5, abs=1e-4)
+
+
+def test_a_start_follows_the_script_and_rests():
+    """The tool that moves by these actions is where the script has it, and stays where it left it."""
+    task = load_task("SpoonScoop")
+    hold = Hold(task, 10)
+    actions = demo.first_actions("script", 0.74, task, hold)
+    assert not actions[37:].any()
+    linear, angular = hold.twists(actions)
+    assert not linear[370:].any()
+    way, matrix = task.way(), task.start.pose.matrix
+    for w in angular[:370]:
+        matrix = rotation_matrix(task.step_dt * w) @ matrix
+    place = np.array(task.start.position) + task.step_dt * linear.sum(0)
+    assert place == pytest.approx(way.pose(0.74).position, abs=1e-9)
+    assert matrix == pytest.approx(way.pose(0.74).matrix, abs=1e-9)
+    for given, until in ((None, 0.5), ("script", 2.1), ("script", 0.0), ("actions.npz", 0.5)):
+        with pytest.raises(mpm.InvalidValue, match="--until"):
+            demo.first_actions(given, until, task, hold)
 
 
 def test_descent_goes_on_where_it_was():
