@@ -83,8 +83,11 @@ class GradientDiverged(MpmError):
     """A derivative that is not finite, with where it was found.
 
     Attributes: step (of the roll-out), substep (within it), quantity (of the state, by which the loss is
-    differentiated), particle (index, or -1 where it is none's).
+    differentiated), particle (index, or -1 where it is none's), norms (n_steps, 2) of `Gradients` as far as they were
+    finite, zero before.
     """
+
+    norms: Any = None
 
     def __init__(self, *, step: int, substep: int, quantity: str, particle: int) -> None:
         self.step, self.substep, self.quantity, self.particle = step, substep, quantity, particle

@@ -15,6 +15,17 @@ MAX_VOLUME_CORRECTION = 0.5
 """Largest logarithmic expansion that a grain remembers and takes back when it is compressed again."""
 
 
+@ti.func
+def share_that_yields(norm, allowed, soft: ti.template()):
+    """1 where a strain deviator is larger than allowed, else 0; with soft > 0 a smooth step of that relative width, so
+    that derivatives do not jump from grain to grain (they are then no longer those of the motion)."""
+    if ti.static(soft > 0):
+        beyond = (norm / (allowed + TINY) - 1.0) / soft
+        return 1.0 / (1.0 + ti.exp(-ti.min(ti.max(beyond, -30.0), 30.0)))
+    else:
+        return ti.select(allowed < norm, 0.0 * norm + 1.0, 0.0 * norm)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DruckerPrager(Hencky):
     """Sand: Hencky elasticity inside a Drucker-Prager cone (Klar et al. 2016, ACM TOG 35(4):103), with the volume
@@ -78,8 +89,9 @@ class DruckerPrager(Hencky):
 
     @staticmethod
     @ti.func
-    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar):
-        """Bars of h, vc and the numbers p by those of what `return_mapping` gives."""
+    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar,
+                            soft: ti.template()):
+        """Bars of h, vc and the numbers p by those of what `return_mapping` gives; soft: see `share_that_yields`."""
         trace = h[0] + h[1] + h[2] + vc
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [keep(h[0] - mean), keep(h[1] - mean), keep(h[2] - mean), h[3], h[4], h[5]]
@@ -88,9 +100,10 @@ class DruckerPrager(Hencky):
         zero = 0.0 * trace
         allowed = ti.max(p[2] * (p[3] - trace), 0.0)
         yields, whole = allowed < norm, trace < p[3]
+        share = share_that_yields(norm, allowed, soft)
         scale = ti.select(yields, allowed / norm, zero + 1.0)
         along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
-        allowed_bar = ti.select(yields, along / norm, zero)
+        allowed_bar = share * along / norm
         held = ti.select(p[2] * (p[3] - trace) > 0.0, allowed_bar, zero)
         kept_bar = (bar[0] + bar[1] + bar[2]) / 3.0
         free = ti.select(trace - ti.min(trace, p[3]) < MAX_VOLUME_CORRECTION, vc_bar, zero)
@@ -138,17 +151,18 @@ class VonMises(Hencky):
 
     @staticmethod
     @ti.func
-    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar):
-        """Bars of h, vc and the numbers p by those of what `return_mapping` gives."""
+    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar,
+                            soft: ti.template()):
+        """Bars of h, vc and the numbers p by those of what `return_mapping` gives; soft: see `share_that_yields`."""
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [keep(h[0] - mean), keep(h[1] - mean), keep(h[2] - mean), h[3], h[4], h[5]]
         norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
                        + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
         zero = 0.0 * mean
-        yields = p[2] < norm
-        scale = ti.select(yields, p[2] / norm, zero + 1.0)
+        scale = ti.min(p[2] / norm, zero + 1.0)
+        share = share_that_yields(norm, p[2] + zero, soft)
         along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
-        limit_bar = ti.select(yields, along / norm, zero)
+        limit_bar = share * along / norm
         turn = limit_bar * p[2] / (norm * norm)
         shape = [keep(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
         average = (bar[0] + bar[1] + bar[2] - shape[0] - shape[1] - shape[2]) / 3.0

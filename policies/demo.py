@@ -1,37 +1,31 @@
 """`robosim demo`: demonstrations by gradient descent through the field (arXiv 2406.09178, Algorithm 2)."""
 
 import argparse
-import hashlib
-import json
+import subprocess
 import sys
-from functools import cached_property, partial
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import gymnasium
 import numpy as np
-from tqdm import tqdm
 
 import mpm
-from policies.descent import Descent
-from policies.files import write, write_json
+from policies.files import write_json
 from policies.hold import Hold
 from policies.learning_curve import draw
+from policies.maker import FLUID, METHODS, STAND_INS, Maker, Wanted, make_some, played
 
-STAND_INS = {"move": "clay"}
-"""Material that a kind of sub-task is learnt in, where it is not the fluid below."""
-FLUID = "glycerol"
-"""Water splashes: derivatives by its positions grow by four orders of magnitude over a pour, glycerol's by two."""
 RATE = 0.05
 """Step in actions of -1 to 1."""
-CHANGE, PATIENCE = 0.05, 5
-"""A loss has settled when it has changed by less than this share for more than so many iterations."""
 SCRIPT = "script"
-DIRECTIONS = 3
-DIFFERENCE = 1e-3
-"""Step in actions of the check by differences: in single precision a smaller one drowns in rounding."""
-EXAMPLE = "example:\n  robosim demo SpoonTranslate --n 2 --out out/demo"
+EXAMPLE = """examples:
+  robosim demo SpoonTranslate --n 2 --jobs 2 --out out/demo
+  robosim demo SpoonScoop --from script --until 0.75 --n 1 --out out/scoop
+  robosim demo SpoonPour --method cmaes --material salt --n 1 --out out/evolved"""
 
 
 def command(commands: argparse._SubParsersAction) -> None:
@@ -42,6 +36,9 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--out", type=Path, required=True, help="folder for demonstrations, pictures and the table; a run "
                      "that was killed goes on where it was")
     run.add_argument("--n", type=int, default=10, help="demonstrations, from different starts (default: 10)")
+    run.add_argument("--jobs", type=int, default=1, help="demonstrations at a time, a core each (default: 1)")
+    run.add_argument("--method", choices=METHODS, default="descent", help="descent by the gradient, or CMA-ES on a "
+                     "spline of the same motion, without (default: descent)")
     run.add_argument("--material", help="that the gradient goes through (default: glycerol, clay for the shovel)")
     run.add_argument("--iterations", type=int, default=150, help="at most, for each (default: 150)")
     run.add_argument("--rate", type=float, default=RATE, help=f"step in actions of -1 to 1 (default: {RATE})")
@@ -53,53 +50,91 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--limit", type=float, help="cut entries of the state's derivatives in every substep, as sand's "
                      "may need (default: never)")
     run.add_argument("--seed", type=int, default=0, help="of the first start, as of the environment's reset")
+    run.add_argument("--arm", action="store_true", help="see what the motion asks of the arm, and carry it out with it")
+    run.add_argument("--arm-weight", type=float, default=0.0, help="of a penalty on joint speeds and angles beyond the "
+                     "arm's limits (default: 0)")
+    run.add_argument("--no-video", action="store_true", help="leave out the films")
     run.set_defaults(run=lambda a: demonstrate(
         a.task, a.out, n=a.n, material=a.material, iterations=a.iterations, rate=a.rate, hold=a.hold, start=a.start,
-        limit=a.limit, seed=a.seed, until=a.until))
+        limit=a.limit, seed=a.seed, until=a.until, jobs=a.jobs, method=a.method, arm=a.arm, arm_weight=a.arm_weight,
+        film=not a.no_video))
 
 
 def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = None, iterations: int = 150,
                 rate: float = RATE, hold: int = 10, start: str | Path | None = None, limit: float | None = None,
-                seed: int = 0, until: float | None = None) -> int:
-    """Make demonstrations 0 .. n - 1 into a folder, with their table and curves; returns 0."""
-    for name, number in (("--n", n), ("--iterations", iterations), ("--hold", hold)):
+                seed: int = 0, until: float | None = None, jobs: int = 1, method: str = "descent", arm: bool = False,
+                arm_weight: float = 0.0, film: bool = True) -> int:
+    """Make demonstrations 0 .. n - 1 into a folder, with their table, curves and films; returns 0."""
+    for name, number in (("--n", n), ("--iterations", iterations), ("--hold", hold), ("--jobs", jobs)):
         if number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
-    if seed < 0 or not 0 < rate <= 1:
-        raise mpm.InvalidValue(f"--seed {seed}, --rate {rate}; accepted: 0 or more, and above 0 up to 1")
+    if seed < 0 or not 0 < rate <= 1 or not 0 <= arm_weight < np.inf:
+        raise mpm.InvalidValue(f"--seed {seed}, --rate {rate}, --arm-weight {arm_weight}; accepted: 0 or more, above 0 "
+                               f"up to 1, 0 or more")
     try:
         sand: Any = gymnasium.make(f"robosim:robosim/{task}-v0", action_repeat=hold).unwrapped
     except gymnasium.error.Error as error:
         raise mpm.InvalidValue(f"task {task!r}: {error}") from error
-    out.mkdir(parents=True, exist_ok=True)
-    grains = sand.task.material
-    stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
     first = first_actions(start, until, sand.task, Hold(sand.task, hold))
-    soft: Any = gymnasium.make(f"robosim:robosim/{task}-v0", material=stand_in, action_repeat=hold).unwrapped
-    maker = Maker(soft, stand_in, hold, limit)
-    rows = []
+    out.mkdir(parents=True, exist_ok=True)
+    stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
+    wanted = Wanted(task, out, stand_in, first, method, iterations, rate, hold, limit, arm_weight, seed)
+    if jobs > 1:
+        shares = [range(i, n, jobs) for i in range(min(jobs, n))]
+        with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
+            list(pool.map(make_some, [wanted] * len(shares), shares))
+    maker, rows = Maker(wanted), []
+    carried = wanted.environment(arm=True) if arm else None
     for k in range(n):
-        path = out / f"demonstration_{k}.npz"
-        found = maker.make(path, seed + k, first, iterations, rate)
-        readings = {f"in {stand_in}": played(soft, found["actions"], seed + k),
-                    f"among grains of {grains}": played(sand, found["actions"], seed + k)}
-        rows.append({"demonstration": path.name, "seed": seed + k, "loss": float(found["losses"].min()),
-                     "iterations": len(found["losses"]), "check": found["check"].tolist(), **readings})
-        write_json(out / "demonstrations.json", {"task": task, "material": stand_in, "demonstrations": rows})
-        print(f"{path.name}: loss {rows[-1]['loss']:.4g}")
-        for where, values in readings.items():
-            print(f"  {where}: delivered {values['delivered']:.2f}, score {values['tcs']:.2f}")
-        print(f"  derivative along itself {found['check'][0, 0]:.4g}, by differences {found['check'][0, 1]:.4g}")
+        found = maker.make(k)
+        row = {"demonstration": wanted.path(k).name, "seed": seed + k, "loss": float(found["losses"].min()),
+               "iterations": len(found["losses"]), "check": found["check"].tolist()}
+        readings = {f"in {stand_in}": played(maker.env, found["actions"], seed + k),
+                    f"among grains of {sand.task.material}": played(sand, found["actions"], seed + k)}
+        if carried is not None:
+            readings["with the arm"] = played(carried, found["actions"], seed + k) | carried.carrier.strain
+            sand.reset(seed=seed + k)
+            maker.hold.begin(sand.solver.collider_pose(0).position)
+            row["asked of the arm"] = maker.reach.told(sand.solver.collider_pose(0),
+                                                       *maker.hold.twists(found["actions"]))
+        rows.append(row | readings)
+        write_json(out / "demonstrations.json", {"task": task, "material": stand_in, "method": method,
+                                                 "demonstrations": rows})
+        tell(row, readings)
     draw(out, task, n)
-    print(f"to see one: robosim evaluate {task} --policy {out / 'demonstration_0.npz'} --episodes 1 --seed {seed} "
-          f"--out FOLDER")
+    for k in range(n if film else 0):
+        filmed(wanted, k)
+    print(out / "demonstrations.json")
     return 0
 
 
-def fingerprint(env: Any, *rest: object) -> str:
-    """Twelve letters that change with the scene, the task, the material or anything else that is given."""
-    told = json.dumps([env.task.model_dump(), env.material.model_dump(), *rest], sort_keys=True, default=str)
-    return hashlib.sha256(told.encode()).hexdigest()[:12]
+def tell(row: dict[str, Any], readings: dict[str, dict[str, float]]) -> None:
+    """Print a demonstration's figures."""
+    print(f"{row['demonstration']}: loss {row['loss']:.4g}")
+    for where, values in readings.items():
+        print(f"  {where}: delivered {values['delivered']:.2f}, score {values['tcs']:.2f}")
+    if row["check"]:
+        print(f"  derivative along itself {row['check'][0][0]:.4g}, by differences {row['check'][0][1]:.4g}")
+    if "asked of the arm" in row:
+        print("  " + ", ".join(f"{name} {value:.3g}" for name, value in row["asked of the arm"].items()))
+
+
+def filmed(wanted: Wanted, k: int) -> None:
+    """demonstration_k.mp4: the motion among the task's own grains; a film that cannot be made is said so, no more."""
+    film = wanted.path(k).with_suffix(".mp4")
+    if film.is_file() and film.stat().st_mtime >= wanted.path(k).stat().st_mtime:
+        return
+    with tempfile.TemporaryDirectory(dir=wanted.out) as folder:
+        words = ["evaluate", wanted.task, "--policy", str(wanted.path(k)), "--episodes", "1", "--seed",
+                 str(wanted.seed + k), "--out", folder]
+        ended = subprocess.run([sys.executable, "-m", "robosim.cli", *words], capture_output=True, text=True,
+                               check=False)
+        made = Path(folder) / "episode.mp4"
+        if made.is_file():
+            made.replace(film)
+        else:
+            print(f"no film of {wanted.path(k).name}: {(ended.stderr.strip().splitlines() or ['?'])[-1]}",
+                  file=sys.stderr)
 
 
 def first_actions(start: str | Path | None, until: float | None, task: Any, hold: Hold) -> np.ndarray:
@@ -122,116 +157,3 @@ def actions_of(path: Path, hold: Hold) -> np.ndarray:
     if actions.shape != hold.shape or not np.all(np.abs(actions) <= 1.0):
         raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {hold.shape}, from -1 to 1")
     return actions
-
-
-def stored_in(path: Path, expected: str) -> dict[str, np.ndarray] | None:
-    """What an earlier run left, or None; raises InvalidValue where that was another run."""
-    if not path.is_file():
-        return None
-    with np.load(path, allow_pickle=False) as stored:
-        found = dict(stored)
-    if str(found["fingerprint"]) != expected:
-        raise mpm.InvalidValue(f"{path}: made for another scene, task, material, seed or start (fingerprint "
-                               f"{found['fingerprint']}, now {expected}); give another --out, or remove it")
-    return found
-
-
-def played(env: Any, actions: np.ndarray, seed: int) -> dict[str, float]:
-    """Score and readings of an episode with these actions."""
-    env.reset(seed=seed)
-    info: dict[str, Any] = {}
-    for action in np.asarray(actions, np.float32):
-        _, _, terminated, truncated, info = env.step(action)
-        if terminated or truncated:
-            break
-    return {"tcs": info["tcs"], "is_success": bool(info["is_success"]), **info["readings"]}
-
-
-class Maker:
-    """Makes demonstrations in one environment."""
-
-    def __init__(self, env: Any, material: str, hold: int, limit: float | None) -> None:
-        self.env, self.hold, self.material = env, Hold(env.task, hold), material
-        self._told = (material, hold, limit)
-        self.loss = env.objective()
-
-    @cached_property
-    def rollout(self) -> Any:
-        """Laid out when it is needed."""
-        return self.env.rollout(limit=self._told[-1])
-
-    def make(self, path: Path, seed: int, first: np.ndarray, iterations: int, rate: float) -> dict[str, np.ndarray]:
-        """The demonstration from the start of a seed: read if it is there, gone on with if a run was cut short."""
-        mark = fingerprint(self.env, *self._told, seed, rate, first.tolist())
-        beside = path.with_name(f"{path.stem}.unfinished.npz")
-        found = stored_in(path, mark)
-        if found is None:
-            found = self._run(path, beside, mark, seed, first, iterations, rate)
-        beside.unlink(missing_ok=True)
-        return found
-
-    def _run(self, path: Path, beside: Path, mark: str, seed: int, first: np.ndarray, iterations: int,
-             rate: float) -> dict[str, np.ndarray]:
-        self.env.reset(seed=seed)
-        self.rollout.restart()
-        self.hold.begin(self.env.solver.collider_pose(0).position)
-        descent, losses, norms = Descent(first, rate), [], np.zeros((0, 2))
-        stored = stored_in(beside, mark)
-        if stored is not None:
-            descent.load(stored)
-            losses, norms = list(stored["losses"]), stored["norms"]
-        progress = tqdm(initial=len(losses), total=iterations, desc=path.stem, file=sys.stderr)
-        while len(losses) < iterations and not self.converged(losses, descent.best, seed):
-            try:
-                loss, gradient = self.value_and_grad(descent.now)
-                if loss < descent.lowest:
-                    norms = self.rollout.last.norms
-                descent.step(loss, gradient)
-            except (mpm.SimulationDiverged, mpm.GradientDiverged):
-                if not np.isfinite(descent.lowest):  # there is no better motion to go back to
-                    raise
-                loss = np.inf
-                descent.go_back()
-            losses.append(loss)
-            progress.set_postfix(loss=f"{loss:.3f}", best=f"{descent.lowest:.3f}")
-            progress.update()
-            kept = {"losses": np.array(losses), "norms": norms, "fingerprint": np.array(mark)}
-            write(beside, partial(np.savez, **kept, **descent.state()))
-        progress.close()
-        found = {"actions": descent.best.astype(np.float32), "losses": np.array(losses), "norms": norms,
-                 "check": self.check(descent.best), "fingerprint": np.array(mark), "seed": np.array(seed),
-                 "material": np.array(self.material), "hold": np.array(self.hold.hold)}
-        write(path, partial(np.savez, **found))
-        return found
-
-    def value_and_grad(self, actions: np.ndarray) -> tuple[float, np.ndarray]:
-        """Loss and its derivatives by the actions."""
-        loss, bars = self.rollout.value_and_grad(*self.hold.twists(actions), self.loss)
-        return loss, self.hold.back(*bars)
-
-    def converged(self, losses: list[float], best: np.ndarray, seed: int) -> bool:
-        """The paper's rule (Algorithm 2): the loss has settled, and what it leads to is a success."""
-        if not settled(losses) or len(losses) % PATIENCE > 0:
-            return False
-        return bool(played(self.env, best, seed)["is_success"])
-
-    def check(self, actions: np.ndarray) -> np.ndarray:
-        """What vouches for the gradient: derivative and central difference along the gradient and along random
-        directions (1 + DIRECTIONS, 2), away from the bounds."""
-        inner = 0.99 * actions
-        _, gradient = self.value_and_grad(inner)
-        rng = np.random.default_rng(0)
-        ways = [gradient, *(rng.standard_normal(gradient.shape) for _ in range(DIRECTIONS))]
-        rows = []
-        for way in ways:
-            unit = way / np.abs(way).max() if np.abs(way).max() > 0 else way
-            ends = [self.rollout.value(*self.hold.twists(inner + s * unit), self.loss)
-                    for s in (DIFFERENCE, -DIFFERENCE)]
-            rows.append((float(np.sum(gradient * unit)), (ends[0] - ends[1]) / (2.0 * DIFFERENCE)))
-        return np.array(rows)
-
-
-def settled(losses: list[float]) -> bool:
-    """Whether the loss has changed by less than CHANGE in each of more than PATIENCE iterations."""
-    recent = np.array(losses[-PATIENCE - 2 :])
-    return len(recent) > PATIENCE + 1 and bool(np.all(np.abs(np.diff(recent)) < CHANGE * np.abs(recent[:-1])))

@@ -53,6 +53,14 @@ class Descent:
         square = self.square / (1.0 - DECAY_SQUARES**self.count)
         self.now = np.clip(self.now - self.rate * self.share * mean / (np.sqrt(square) + SMALL), -1.0, 1.0)
 
+    def fail(self) -> None:
+        """`now` has no loss."""
+        self.go_back()
+
+    def course(self, losses: list[float]) -> list[float]:
+        """What has to settle: the losses themselves."""
+        return losses
+
     def state(self) -> dict[str, np.ndarray]:
         """What the next steps depend on."""
         return {name: np.asarray(getattr(self, name)) for name in STATE}

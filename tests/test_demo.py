@@ -11,8 +11,11 @@ from mpm.motion import rotation_matrix
 from policies import demo
 from policies.demo import demonstrate
 from policies.descent import Descent
+from policies.evolution import Evolution
 from policies.hold import Hold
+from policies.maker import Maker
 from robosim.envs.evaluate import evaluate
+from robosim.envs.reach import Reach
 from robosim.envs.task import load_task
 
 
@@ -77,12 +80,61 @@ def test_descent_goes_on_where_it_was():
     assert np.abs(one.now).max() <= 1.0
 
 
+def test_evolution_goes_on_where_it_was():
+    """It finds a valley's floor within its bounds; told the same losses again, it asks the same questions."""
+    wanted = np.linspace(-0.5, 0.8, 20)[:, None] * [1.0, -1.0]
+
+    def loss(actions: np.ndarray) -> float:
+        return float(np.mean((actions - wanted) ** 2))
+
+    one = Evolution(np.zeros((20, 2)), seed=3)
+    losses = []
+    for _ in range(255):
+        losses.append(loss(one.now))
+        one.step(losses[-1])
+    two = Evolution(np.zeros((20, 2)), seed=3)
+    two.load(one.state())
+    assert np.array_equal(one.now, two.now)
+    for _ in range(300):
+        one.step(loss(one.now))
+    for _ in range(300):
+        two.step(loss(two.now))
+    assert np.array_equal(one.best, two.best)
+    assert one.lowest == two.lowest < 0.01 * losses[0]
+    assert len(one.course(losses)) == 25
+    assert one.course(losses)[-1] == min(losses[:250])
+
+
+def test_what_a_motion_asks_of_the_arm():
+    """The penalty's derivatives against central differences; a slow motion costs nothing; a fast one is told when it
+    passes a limit; where the arm's joints take the tool is where it was commanded to be."""
+    task = load_task("SpoonPour")
+    reach, start, rng = Reach(task), task.start.pose, np.random.default_rng(0)
+    linear, angular = (np.repeat(rng.normal(0.0, s, (6, 3)), 10, axis=0) for s in (0.6, 4.0))
+    value, bars = reach.penalty(start, linear, angular)
+    assert value > 1.0
+    for _ in range(20):
+        ways = rng.standard_normal((2, 60, 3))
+        ends = [reach.penalty(start, linear + s * ways[0], angular + s * ways[1])[0] for s in (1e-5, -1e-5)]
+        slope = np.sum(bars[0] * ways[0]) + np.sum(bars[1] * ways[1])
+        assert slope == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-6, abs=1e-7)
+    slow = reach.penalty(start, 0.02 * linear, 0.02 * angular)
+    assert slow[0] == 0.0
+    assert not np.any(slow[1])
+    told = reach.told(start, linear, angular)
+    assert told["speed_limit_ratio_max"] > 1.0
+    assert 0.0 <= told["first_over"] <= 0.12
+    calm = reach.told(start, 0.05 * linear, 0.05 * angular)
+    assert calm["first_over"] == -1.0
+    assert calm["miss_at_the_end"] < 1e-4
+
+
 @pytest.mark.slow
 def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
     """Three iterations lower the loss; a run that is killed after two and resumed ends with the same bits; a finished
     one is not made again; another seed, start or rate in the same folder is refused."""
     whole, cut = tmp_path / "whole", tmp_path / "cut"
-    assert demonstrate("SpoonTranslate", whole, n=1, iterations=3) == 0
+    assert demonstrate("SpoonTranslate", whole, n=1, iterations=3, film=False) == 0
     with np.load(whole / "demonstration_0.npz", allow_pickle=False) as stored:
         found = dict(stored)
     assert found["actions"].shape == (100, 3)
@@ -96,7 +148,7 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
     again = json.loads((tmp_path / "again" / "evaluation.json").read_text())
     assert again["tcs"] == pytest.approx(told["among grains of salt"]["tcs"], abs=1e-9)
 
-    real, calls = demo.Maker.value_and_grad, []
+    real, calls = Maker.value_and_grad, []
 
     def killed(self, actions):
         calls.append(1)
@@ -104,21 +156,21 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return real(self, actions)
 
-    monkeypatch.setattr(demo.Maker, "value_and_grad", killed)
+    monkeypatch.setattr(Maker, "value_and_grad", killed)
     with pytest.raises(KeyboardInterrupt):
-        demonstrate("SpoonTranslate", cut, n=1, iterations=3)
+        demonstrate("SpoonTranslate", cut, n=1, iterations=3, film=False)
     assert (cut / "demonstration_0.unfinished.npz").is_file()
     calls.extend([1] * 10)
-    assert demonstrate("SpoonTranslate", cut, n=1, iterations=3) == 0
+    assert demonstrate("SpoonTranslate", cut, n=1, iterations=3, film=False) == 0
     assert {p.name for p in cut.iterdir()} == {p.name for p in whole.iterdir()}
     with np.load(cut / "demonstration_0.npz", allow_pickle=False) as stored:
         assert np.array_equal(stored["actions"], found["actions"])
         assert np.array_equal(stored["losses"], found["losses"])
 
-    monkeypatch.setattr(demo.Maker, "value_and_grad", None)  # not called again
+    monkeypatch.setattr(Maker, "value_and_grad", None)  # not called again
     for given in ({"seed": 1}, {"rate": 0.01}, {"start": whole / "demonstration_0.npz"}):
         with pytest.raises(mpm.InvalidValue, match="made for another"):
-            demonstrate("SpoonTranslate", whole, n=1, iterations=3, **given)
+            demonstrate("SpoonTranslate", whole, n=1, iterations=3, film=False, **given)
 
 
 @pytest.mark.parametrize("given, told", [({"n": 0}, "--n 0"), ({"iterations": 0}, "--iterations 0"),

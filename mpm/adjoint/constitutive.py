@@ -11,13 +11,17 @@ SWEEPS = {"f32": 4, "f64": JACOBI_SWEEPS}
 
 
 class Through:
-    """What the constitutive update of every pack went through, on its way to the adjoint."""
+    """What the constitutive update of every pack went through, on its way to the adjoint.
 
-    def __init__(self, laws: list[Material], n_packs: int, precision: str) -> None:
+    svd: divided differences as autodiff through a singular value decomposition forms them. soft: of the yield surface.
+    """
+
+    def __init__(self, laws: list[Material], n_packs: int, precision: str, *, svd: bool = False,
+                 soft: float = 0.0) -> None:
         def packs(n: int, wanted: bool) -> list:
             return [ti.Vector.field(LANES, real_type(precision), n_packs) for _ in range(n if wanted else 0)]
 
-        self.sweeps = SWEEPS[precision]
+        self.sweeps, self.svd, self.soft = SWEEPS[precision], svd, soft
         states = {law.state for law in laws}
         self.tau = packs(6, True)
         """Stress / Pa, and then its bar."""
@@ -107,7 +111,7 @@ def trial_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.tem
         return [keep(from_stress[i] + e_bar[i]) for i in range(6)], p_bar
     elif ti.static(not law.plastic):
         h_bar, p_bar = law.stress_back(stored(T.h, q), p, tau_bar)
-        from_stress = logarithm_back(stored(T.d, q), stored(T.v, q), h_bar)
+        from_stress = logarithm_back(stored(T.d, q), stored(T.v, q), h_bar, T.svd)
         return [keep(from_stress[i] + e_bar[i]) for i in range(6)], p_bar
     else:
         kept, v = stored(T.kept, q), stored(T.v, q)
@@ -115,9 +119,9 @@ def trial_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.tem
         from_state = exponential_back(kept, v, e_bar)  # an isotropic law keeps the axes
         h_bar, memory_bar, p_bar = law.return_mapping_back(
             stored(T.h, q), memory(P, law, q), p, [keep(from_stress[i] + from_state[i]) for i in range(6)],
-            memory(B, law, q))
+            memory(B, law, q), T.soft)
         if ti.static(law.has_volume_correction):
             B.vc[q] = memory_bar
         for i in ti.static(range(2)):
             p_bar[i] += elastic_bar[i]
-        return logarithm_back(stored(T.d, q), v, h_bar), p_bar
+        return logarithm_back(stored(T.d, q), v, h_bar, T.svd), p_bar

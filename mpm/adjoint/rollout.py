@@ -46,7 +46,9 @@ class Rollout:
     budget: bytes that the kept states may take; `schedule` says what came of it. materials: derivatives by the laws'
     numbers, too. limit: entries of the state's derivatives are cut to plus or minus this in every substep, against the
     growth of sand's. window: at every so-manieth step the state's derivatives are dropped; what the tool's later places
-    owe to its earlier twists stays. substeps: per step, or None: as many as the solver's dt asks for.
+    owe to its earlier twists stays. soft: relative width over which derivatives take the yield surface for smooth; 0:
+    it is sharp, as in the motion itself. svd: derivatives as autodiff through a singular value decomposition has them, to
+    see what is lost. substeps: per step, or None: as many as the solver's dt asks for.
 
     Strides are those of the solver, at most as long as its materials allow now; where rounding or a small change of the
     motion would make one longer or shorter, the derivative does not see it. Nodes are kept for every substep of one
@@ -57,7 +59,7 @@ class Rollout:
 
     def __init__(self, solver, n_steps: int, *, step_dt: float = 2e-3, budget: int = BUDGET,  # noqa: ANN001
                  materials: bool = False, limit: float | None = None, window: int | None = None,
-                 substeps: int | None = None) -> None:
+                 soft: float = 0.0, svd: bool = False, substeps: int | None = None) -> None:
         check_scene(solver)
         if n_steps != int(n_steps) or n_steps < 1:
             raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: a whole number, 1 or more")
@@ -69,6 +71,8 @@ class Rollout:
             raise InvalidValue(f"Rollout: window = {window} steps; accepted: 1 or more, or None")
         if limit is not None and not limit > 0:
             raise InvalidValue(f"Rollout: limit = {limit}; accepted: a positive number, or None")
+        if not 0 <= soft < math.inf:
+            raise InvalidValue(f"Rollout: soft = {soft}; accepted: 0 or more")
         self.solver, self.n_steps, self.step_dt, self.window = solver, int(n_steps), float(step_dt), window
         self.substeps = substeps or max(1, math.ceil(step_dt / solver.dt - 1e-9))
         if self.step_dt / self.substeps > solver.bound:
@@ -81,7 +85,8 @@ class Rollout:
             self._checkpoints = History(solver.particles, solver.precision, self.schedule.checkpoints)
             longest = min(most_substeps(solver.transfer_interval, self.step_dt / self.substeps), self.substeps)
             depth = longest if solver.features.strides else 1
-            self._sweep = Sweep(solver, self._history, depth=depth, materials=materials, limit=limit)
+            self._sweep = Sweep(solver, self._history, depth=depth, materials=materials, limit=limit, soft=soft,
+                                svd=svd)
             self._bars = Snapshot(self._sweep.state_fields, solver.particles.n_packs)
         self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None
         self.forward_steps = 0
@@ -302,7 +307,9 @@ class Rollout:
             self._launch(0, (b - begin) * self.substeps, n, self._table[b:e].reshape(-1, 18), loss_bar, motion_bar,
                          norms)
             if not np.isfinite(norms).all() or not np.isfinite(motion_bar).all():
-                raise self._located(begin, b, e, loss_bar)
+                error = self._located(begin, b, e, loss_bar)
+                error.norms = self._norms[:, :2]
+                raise error
             self._table_bar[b:e] = motion_bar.reshape(e - b, self.substeps, 18)
             self._norms[b:e] = norms[b - begin :]
 

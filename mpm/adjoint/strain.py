@@ -68,12 +68,29 @@ def exp_quotient(d, f):
     return (1.0 + expm1(f)) * ti.select(tiny, 1.0, expm1(s) / ti.select(tiny, 1.0, s))
 
 
+SVD_CLAMP = 1e-6
+"""Smallest difference of squared singular values that autodiff through an SVD divides by, as in PlasticineLab (Huang et
+al. 2021)."""
+
+
 @ti.func
-def logarithm_back(d: ti.template(), v: ti.template(), bar: ti.template()):
+def log_divided(d, f, svd: ti.template()):
+    """The divided difference of log(1 + d). With svd as it comes out of the decomposition's two factors, one product
+    from each: their rounding is divided by the difference, and what coincides has no derivative."""
+    if ti.static(svd):
+        far = ti.max(ti.abs(d - f), SVD_CLAMP)
+        inverse = ti.select(d < f, -1.0 / far, 1.0 / far)
+        return log1p(d) * inverse - log1p(f) * inverse
+    else:
+        return log_quotient(d, f)
+
+
+@ti.func
+def logarithm_back(d: ti.template(), v: ti.template(), bar: ti.template(), svd: ti.template()):
     """Bar of e by that of h = log(I + e) / 2, with the eigenvalues d and eigenvectors v of e."""
     k = [keep(0.5 / (1.0 + d[0])), keep(0.5 / (1.0 + d[1])), keep(0.5 / (1.0 + d[2])),
-         keep(0.5 * log_quotient(d[0], d[1])), keep(0.5 * log_quotient(d[0], d[2])),
-         keep(0.5 * log_quotient(d[1], d[2]))]
+         keep(0.5 * log_divided(d[0], d[1], svd)), keep(0.5 * log_divided(d[0], d[2], svd)),
+         keep(0.5 * log_divided(d[1], d[2], svd))]
     return through_spectrum(v, k, bar)
 
 

@@ -31,15 +31,16 @@ class After:
 @ti.data_oriented
 class Sweep:
     """The kernel of one roll-out. depth: the most substeps of a stride. materials: whether bars of the laws' numbers
-    are wanted. limit: largest entry of a bar of the state, beyond which it is cut; None: not compiled."""
+    are wanted. limit: largest entry of a bar of the state, beyond which it is cut; None: not compiled. soft, svd: see
+    `Through`."""
 
-    def __init__(self, solver, history: History, *, depth: int, materials: bool,
-                 limit: float | None) -> None:  # noqa: ANN001
+    def __init__(self, solver, history: History, *, depth: int, materials: bool, limit: float | None,  # noqa: ANN001
+                 soft: float, svd: bool) -> None:
         self.scene, self.particles, self.history = solver._substeps, solver.particles, history
         self.grid, self.walls, self.laws = solver.fields, solver._substeps.walls, solver._substeps.laws
         self.bars = ParticleBars(self.particles, solver.precision)
         self.after = After(self.particles.n_packs, solver.precision)
-        self.through = Through(self.laws, self.particles.n_packs, solver.precision)
+        self.through = Through(self.laws, self.particles.n_packs, solver.precision, svd=svd, soft=soft)
         self.depth = depth
         self.tape = WallTape(solver.grid, solver.precision, depth)
         self.nodes = NodeTape(solver.grid, solver.precision, depth)

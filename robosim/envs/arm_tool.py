@@ -96,6 +96,10 @@ class ArmTool(Carrier):
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
 
+    strain: dict[str, float]
+    """Of the episode so far: largest torque asked for as a share of its limit, and the tool's largest distance [m] from
+    where it was commanded to be."""
+
     def spec(self) -> mujoco.MjSpec:
         """The rigid scene, a new specification at each call."""
         return scene_spec(self._task.tool, self._grip, self._task.containers, self._task.step_dt, contact=True)
@@ -135,6 +139,7 @@ class ArmTool(Carrier):
             self.data.qpos[place : place + 7] = np.concatenate(held)
         mujoco.mj_forward(self.model, self.data)
         self._smoother.restart(self._q)
+        self.strain = {"torque_limit_ratio_max": 0.0, "tool_lag_max": 0.0}
         self.grasp.restart()
         self.plugin.restart()
         super().restart(pose)
@@ -149,7 +154,14 @@ class ArmTool(Carrier):
             self._q = q
             self.plugin.step()
             self.grasp.watch()
+            self._watch()
             yield self.plugin.read[-1], self._solver.collider_pose(TOOL)
+
+    def _watch(self) -> None:
+        torque = np.abs(self.servo.demand / self._arm.torque_limits).max()
+        lag = np.linalg.norm(self.data.xpos[self.scene.tool] - self.commanded.position)
+        for name, value in (("torque_limit_ratio_max", torque), ("tool_lag_max", lag)):
+            self.strain[name] = max(self.strain[name], float(value))
 
     def _drive(self, wanted: JointState) -> None:
         """Motor torques for a joint state."""

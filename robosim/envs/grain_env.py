@@ -123,6 +123,12 @@ class GrainEnv(gymnasium.Env):
         """The sub-task's reward as a loss for that."""
         return objective(self.task)
 
+    def reach(self) -> Any:
+        """What the arm would have to do to carry this task's tool: see `robosim.envs.reach.Reach`."""
+        from robosim.envs.reach import Reach  # as above
+
+        return Reach(self.task)
+
     # keeping and drawing --------------------------------------------------------------------------------------------
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The picture (height, width, 3), or None with "human", which shows it."""
