@@ -3,7 +3,6 @@ arXiv 2406.09178), and how far back they mean anything."""
 
 import argparse
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -56,10 +55,10 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     out.mkdir(parents=True, exist_ok=True)
     wanted = [(task, variant) for task in tasks for variant in VARIANTS]
     waiting = [both for both in wanted if not place(*both, out).is_file()]
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
-        done = pool.map(partial(_rolled_back, out), *zip(*waiting)) if waiting else ()
+    with get_context("spawn").Pool(jobs, maxtasksperchild=1) as pool:
+        done = pool.imap(partial(_rolled_back, out), waiting, chunksize=1)
         list(tqdm(done, initial=len(wanted) - len(waiting), total=len(wanted), unit="roll-out", file=sys.stderr))
-    found = {}
+    found: dict[tuple[str, str], dict[str, np.ndarray]] = {}
     for task, variant in wanted:
         with np.load(place(task, variant, out), allow_pickle=False) as stored:
             found[task, variant] = dict(stored)
@@ -77,8 +76,9 @@ def place(task: str, variant: str, out: Path) -> Path:
     return out / f"{task}_{variant.replace(', ', '_').replace(' ', '_')}.npz"
 
 
-def _rolled_back(out: Path, task: str, variant: str) -> None:
+def _rolled_back(out: Path, which: tuple[str, str]) -> None:
     """One roll-out, in a process of its own: it lays fields out that stay."""
+    task, variant = which
     own: Any = gymnasium.make(f"robosim:robosim/{task}-v0").unwrapped
     material = STAND_INS.get(own.task.kind, FLUID) if variant == "fluid or clay" else own.task.material
     env: Any = gymnasium.make(f"robosim:robosim/{task}-v0", material=material, action_repeat=HOLD).unwrapped

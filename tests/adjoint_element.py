@@ -17,11 +17,11 @@ DT = 1e-3
 class AdjointElement:
     """State (4, k), velocity gradient (4, 9) and numbers (8,) in; stress (4, 6) and new state out; and back."""
 
-    def __init__(self, material) -> None:
+    def __init__(self, material, **options) -> None:
         body = mpm.Body(material, np.full((4, 3), 0.5) + 0.01 * np.arange(4)[:, None], volume=1e-6)
         self.solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[body], precision="f64")
         self.P, self.law = self.solver.particles, material
-        self.B, self.T = ParticleBars(self.P, "f64"), Through([material], 1, "f64")
+        self.B, self.T = ParticleBars(self.P, "f64"), Through([material], 1, "f64", **options)
         self.logarithm, self.exponential = self.solver._substeps.logarithm, self.solver._substeps.exponential
         self.remembered = [name for name in ("e", "j", "vc") if name in self.P.named_fields()]
         assert self.logarithm is hencky_exact

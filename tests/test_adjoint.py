@@ -44,6 +44,51 @@ def test_constitutive_update(name, rng):
             assert abs(sum(terms) - difference) <= 1e-6 * np.abs(terms).max()
 
 
+@pytest.mark.slow
+def test_derivatives_through_an_svd_and_over_a_smooth_yield_surface(rng):
+    """Where strains differ an SVD loses nothing, where they coincide shear has no derivative; a smooth surface changes
+    nothing in its limit, and where it is wide, derivatives do not jump between two grains on its two sides."""
+    law = LAWS["sand"]
+    p = np.zeros(8)
+    p[: len(law.parameters)] = law.parameters
+    sharp, svd, narrow, wide = (AdjointElement(law, **options)
+                                for options in ({}, {"svd": True}, {"soft": 1e-9}, {"soft": 0.5}))
+
+    def bars(element: AdjointElement, state: np.ndarray, C: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        return np.column_stack(element.backward(state, C, p, weights)[:2])
+
+    state = 0.05 * rng.uniform(-1.0, 1.0, (4, sharp.size))
+    state[:, :3] += np.array([0.1, -0.1, -0.02, 0.003])[:, None]
+    C, weights = 30.0 * rng.standard_normal((4, 9)), rng.standard_normal((4, 6 + sharp.size))
+    weights[:, :6] /= 1e5
+    ours = bars(sharp, state, C, weights)
+    assert bars(svd, state, C, weights) == pytest.approx(ours, rel=1e-7, abs=1e-9)
+    assert bars(narrow, state, C, weights) == pytest.approx(ours, rel=1e-9, abs=1e-12)
+    pressed, still = np.zeros((4, sharp.size)), np.zeros((4, 9))
+    pressed[:, :3] = -0.02
+    found = [bars(element, pressed, still, weights)[:, 3:6] for element in (sharp, svd)]
+    assert np.abs(found[0]).min() > 0.0
+    assert np.abs(found[1]).max() < 1e-3 * np.abs(found[0]).max()
+
+    low, high = 0.0, 0.1  # shear of a pressed grain: the largest that does not yet yield
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        sheared = pressed.copy()
+        sheared[:, 3] = middle
+        kept = sharp.forward(sheared, still, p)[:, 6 + 3]
+        low, high = (middle, high) if np.all(kept > middle * (1 - 1e-9)) else (low, middle)
+    jumps = []
+    for element in (sharp, wide):
+        ends = []
+        for shear in (low * (1 - 1e-7), high * (1 + 1e-7)):
+            sheared = pressed.copy()
+            sheared[:, 3] = shear
+            ends.append(bars(element, sheared, still, weights))
+        jumps.append(np.abs(ends[1] - ends[0]).max())
+    assert jumps[0] > 1e-2
+    assert jumps[1] < 1e-4 * jumps[0]
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)

@@ -47,8 +47,8 @@ class Rollout:
     numbers, too. limit: entries of the state's derivatives are cut to plus or minus this in every substep, against the
     growth of sand's. window: at every so-manieth step the state's derivatives are dropped; what the tool's later places
     owe to its earlier twists stays. soft: relative width over which derivatives take the yield surface for smooth; 0:
-    it is sharp, as in the motion itself. svd: derivatives as autodiff through a singular value decomposition has them, to
-    see what is lost. substeps: per step, or None: as many as the solver's dt asks for.
+    it is sharp, as in the motion itself. svd: derivatives as autodiff through a singular value decomposition has them,
+    to see what is lost. substeps: per step, or None: as many as the solver's dt asks for.
 
     Strides are those of the solver, at most as long as its materials allow now; where rounding or a small change of the
     motion would make one longer or shorter, the derivative does not see it. Nodes are kept for every substep of one
