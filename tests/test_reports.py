@@ -16,7 +16,7 @@ import pytest
 
 import mpm
 from robosim.cases import NAMES, bar, closed_system, find, slope
-from robosim.cases.checks import Order, Rising, Within
+from robosim.cases.checks import Order, Power, Rising, Within
 from robosim.cases.record import Record
 from robosim.errors import ConfigError, UnknownName
 from robosim.reports import runs as module
@@ -31,6 +31,16 @@ from robosim.reports.work_precision import peers, report
 def made(error: float, seconds: float = 1.0, **choices) -> Record:
     return Record(case="bar", choices=choices, particles=1, steps=1, seconds=seconds, compile_seconds=0.0,
                   errors={"rms": error})
+
+
+def test_a_power_is_read_off_the_runs() -> None:
+    """y = 3 x^1.5 passes as a power from 1.4 to 1.6, not as one from 1.6 to 2; one width tells nothing."""
+    runs = [Record(case="bar", choices={}, particles=1, steps=1, seconds=1.0, compile_seconds=0.0, errors={},
+                   readings={"x": x, "y": 3.0 * x**1.5}) for x in (0.5, 1.0, 4.0)]
+    assert Power("y", "x", 1.4, 1.6).judge(runs).found == pytest.approx(1.5)
+    assert Power("y", "x", 1.4, 1.6).judge(runs).verdict == "pass"
+    assert Power("y", "x", 1.6, 2.0).judge(runs).verdict == "fail"
+    assert Power("y", "x", 1.4, 1.6).judge(runs[:1]).verdict == "not run"
 
 
 def test_claims_are_judged_by_the_worst_run() -> None:
