@@ -7,20 +7,23 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import mpm
 
 
-def test_idle_features_equal_absent_ones() -> None:
+@pytest.mark.parametrize(("how", "features"), [
+    ("together", ["all"]),
+    pytest.param("apart", ["moving collider", "mobile collider", "static collider", "second body", "shell",
+                           "body acceleration", "stride"], marks=pytest.mark.slow)])
+def test_idle_features_equal_absent_ones(how: str, features: list[str]) -> None:
     script = Path(__file__).with_name("idle_features.py")
     # the packages of this run, whether installed or lying beside the tests
     environment = os.environ | {"PYTHONPATH": str(Path(mpm.__file__).parent.parent)}
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=300, env=environment)
+    done = subprocess.run([sys.executable, str(script), how], capture_output=True, text=True, timeout=300,
+                          env=environment)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout.strip().splitlines()[-1]) == {
-        "moving collider": True, "mobile collider": True, "static collider": True, "second body": True,
-        "shell": True, "body acceleration": True, "stride": True,
-    }
+    assert json.loads(done.stdout.strip().splitlines()[-1]) == dict.fromkeys(features, True)
 
 
 def test_absent_features_take_no_memory() -> None:
