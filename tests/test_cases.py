@@ -15,6 +15,7 @@ from robosim.cases import (
     column_weight,
     dam_break,
     elastic_energy,
+    element_path,
     find,
     floating_cube,
     free_fall,
@@ -22,6 +23,7 @@ from robosim.cases import (
     hydrostatic,
     lock_gate,
     orifice,
+    return_mapping,
     shell_leak,
     slope,
     spin,
@@ -71,6 +73,22 @@ def test_bar_is_stretched_as_its_law_says(model: str, stretch: float) -> None:
     """The stress is the wall's pull, not the law's own formula."""
     errors = uniaxial.measure(model=model, stretch=stretch).errors
     assert all(abs(errors[name]) <= bound for name, bound in uniaxial.BANDS.items()), errors
+
+
+@pytest.mark.parametrize("choices", [return_mapping.SWEEP[0], *(pytest.param(c, marks=pytest.mark.slow)
+                                                                 for c in return_mapping.SWEEP[1:])])
+def test_grains_yield_as_the_cone_says(choices: dict) -> None:
+    record = return_mapping.measure(**choices)
+    found = [finding for finding in (check.judge([record]) for check in return_mapping.CHECKS)
+             if finding.found is not None]
+    assert [finding.verdict for finding in found] == ["pass"] * 3, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("choices", element_path.SWEEP)
+def test_paths_end_at_flow_with_constant_volume(choices: dict) -> None:
+    errors = element_path.measure(**choices).errors
+    assert all(abs(errors[name]) <= element_path.BANDS[name] for name in errors), errors
 
 
 @pytest.mark.parametrize("beyond", [-3.0, 8.0])

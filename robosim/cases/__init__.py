@@ -11,9 +11,9 @@ from robosim.errors import UnknownName
 
 NAMES = (
     "free_fall", "axis_aligned", "bar", "vortex", "spin", "elastic_energy", "uniaxial", "column_weight",
-    "hydrostatic", "dam_break", "slope", "heap", "column_collapse", "orifice", "lock_gate", "shell_leak",
-    "closed_system", "bar_impact", "floating_cube", "block_at_rest", "carried_load", "added_mass",
-    "driven_wheel", "ik_poses", "jerk_limits", "two_models",
+    "hydrostatic", "dam_break", "return_mapping", "element_path", "slope", "heap", "column_collapse", "orifice",
+    "lock_gate", "shell_leak", "closed_system", "bar_impact", "floating_cube", "block_at_rest", "carried_load",
+    "added_mass", "driven_wheel", "ik_poses", "jerk_limits", "two_models",
 )
 
 
