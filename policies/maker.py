@@ -143,7 +143,7 @@ class Maker:
                     loss = self.value(search.now)
                     search.step(loss)
             except (mpm.SimulationDiverged, mpm.GradientDiverged):
-                if not losses:  # there is no better motion to go back to
+                if isinstance(search, Descent) and not np.isfinite(search.lowest):  # no better motion to go back to
                     raise
                 loss = np.inf
                 search.fail()
