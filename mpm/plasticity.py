@@ -109,7 +109,7 @@ class DruckerPrager(Hencky):
         free = ti.select(trace - ti.min(trace, p[3]) < MAX_VOLUME_CORRECTION, vc_bar, zero)
         # the expansion is trace - kept: nothing of it where all is kept
         trace_bar = ti.select(whole, kept_bar, free) - p[2] * held
-        turn = allowed_bar * allowed / (norm * norm)
+        turn = allowed_bar * scale / norm
         shape = [keep(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
         average = (shape[0] + shape[1] + shape[2]) / 3.0
         state = [keep(shape[i] + (trace_bar - average if ti.static(i < 3) else 0.0)) for i in range(6)]
@@ -163,7 +163,7 @@ class VonMises(Hencky):
         share = share_that_yields(norm, p[2] + zero, soft)
         along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
         limit_bar = share * along / norm
-        turn = limit_bar * p[2] / (norm * norm)
+        turn = limit_bar * scale / norm
         shape = [keep(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
         average = (bar[0] + bar[1] + bar[2] - shape[0] - shape[1] - shape[2]) / 3.0
         state = [keep(shape[i] + (average if ti.static(i < 3) else 0.0)) for i in range(6)]

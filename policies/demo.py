@@ -1,4 +1,4 @@
-"""`robosim demo`: demonstrations by gradient descent through the field (arXiv 2406.09178, Algorithm 2)."""
+"""`robosim demo`: demonstrations by descent through the field (arXiv 2406.09178, Algorithm 2), or by CMA-ES."""
 
 import argparse
 import subprocess
@@ -92,11 +92,11 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
         readings = {f"in {stand_in}": played(maker.env, found["actions"], seed + k),
                     f"among grains of {sand.task.material}": played(sand, found["actions"], seed + k)}
         if carried is not None:
-            readings["with the arm"] = played(carried, found["actions"], seed + k) | carried.carrier.strain
-            sand.reset(seed=seed + k)
-            maker.hold.begin(sand.solver.collider_pose(0).position)
-            row["asked of the arm"] = maker.reach.told(sand.solver.collider_pose(0),
-                                                       *maker.hold.twists(found["actions"]))
+            try:
+                row["asked of the arm"] = asked_of_the_arm(maker, seed + k, found["actions"])
+                readings["with the arm"] = played(carried, found["actions"], seed + k) | carried.carrier.strain
+            except ValueError as error:  # its start is out of reach
+                row["asked of the arm"] = str(error)
         rows.append(row | readings)
         write_json(out / "demonstrations.json", {"task": task, "material": stand_in, "method": method,
                                                  "demonstrations": rows})
@@ -108,6 +108,14 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     return 0
 
 
+def asked_of_the_arm(maker: Maker, seed: int, actions: np.ndarray) -> dict[str, float]:
+    """What a motion from the start of a seed asks of the arm's joints; see `robosim.envs.reach.Reach.told`."""
+    maker.env.reset(seed=seed)
+    start = maker.env.solver.collider_pose(0)
+    maker.hold.begin(start.position)
+    return maker.reach.told(start, *maker.hold.twists(actions))
+
+
 def tell(row: dict[str, Any], readings: dict[str, dict[str, float]]) -> None:
     """Print a demonstration's figures."""
     print(f"{row['demonstration']}: loss {row['loss']:.4g}")
@@ -116,7 +124,9 @@ def tell(row: dict[str, Any], readings: dict[str, dict[str, float]]) -> None:
     if row["check"]:
         print(f"  derivative along itself {row['check'][0][0]:.4g}, by differences {row['check'][0][1]:.4g}")
     if "asked of the arm" in row:
-        print("  " + ", ".join(f"{name} {value:.3g}" for name, value in row["asked of the arm"].items()))
+        asked = row["asked of the arm"]
+        print("  " + (asked if isinstance(asked, str) else
+                      ", ".join(f"{name} {value:.3g}" for name, value in asked.items())))
 
 
 def filmed(wanted: Wanted, k: int) -> None:
@@ -130,7 +140,7 @@ def filmed(wanted: Wanted, k: int) -> None:
         ended = subprocess.run([sys.executable, "-m", "robosim.cli", *words], capture_output=True, text=True,
                                check=False)
         made = Path(folder) / "episode.mp4"
-        if made.is_file():
+        if ended.returncode == 0 and made.is_file():
             made.replace(film)
         else:
             print(f"no film of {wanted.path(k).name}: {(ended.stderr.strip().splitlines() or ['?'])[-1]}",

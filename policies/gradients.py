@@ -23,7 +23,9 @@ from policies.maker import FLUID, STAND_INS  # noqa: E402
 
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")
+"""Of the figure."""
 HOLD = 10
+"""Steps of 2 ms that an action is held."""
 VARIANTS: dict[str, dict[str, Any]] = {
     "fluid or clay": {}, "grains": {}, "grains, SVD": {"svd": True}, "grains, smooth yield": {"soft": 0.1}}
 """Options of the roll-out."""
@@ -66,8 +68,9 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     draw(out, tasks, found)
     for told in (row(*key, values) for key, values in found.items()):
         print(f"{told['task']:15s} {told['variant']:21s} growth {told['growth'] or float('nan'):9.2e}  "
-              f"lost before step {told['lost_before']}  slope over differences "
-              + " ".join(f"{back}: {ratio:.3g}" for back, ratio in told["slope_over_difference"].items()))
+              f"lost before step {told['lost_before']}  derivative, difference: "
+              + "  ".join(f"{c['steps_before_the_end']}: {c['derivative']:.3g}, {c['difference']:.3g}"
+                          for c in told["checks"]))
     return 0
 
 
@@ -93,6 +96,8 @@ def _rolled_back(out: Path, which: tuple[str, str]) -> None:
         checks = np.array([(back, *_compared(rollout, hold, loss, actions, slopes, back)) for back in BACK])
     except mpm.GradientDiverged as error:
         norms, lost = error.norms, error.step
+    except mpm.SimulationDiverged:
+        norms, lost = np.zeros((env.task.steps, 2)), env.task.steps
     write(place(task, variant, out), partial(np.savez, norms=norms, lost=lost, checks=checks, material=material))
 
 
@@ -112,8 +117,8 @@ def row(task: str, variant: str, values: dict[str, np.ndarray]) -> dict[str, Any
     last = norms[-1]
     return {"task": task, "variant": variant, "material": str(values["material"]),
             "growth": float(norms.max() / last) if last > 0 else None, "lost_before": lost if lost >= 0 else None,
-            "slope_over_difference": {int(back): float(slope / difference) if difference else 0.0
-                                      for back, slope, difference in values["checks"]}}
+            "checks": [{"steps_before_the_end": int(back), "derivative": float(slope), "difference": float(difference)}
+                       for back, slope, difference in values["checks"]]}
 
 
 def draw(out: Path, tasks: list[str], found: dict[tuple[str, str], dict[str, np.ndarray]]) -> None:

@@ -13,9 +13,9 @@ from tqdm import tqdm
 
 import mpm
 from policies.descent import Descent
-from policies.evolution import Evolution
 from policies.files import write
 from policies.hold import Hold
+from policies.spline_search import Evolution
 
 METHODS = ("descent", "cmaes")
 STAND_INS = {"move": "clay"}
@@ -153,6 +153,9 @@ class Maker:
             kept = {"losses": np.array(losses), "norms": norms, "fingerprint": np.array(mark)}
             write(beside, partial(np.savez, **kept, **search.state()))
         progress.close()
+        if not np.isfinite(search.lowest):
+            raise mpm.InvalidValue(f"{w.path(k).name}: every one of {len(losses)} motions diverged; begin with another "
+                                   f"(--from), or take another --material")
         found = {"actions": search.best.astype(np.float32), "losses": np.array(losses), "norms": norms,
                  "check": self.check(search.best), "fingerprint": np.array(mark), "seed": np.array(seed),
                  "material": np.array(w.material), "hold": np.array(w.hold), "method": np.array(w.method)}
@@ -204,7 +207,9 @@ class Maker:
 def settled(losses: list[float]) -> bool:
     """Whether the loss has changed by less than CHANGE in each of more than PATIENCE iterations."""
     recent = np.array(losses[-PATIENCE - 2 :])
-    return len(recent) > PATIENCE + 1 and bool(np.all(np.abs(np.diff(recent)) < CHANGE * np.abs(recent[:-1])))
+    if len(recent) < PATIENCE + 2 or not np.isfinite(recent).all():
+        return False
+    return bool(np.all(np.abs(np.diff(recent)) < CHANGE * np.abs(recent[:-1])))
 
 
 def make_some(wanted: Wanted, which: range) -> None:

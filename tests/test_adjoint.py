@@ -87,6 +87,9 @@ def test_derivatives_through_an_svd_and_over_a_smooth_yield_surface(rng):
         jumps.append(np.abs(ends[1] - ends[0]).max())
     assert jumps[0] > 1e-2
     assert jumps[1] < 1e-4 * jumps[0]
+    pressed[:, 3] = 1e-4 * low  # far within the surface nothing grows
+    found = [np.abs(bars(element, pressed, still, weights)).max() for element in (sharp, wide)]
+    assert found[1] < 1.5 * found[0]
 
 
 @pytest.fixture

@@ -3,6 +3,8 @@
 import ast
 import importlib
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,3 +49,11 @@ def test_public_names_exist(package: str) -> None:
     module = importlib.import_module(package)
     assert module.__all__ == sorted(module.__all__, key=lambda n: n)
     assert all(hasattr(module, name) for name in module.__all__)
+
+
+def test_the_command_line_needs_no_learning_libraries() -> None:
+    """`pip install .` brings none of them, and every command loads all commands."""
+    heavy = ("torch", "stable_baselines3", "sb3_contrib", "cma", "tensorboard")
+    code = f"import sys, robosim.cli; robosim.cli.parser(); print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -11,9 +11,9 @@ from mpm.motion import rotation_matrix
 from policies import demo
 from policies.demo import demonstrate
 from policies.descent import Descent
-from policies.evolution import Evolution
 from policies.hold import Hold
 from policies.maker import Maker
+from policies.spline_search import Evolution
 from robosim.envs.evaluate import evaluate
 from robosim.envs.reach import Reach
 from robosim.envs.task import load_task

@@ -43,6 +43,13 @@ def test_a_power_is_read_off_the_runs() -> None:
     assert Power("y", "x", 1.4, 1.6).judge(runs[:1]).verdict == "not run"
 
 
+def test_a_band_without_a_lower_end_sees_every_run() -> None:
+    band = Within("rms", 0.02, low=-np.inf)
+    assert band.judge([made(-5.0), made(0.01)]).verdict == "pass"
+    assert band.judge([made(0.001), made(0.5), made(-5.0)]).found == 0.5
+    assert band.judge([made(0.001), made(float("nan"))]).verdict == "fail"
+
+
 def test_claims_are_judged_by_the_worst_run() -> None:
     runs = [made(0.01, cells=10), made(-0.03, cells=10, precision="f32"), made(0.0025, cells=20)]
     assert Within("rms", 0.02, {"cells": 10}).judge(runs).found == -0.03

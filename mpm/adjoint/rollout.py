@@ -47,8 +47,8 @@ class Rollout:
     numbers, too. limit: entries of the state's derivatives are cut to plus or minus this in every substep, against the
     growth of sand's. window: at every so-manieth step the state's derivatives are dropped; what the tool's later places
     owe to its earlier twists stays. soft: relative width over which derivatives take the yield surface for smooth; 0:
-    it is sharp, as in the motion itself. svd: derivatives as autodiff through a singular value decomposition has them,
-    to see what is lost. substeps: per step, or None: as many as the solver's dt asks for.
+    it is sharp, as in the motion itself. svd: the derivative of the logarithm of strain as autodiff through a singular
+    value decomposition has it, to see what is lost. substeps: per step, or None: as many as the solver's dt asks for.
 
     Strides are those of the solver, at most as long as its materials allow now; where rounding or a small change of the
     motion would make one longer or shorter, the derivative does not see it. Nodes are kept for every substep of one
@@ -134,7 +134,11 @@ class Rollout:
         self._norms = np.zeros((self.n_steps, 3))
         self._end_state: dict[str, np.ndarray] | None = None
         with self._or_return():
-            self._back_over(0, self.n_steps, 0, 0)
+            try:
+                self._back_over(0, self.n_steps, 0, 0)
+            except GradientDiverged as error:
+                error.norms = self._norms[:, :2]
+                raise
             assert self._end_state is not None
             self.solver.load(self._end_state)
         found = twists.back(self._path, self._linear, self._angular, self.step_dt, self._table_bar, self._pose_bar)
@@ -307,9 +311,7 @@ class Rollout:
             self._launch(0, (b - begin) * self.substeps, n, self._table[b:e].reshape(-1, 18), loss_bar, motion_bar,
                          norms)
             if not np.isfinite(norms).all() or not np.isfinite(motion_bar).all():
-                error = self._located(begin, b, e, loss_bar)
-                error.norms = self._norms[:, :2]
-                raise error
+                raise self._located(begin, b, e, loss_bar)
             self._table_bar[b:e] = motion_bar.reshape(e - b, self.substeps, 18)
             self._norms[b:e] = norms[b - begin :]
 

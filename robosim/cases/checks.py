@@ -57,8 +57,7 @@ class Within:
         low = -self.high if self.low is None else self.low
         values = [value(record, self.name) for record in chosen(records, self.where)
                   if self.name in record.errors or self.name in record.readings]
-        middle = 0.5 * (low + self.high)
-        furthest = max(values, key=lambda v: np.inf if np.isnan(v) else abs(v - middle), default=None)
+        furthest = max(values, key=lambda v: np.inf if np.isnan(v) else max(v - self.high, low - v), default=None)
         claim = self.name + (f" at {told(self.where)}" if self.where else "")
         return Finding(claim, furthest, low, self.high)
 
@@ -115,6 +114,8 @@ class Power:
         """The power."""
         rows = [(value(record, self.by), value(record, self.name)) for record in chosen(records, self.where)]
         claim = f"power of {self.by} in {self.name}" + (f" at {told(self.where)}" if self.where else "")
+        if any(not number > 0 for row in rows for number in row):  # a slot that clogs has no power
+            return Finding(claim, np.nan, self.low, self.high)
         if len({row[0] for row in rows}) < 2:
             return Finding(claim, None, self.low, self.high)
         x, y = np.log(np.array(rows)).T

@@ -93,12 +93,11 @@ class ArmTool(Carrier):
         self.servo, self._smoother = Servo(self._arm, self._robot.servo), Smoother(self._robot, task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check(self.model, self.data, self.scene.arm_dofs)
+        self.strain = {"torque_limit_ratio_max": 0.0, "tool_lag_max": 0.0}
+        """Of the episode so far: largest torque asked for as a share of its limit, and the tool's largest distance [m]
+        from where it was commanded to be."""
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
-
-    strain: dict[str, float]
-    """Of the episode so far: largest torque asked for as a share of its limit, and the tool's largest distance [m] from
-    where it was commanded to be."""
 
     def spec(self) -> mujoco.MjSpec:
         """The rigid scene, a new specification at each call."""
@@ -139,7 +138,7 @@ class ArmTool(Carrier):
             self.data.qpos[place : place + 7] = np.concatenate(held)
         mujoco.mj_forward(self.model, self.data)
         self._smoother.restart(self._q)
-        self.strain = {"torque_limit_ratio_max": 0.0, "tool_lag_max": 0.0}
+        self.strain = dict.fromkeys(self.strain, 0.0)
         self.grasp.restart()
         self.plugin.restart()
         super().restart(pose)
