@@ -13,7 +13,7 @@ NAMES = (
     "free_fall", "axis_aligned", "bar", "vortex", "spin", "elastic_energy", "uniaxial", "column_weight",
     "hydrostatic", "dam_break", "return_mapping", "element_path", "slope", "heap", "column_collapse", "orifice",
     "lock_gate", "shell_leak", "closed_system", "bar_impact", "floating_cube", "block_at_rest", "carried_load",
-    "added_mass", "driven_wheel", "ik_poses", "jerk_limits", "two_models",
+    "added_mass", "driven_wheel", "ik_poses", "jerk_limits", "arm_limits", "two_models",
 )
 
 

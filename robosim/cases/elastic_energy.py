@@ -8,9 +8,9 @@ from robosim.cases.record import Clock, Record
 
 NAME = "elastic_energy"
 SOURCE = "first law of thermodynamics for a hyperelastic body; energies of the three laws in closed form"
-BANDS = {"growth": 0.02, "slope": 0.0, "rise": 0.02, "lost per period": 0.2}
-"""Most that the energy rises above its start, and from any moment to a later one, as shares of the first; most that its
-trend over all periods gains, and that a period takes of it."""
+BANDS = {"growth": 0.02, "slope": 0.0, "rise": 0.05, "lost per period": 0.2}
+"""Most that the energy rises above its start, and from any moment to a later one, as shares of the first (a stored
+energy that is a tenth wrong swings by a tenth); most that its trend over all periods gains, and that a period takes."""
 LAWS = ("hencky", "neo_hookean", "fixed_corotated")
 SWEEP = [{"model": m, "courant": c, "strides": s} for m in LAWS for c in (0.1, 0.2, 0.3) for s in (True, False)]
 """Choices that the report runs."""
