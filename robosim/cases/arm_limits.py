@@ -1,5 +1,7 @@
 """The whole arm scoops: in every step, motors and joints stay within what the data sheet allows."""
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 
@@ -26,9 +28,9 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
     """Excesses over the limits while the task's script is carried out, read in every step of 2 ms."""
     import robosim  # noqa: F401  (its environments are registered with it)
 
-    env = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped
+    env: Any = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped
     env.reset(options={"nominal": True})
-    carrier, script, clock = env.carrier, Script(env), Clock(env.solver)  # pyright: ignore[reportAttributeAccessIssue]
+    carrier, script, clock = env.carrier, Script(env), Clock(env.solver)
     torque, speed, over, info = 0.0, 0.0, False, {}
 
     def step() -> None:
