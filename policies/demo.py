@@ -50,6 +50,8 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--limit", type=float, help="cut entries of the state's derivatives in every substep, as sand's "
                      "may need (default: never)")
     run.add_argument("--seed", type=int, default=0, help="of the first start, as of the environment's reset")
+    run.add_argument("--nominal", action="store_true", help="the first begins at the task's own start, as training "
+                     "does by default; the others within its ranges")
     run.add_argument("--arm", action="store_true", help="see what the motion asks of the arm, and carry it out with it")
     run.add_argument("--arm-weight", type=float, default=0.0, help="of a penalty on joint speeds and angles beyond the "
                      "arm's limits (default: 0)")
@@ -57,13 +59,13 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.set_defaults(run=lambda a: demonstrate(
         a.task, a.out, n=a.n, material=a.material, iterations=a.iterations, rate=a.rate, hold=a.hold, start=a.start,
         limit=a.limit, seed=a.seed, until=a.until, jobs=a.jobs, method=a.method, arm=a.arm, arm_weight=a.arm_weight,
-        film=not a.no_video))
+        film=not a.no_video, nominal=a.nominal))
 
 
 def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = None, iterations: int = 150,
                 rate: float = RATE, hold: int = 10, start: str | Path | None = None, limit: float | None = None,
                 seed: int = 0, until: float | None = None, jobs: int = 1, method: str = "descent", arm: bool = False,
-                arm_weight: float = 0.0, film: bool = True) -> int:
+                arm_weight: float = 0.0, film: bool = True, nominal: bool = False) -> int:
     """Make demonstrations 0 .. n - 1 into a folder, with their table, curves and films; returns 0."""
     for name, number in (("--n", n), ("--iterations", iterations), ("--hold", hold), ("--jobs", jobs)):
         if number < 1:
@@ -78,7 +80,8 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     first = first_actions(start, until, sand.task, Hold(sand.task, hold))
     out.mkdir(parents=True, exist_ok=True)
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
-    wanted = Wanted(task, out, stand_in, first, method, iterations, rate, hold, limit, arm_weight, seed)
+    wanted = Wanted(task, out, stand_in, first, method, iterations, rate, hold, limit, arm_weight, seed,
+                    nominal)
     if jobs > 1:
         shares = [range(i, n, jobs) for i in range(min(jobs, n))]
         with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
@@ -87,14 +90,15 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     carried = wanted.environment(arm=True) if arm else None
     for k in range(n):
         found = maker.make(k)
-        row = {"demonstration": wanted.path(k).name, "seed": seed + k, "loss": float(found["losses"].min()),
+        start = wanted.start(k)
+        row = {"demonstration": wanted.path(k).name, "start": start, "loss": float(found["losses"].min()),
                "iterations": len(found["losses"]), "check": found["check"].tolist()}
-        readings = {f"in {stand_in}": played(maker.env, found["actions"], seed + k),
-                    f"among grains of {sand.task.material}": played(sand, found["actions"], seed + k)}
+        readings = {f"in {stand_in}": played(maker.env, found["actions"], start),
+                    f"among grains of {sand.task.material}": played(sand, found["actions"], start)}
         if carried is not None:
             try:
-                row["asked of the arm"] = asked_of_the_arm(maker, seed + k, found["actions"])
-                readings["with the arm"] = played(carried, found["actions"], seed + k) | carried.carrier.strain
+                row["asked of the arm"] = asked_of_the_arm(maker, start, found["actions"])
+                readings["with the arm"] = played(carried, found["actions"], start) | carried.carrier.strain
             except ValueError as error:  # its start is out of reach
                 row["asked of the arm"] = str(error)
         rows.append(row | readings)
@@ -108,12 +112,12 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     return 0
 
 
-def asked_of_the_arm(maker: Maker, seed: int, actions: np.ndarray) -> dict[str, float]:
-    """What a motion from the start of a seed asks of the arm's joints; see `robosim.envs.reach.Reach.told`."""
-    maker.env.reset(seed=seed)
-    start = maker.env.solver.collider_pose(0)
-    maker.hold.begin(start.position)
-    return maker.reach.told(start, *maker.hold.twists(actions))
+def asked_of_the_arm(maker: Maker, start: dict[str, Any], actions: np.ndarray) -> dict[str, float]:
+    """What a motion from a start asks of the arm's joints; see `robosim.envs.reach.Reach.told`."""
+    maker.env.reset(**start)
+    pose = maker.env.solver.collider_pose(0)
+    maker.hold.begin(pose.position)
+    return maker.reach.told(pose, *maker.hold.twists(actions))
 
 
 def tell(row: dict[str, Any], readings: dict[str, dict[str, float]]) -> None:
@@ -135,8 +139,9 @@ def filmed(wanted: Wanted, k: int) -> None:
     if film.is_file() and film.stat().st_mtime >= wanted.path(k).stat().st_mtime:
         return
     with tempfile.TemporaryDirectory(dir=wanted.out) as folder:
+        start = wanted.start(k)
         words = ["evaluate", wanted.task, "--policy", str(wanted.path(k)), "--episodes", "1", "--seed",
-                 str(wanted.seed + k), "--out", folder]
+                 str(start["seed"]), "--out", folder, *(["--nominal"] if start["options"]["nominal"] else [])]
         ended = subprocess.run([sys.executable, "-m", "robosim.cli", *words], capture_output=True, text=True,
                                check=False)
         made = Path(folder) / "episode.mp4"

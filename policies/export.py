@@ -51,8 +51,9 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", hold: int = 
     for path in tqdm(paths_in(demos), desc="acting out", file=sys.stderr):
         with np.load(path, allow_pickle=False) as stored:
             seed = int(stored["seed"]) if "seed" in stored else 0
+            start = {"nominal": bool(stored["nominal"])} if "nominal" in stored else None
         actions = actions_in(path, decisions, hold, dimensions)
-        episodes.append((path.name, seed, list(acted(env, actions, None, seed))))
+        episodes.append((path.name, seed, list(acted(env, actions, start, seed))))
     spec = {"id": f"robosim/{task}-v0", "kwargs": {"obs": obs, "action_repeat": hold}}
 
     def written(place: Path) -> None:

@@ -3,6 +3,8 @@ arXiv 2406.09178), and how far back they mean anything."""
 
 import argparse
 import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,7 +21,7 @@ from tqdm import tqdm  # noqa: E402
 import mpm  # noqa: E402
 from policies.files import write, write_json  # noqa: E402
 from policies.hold import Hold  # noqa: E402
-from policies.maker import FLUID, STAND_INS  # noqa: E402
+from policies.maker import FLUID, STAND_INS, fingerprint, stored_in  # noqa: E402
 
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")
@@ -31,8 +33,9 @@ VARIANTS: dict[str, dict[str, Any]] = {
 """Options of the roll-out."""
 BACK = (10, 30, 100, 300, 1000)
 """Steps before the end in which the motion is changed, to compare its derivative with differences."""
-DIFFERENCE = 1e-3
-"""Step in actions of -1 to 1."""
+DIFFERENCE = 0.1
+"""Step in actions of -1 to 1, over the number of steps before the end: so late a change does little, which in single
+precision drowns in the rounding of the loss."""
 EXAMPLE = "example:\n  robosim gradients SpoonPour ShovelMove --jobs 2 --out out/gradients"
 
 
@@ -56,20 +59,22 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
     out.mkdir(parents=True, exist_ok=True)
     wanted = [(task, variant) for task in tasks for variant in VARIANTS]
-    waiting = [both for both in wanted if not place(*both, out).is_file()]
-    with get_context("spawn").Pool(jobs, maxtasksperchild=1) as pool:
-        done = pool.imap(partial(_rolled_back, out), waiting, chunksize=1)
-        list(tqdm(done, initial=len(wanted) - len(waiting), total=len(wanted), unit="roll-out", file=sys.stderr))
     found: dict[tuple[str, str], dict[str, np.ndarray]] = {}
-    for task, variant in wanted:
-        with np.load(place(task, variant, out), allow_pickle=False) as stored:
-            found[task, variant] = dict(stored)
+    with ThreadPoolExecutor(jobs) as pool:
+        started = [pool.submit(_apart, out, *both) for both in wanted]
+        try:
+            for ended in tqdm(as_completed(started), total=len(wanted), unit="roll-out", file=sys.stderr):
+                ended.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+    for both, ended in zip(wanted, started):
+        found[both] = ended.result()
     write_json(out / "gradients.json", [row(*key, values) for key, values in found.items()])
     draw(out, tasks, found)
     for told in (row(*key, values) for key, values in found.items()):
         print(f"{told['task']:15s} {told['variant']:21s} growth {told['growth'] or float('nan'):9.2e}  "
               f"lost before step {told['lost_before']}  derivative, difference: "
-              + "  ".join(f"{c['steps_before_the_end']}: {c['derivative']:.3g}, {c['difference']:.3g}"
+              + "  ".join(f"{c['steps_before_the_end']}: {c['derivative']:.3g}, {c['difference'] or float('nan'):.3g}"
                           for c in told["checks"]))
     return 0
 
@@ -79,12 +84,24 @@ def place(task: str, variant: str, out: Path) -> Path:
     return out / f"{task}_{variant.replace(', ', '_').replace(' ', '_')}.npz"
 
 
-def _rolled_back(out: Path, which: tuple[str, str]) -> None:
+def _apart(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
     """One roll-out, in a process of its own: it lays fields out that stay."""
-    task, variant = which
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+        try:
+            return process.submit(_rolled_back, out, task, variant).result()
+        except BrokenProcessPool as error:
+            raise mpm.InvalidValue(f"{task} in {variant}: its process was killed; the same command goes on") from error
+
+
+def _rolled_back(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
+    """A roll-out and its derivatives, or what an earlier run has left of them."""
     own: Any = gymnasium.make(f"robosim:robosim/{task}-v0").unwrapped
     material = STAND_INS.get(own.task.kind, FLUID) if variant == "fluid or clay" else own.task.material
     env: Any = gymnasium.make(f"robosim:robosim/{task}-v0", material=material, action_repeat=HOLD).unwrapped
+    mark = fingerprint(env, VARIANTS[variant], BACK, DIFFERENCE)
+    stored = stored_in(place(task, variant, out), mark)
+    if stored is not None:
+        return stored
     env.reset(options={"nominal": True})
     rollout, hold, loss = env.rollout(**VARIANTS[variant]), Hold(env.task, HOLD), env.objective()
     actions = 0.99 * hold.follow(env.task, env.task.steps * env.task.step_dt)
@@ -98,17 +115,25 @@ def _rolled_back(out: Path, which: tuple[str, str]) -> None:
         norms, lost = error.norms, error.step
     except mpm.SimulationDiverged:
         norms, lost = np.zeros((env.task.steps, 2)), env.task.steps
-    write(place(task, variant, out), partial(np.savez, norms=norms, lost=lost, checks=checks, material=material))
+    found = {"norms": norms, "lost": np.array(lost), "checks": checks, "material": np.array(material),
+             "fingerprint": np.array(mark)}
+    write(place(task, variant, out), partial(np.savez, **found))
+    return found
 
 
 def _compared(rollout: Any, hold: Hold, loss: Any, actions: np.ndarray, slopes: np.ndarray,
               back: int) -> tuple[float, float]:
-    """Derivative and central difference along a change of the ten steps that begin so many before the end."""
+    """Derivative and central difference along a change of the ten steps that begin so many before the end; the
+    difference is NaN where the changed motion diverges."""
     first = max(0, hold.n - back // hold.hold)
     way = np.zeros_like(actions)
     way[first] = np.random.default_rng(back).choice((-1.0, 1.0), actions.shape[1])
-    ends = [rollout.value(*hold.twists(actions + s * way), loss) for s in (DIFFERENCE, -DIFFERENCE)]
-    return float(np.sum(slopes * way)), (ends[0] - ends[1]) / (2.0 * DIFFERENCE)
+    step = DIFFERENCE / back
+    try:
+        ends = [rollout.value(*hold.twists(actions + s * way), loss) for s in (step, -step)]
+    except mpm.SimulationDiverged:
+        ends = [np.nan, np.nan]
+    return float(np.sum(slopes * way)), (ends[0] - ends[1]) / (2.0 * step)
 
 
 def row(task: str, variant: str, values: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -117,7 +142,8 @@ def row(task: str, variant: str, values: dict[str, np.ndarray]) -> dict[str, Any
     last = norms[-1]
     return {"task": task, "variant": variant, "material": str(values["material"]),
             "growth": float(norms.max() / last) if last > 0 else None, "lost_before": lost if lost >= 0 else None,
-            "checks": [{"steps_before_the_end": int(back), "derivative": float(slope), "difference": float(difference)}
+            "checks": [{"steps_before_the_end": int(back), "derivative": float(slope),
+                        "difference": float(difference) if np.isfinite(difference) else None}
                        for back, slope, difference in values["checks"]]}
 
 

@@ -47,10 +47,16 @@ class Wanted(NamedTuple):
     """Of the penalty on what the arm cannot follow, 0: none."""
     seed: int
     """Of the first start."""
+    nominal: bool
+    """Whether the first start is the task's own instead."""
 
     def path(self, k: int) -> Path:
         """File of a demonstration."""
         return self.out / f"demonstration_{k}.npz"
+
+    def start(self, k: int) -> dict[str, Any]:
+        """What the environment is reset with for a demonstration."""
+        return {"seed": self.seed + k, "options": {"nominal": self.nominal and k == 0}}
 
     def environment(self, **options: Any) -> Any:
         """The sub-task, with decisions as long as the demonstrations'."""
@@ -75,9 +81,9 @@ def stored_in(path: Path, expected: str) -> dict[str, np.ndarray] | None:
     return found
 
 
-def played(env: Any, actions: np.ndarray, seed: int) -> dict[str, float]:
+def played(env: Any, actions: np.ndarray, start: dict[str, Any]) -> dict[str, float]:
     """Score and readings of an episode with these actions."""
-    env.reset(seed=seed)
+    env.reset(**start)
     info: dict[str, Any] = {}
     for action in np.asarray(actions, np.float32):
         _, _, terminated, truncated, info = env.step(action)
@@ -107,7 +113,7 @@ class Maker:
     def make(self, k: int) -> dict[str, np.ndarray]:
         """Demonstration k: read if it is there, gone on with if a run was cut short."""
         w = self.wanted
-        mark = fingerprint(self.env, w.material, w.hold, w.limit, w.seed + k, w.rate, w.first.tolist(), w.method,
+        mark = fingerprint(self.env, w.material, w.hold, w.limit, w.start(k), w.rate, w.first.tolist(), w.method,
                            w.arm_weight)
         beside = w.path(k).with_name(f"demonstration_{k}.unfinished.npz")
         found = stored_in(w.path(k), mark)
@@ -121,18 +127,18 @@ class Maker:
         return Descent(w.first, w.rate) if w.method == "descent" else Evolution(w.first, seed)
 
     def _run(self, k: int, beside: Path, mark: str) -> dict[str, np.ndarray]:
-        w, seed = self.wanted, self.wanted.seed + k
-        self.env.reset(seed=seed)
+        w, start = self.wanted, self.wanted.start(k)
+        self.env.reset(**start)
         self.rollout.restart()
         self.pose = self.env.solver.collider_pose(0)
         self.hold.begin(self.pose.position)
-        search, losses, norms = self._search(seed), [], np.zeros((0, 2))
+        search, losses, norms = self._search(start["seed"]), [], np.zeros((0, 2))
         stored = stored_in(beside, mark)
         if stored is not None:
             search.load(stored)
             losses, norms = list(stored["losses"]), stored["norms"]
         progress = tqdm(initial=len(losses), total=w.iterations, desc=w.path(k).stem, file=sys.stderr)
-        while len(losses) < w.iterations and not self.converged(losses, search, seed):
+        while len(losses) < w.iterations and not self.converged(losses, search, start):
             try:
                 if isinstance(search, Descent):
                     loss, gradient = self.value_and_grad(search.now)
@@ -157,7 +163,8 @@ class Maker:
             raise mpm.InvalidValue(f"{w.path(k).name}: every one of {len(losses)} motions diverged; begin with another "
                                    f"(--from), or take another --material")
         found = {"actions": search.best.astype(np.float32), "losses": np.array(losses), "norms": norms,
-                 "check": self.check(search.best), "fingerprint": np.array(mark), "seed": np.array(seed),
+                 "check": self.check(search.best), "fingerprint": np.array(mark),
+                 "seed": np.array(start["seed"]), "nominal": np.array(start["options"]["nominal"]),
                  "material": np.array(w.material), "hold": np.array(w.hold), "method": np.array(w.method)}
         write(w.path(k), partial(np.savez, **found))
         return found
@@ -180,12 +187,12 @@ class Maker:
             bars = tuple(a + self.wanted.arm_weight * b for a, b in zip(bars, more_bars))
         return loss, self.hold.back(*bars)
 
-    def converged(self, losses: list[float], search: Descent | Evolution, seed: int) -> bool:
+    def converged(self, losses: list[float], search: Descent | Evolution, start: dict[str, Any]) -> bool:
         """The paper's rule (Algorithm 2): the loss has settled, and what it leads to is a success."""
         every = PATIENCE if isinstance(search, Descent) else search.population
         if len(losses) % every > 0 or not settled(search.course(losses)):
             return False
-        return bool(played(self.env, search.best, seed)["is_success"])
+        return bool(played(self.env, search.best, start)["is_success"])
 
     def check(self, actions: np.ndarray) -> np.ndarray:
         """What vouches for the gradient: derivative and central difference along the gradient and along random

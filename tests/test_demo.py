@@ -11,6 +11,7 @@ from mpm.motion import rotation_matrix
 from policies import demo
 from policies.demo import demonstrate
 from policies.descent import Descent
+from policies.gradients import gradients
 from policies.hold import Hold
 from policies.maker import Maker
 from policies.spline_search import Evolution
@@ -168,7 +169,7 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
         assert np.array_equal(stored["losses"], found["losses"])
 
     monkeypatch.setattr(Maker, "value_and_grad", None)  # not called again
-    for given in ({"seed": 1}, {"rate": 0.01}, {"start": whole / "demonstration_0.npz"}):
+    for given in ({"seed": 1}, {"nominal": True}, {"rate": 0.01}, {"start": whole / "demonstration_0.npz"}):
         with pytest.raises(mpm.InvalidValue, match="made for another"):
             demonstrate("SpoonTranslate", whole, n=1, iterations=3, film=False, **given)
 
@@ -184,3 +185,25 @@ def test_what_is_refused_before_any_work(tmp_path, given, told):
 def test_an_arm_has_no_roll_out():
     with pytest.raises(ValueError, match="mobile"):
         gymnasium.make("robosim/SpoonTranslate-v0", arm=True).unwrapped.rollout(10)
+
+
+@pytest.mark.slow
+def test_growth_of_derivatives_is_kept_and_recognised(tmp_path):
+    """Derivatives up to a hundred steps before the end are the slopes of differences in clay; what is there is not
+    run again, and a file of another scene is refused."""
+    assert gradients(["ShovelMove"], tmp_path, jobs=2) == 0
+    rows = {told["variant"]: told for told in json.loads((tmp_path / "gradients.json").read_text())}
+    near = {check.pop("steps_before_the_end"): check for check in rows["fluid or clay"]["checks"]}
+    for back in (10, 30, 100):
+        assert near[back]["derivative"] == pytest.approx(near[back]["difference"], rel=0.02)
+    assert rows["grains"]["growth"] > 100 * rows["fluid or clay"]["growth"]
+    assert (tmp_path / "gradients.png").stat().st_size > 10_000
+    files = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.npz")}
+    assert len(files) == 4
+    assert gradients(["ShovelMove"], tmp_path) == 0
+    assert files == {path: path.stat().st_mtime_ns for path in files}
+    path = min(files)
+    with np.load(path) as stored:
+        np.savez(path, **{**stored, "fingerprint": np.array("of another")})
+    with pytest.raises(mpm.InvalidValue, match="made for another scene"):
+        gradients(["ShovelMove"], tmp_path)

@@ -20,7 +20,7 @@ def test_a_file_holds_what_the_environment_says(tmp_path: Path, monkeypatch: pyt
     rng, given = np.random.default_rng(0), []
     for k in range(2):
         given.append(rng.uniform(-0.2, 0.2, (4, 3)).astype(np.float32))
-        np.savez(tmp_path / f"demonstration_{k}.npz", actions=given[k], hold=HOLD, seed=7 + k)
+        np.savez(tmp_path / f"demonstration_{k}.npz", actions=given[k], hold=HOLD, seed=7 + k, nominal=k == 1)
     out = tmp_path / "below" / "all.hdf5"
     assert export("SpoonTranslate", tmp_path, out, obs="moments", hold=HOLD) == 0
     env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", obs="moments", action_repeat=HOLD)
@@ -29,7 +29,7 @@ def test_a_file_holds_what_the_environment_says(tmp_path: Path, monkeypatch: pyt
         assert json.loads(file.attrs["env_spec"])["kwargs"] == {"obs": "moments", "action_repeat": HOLD}
         for k, actions in enumerate(given):
             group = file[f"episode_{k}"]
-            seen, _ = env.reset(seed=7 + k)
+            seen, _ = env.reset(seed=7 + k, options={"nominal": k == 1})
             assert np.array_equal(group["observations"][0], seen) and np.array_equal(group["actions"], actions)
             for t, action in enumerate(actions):
                 seen, reward, terminated, truncated, info = env.step(action)

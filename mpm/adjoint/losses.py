@@ -6,6 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mpm.shapes import Shape
+
+NEARBY = 1e-4
+"""Step [m] of the differences that give a distance's slope: small against a tool, large against single precision."""
+
 
 class Seen(NamedTuple):
     """Grains and tool after some of a roll-out's steps."""
@@ -103,6 +108,33 @@ class Attraction:
         bar[:, chosen] = -pull[:, None] / len(chosen)
         pose = np.concatenate([pull, np.cross(arm, pull)], 1)
         return LossBars(float(np.sum(factor * (distance - self.rest))), x=bar, pose=pose)
+
+
+@dataclass(frozen=True)
+class Clear:
+    """Sum over steps of how much nearer [m] than `margin` the nearest of fixed points is to the tool, or how deep in
+    it, times `scale`: keeps a tool off what stands there. points: [m] (n, 3). shape: the tool's, in its frame."""
+
+    points: np.ndarray
+    shape: Shape
+    margin: float
+    scale: float | np.ndarray = 1.0
+
+    def __call__(self, seen: Seen) -> LossBars:
+        arms = self.points - seen.places[:, None]
+        local = arms @ seen.axes
+        near = np.linalg.norm(local, axis=2) < self.shape.radius + self.margin
+        distance = np.full(near.shape, self.margin)
+        distance[near] = self.shape.distance(local[near])
+        first, each = distance.argmin(1), np.arange(len(arms))
+        deep = np.maximum(self.margin - distance[each, first], 0.0)
+        factor = scale_at(self.scale, seen.steps) * (deep > 0)
+        steps = NEARBY * np.eye(3)
+        ends = [self.shape.distance(local[each, first] + way) - self.shape.distance(local[each, first] - way)
+                for way in steps]
+        normal = np.einsum("kij,jk->ki", seen.axes, np.array(ends)) / (2.0 * NEARBY)
+        pose = factor[:, None] * np.concatenate([normal, np.cross(arms[each, first], normal)], 1)
+        return LossBars(float(np.sum(factor * deep)), pose=pose)
 
 
 @dataclass(frozen=True)

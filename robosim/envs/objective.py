@@ -1,19 +1,23 @@
 """A sub-task's reward as a loss that can be differentiated: distances, turn, and what draws a tool to its material.
 
-As in the paper, terms that count grains or collisions are left out: they have no slope.
+As in the paper, terms that count grains are left out: they have no slope. Collisions are counted in the reward, too;
+here they become depths.
 """
 
 import math
 
 import numpy as np
 
-from mpm.adjoint.losses import Above, Attraction, Loss, Sum, Turned, WeightedDistance
+from mpm.adjoint.losses import Above, Attraction, Clear, Loss, Sum, Turned, WeightedDistance
 from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import observed
+from robosim.envs.task_field import RIGID_MARGIN, observed, rigid_particles, tool_probe
 from robosim.shapes import tool_shape
 
 DRAWN = 0.3
 """What the distance [in references] from a tool to its material costs, as a share of the reward's total."""
+KEPT_OFF = 2.0
+"""Distance of a tool to a container, in those of a collision, from which on it costs; at a collision it costs what that
+does in the reward."""
 LOOSE = 0.35
 """Share of an episode after which a tool that scoops is not drawn to what it leaves behind."""
 
@@ -39,4 +43,7 @@ def objective(task: TaskConfig) -> Loss:
         if task.kind == "scoop":
             drawn[round(LOOSE * task.steps) :] = 0.0
         parts.append(Attraction(np.array(interior.centre), chosen, 0.0, drawn))
+    points = rigid_particles(task)
+    if points is not None:
+        parts.append(Clear(points, tool_probe(task), KEPT_OFF * RIGID_MARGIN, -task.reward.collision / RIGID_MARGIN))
     return Sum(tuple(parts))

@@ -84,16 +84,27 @@ def observed(task: TaskConfig) -> np.ndarray:
     return np.arange(task.grains.observe_every - 1, task.grains.count, task.grains.observe_every)
 
 
-def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
-    """What is read in every step. Scooping ranks all grains, looks for contact and for the container's particles."""
-    scoops = task.kind == "scoop"
-    points = probe = None
+def rigid_particles(task: TaskConfig) -> np.ndarray | None:
+    """Places [m] (RIGID_PARTICLES, 3) on the surface of the task's container, None where there is none."""
+    points = None
     for name, container in task.containers.items():
         shell = container_shell(inner_size(name))
         points = container_pose(container).apply(trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0])
-        probe = mpm.Sdf.from_mesh(tool_shape(task.tool).solid(), spacing=PROBE_SPACING)
+    return points
+
+
+def tool_probe(task: TaskConfig) -> Lattice:
+    """The whole tool, its handle too, in which they are looked up."""
+    return mpm.Sdf.from_mesh(tool_shape(task.tool).solid(), spacing=PROBE_SPACING)
+
+
+def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
+    """What is read in every step. Scooping ranks all grains, looks for contact and for the container's particles."""
+    scoops = task.kind == "scoop"
+    points = rigid_particles(task)
     return mpm.Tally(
         solver, np.arange(task.grains.count) if scoops else observed(task), goal=np.array(task.goal),
         weights=np.array(task.reward.distance.weights), target=task.target.region, bounds=task.bounds.region,
         interior=tool_shape(task.tool).interior, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
-        points=points, probe=probe, margin=RIGID_MARGIN, ranks=scoops, losing=observed(task))
+        points=points, probe=None if points is None else tool_probe(task), margin=RIGID_MARGIN, ranks=scoops,
+        losing=observed(task))
