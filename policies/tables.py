@@ -32,17 +32,22 @@ def command(commands: argparse._SubParsersAction) -> None:
     """Add `tables` to the command line."""
     run = commands.add_parser("tables", help="what runs came to, beside published numbers", epilog=EXAMPLE,
                               formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("runs", type=Path, nargs="+", help="folders; every run below them counts")
+    run.add_argument("runs", type=Path, nargs="+", help="folders, every run below which counts, or a tables.json of "
+                     "earlier ones")
     run.add_argument("--out", type=Path, required=True, help="folder for index.html, tables.json and tables.csv")
     run.set_defaults(run=lambda a: tables(a.runs, a.out))
 
 
 def runs_below(folders: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Finished runs, one dictionary each, and words on those that are not."""
+    """Finished runs, one dictionary each, and words on those that are not; the same run twice is one."""
     rows, others = [], []
     for top in folders:
+        if top.is_file():
+            rows += earlier(top)
+            continue
         if not top.is_dir():
-            raise mpm.InvalidValue(f"{top}: no folder; accepted: folders with runs of `robosim train`")
+            raise mpm.InvalidValue(f"{top}: no such folder; accepted: folders with runs of `robosim train`, or a "
+                                   f"tables.json")
         for path in sorted(top.rglob("manifest.json")):
             try:
                 manifest = json.loads(path.read_text())
@@ -53,7 +58,15 @@ def runs_below(folders: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
                 rows.append(row(manifest, status))
             except (OSError, ValueError, KeyError) as error:
                 others.append(f"{path.parent}: cannot be read: {type(error).__name__}: {error}")
-    return rows, others
+    return [one for k, one in enumerate(rows) if one not in rows[:k]], others
+
+
+def earlier(path: Path) -> list[dict[str, Any]]:
+    """Runs of a tables.json that `robosim tables` has written."""
+    try:
+        return list(json.loads(path.read_text())["runs"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error
 
 
 def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import mpm
 from policies.presets import load_preset
 from policies.tables import tables
 
@@ -66,3 +67,18 @@ def test_ablations_keep_their_name(tmp_path: Path) -> None:
     finished(tmp_path / "a", 0, 10.0)
     finished(tmp_path / "b", 0, 20.0, obs="none")
     assert set(made(tmp_path)) == {"dg_sac", "none"}
+
+
+def test_earlier_tables_count(tmp_path: Path) -> None:
+    """A tables.json of runs whose folders are gone adds them; what is in both counts once; any other file is refused."""
+    finished(tmp_path / "a" / "0", 0, 10.0)
+    finished(tmp_path / "a" / "1", 1, 20.0)
+    finished(tmp_path / "b" / "0", 2, 60.0)
+    assert tables([tmp_path / "a"], tmp_path / "first") == 0
+    kept = tmp_path / "first" / "tables.json"
+    assert tables([tmp_path / "b", kept, tmp_path / "a"], tmp_path / "second") == 0
+    cell = json.loads((tmp_path / "second" / "tables.json").read_text())["tables"]["dg_sac"]["SpoonPour"]["best"]
+    assert (cell["n"], cell["mean"]) == (3, 30.0)
+    (tmp_path / "other.json").write_text("[]")
+    with pytest.raises(mpm.InvalidValue, match=r"other.json: not a tables.json"):
+        tables([tmp_path / "other.json"], tmp_path / "third")
