@@ -70,7 +70,7 @@ def test_ablations_keep_their_name(tmp_path: Path) -> None:
 
 
 def test_earlier_tables_count(tmp_path: Path) -> None:
-    """A tables.json of runs whose folders are gone adds them; what is in both counts once; any other file is refused."""
+    """A tables.json of runs whose folders are gone adds them; what is in both counts once; other files are refused."""
     finished(tmp_path / "a" / "0", 0, 10.0)
     finished(tmp_path / "a" / "1", 1, 20.0)
     finished(tmp_path / "b" / "0", 2, 60.0)
