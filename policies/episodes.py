@@ -12,7 +12,7 @@ class Episode(NamedTuple):
     """What an episode came to."""
 
     row: dict[str, Any]
-    """Numbers for a table."""
+    """Numbers for a table. needed: decisions after which no reading changed any more."""
     actions: np.ndarray
     """(decisions, dimensions)"""
 
@@ -35,7 +35,8 @@ class Episodes(gymnasium.Wrapper):
         self.seed, self.options, self.on_end, self.count = seed, options, on_end, 0
         """count: episodes that have ended"""
         self._actions: list[np.ndarray] = []
-        self._start = 0
+        self._readings: dict[str, float] | None = None
+        self._start = self._needed = 0
         self._total, self._simulating, self._began = 0.0, 0.0, time.perf_counter()
 
     @property
@@ -46,6 +47,7 @@ class Episodes(gymnasium.Wrapper):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start the episode that is due; a seed given here is not used, for the run's own rules."""
         self._actions, self._total, self._simulating, self._began = [], 0.0, 0.0, time.perf_counter()
+        self._readings, self._needed = None, 0
         self._start = int(np.random.SeedSequence([self.seed, self.count]).generate_state(1)[0])
         return self.env.reset(seed=self._start, options=options or self.options)
 
@@ -55,6 +57,8 @@ class Episodes(gymnasium.Wrapper):
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._simulating += time.perf_counter() - began
         self._actions.append(np.array(action))
+        if info.get("readings") != self._readings:
+            self._readings, self._needed = dict(info["readings"]), len(self._actions)
         self._total += float(reward)
         if terminated or truncated:
             self._end(info)
@@ -64,7 +68,7 @@ class Episodes(gymnasium.Wrapper):
         seconds = time.perf_counter() - self._began
         row: dict[str, Any] = {"episode": self.count, "start": self._start, "return": self._total}
         if "tcs" in info:
-            row |= {"tcs": info["tcs"], "is_success": info["is_success"], **info["readings"]}
+            row |= {"tcs": info["tcs"], "is_success": info["is_success"], **info["readings"], "needed": self._needed}
         row |= {"decisions": len(self._actions), "seconds": round(seconds, 3),
                 "simulating": round(self._simulating, 3), "diverged": info.get("diverged", "")}
         info["episode"] = {"r": self._total, "l": len(self._actions), "t": seconds}

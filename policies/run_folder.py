@@ -107,7 +107,8 @@ class RunFolder:
         if not episode.total > self.best or episode.row["diverged"]:
             return False
         self.best = episode.total
-        told = {key: np.array(episode.row[key]) for key in ("episode", "start", "return", "tcs") if key in episode.row}
+        told = {key: np.array(episode.row[key]) for key in ("episode", "start", "return", "tcs", "needed")
+                if key in episode.row}
         names = {key: np.array(self.manifest[key]) for key in ("task", "material", "method", "seed", "fingerprint")}
         write(self.path / "best.npz", partial(np.savez, actions=episode.actions.astype(np.float32),
                                               hold=np.array(hold), **told, **names))

@@ -62,7 +62,8 @@ class Contacts:
         self._touching, self.robot_surroundings = 0, 0
         self._model, self._data = model, data
         self._tool = model.body(config.tool).id
-        self._particles = RigidParticles(model, data, config) if "sdf" in config.tool_container else None
+        looked_up = config.containers and "sdf" in config.tool_container
+        self._particles = RigidParticles(model, data, config) if looked_up else None
         names = [model.body(i).name for i in range(model.nbody)]
         self._robot = np.array([n.startswith(ROBOT) for n in names])
         self._table = np.array([n == "table" for n in names])

@@ -21,7 +21,9 @@ from robosim.resources import config_names
 from robosim.session import rehearse
 from robosim.stability import AXES, COMPARISONS
 
-EXAMPLE = "example:\n  robosim rehearse spoon --material sugar --camera close --out out/sugar"
+EXAMPLE = """examples:
+  robosim rehearse spoon --material sugar --camera close --out out/sugar
+  robosim rehearse bottle --trajectory learned --out out/bottle"""
 
 BENCH_EXAMPLE = """examples:
   robosim bench coupling kinematics --out out/bench
@@ -37,12 +39,15 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("rehearsal", help=f"one of: {', '.join(config_names('rehearsals'))}; or a .yaml file of your own")
     run.add_argument("--out", type=Path, required=True, help="folder for video, pictures, report and data")
     run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
+    run.add_argument("--trajectory", choices=["script", "learned"], help="the file's waypoints, or the learnt motions "
+                     "that ship for its sub-tasks (default: the file's)")
     run.add_argument("--grasp", choices=["weld", "friction"], help="how the hand holds the tool (default: the file's)")
     run.add_argument("--camera", default="close", help=f"one of: {', '.join(CAMERAS)} (default: close)")
     run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
     run.add_argument("--seed", type=_seed, default=0, help="of the grains' places (default: 0)")
     run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material, grasp=a.grasp,
-                                            camera=None if a.no_video else a.camera, seed=a.seed))
+                                            camera=None if a.no_video else a.camera, seed=a.seed,
+                                            trajectory=a.trajectory))
     _add_bench(commands)
     _add_report(commands)
     stable = commands.add_parser("stability", help="judge stiff and extreme cases",

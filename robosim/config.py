@@ -7,8 +7,9 @@ import pydantic
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
+import mpm
 from robosim.errors import ConfigError
-from robosim.resources import config_path
+from robosim.resources import config_path, container_names
 
 Vector3 = tuple[float, float, float]
 Grip = Literal["weld", "friction"]
@@ -31,6 +32,19 @@ class Quantity(Table):
 
 
 Kind = TypeVar("Kind", bound=Table)
+
+
+class RegionConfig(Table):
+    """A region of the world: a box, or an upright cylinder."""
+
+    centre: Vector3
+    half: Vector3
+    """Half sizes [m]."""
+    round: bool = False
+
+    @property
+    def region(self) -> mpm.Region:
+        return mpm.Region(self.centre, self.half, self.round)
 
 
 class ContainerConfig(Table):
@@ -126,7 +140,7 @@ class RehearsalConfig(Table):
     """A whole-arm rehearsal."""
 
     description: str
-    tool: Literal["spoon"]
+    tool: Literal["spoon", "scoop", "bottle", "shovel"]
     material: str
     grasp: Grip
     """Fixed in the hand, or held by the fingers alone."""
@@ -140,25 +154,67 @@ class RehearsalConfig(Table):
     """Thickness [m] of the tool's wall as the grains see it, grown outward with the bowl's volume kept."""
     grasp_time: PositiveFloat
     """Time [s] for the fingers to close before the arm moves."""
-    containers: dict[str, ContainerConfig]
-    """By name: the containers of models/containers, "source" and "target"."""
+    containers: dict[str, ContainerConfig] = {}  # noqa: RUF012
+    """By the names of models/containers: one that is empty takes the material, one that is filled gives it."""
+    pile: RegionConfig | None = None
+    """Material on the table instead, before it settles."""
+    tool_fill_height: PositiveFloat | None = None
+    """Material in the tool instead: up to this height [m] above the bottom of its inside."""
+    area: RegionConfig | None = None
+    """Where the material shall go, if not into a container."""
     field: FieldConfig
     limits: LimitsConfig
     servo: ServoConfig
     path: PathConfig
     waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2)]
-    weigh_at: str
-    """Waypoint with a dwell at which the load is weighed with the wrist sensor: it counts as scooped there."""
+    weigh_at: str | None = None
+    """Waypoint with a dwell at which the load is weighed with the wrist sensor: it counts as scooped there. None: no
+    tool that holds, all the material counts."""
+    least_load: float = Field(0.0, ge=0.0)
+    """Mass [kg] that counts as a full tool."""
+    trajectory: Literal["script", "learned"] = "script"
+    """The waypoints, or the motions that were learnt for `learned`."""
+    learned: tuple[str, ...] = ()
+    """Sub-tasks whose learnt motions follow on each other."""
+
+    @property
+    def source(self) -> str | None:
+        """The container that is filled at the start, if one is."""
+        return next((name for name, c in self.containers.items() if c.fill_height > 0), None)
+
+    @property
+    def sink(self) -> str | None:
+        """The container that takes the material, if one does."""
+        return next((name for name, c in self.containers.items() if c.fill_height == 0), None)
+
+    @pydantic.model_validator(mode="after")
+    def _check_material(self) -> "RehearsalConfig":
+        known = container_names()
+        for name in self.containers:
+            if name not in known:
+                raise ValueError(f"containers: unknown {name!r}; valid: {', '.join(known)}")
+        filled = [c.fill_height > 0 for c in self.containers.values()]
+        givers = filled.count(True) + (self.pile is not None) + (self.tool_fill_height is not None)
+        if givers != 1:
+            raise ValueError(f"{givers} places hold material at the start; accepted: one of a container with a "
+                             f"fill_height, pile, tool_fill_height")
+        if filled.count(False) + (self.area is not None) != 1:
+            raise ValueError(f"{filled.count(False) + (self.area is not None)} places take material; accepted: one of "
+                             f"a container without fill_height, area")
+        if self.trajectory == "learned" and not self.learned:
+            raise ValueError("trajectory: learned needs `learned`, a list of sub-tasks")
+        return self
 
     @pydantic.model_validator(mode="after")
     def _check_names(self) -> "RehearsalConfig":
         names = [w.name for w in self.waypoints]
         if len(set(names)) != len(names):
             raise ValueError(f"waypoints: names repeat: {sorted({n for n in names if names.count(n) > 1})}")
-        if self.weigh_at not in names:
-            raise ValueError(f"weigh_at: unknown waypoint {self.weigh_at!r}; valid: {', '.join(names)}")
-        if set(self.containers) != {"source", "target"}:
-            raise ValueError(f"containers: {', '.join(self.containers)}; accepted: source, target")
+        if self.trajectory == "script" and self.weigh_at is not None:
+            if self.weigh_at not in names:
+                raise ValueError(f"weigh_at: unknown waypoint {self.weigh_at!r}; valid: {', '.join(names)}")
+            if next(w for w in self.waypoints if w.name == self.weigh_at).dwell < 0.2:
+                raise ValueError(f"weigh_at: waypoint {self.weigh_at!r} needs a dwell of 0.2 s or more")
         for w in self.waypoints:
             if w.frame not in ("world", *self.containers):
                 raise ValueError(f"waypoint {w.name!r}: unknown frame {w.frame!r}; "
@@ -168,16 +224,12 @@ class RehearsalConfig(Table):
         walls = self.collision_thickness / self.field.cell
         if not 0.5 - 1e-9 <= walls <= 1.0 + 1e-9:
             raise ValueError(f"collision_thickness = {self.collision_thickness} m is {walls:.2f} cells of "
-                             f"{self.field.cell} m; accepted: 0.5 to 1 (thinner leaks, thicker is no spoon)")
+                             f"{self.field.cell} m; accepted: 0.5 to 1 (thinner leaks, thicker is no {self.tool})")
         if self.field.dt is not None and abs(self.host_dt / self.field.dt - round(self.host_dt / self.field.dt)) > 1e-6:
             raise ValueError(f"field.dt = {self.field.dt} s divides host_dt = {self.host_dt} s "
                              f"{self.host_dt / self.field.dt:.4f} times; accepted: a whole number")
-        if self.containers["target"].fill_height > 0 or self.containers["source"].fill_height == 0:
-            raise ValueError("containers: fill the source and leave the target empty")
         if not self.waypoints[0].stop or not self.waypoints[-1].stop:
             raise ValueError("waypoints: the first and the last need stop: true")
-        if next(w for w in self.waypoints if w.name == self.weigh_at).dwell < 0.2:
-            raise ValueError(f"weigh_at: waypoint {self.weigh_at!r} needs a dwell of 0.2 s or more")
         return self
 
 

@@ -10,7 +10,7 @@ from robosim.errors import UnknownName
 from robosim.materials import MaterialConfig
 from robosim.output import OutputFolder
 from robosim.rehearsal import Rehearsal
-from robosim.rendering import GRAIN_RADIUS, SceneRenderer, add_grain_skin, apply_quality
+from robosim.rendering import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
 from robosim.scene import compiled, rehearsal_spec
 from robosim.video import Mp4Writer, contact_sheet
 
@@ -43,6 +43,8 @@ class Film:
     def _drawn_model(self, config: RehearsalConfig, material: MaterialConfig) -> mujoco.MjModel:
         spec = rehearsal_spec(config)
         apply_quality(spec)
+        if config.area is not None:
+            add_mark(spec, config.area)
         radius = GRAIN_RADIUS * self._rehearsal.grains.grain_volume ** (1 / 3)
         add_grain_skin(spec, len(self._rehearsal.solver.positions()), radius, material.colour)
         return compiled(spec)
@@ -73,7 +75,12 @@ class Film:
 
 
 def _moments(rehearsal: Rehearsal) -> list[tuple[float, str]]:
-    """Nine waypoints with the times [s] at which they are passed: those that follow closest on another are left out."""
+    """Nine waypoints with the times [s] at which they are passed: those that follow closest on another are left out.
+    Of a learnt motion, nine moments."""
+    if rehearsal.config.trajectory == "learned":
+        marks = sorted((rehearsal.waypoint_time(name), name) for name in rehearsal.plan.path.times)
+        moments = np.linspace(0.0, rehearsal.duration - 1.0 / FRAME_RATE, SHEET_MOMENTS)
+        return [(float(t), next((name for at, name in reversed(marks) if at <= t), "start")) for t in moments]
     times = sorted((rehearsal.waypoint_time(name), name) for name in rehearsal.plan.path.times)
     while len(times) > SHEET_MOMENTS:
         gaps = [b[0] - a[0] for a, b in itertools.pairwise(times)]

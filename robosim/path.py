@@ -1,5 +1,6 @@
 """The commanded path: screws between waypoints, with corners rounded in time so that the tool need not stop."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -8,13 +9,16 @@ from mpm.motion import Pose, Twist, exponential, logarithm
 from robosim.config import PathConfig, RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.frames import container_pose, waypoint_pose
+from robosim.scene import inner_size
 
 SMOOTHSTEP_SLOPE = 1.875
 """Largest slope of the quintic smoothstep: the peak of the acceleration, in units of the mean."""
 SMOOTHSTEP_CUT = 0.078125
 """Distance by which a rounded corner is cut, in units of (velocity change) x (blend time)."""
-INSIDE_HALF_WIDTH, INSIDE_HEIGHT = 0.09, 0.10
-"""[m] from a container's middle and above its floor within which the tool counts as inside: rim plus 2 cm."""
+INSIDE = 0.02
+"""[m] around a container's inside within which the tool counts as in it."""
+SCREW_SAMPLING = 400
+"""Points on each commanded screw that reached positions are compared with."""
 
 
 class Leg(NamedTuple):
@@ -48,7 +52,8 @@ class CommandedPath:
         arrivals = [self._corners[0], *[c for c in self._corners if c.before is not None]]
         self.times = {corner.name: corner.time for corner in arrivals}
         self.rests = {c.name: (c.time + c.blend / 2, c.time + c.blend / 2 + w.dwell)
-                      for c in arrivals for w in config.waypoints if w.name == c.name and w.stop}
+                      for c in arrivals[1:] for w in config.waypoints if w.name == c.name and w.stop}
+        self.rests[self.names[0]] = (0.0, config.waypoints[0].dwell)
         """Waypoint -> first and last instant [s] at rest there."""
         self.duration = self._corners[-1].time + self._corners[-1].blend / 2
         self._check_corners(config)
@@ -99,8 +104,27 @@ class CommandedPath:
     @staticmethod
     def inside(pose: Pose, config: RehearsalConfig) -> bool:
         """Whether the tool's frame is in or just above a container's opening."""
-        local = [container_pose(c).inverse().apply(pose.position[None])[0] for c in config.containers.values()]
-        return any(np.all(np.abs(p[:2]) < INSIDE_HALF_WIDTH) and p[2] < INSIDE_HEIGHT for p in local)
+        for name, container in config.containers.items():
+            size = inner_size(name)
+            p = container_pose(container).inverse().apply(pose.position[None])[0]
+            if np.all(np.abs(p[:2]) < size[:2] / 2.0 + INSIDE) and p[2] < size[2] + INSIDE:
+                return True
+        return False
+
+    def near(self, time: float, tip: np.ndarray) -> np.ndarray:
+        """Places of the tool's origin and of a point of its frame (n, 6) [m] along the commanded screw of a time [s]
+        and its neighbours."""
+        passages = [self.times[name] for name in self.names]
+        leg = int(np.clip(np.searchsorted(passages, time) - 1, 0, len(self._legs) - 1))
+        legs = range(max(leg - 1, 0), min(leg + 2, len(self._legs)))
+        return np.concatenate([self._points(k, tuple(tip)) for k in legs])
+
+    @cache  # noqa: B019  (a path lives as long as its rehearsal)
+    def _points(self, leg: int, tip: tuple[float, ...]) -> np.ndarray:
+        """The same along one screw."""
+        twist = logarithm(self.poses[leg], self.poses[leg + 1])
+        poses = [exponential(self.poses[leg], twist, u) for u in np.linspace(0, 1, SCREW_SAMPLING)]
+        return np.array([np.concatenate([pose.position, pose.apply(np.array(tip)[None])[0]]) for pose in poses])
 
     def pose(self, time: float) -> Pose:
         """Tool pose at a time [s]."""

@@ -15,17 +15,21 @@ from robosim.clearance import Contacts
 from robosim.config import RehearsalConfig
 from robosim.counting import at_the_border, in_tool
 from robosim.coupling import GranularPlugin
+from robosim.errors import ConfigError
 from robosim.frames import body_pose
 from robosim.grasp import Grasp
 from robosim.kinematics import PathSolution, solve_path
+from robosim.learned import LearnedPath
 from robosim.materials import MaterialConfig, law_of, load_material
 from robosim.path import CommandedPath
 from robosim.recording import EnergySample, Recording, Sample, Step
 from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, rehearsal_spec
 from robosim.servo import Servo
-from robosim.smoothing import JointState, SmoothMotion
+from robosim.smoothing import JointState, SmoothMotion, excess
 from robosim.torque_sensors import TorqueSensors
 
+ROUNDS, MARGIN = 20, 0.92
+"""How often a learnt motion is slowed down where the arm cannot follow it, and to what share of its limits."""
 PATH_SAMPLING = 0.01
 """[s] between the poses at which the path is solved for joint angles."""
 SAMPLE_EVERY = 10
@@ -39,7 +43,7 @@ KEEP_EVERY = 250
 class Plan(NamedTuple):
     """A motion, found before anything is simulated."""
 
-    path: CommandedPath
+    path: CommandedPath | LearnedPath
     solution: PathSolution
     motion: SmoothMotion
     arm: Arm
@@ -48,11 +52,26 @@ class Plan(NamedTuple):
 def plan(config: RehearsalConfig) -> Plan:
     """Solve the path and smooth it; raises ConfigError or UnreachableWaypoint."""
     arm = Arm(config.tool)
-    path = CommandedPath(config)
+    if config.trajectory == "script":
+        path = CommandedPath(config)
+        times, solution = solved(arm, path)
+        return Plan(path, solution, SmoothMotion(times, solution.q, config.limits, path.times), arm)
+    path, reason = LearnedPath(config), None
+    for _ in range(ROUNDS):
+        times, solution = solved(arm, path)
+        try:
+            return Plan(path, solution, SmoothMotion(times, solution.q, config.limits, path.times), arm)
+        except ConfigError as error:
+            reason = error
+        path.slow_down(times, excess(times, solution.q, config.limits) / MARGIN)
+    raise ConfigError(f"the learnt motion is too fast for the arm even {path.slower_by:.1f} times slower: {reason}")
+
+
+def solved(arm: Arm, path: CommandedPath | LearnedPath) -> tuple[np.ndarray, PathSolution]:
+    """Times [s] of a path's samples, and its joint angles there."""
     times = np.linspace(0.0, path.duration, int(np.ceil(path.duration / PATH_SAMPLING)) + 1)
     marks = [(int(np.searchsorted(times, t)), name) for name, t in path.times.items()]
-    solution = solve_path(arm, [path.pose(t) for t in times], [(min(i, len(times) - 1), n) for i, n in marks])
-    return Plan(path, solution, SmoothMotion(times, solution.q, config.limits, path.times), arm)
+    return times, solve_path(arm, [path.pose(t) for t in times], [(min(i, len(times) - 1), n) for i, n in marks])
 
 
 class Rehearsal:
@@ -81,7 +100,9 @@ class Rehearsal:
         self.contacts = Contacts(self.model, self.data, config)
         self._grain_mass = float(self.solver.masses()[0])
         self.scooped: np.ndarray | None = None
-        """Which grains (n,) hung in the spoon when it was weighed."""
+        """Which grains (n,) hung in the tool when it was weighed."""
+        weighed = config.weigh_at
+        self._weighed = np.inf if weighed is None else planned.path.rests[weighed][1] + config.grasp_time
         self.wall_time = 0.0
         self._keep_good_state()
 
@@ -125,7 +146,7 @@ class Rehearsal:
         self.recording.steps.append(self._read(torque, q, speeds, twist))
         if index % SAMPLE_EVERY == 0:
             self.recording.samples.append(self._sample())
-        if self.scooped is None and self.time >= self.plan.path.rests[self.config.weigh_at][1] + self.config.grasp_time:
+        if self.scooped is None and self.time >= self._weighed:
             self.scooped = in_tool(self.config.tool, self.solver.positions(), self.tool_pose())
         if index % ENERGY_EVERY == 0:
             self.recording.energies.append(EnergySample(self.time, *self.solver.energy()))

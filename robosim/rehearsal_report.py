@@ -4,20 +4,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpm.motion import Pose, exponential, logarithm
+from mpm.motion import Pose
 from robosim.arm import SPEED_LIMITS
+from robosim.config import RehearsalConfig
 from robosim.counting import in_container, in_tool
 from robosim.path import CommandedPath
 from robosim.rehearsal import Rehearsal
 from robosim.scene import inner_size
+from robosim.shapes import tool_shape
+from robosim.shapes.tool import WALL
 
 G = 9.81
 WEIGH_MARGIN = 0.1
 """Time [s] left to the arm to come to rest before the load is weighed."""
-TIP = np.array([0.0365, 0.0, 0.0])
-"""Tip of the spoon in its frame [m]."""
-SCREW_SAMPLING = 400
-"""Points on each commanded screw that reached positions are compared with."""
 
 
 class Bound(NamedTuple):
@@ -28,7 +27,6 @@ class Bound(NamedTuple):
 
 
 BOUNDS = {
-    "scooped_mass": Bound(0.015, np.inf),
     "delivered_fraction": Bound(0.90, np.inf),
     "spilled_fraction": Bound(0, 0.05),
     "tool_container_contacts": Bound(0, 0),
@@ -42,13 +40,21 @@ BOUNDS = {
     "path_error_inside_max": Bound(0, 2e-3),
     "particles_lost": Bound(0, 0),
 }
-"""What a rehearsal is expected to keep (SI units)."""
+"""What every rehearsal is expected to keep (SI units)."""
+INSIDE, WEIGHED = "path_error_inside_max", "wrist_payload_relative_error"
+"""Figures that are None where the tool was in no container, or where nothing is weighed."""
+
+
+def bounds(config: RehearsalConfig) -> dict[str, Bound]:
+    """What this one is expected to keep."""
+    return {"scooped_mass": Bound(config.least_load, np.inf),
+            **{name: bound for name, bound in BOUNDS.items() if name != WEIGHED or config.weigh_at}}
 
 
 def figures(run: Rehearsal) -> dict[str, object]:
     """The report's figures as JSON values; SI units, fractions of the scooped mass."""
     positions, config = run.solver.positions(), run.config
-    scooped = _mean_in_tool(run, *weighing(run))
+    scooped = load(run)
     fate = fates(run, positions)
     rec = run.recording
     arm = run.plan.arm
@@ -63,7 +69,8 @@ def figures(run: Rehearsal) -> dict[str, object]:
         "simulated_time": run.time, "wall_time": run.wall_time, "realtime_factor": run.time / max(run.wall_time, 1e-9),
         "scooped_mass": scooped,
         **fate,
-        "wrist_payload": payload, "wrist_payload_relative_error": _ratio(abs(payload - scooped), scooped),
+        "wrist_payload": payload,
+        "wrist_payload_relative_error": None if payload is None else _ratio(abs(payload - scooped), scooped),
         "tool_container_contacts": run.contacts.tool_container,
         "tool_container_depth": run.contacts.tool_container_depth,
         "robot_surroundings_contacts": run.contacts.robot_surroundings,
@@ -76,17 +83,28 @@ def figures(run: Rehearsal) -> dict[str, object]:
         "ik_position_error_max": float(run.plan.solution.errors[:, 0].max()),
         "tool_tracking_error_max": float(tracking_error(run).max()),
         "path_error_inside_max": path_error_inside(run),
-        "motion_stretched_by": run.plan.motion.delay,
+        "motion_stretched_by": run.plan.motion.delay, "trajectory": config.trajectory,
+        **learned_figures(run),
         "grasp": config.grasp, "grasp_slip": run.grasp.slip, "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
         "particles_lost": int(rec.sampled("lost").max()),
     }
 
 
-def missed(values: dict[str, object]) -> list[str]:
+def learned_figures(run: Rehearsal) -> dict[str, object]:
+    """How far the motion is from what was learnt; nothing for a script."""
+    path = run.plan.path
+    if isinstance(path, CommandedPath):
+        return {}
+    return {"learned": list(run.config.learned), "played_slower_by": path.slower_by, "path_rounded_by": path.rounded_by}
+
+
+def missed(values: dict[str, object], config: RehearsalConfig) -> list[str]:
     """One line for each figure outside its bound."""
     lines = []
-    for name, bound in BOUNDS.items():
+    for name, bound in bounds(config).items():
         value = values[name]
+        if name == INSIDE and value is None:
+            continue
         if not isinstance(value, (int, float)) or not bound.low <= value <= bound.high:
             lines.append(f"{name} = {value}; expected {bound.low:g} to {bound.high:g}")
     return lines
@@ -105,32 +123,45 @@ def _mean_in_tool(run: Rehearsal, begin: float, end: float) -> float:
 
 
 def fates(run: Rehearsal, positions: np.ndarray) -> dict[str, float | None]:
-    """What became of the grains that hung in the spoon when it was weighed, as fractions of their mass.
+    """What became of the grains that hung in the tool when it was weighed (of all, where none is), as fractions of
+    their mass.
 
-    spilled counts every grain of the run that lies outside containers and spoon, also those spilled while scooping.
+    spilled counts every grain of the run that lies outside containers, area and tool, also those spilled while
+    scooping.
     """
-    mass = run.solver.masses()
-    carried = np.zeros(len(mass), bool) if run.scooped is None else run.scooped
-    config = run.config
+    mass, config = run.solver.masses(), run.config
+    carried = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
+    nowhere = np.zeros(len(mass), bool)
     place = {name: in_container(positions, c, inner_size(name)) for name, c in config.containers.items()}
-    spoon = in_tool(run.config.tool, positions, run.tool_pose()) & ~place["source"] & ~place["target"]
-    lying = ~(place["source"] | place["target"] | spoon)
+    there = config.area.region.holds(positions) if config.area else place.get(config.sink or "", nowhere)
+    back = place.get(config.source or "", nowhere)
+    held = in_tool(config.tool, positions, run.tool_pose()) & ~there & ~back
+    lying = ~(there | back | held)
     of = mass[carried].sum()
-    shares = {"delivered_fraction": place["target"], "returned_fraction": place["source"], "retained_fraction": spoon}
+    shares = {"delivered_fraction": there, "returned_fraction": back, "retained_fraction": held}
     result = {name: _ratio(mass[carried & where].sum(), of) for name, where in shares.items()}
     result["spilled_fraction"] = _ratio(mass[lying].sum(), of)
     return result
 
 
-def weighing(run: Rehearsal) -> tuple[float, float]:
-    """First and last instant [s] at which the load hangs still at the wrist."""
-    begin, end = run.plan.path.rests[run.config.weigh_at]
+def load(run: Rehearsal) -> float:
+    """Mass [kg] that counts: in the tool when it was weighed, or all there is."""
+    at = run.config.weigh_at
+    return float(run.solver.masses().sum()) if at is None else _mean_in_tool(run, *weighing(run, at))
+
+
+def weighing(run: Rehearsal, at: str) -> tuple[float, float]:
+    """First and last instant [s] at which the load hangs still at the wrist, at a waypoint."""
+    begin, end = run.plan.path.rests[at]
     return begin + run.config.grasp_time + WEIGH_MARGIN, end + run.config.grasp_time
 
 
-def wrist_payload(run: Rehearsal) -> float:
-    """Load [kg] from the wrist sensor at rest: force along gravity less the weight of hand and tool."""
-    begin, end = weighing(run)
+def wrist_payload(run: Rehearsal) -> float | None:
+    """Load [kg] from the wrist sensor at rest: force along gravity less the weight of hand and tool; None where nothing
+    is weighed."""
+    if run.config.weigh_at is None:
+        return None
+    begin, end = weighing(run, run.config.weigh_at)
     window = run.recording.between(begin, end)
     tool = 0.0 if run.config.grasp == "weld" else run.model.body(run.config.tool).mass[0]
     hand = run.model.body("palm").subtreemass[0] + tool
@@ -144,27 +175,19 @@ def tracking_error(run: Rehearsal) -> np.ndarray:
 
 
 def path_error_inside(run: Rehearsal) -> float | None:
-    """Largest distance [m] of the tool's origin and tip from the commanded screw of the moment or its neighbours.
+    """Largest distance [m] of the tool's origin and farthest point from the commanded path about the moment.
 
     Counts inside containers; None when the tool never was in one.
     """
-    screws = [screw_points(run.plan.path, leg) for leg in range(len(run.plan.path.poses) - 1)]
-    passages = np.array([run.waypoint_time(name) for name in run.plan.path.names])
+    head = tool_shape(run.config.tool).head(WALL).vertices
+    tip = head[np.linalg.norm(head, axis=1).argmax()]
     worst = None
     for time, r in list(zip(run.recording.array("time"), run.recording.array("reached")))[::2]:
         pose = Pose(r[:3], r[3:])
         if not CommandedPath.inside(pose, run.config):
             continue
-        leg = int(np.clip(np.searchsorted(passages, time) - 1, 0, len(screws) - 1))
-        near = np.concatenate(screws[max(leg - 1, 0) : leg + 2])
-        both = np.concatenate([pose.position, pose.apply(TIP[None])[0]])
+        near = run.plan.path.near(time - run.config.grasp_time, tip)
+        both = np.concatenate([pose.position, pose.apply(tip[None])[0]])
         distance = np.abs(np.linalg.norm((near - both).reshape(-1, 2, 3), axis=2).max(1)).min()
         worst = max(distance, worst or 0.0)
     return worst
-
-
-def screw_points(path: CommandedPath, leg: int) -> np.ndarray:
-    """Places of the tool's origin and tip (n, 6) [m] along one commanded screw."""
-    twist = logarithm(path.poses[leg], path.poses[leg + 1])
-    poses = [exponential(path.poses[leg], twist, u) for u in np.linspace(0, 1, SCREW_SAMPLING)]
-    return np.array([np.concatenate([pose.position, pose.apply(TIP[None])[0]]) for pose in poses])

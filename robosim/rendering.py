@@ -8,9 +8,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robosim.config import RegionConfig
+
 Array = NDArray[np.float64]
 
 GRAIN_SKIN = "grains"
+MARK = 0.0015  # half thickness [m] of a mark on the table
 GRAIN_RADIUS = 0.62  # of a drawn grain, in spacings of the grains: neighbours touch, so that a heap is closed
 CELL_IN_RADII = 3.0  # large enough that few cubes inside a heap are empty by chance
 APT_LINE = "apt-get install -y --no-install-recommends libegl1 libgl1"
@@ -89,6 +92,16 @@ def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0
     spec.visual.quality.offsamples = samples
     screen = getattr(spec.visual, "global")  # a keyword, hence no plain attribute
     screen.offwidth, screen.offheight = 1920, 1080
+
+
+def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
+    """Draw where the material shall go: a region on the table as a mark, one in the air as a box to look through."""
+    flat = target.centre[2] - target.half[2] <= 0.0
+    kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID if target.round else mujoco.mjtGeom.mjGEOM_BOX
+    spec.worldbody.add_geom(name="target_mark", type=kind, contype=0, conaffinity=0, mass=0,
+                            pos=[*target.centre[:2], MARK if flat else target.centre[2]],
+                            size=[*target.half[:2], MARK if flat else target.half[2]],
+                            rgba=[0.20, 0.60, 0.35, 0.55 if flat else 0.12])
 
 
 def enclosed(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool_]:

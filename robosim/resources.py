@@ -23,6 +23,11 @@ def config_names(kind: str) -> list[str]:
     return sorted(path.stem for path in (folder("configs") / kind).glob("*.yaml"))
 
 
+def container_names() -> list[str]:
+    """Stems of models/containers/*.xml, sorted."""
+    return sorted(path.stem for path in (folder("models") / "containers").glob("*.xml"))
+
+
 def config_path(kind: str, name: str, what: str) -> Path:
     """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
     if name.endswith((".yaml", ".yml")) and Path(name).is_file():

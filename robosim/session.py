@@ -10,6 +10,8 @@ from robosim import grains
 from robosim.config import load_rehearsal
 from robosim.errors import RobotDiverged
 from robosim.film import Film, check_camera
+from robosim.joint_trajectory import joint_trajectory
+from robosim.learned import placed
 from robosim.materials import law_of, load_material
 from robosim.output import OutputFolder
 from robosim.plots import plot_report
@@ -17,18 +19,21 @@ from robosim.rehearsal import Rehearsal, plan
 from robosim.rehearsal_report import figures, missed
 from robosim.rendering import RenderingUnavailable
 
-RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "last_good_state.npz")
+RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
+           "last_good_state.npz")
 """Files of an earlier run that would contradict this one's."""
 
 
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
-             camera: str | None = "close", seed: int = 0) -> int:
-    """Run a rehearsal and fill `out`; returns 0. camera None: no video.
+             camera: str | None = "close", seed: int = 0, trajectory: str | None = None) -> int:
+    """Run a rehearsal and fill `out`; returns 0. camera None: no video. trajectory: "script" or "learned".
 
     Input is checked before any work. Whatever ends the run, what was written is whole.
     """
-    chosen = {"material": material, "grasp": grasp}
+    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
+    if config.trajectory == "learned":
+        config = placed(config)
     substance = load_material(config.material)
     grains.check(config, law_of(substance))
     if camera is not None:
@@ -39,6 +44,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     folder.write_yaml("material.yaml", substance.model_dump(mode="json"))
     print("planning the motion ...", file=sys.stderr)
     planned = plan(config)
+    folder.write_yaml("joint_trajectory.yaml", joint_trajectory(planned.motion))
     print("preparing grains and robot ...", file=sys.stderr)
     mpm.init()
     run = Rehearsal(config, planned, seed=seed)
@@ -56,7 +62,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     values = figures(run)
     folder.write_json("report.json", values)
     folder.write("report.png", lambda path: plot_report(run, path))
-    _tell(values, folder)
+    _tell(values, missed(values, config), folder)
     return 0
 
 
@@ -85,11 +91,11 @@ def _carry_out(run: Rehearsal, film: Film | None) -> None:
         run.run(each_step)
 
 
-def _tell(values: dict, folder: OutputFolder) -> None:
+def _tell(values: dict, outside: list[str], folder: OutputFolder) -> None:
     """The figures that matter, and what missed its bound."""
     for key in ("scooped_mass", "delivered_fraction", "spilled_fraction", "wrist_payload_relative_error",
                 "momentum_residual", "realtime_factor"):
         print(f"{key:32s} {values[key]}")
-    for line in missed(values):
+    for line in outside:
         print(f"outside its bound: {line}")
     print(f"written to {folder.path}")

@@ -32,6 +32,15 @@ class JointState(NamedTuple):
     qdd: np.ndarray
 
 
+def excess(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -> np.ndarray:
+    """How many times longer (n,) samples q (n, 7) at `times` (n,) would have to take for speed, acceleration and jerk
+    to be at their limits."""
+    spline = make_interp_spline(times, q, k=5)
+    allowed = (SPEED_LIMITS * limits.velocity_fraction, np.array(limits.acceleration), np.array(limits.jerk))
+    shares = [(np.abs(spline.derivative(k)(times)) / most).max(1) ** (1.0 / k) for k, most in enumerate(allowed, 1)]
+    return np.max(shares, axis=0)
+
+
 class SmoothMotion:
     """Joint motion over time through samples q (n, 7) of a path at `times` (n,), within speed, acceleration and jerk.
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from mpm.adjoint.losses import Above, Attraction, Clear, Loss, Sum, Turned, WeightedDistance
 from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import RIGID_MARGIN, observed, rigid_particles, tool_probe
+from robosim.envs.task_field import observed, rigid_particles, tool_probe
 from robosim.shapes import tool_shape
 
 DRAWN = 0.3
 """What the distance [in references] from a tool to its material costs, as a share of the reward's total."""
-KEPT_OFF = 2.0
-"""Distance of a tool to a container, in those of a collision, from which on it costs; at a collision it costs what that
-does in the reward."""
+KEPT_OFF, DEEP = 0.004, 0.01
+"""Distance [m] of a tool to a container from which on it costs, and how much nearer it costs what a collision does in
+the reward: steeper, a brush with the wall outweighs every slope of the grains."""
 LOOSE = 0.35
 """Share of an episode after which a tool that scoops is not drawn to what it leaves behind."""
 
@@ -45,5 +45,5 @@ def objective(task: TaskConfig) -> Loss:
         parts.append(Attraction(np.array(interior.centre), chosen, 0.0, drawn))
     points = rigid_particles(task)
     if points is not None:
-        parts.append(Clear(points, tool_probe(task), KEPT_OFF * RIGID_MARGIN, -task.reward.collision / RIGID_MARGIN))
+        parts.append(Clear(points, tool_probe(task), KEPT_OFF, -task.reward.collision / DEEP))
     return Sum(tuple(parts))

@@ -8,12 +8,10 @@ from robosim.envs.task import RegionConfig, TaskConfig
 from robosim.envs.task_field import TOOL, grain_volume
 from robosim.errors import ConfigError
 from robosim.materials import MaterialConfig
-from robosim.rendering import GRAIN_RADIUS, SceneRenderer, add_grain_skin, apply_quality
+from robosim.rendering import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
 from robosim.scene import add_container, compiled, load_spec, quiet_prefixes
 
 WIDTH, HEIGHT = 640, 480
-THIN = 0.0015
-"""Thickness [m] of the marks on the table."""
 
 
 class Picture:
@@ -64,16 +62,8 @@ def _bare(task: TaskConfig) -> mujoco.MjSpec:
 
 def _marks(spec: mujoco.MjSpec, task: TaskConfig) -> None:
     """The target where it meets the table, or its box in the air; the stand."""
-    colour = [0.20, 0.60, 0.35, 0.55]
-    kinds = mujoco.mjtGeom
-    target = task.target
-    flat = target.half[2] >= 1.0
-    kind = (kinds.mjGEOM_ELLIPSOID if target.round else kinds.mjGEOM_BOX)
-    place = [*target.centre[:2], THIN if flat else target.centre[2]]
-    if flat or task.kind == "translate":
-        spec.worldbody.add_geom(name="target_mark", type=kind, pos=place, contype=0, conaffinity=0, mass=0,
-                                size=[*target.half[:2], THIN if flat else target.half[2]],
-                                rgba=colour if flat else [*colour[:3], 0.12])
+    if task.kind != "scoop":
+        add_mark(spec, task.target)
     if task.stand is not None:
         _block(spec, task.stand)
 

@@ -9,24 +9,11 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.config import ContainerConfig, FieldConfig, Table, Vector3, load
+from robosim.config import ContainerConfig, FieldConfig, RegionConfig, Table, Vector3, load
 from robosim.resources import config_names, config_path
 from robosim.shapes import tool_shape
 
 Kind = Literal["scoop", "translate", "pour", "move"]
-
-
-class RegionConfig(Table):
-    """A region of the world: a box, or an upright cylinder."""
-
-    centre: Vector3
-    half: Vector3
-    """Half sizes [m]."""
-    round: bool = False
-
-    @property
-    def region(self) -> mpm.Region:
-        return mpm.Region(self.centre, self.half, self.round)
 
 
 class GrainsConfig(Table):

@@ -7,7 +7,7 @@ import mpm
 from mpm.lattice import Lattice
 from robosim.envs.task import TaskConfig
 from robosim.frames import container_pose
-from robosim.grains import container_colliders
+from robosim.grains import container_colliders, places_in_tool
 from robosim.materials import Law
 from robosim.scene import inner_size
 from robosim.shapes import tool_shape
@@ -48,23 +48,13 @@ def filling(task: TaskConfig, sdf: Lattice) -> np.ndarray:
         keys = places[:, 2] + 0.3 * np.linalg.norm(places[:, :2] - centre[:2], axis=1)
     else:
         region, pose = tool_shape(task.tool).interior, task.start.pose
-        centre, half = np.array(region.centre), np.array(region.half)
-        local = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
-        local = local[(sdf.distance(local) > 0.5 * spacing) & _above(local, sdf, spacing)]
+        local = places_in_tool(task.tool, sdf, spacing, rng)
         places = pose.apply(local)
-        keys = places[:, 2] + 0.6 * np.linalg.norm(local[:, :2] - centre[:2], axis=1)
+        keys = places[:, 2] + 0.6 * np.linalg.norm(local[:, :2] - np.array(region.centre)[:2], axis=1)
     if len(places) < task.grains.count:
         raise mpm.InvalidValue(f"{task.grains.count} grains of {grain_volume(task) * 1e9:.0f} mm^3 do not fit: "
                                f"{len(places)} places; accepted: at most that many grains.count")
     return places[np.argsort(keys, kind="stable")[: task.grains.count]]
-
-
-def _above(points: np.ndarray, sdf: Lattice, spacing: float) -> np.ndarray:
-    """Whether the tool lies below points (n, 3) in its frame: what is beside it would fall past it."""
-    below = np.zeros(len(points), bool)
-    for drop in np.arange(spacing, 0.1, spacing / 2):
-        below |= sdf.distance(points - [0.0, 0.0, drop]) < 0.0
-    return below
 
 
 def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False) -> mpm.Solver:

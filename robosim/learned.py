@@ -1,0 +1,198 @@
+"""The motions that were learnt for sub-tasks, one after the other, as a path that an arm can follow.
+
+Each begins where the one before has ended, turned level and raised or lowered to its own start. Learnt motions jump
+from speed to speed every 20 ms; here they are rounded by a moving average, and played slower where the arm needs it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.spatial.transform import Rotation, Slerp
+
+from mpm.motion import Pose
+from robosim.config import RehearsalConfig
+from robosim.envs.actions import Actions
+from robosim.envs.carrier import Carrier
+from robosim.envs.task import TaskConfig, load_task
+from robosim.errors import ConfigError
+from robosim.resources import trained
+
+SAMPLING = 0.002
+"""[s] between the samples of a path."""
+ROUNDING = 0.08
+"""[s] over which a moving average goes, twice."""
+JOINING, JOINING_TURN = 0.15, 0.8
+"""Speeds [m/s], [rad/s] on the way from the end of a motion to the start of the next."""
+REST = 0.5
+"""[s] at rest where the load is weighed."""
+WIDE = 0.1
+"""[s] about a moment that is too fast which are slowed down with it."""
+NEARBY = 0.5
+"""[s] before and after a moment within which the nearest point of a path is looked for."""
+WEIGHED = "weighed"
+
+
+class Motion(NamedTuple):
+    """Poses of a tool, SAMPLING apart: positions (n, 3) [m], quaternions (n, 4)."""
+
+    places: np.ndarray
+    turns: np.ndarray
+
+
+class Part(NamedTuple):
+    """A sub-task's motion and how far [m] (3,) it was carried off from where it was learnt."""
+
+    name: str
+    task: TaskConfig
+    motion: Motion
+    offset: np.ndarray
+
+
+def motion_of(name: str, task: TaskConfig) -> Motion:
+    """The motion that ships for a sub-task, from its nominal start to where it has done its work; raises ConfigError
+    where none ships."""
+    path = trained(name)
+    if path is None:
+        raise ConfigError(f"no learnt motion ships for {name}; accepted: `robosim train` it, and put its best.npz into "
+                          f"policies/trained/{name}.npz")
+    with np.load(path, allow_pickle=False) as stored:
+        actions, hold = stored["actions"], int(stored["hold"])
+        whole = -(-task.steps // hold)
+        decisions = int(stored["needed"]) if "needed" in stored and task.kind == "pour" else whole
+    scale, carrier = Actions(task), Carrier(task)
+    poses = [carrier.restart(task.start.pose)]
+    for action in actions[:decisions]:
+        poses += [carrier.command(*scale.velocities(action)) for _ in range(hold)]
+    given, times = task.step_dt * np.arange(len(poses)), np.arange(0.0, task.step_dt * (len(poses) - 0.5), SAMPLING)
+    places = np.array([p.position for p in poses])
+    turns = Slerp(given, Rotation.from_quat(np.array([p.quaternion for p in poses]), scalar_first=True))
+    return Motion(np.column_stack([np.interp(times, given, column) for column in places.T]),
+                  turns(np.minimum(times, given[-1])).as_quat(scalar_first=True))
+
+
+def chain(config: RehearsalConfig) -> list[Part]:
+    """The motions of a rehearsal, the first at the rehearsal's own container, each other where the last has ended."""
+    parts: list[Part] = []
+    for name in config.learned:
+        task = load_task(name)
+        if task.tool != config.tool:
+            raise ConfigError(f"learned: {name} moves a {task.tool}; the rehearsal's tool is {config.tool}")
+        motion = motion_of(name, task)
+        if parts:
+            last = parts[-1]
+            offset = (last.motion.places[-1] + last.offset - motion.places[0]) * [1, 1, 0]
+        else:
+            offset = np.zeros(3)
+            if task.container is not None and task.container_place is not None:
+                own = config.containers.get(task.container)
+                if own is None or own.yaw_deg != task.container_place.yaw_deg:
+                    raise ConfigError(f"learned: {name} was learnt over a container {task.container!r} with yaw_deg "
+                                      f"{task.container_place.yaw_deg:g}; accepted: one like it in containers")
+                offset = np.array(own.position) - np.array(task.container_place.position)
+        parts.append(Part(name, task, motion, offset))
+    return parts
+
+
+def placed(config: RehearsalConfig) -> RehearsalConfig:
+    """The rehearsal with its empty container where the last learnt motion pours, and the load weighed where the first
+    one has filled the tool, or at the start where it is full."""
+    last = chain(config)[-1]
+    place = np.array(last.task.target.centre) + last.offset
+    containers = {name: box.model_copy(update={"position": (float(place[0]), float(place[1]), box.position[2])})
+                  if name == config.sink else box for name, box in config.containers.items()}
+    weigh = None if config.pile is not None else WEIGHED
+    return config.model_copy(update={"containers": containers, "weigh_at": weigh})
+
+
+class LearnedPath:
+    """Poses over time along a chain of learnt motions; `slow_down` gives the arm the time that it needs."""
+
+    def __init__(self, config: RehearsalConfig) -> None:
+        places, turns, count = [], [], 0
+        self._marks: dict[str, int] = {}
+        self._rests: dict[str, tuple[int, int]] = {}
+
+        def add(more_places: np.ndarray, more_turns: np.ndarray) -> None:
+            nonlocal count
+            places.append(more_places)
+            turns.append(more_turns)
+            count += len(more_places)
+
+        def rest(duration: float) -> None:
+            n = round(duration / SAMPLING)
+            add(np.repeat(places[-1][-1:], n, 0), np.repeat(turns[-1][-1:], n, 0))
+
+        for k, part in enumerate(chain(config)):
+            own = part.motion.places + part.offset
+            if k == 0:
+                add(own[:1], part.motion.turns[:1])
+            else:
+                add(*joined(places[-1][-1], turns[-1][-1], own[0], part.motion.turns[0]))
+            rest(2 * ROUNDING)
+            if config.weigh_at == WEIGHED and not self._rests and (k > 0 or config.tool_fill_height):
+                self._rests[WEIGHED] = (count, count + round(REST / SAMPLING))
+                rest(REST + 2 * ROUNDING)
+            self._marks[part.name] = count
+            add(own, part.motion.turns)
+            rest(2 * ROUNDING)
+        self._marks["end"] = count - 1
+        self._raw = np.concatenate(places), alike(np.concatenate(turns))
+        self._lengths = np.full(count - 1, SAMPLING)
+        self._lay()
+
+    def _lay(self) -> None:
+        """Sample the motion anew, its steps as long as they are now, and round it."""
+        old = np.concatenate([[0.0], np.cumsum(self._lengths)])
+        times = np.linspace(0.0, old[-1], round(old[-1] / SAMPLING) + 1)
+        asked, turns = [np.column_stack([np.interp(times, old, column) for column in values.T]) for values in self._raw]
+        self._places, self._step, self.duration = rounded(asked), times[1], float(times[-1])
+        self._turns = Slerp(times, Rotation.from_quat(rounded(turns), scalar_first=True))
+        self._old, self._grid = old, times
+        self.times = {name: float(old[k]) for name, k in self._marks.items()}
+        """When each motion begins, and when the last one ends [s]."""
+        self.rests = {name: (float(old[a]), float(old[b])) for name, (a, b) in self._rests.items()}
+        self.rounded_by = float(np.linalg.norm(self._places - asked, axis=1).max())
+        """Largest distance [m] between the learnt motion and this path."""
+        self.slower_by = float(self.duration / (SAMPLING * len(self._lengths)))
+        """Its duration over the learnt one's, rests included."""
+
+    def slow_down(self, times: np.ndarray, factors: np.ndarray) -> None:
+        """Take so many times longer about times [s] (n,) of the present path."""
+        wide = maximum_filter1d(np.maximum(factors, 1.0), max(1, round(WIDE / (times[1] - times[0]))))
+        middles = 0.5 * (self._old[1:] + self._old[:-1])
+        self._lengths = self._lengths * np.interp(middles, times, wide)
+        self._lay()
+
+    def pose(self, time: float) -> Pose:
+        """Tool pose at a time [s]."""
+        time = min(max(time, 0.0), self.duration)
+        place = np.array([np.interp(time, self._grid, column) for column in self._places.T])
+        return Pose(place, self._turns(time).as_quat(scalar_first=True))
+
+    def near(self, time: float, tip: np.ndarray) -> np.ndarray:
+        """Places of the tool's origin and of a point of its frame (n, 6) [m] about a time [s]."""
+        moments = np.arange(time - NEARBY, time + NEARBY, 2 * self._step)
+        index = np.clip(np.rint(moments / self._step).astype(int), 0, len(self._grid) - 1)
+        return np.hstack([self._places[index], self._places[index] + self._turns(self._grid[index]).apply(tip)])
+
+
+def joined(place: np.ndarray, turn: np.ndarray, to: np.ndarray, to_turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The straight way from a pose to another, at constant speed."""
+    ends = Rotation.from_quat(np.stack([turn, to_turn]), scalar_first=True)
+    angle = float((ends[0].inv() * ends[1]).magnitude())
+    n = max(2, round(max(float(np.linalg.norm(to - place)) / JOINING, angle / JOINING_TURN) / SAMPLING))
+    share = np.linspace(0.0, 1.0, n)
+    return place + share[:, None] * (to - place), Slerp([0.0, 1.0], ends)(share).as_quat(scalar_first=True)
+
+
+def alike(turns: np.ndarray) -> np.ndarray:
+    """The same rotations by quaternions (n, 4) that do not change their sign from one to the next."""
+    flips = np.cumprod(np.where(np.sum(turns[1:] * turns[:-1], 1) < 0, -1.0, 1.0))
+    return turns * np.concatenate([[1.0], flips])[:, None]
+
+
+def rounded(values: np.ndarray) -> np.ndarray:
+    """A moving average over ROUNDING, twice, of samples (n, k); quaternions are nearly of unit length after it."""
+    size = 2 * round(0.5 * ROUNDING / SAMPLING) + 1
+    return uniform_filter1d(uniform_filter1d(values, size, axis=0, mode="nearest"), size, axis=0, mode="nearest")
