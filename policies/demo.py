@@ -39,14 +39,15 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--jobs", type=int, default=1, help="demonstrations at a time, a core each (default: 1)")
     run.add_argument("--method", choices=METHODS, default="descent", help="descent by the gradient, or CMA-ES on a "
                      "spline of the same motion, without (default: descent)")
-    run.add_argument("--material", help="that the gradient goes through (default: glycerol, clay for the shovel)")
+    run.add_argument("--material", help="that the gradient goes through (default: glycerol, clay for scooping "
+                     "and for the shovel)")
     run.add_argument("--iterations", type=int, default=150, help="at most, for each (default: 150)")
     run.add_argument("--rate", type=float, default=RATE, help=f"step in actions of -1 to 1 (default: {RATE})")
     run.add_argument("--hold", type=int, default=10, help="steps of 2 ms that an action is held (default: 10)")
     run.add_argument("--from", dest="start", help=".npz file with actions to begin with, or `script`: the task's own, "
                      "for a tool that must touch its material first (default: at rest)")
-    run.add_argument("--until", type=float, help="with --from script: time [s] at which the tool leaves the script and "
-                     "rests (default: the whole of it)")
+    run.add_argument("--until", type=float, help="with --from script: time [s] up to which the motion is the "
+                     "script's and stays so; then the tool rests, at first (default: the whole script, free to change)")
     run.add_argument("--limit", type=float, help="cut entries of the state's derivatives in every substep, as sand's "
                      "may need (default: never)")
     run.add_argument("--seed", type=int, default=0, help="of the first start, as of the environment's reset")
@@ -78,9 +79,12 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     except gymnasium.error.Error as error:
         raise mpm.InvalidValue(f"task {task!r}: {error}") from error
     first = first_actions(start, until, sand.task, Hold(sand.task, hold))
+    kept = 0 if until is None else int(until / (hold * sand.task.step_dt) + 1e-9)
+    if kept == len(first):
+        raise mpm.InvalidValue(f"--until {until} leaves no decision of {hold} steps free; accepted: less")
     out.mkdir(parents=True, exist_ok=True)
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
-    wanted = Wanted(task, out, stand_in, first, method, iterations, rate, hold, limit, arm_weight, seed,
+    wanted = Wanted(task, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,
                     nominal)
     if jobs > 1:
         shares = [range(i, n, jobs) for i in range(min(jobs, n))]

@@ -13,10 +13,11 @@ FAILURES, SHRINK, GROW = 4, 0.7, 1.1
 
 
 class Descent:
-    """Parameters (n, k) and steps of at most about `rate`; `step` is told what the loss was and how it slopes."""
+    """Parameters (n, k) and steps of at most about `rate`; `step` is told what the loss was and how it slopes. The
+    first `kept` rows stay as they are."""
 
-    def __init__(self, parameters: np.ndarray, rate: float) -> None:
-        self.now, self.rate = parameters.copy(), rate
+    def __init__(self, parameters: np.ndarray, rate: float, kept: int = 0) -> None:
+        self.now, self.rate, self._kept = parameters.copy(), rate, kept
         self.best, self.best_gradient, self.lowest = parameters.copy(), np.zeros_like(parameters), np.inf
         self.share, self.failures = 1.0, 0
         self._forget()
@@ -45,7 +46,8 @@ class Descent:
         self._move(self.best_gradient)
 
     def _move(self, gradient: np.ndarray) -> None:
-        squares = np.broadcast_to((gradient**2).mean(0), gradient.shape)
+        gradient = np.where(np.arange(len(gradient))[:, None] < self._kept, 0.0, gradient)
+        squares = np.broadcast_to((gradient[self._kept :] ** 2).mean(0), gradient.shape)
         self.count += 1
         self.mean += (1.0 - DECAY) * (gradient - self.mean)
         self.square += (1.0 - DECAY_SQUARES) * (squares - self.square)

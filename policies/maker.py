@@ -18,8 +18,9 @@ from policies.hold import Hold
 from policies.spline_search import Evolution
 
 METHODS = ("descent", "cmaes")
-STAND_INS = {"move": "clay"}
-"""Material that a kind of sub-task is learnt in, where it is not the fluid below."""
+STAND_INS = {"move": "clay", "scoop": "clay"}
+"""Material that a kind of sub-task is learnt in, where it is not the fluid below: a fluid's surface lies below the rim
+of a level spoon that stands on the container's floor, so that there is nothing to scoop."""
 FLUID = "glycerol"
 """Water splashes: derivatives by its positions grow by four orders of magnitude over a pour, glycerol's by two."""
 CHANGE, PATIENCE = 0.05, 5
@@ -38,6 +39,8 @@ class Wanted(NamedTuple):
     """That the search goes through."""
     first: np.ndarray
     """Actions to begin with (decisions, dimensions)."""
+    kept: int
+    """How many of them stay as they are."""
     method: str
     iterations: int
     rate: float
@@ -113,8 +116,8 @@ class Maker:
     def make(self, k: int) -> dict[str, np.ndarray]:
         """Demonstration k: read if it is there, gone on with if a run was cut short."""
         w = self.wanted
-        mark = fingerprint(self.env, w.material, w.hold, w.limit, w.start(k), w.rate, w.first.tolist(), w.method,
-                           w.arm_weight)
+        mark = fingerprint(self.env, w.material, w.hold, w.limit, w.start(k), w.rate, w.first.tolist(), w.kept,
+                           w.method, w.arm_weight)
         beside = w.path(k).with_name(f"demonstration_{k}.unfinished.npz")
         found = stored_in(w.path(k), mark)
         if found is None:
@@ -124,7 +127,7 @@ class Maker:
 
     def _search(self, seed: int) -> Descent | Evolution:
         w = self.wanted
-        return Descent(w.first, w.rate) if w.method == "descent" else Evolution(w.first, seed)
+        return Descent(w.first, w.rate, w.kept) if w.method == "descent" else Evolution(w.first, seed, w.kept)
 
     def _run(self, k: int, beside: Path, mark: str) -> dict[str, np.ndarray]:
         w, start = self.wanted, self.wanted.start(k)

@@ -28,26 +28,27 @@ def fitted(actions: np.ndarray, knots: int) -> np.ndarray:
 
 class Evolution:
     """A search for actions (n, k) of the least loss, a motion at a time: `now` is to be tried, `step` is told how it
-    went. Its state is what it was told: a search that goes on is told it again."""
+    went. The first `kept` rows stay as they are. Its state is what it was told: a search that goes on is told it
+    again."""
 
     population = POPULATION
 
-    def __init__(self, first: np.ndarray, seed: int) -> None:
+    def __init__(self, first: np.ndarray, seed: int, kept: int = 0) -> None:
         try:
             import cma  # belongs to the extra of learning, and other commands do without it
         except ImportError as error:
             raise mpm.InvalidValue(f'--method cmaes: {error}; `pip install "robosim[learn]"` brings it') from error
         rng = np.random.default_rng(seed)  # the library would take numpy's own, which belongs to everybody
-        self._search: Any = cma.CMAEvolutionStrategy(fitted(first, KNOTS).ravel(), SIGMA, {
+        self._search: Any = cma.CMAEvolutionStrategy(fitted(first[kept:], KNOTS).ravel(), SIGMA, {
             "seed": np.nan, "randn": lambda *size: rng.standard_normal(size), "popsize": POPULATION, "verbose": -9})
-        self._shape, self._told = first.shape, []
+        self._begin, self._left, self._told = first[:kept].copy(), len(first) - kept, []
         self.best, self.lowest = first.copy(), np.inf
         self._points = self._search.ask()
         self._take()
 
     def _take(self) -> None:
-        knots = self._points[len(self._told) % POPULATION].reshape(KNOTS, self._shape[1])
-        self.now = motion(knots, self._shape[0]).astype(float)
+        knots = self._points[len(self._told) % POPULATION].reshape(KNOTS, -1)
+        self.now = np.concatenate([self._begin, motion(knots, self._left)])
 
     def step(self, loss: float) -> None:
         """Take the loss at `now`, and move on."""

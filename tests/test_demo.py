@@ -81,6 +81,20 @@ def test_descent_goes_on_where_it_was():
     assert np.abs(one.now).max() <= 1.0
 
 
+@pytest.mark.parametrize("search", [lambda first: Descent(first, 0.05, kept=5),
+                                    lambda first: Evolution(first, seed=0, kept=5)])
+def test_a_beginning_that_is_kept(search):
+    """Its actions stay to the bit; the others reach the valley's floor."""
+    first = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2))
+    found = search(first)
+    for _ in range(400):
+        offset = found.now - 0.3
+        found.step(*((np.sum(offset**2), 2.0 * offset) if isinstance(found, Descent) else (np.sum(offset[5:] ** 2),)))
+        assert np.array_equal(found.now[:5], first[:5])
+    assert np.array_equal(found.best[:5], first[:5])
+    assert found.best[5:] == pytest.approx(np.full((15, 2), 0.3), abs=0.2)
+
+
 def test_evolution_goes_on_where_it_was():
     """It finds a valley's floor within its bounds; told the same losses again, it asks the same questions."""
     wanted = np.linspace(-0.5, 0.8, 20)[:, None] * [1.0, -1.0]

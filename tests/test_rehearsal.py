@@ -113,11 +113,12 @@ def test_snapshot_resumes_to_the_bit(short: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("material", ["salt", "sugar", "flour"])
-def test_the_whole_rehearsal_keeps_its_bounds(material: str, tmp_path: Path) -> None:
-    assert rehearse("spoon", tmp_path / "out", material=material, camera=None) == 0
-    assert missed(json.loads((tmp_path / "out" / "report.json").read_text())) == []
-
-
+@pytest.mark.parametrize("name, trajectory", [("spoon", "script"), ("scoop", "script"), ("bottle", "script"),
+                                              ("shovel", "script"), ("bottle", "learned"), ("shovel", "learned")])
+def test_the_whole_rehearsal_keeps_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert rehearse(name, out, material=material, camera=None, trajectory=trajectory) == 0
+    assert missed(json.loads((out / "report.json").read_text()), load_rehearsal(str(out / "config.yaml"))) == []
 
 
 @pytest.mark.slow

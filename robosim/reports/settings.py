@@ -94,7 +94,8 @@ def of_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     values = figures(run)
     names = {"scooped_mass": "scooped_mass", "wrist_payload": "wrist_payload", "delivered": "delivered_fraction",
              "spilled": "spilled_fraction"}
-    readings = {name: float(values[key]) for name, key in names.items()}  # pyright: ignore[reportArgumentType]
+    readings = {name: float(values[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
+                if values[key] is not None}  # a shovel weighs nothing
     return told(run.solver, watch, run.wall_time, run.time, readings)
 
 

@@ -1,0 +1,169 @@
+"""Learnt motions as paths of an arm: where they go, how they are slowed down, what is handed to a real arm."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+import mpm
+from robosim import grains, learned
+from robosim.config import load_rehearsal
+from robosim.envs.task import load_task
+from robosim.errors import ConfigError
+from robosim.joint_trajectory import joint_trajectory
+from robosim.rehearsal import plan
+from robosim.resources import config_path
+from robosim.shapes import tool_shape
+from robosim.smoothing import excess
+
+
+def motions(folder: Path, *names: str) -> None:
+    """Motions that go 2 cm a second along y and turn by 10 deg a second about x, as files of learnt ones."""
+    for name in names:
+        action = load_task(name).action
+        row = np.array([0.0, 0.02 / action.speed, 0.0, np.radians(10.0) / action.angular_speed, 0.0, 0.0])
+        np.savez(folder / f"{name}.npz", actions=np.tile(row[: action.dimensions], (100, 1)), hold=10)
+
+
+@pytest.fixture
+def chained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The rehearsal of the spoon with three plain motions."""
+    motions(tmp_path, "SpoonScoop", "SpoonTranslate", "SpoonPour")
+    monkeypatch.setattr(learned, "trained", lambda name: tmp_path / f"{name}.npz")
+    return learned.placed(load_rehearsal("spoon", {"trajectory": "learned"}))
+
+
+def test_a_motion_begins_where_the_last_has_ended(chained):
+    """In the plane: 4 cm each along y from the place over the container on; at its own height and attitude; the target
+    stands where the last one pours."""
+    tasks = [load_task(name) for name in chained.learned]
+    path = learned.LearnedPath(chained)
+    offset = np.array(chained.containers["source"].position) - tasks[0].container_place.position
+    begin = np.array(tasks[0].start.position) + offset
+    for k, task in enumerate(tasks):
+        pose = path.pose(path.times[chained.learned[k]])
+        assert pose.position[:2] == pytest.approx(begin[:2] + [0.0, 0.04 * k], abs=2e-3)
+        assert pose.position[2] == pytest.approx(task.start.position[2] + offset[2] * (k == 0), abs=2e-3)
+        turned = Rotation.from_matrix(pose.matrix.T @ task.start.pose.matrix).magnitude()
+        assert turned < np.radians(2.0)
+    place = np.array(tasks[2].target.centre[:2]) + (begin[:2] + [0.0, 0.08] - tasks[2].start.position[:2])
+    assert chained.containers["target"].position[:2] == pytest.approx(place, abs=1e-9)
+    assert chained.containers["source"] == load_rehearsal("spoon").containers["source"]
+    begin, end = path.rests[learned.WEIGHED]
+    assert path.times["SpoonScoop"] + 2.0 < begin < end < path.times["SpoonTranslate"]
+    assert path.pose(begin).position == pytest.approx(path.pose(end).position, abs=1e-9)
+    assert end - begin == pytest.approx(learned.REST)
+
+
+def test_a_path_has_no_jumps(chained):
+    """Speeds change by 2 v / ROUNDING per second at most, where a motion jumps from v to -v; rounding cuts little."""
+    path = learned.LearnedPath(chained)
+    times = np.arange(0.0, path.duration, 0.01)
+    places = np.array([path.pose(t).position for t in times])
+    speed = np.diff(places, axis=0) / 0.01
+    assert np.abs(np.diff(speed, axis=0)).max() / 0.01 < 2.0 * learned.JOINING / learned.ROUNDING
+    assert path.rounded_by < 0.25 * learned.JOINING * learned.ROUNDING
+    tip = np.array([0.03, 0.0, 0.0])
+    for t in (0.5, 0.5 * path.duration):
+        pose = path.pose(t)
+        both = np.concatenate([pose.position, pose.apply(tip[None])[0]])
+        assert np.abs(path.near(t, tip) - both).max(1).min() < 1e-3
+
+
+def test_slowing_down_keeps_the_way(chained):
+    """Twice as long at all times: the same places at twice the time, but for what rounding cuts."""
+    path, slow = learned.LearnedPath(chained), learned.LearnedPath(chained)
+    times = np.linspace(0.0, path.duration, 200)
+    slow.slow_down(times, np.full(200, 2.0))
+    assert slow.duration == pytest.approx(2.0 * path.duration, rel=1e-3)
+    assert slow.slower_by == pytest.approx(2.0, rel=1e-2)
+    for t in times[::20]:
+        assert slow.pose(2.0 * t).position == pytest.approx(path.pose(t).position, abs=2.0 * path.rounded_by + 1e-6)
+    assert slow.rounded_by < 0.7 * path.rounded_by
+    faster = learned.LearnedPath(chained)
+    faster.slow_down(times, np.full(200, 0.3))
+    assert faster.duration == pytest.approx(path.duration)
+
+
+def test_excess_is_the_time_that_is_missing():
+    """A motion played so many times slower is at its limits, whichever of speed, acceleration and jerk counts."""
+    limits, times = load_rehearsal("spoon").limits, np.linspace(0.0, 1.0, 201)
+    for size, wave in ((2.0, 1.0), (0.3, 4.0), (0.02, 20.0)):
+        q = np.tile(size * np.sin(2.0 * np.pi * wave * times)[:, None], (1, 7))
+        most = excess(times, q, limits).max()
+        assert excess(most * times, q, limits).max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_joint_trajectory_is_the_motion(chained):
+    """Points on the smoothed motion; their speeds are the slopes of their places, but for jerk h^2 / 6."""
+    motion = plan(chained).motion
+    told = yaml.safe_load(yaml.safe_dump(joint_trajectory(motion)))
+    assert told["joint_names"] == [f"A{i}" for i in range(1, 8)]
+    times = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in told["points"]]
+    assert times[0] == 0.0 and times[-1] == pytest.approx(motion.duration, abs=1e-8)
+    assert all(b > a for a, b in pairwise(times))
+    q, qd = (np.array([p[key] for p in told["points"]]) for key in ("positions", "velocities"))
+    assert q[50] == pytest.approx(motion.state(times[50]).q, abs=1e-8)
+    slopes = (q[2:] - q[:-2]) / (np.array(times[2:]) - times[:-2])[:, None]
+    assert slopes == pytest.approx(qd[1:-1], abs=max(chained.limits.jerk) * 0.01**2 / 6.0)
+    assert qd[0] == pytest.approx(0.0, abs=1e-9) and qd[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name, given, told", [
+    ("bottle", {"pile": {"centre": [0.7, 0, 0.01], "half": [0.01] * 3}}, "2 places hold material"),
+    ("shovel", {"pile": None}, "0 places hold material"),
+    ("shovel", {"area": None}, "0 places take material"),
+    ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "unknown 'bucket'; valid: source, target, tray"),
+    ("bottle", {"trajectory": "learned", "learned": []}, "needs `learned`"),
+    ("bottle", {"weigh_at": "lifted"}, "needs a dwell"),
+])
+def test_rehearsals_that_are_refused(name, given, told):
+    with pytest.raises(ConfigError, match=told):
+        load_rehearsal(name, given)
+
+
+def test_motions_that_do_not_fit_are_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(learned, "trained", lambda name: None)
+    with pytest.raises(ConfigError, match="no learnt motion ships for BottlePickPour"):
+        learned.placed(load_rehearsal("bottle", {"trajectory": "learned"}))
+    with pytest.raises(ConfigError, match="moves a shovel; the rehearsal's tool is bottle"):
+        learned.placed(load_rehearsal("bottle", {"trajectory": "learned", "learned": ["ShovelMove"]}))
+    motions(tmp_path, "ScoopScoop")
+    monkeypatch.setattr(learned, "trained", lambda name: tmp_path / f"{name}.npz")
+    config = load_rehearsal("scoop", {"trajectory": "learned", "learned": ["ScoopScoop"]})
+    turned = config.model_copy(update={"containers": {
+        name: box.model_copy(update={"yaw_deg": 0.0}) for name, box in config.containers.items()}})
+    with pytest.raises(ConfigError, match="yaw_deg 90"):
+        learned.placed(turned)
+
+
+def test_material_is_where_it_was_asked_for():
+    """In the bottle up to its height and not in its wall; on the table as large as the block. Too much is refused."""
+    bottle, rng = load_rehearsal("bottle"), np.random.default_rng(0)
+    sdf = grains.tool_sdf("bottle", bottle.collision_thickness)
+    pose = mpm.Pose(np.array([0.7, 0.1, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
+    places, volume = grains.fill(bottle, sdf, pose, rng)
+    local, region = places - pose.position, tool_shape("bottle").interior
+    assert region.holds(local).all() and (sdf.distance(local) > 0).all()
+    height = local[:, 2].max() - (region.centre[2] - region.half[2])
+    assert height == pytest.approx(bottle.tool_fill_height, abs=0.005)
+    # a body of 3 cm radius, filled to some 5 cm above its floor
+    assert volume * len(places) == pytest.approx(np.pi * 0.03**2 * 0.052, rel=0.15)
+    shovel = load_rehearsal("shovel")
+    places, volume = grains.fill(shovel, sdf, pose, rng)
+    assert volume * len(places) == pytest.approx(0.05 * 0.05 * 0.015, rel=1e-9)
+    assert (np.abs(places - shovel.pile.centre) <= np.array(shovel.pile.half) + 1e-12).all()
+    with pytest.raises(ConfigError, match="tool_fill_height = 0.2 m; accepted: up to"):
+        grains.check(load_rehearsal("bottle", {"tool_fill_height": 0.2}), mpm.Elastic(E=1e5, nu=0.2, density=1000.0))
+
+
+@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])
+def test_every_script_can_be_planned(name):
+    """Within the arm's limits, as files of configs/rehearsals and with the materials that ship."""
+    assert config_path("rehearsals", name, "rehearsal").is_file()
+    found = plan(load_rehearsal(name))
+    assert found.motion.delay < 0.01
+    assert found.solution.margin > 0.0
