@@ -94,15 +94,15 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     carried = wanted.environment(arm=True) if arm else None
     for k in range(n):
         found = maker.make(k)
-        start = wanted.start(k)
-        row = {"demonstration": wanted.path(k).name, "start": start, "loss": float(found["losses"].min()),
+        reset = wanted.start(k)
+        row = {"demonstration": wanted.path(k).name, "start": reset, "loss": float(found["losses"].min()),
                "iterations": len(found["losses"]), "check": found["check"].tolist()}
-        readings = {f"in {stand_in}": played(maker.env, found["actions"], start),
-                    f"among grains of {sand.task.material}": played(sand, found["actions"], start)}
+        readings = {f"in {stand_in}": played(maker.env, found["actions"], reset),
+                    f"among grains of {sand.task.material}": played(sand, found["actions"], reset)}
         if carried is not None:
             try:
-                row["asked of the arm"] = asked_of_the_arm(maker, start, found["actions"])
-                readings["with the arm"] = played(carried, found["actions"], start) | carried.carrier.strain
+                row["asked of the arm"] = asked_of_the_arm(maker, reset, found["actions"])
+                readings["with the arm"] = played(carried, found["actions"], reset) | carried.carrier.strain
             except ValueError as error:  # its start is out of reach
                 row["asked of the arm"] = str(error)
         rows.append(row | readings)
