@@ -79,9 +79,10 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     except gymnasium.error.Error as error:
         raise mpm.InvalidValue(f"task {task!r}: {error}") from error
     first = first_actions(start, until, sand.task, Hold(sand.task, hold))
-    kept = 0 if until is None else int(until / (hold * sand.task.step_dt) + 1e-9)
-    if kept == len(first):
-        raise mpm.InvalidValue(f"--until {until} leaves no decision of {hold} steps free; accepted: less")
+    ends = sand.task.step_dt * np.minimum(hold * np.arange(1, len(first) + 1), sand.task.steps)
+    kept = 0 if until is None else int(np.sum(ends <= until + 1e-9))
+    if until is not None and not 0 < kept < len(first):
+        raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --hold {hold}")
     out.mkdir(parents=True, exist_ok=True)
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
     wanted = Wanted(task, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,

@@ -33,9 +33,9 @@ VARIANTS: dict[str, dict[str, Any]] = {
 """Options of the roll-out."""
 BACK = (10, 30, 100, 300, 1000)
 """Steps before the end in which the motion is changed, to compare its derivative with differences."""
-DIFFERENCE = 0.1
-"""Step in actions of -1 to 1, over the number of steps before the end: so late a change does little, which in single
-precision drowns in the rounding of the loss."""
+DIFFERENCE, LATE = 1e-3, 100
+"""Step in actions of -1 to 1; larger where a change comes so many steps before the end or later: it does little, which
+in single precision drowns in the rounding of the loss."""
 EXAMPLE = "example:\n  robosim gradients SpoonPour ShovelMove --jobs 2 --out out/gradients"
 
 
@@ -74,7 +74,7 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     for told in (row(*key, values) for key, values in found.items()):
         print(f"{told['task']:15s} {told['variant']:21s} growth {told['growth'] or float('nan'):9.2e}  "
               f"lost before step {told['lost_before']}  derivative, difference: "
-              + "  ".join(f"{c['steps_before_the_end']}: {c['derivative']:.3g}, {c['difference'] or float('nan'):.3g}"
+              + "  ".join(f"{c['steps_before_the_end']}: {c['derivative']:.3g}, {c['difference']}"
                           for c in told["checks"]))
     return 0
 
@@ -128,7 +128,7 @@ def _compared(rollout: Any, hold: Hold, loss: Any, actions: np.ndarray, slopes: 
     first = max(0, hold.n - back // hold.hold)
     way = np.zeros_like(actions)
     way[first] = np.random.default_rng(back).choice((-1.0, 1.0), actions.shape[1])
-    step = DIFFERENCE / back
+    step = DIFFERENCE * max(1.0, LATE / back)
     try:
         ends = [rollout.value(*hold.twists(actions + s * way), loss) for s in (step, -step)]
     except mpm.SimulationDiverged:

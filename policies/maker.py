@@ -6,6 +6,7 @@ import sys
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import gymnasium
 import numpy as np
@@ -76,11 +77,14 @@ def stored_in(path: Path, expected: str) -> dict[str, np.ndarray] | None:
     """What an earlier run left, or None; raises InvalidValue where that was another run."""
     if not path.is_file():
         return None
-    with np.load(path, allow_pickle=False) as stored:
-        found = dict(stored)
-    if str(found["fingerprint"]) != expected:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            found = dict(stored)
+    except (ValueError, EOFError, BadZipFile) as error:
+        raise mpm.InvalidValue(f"{path}: cannot be read: {error}; give another --out, or remove it") from error
+    if str(found.get("fingerprint")) != expected:
         raise mpm.InvalidValue(f"{path}: made for another scene, task, material, method, seed or start (fingerprint "
-                               f"{found['fingerprint']}, now {expected}); give another --out, or remove it")
+                               f"{found.get('fingerprint')}, now {expected}); give another --out, or remove it")
     return found
 
 

@@ -117,7 +117,8 @@ class RunFolder:
     def _table(self) -> None:
         def rows(path: Path) -> None:
             with path.open("w", newline="") as file:
-                table = csv.DictWriter(file, list(self.rows[0]))
+                names = dict.fromkeys(name for row in self.rows for name in row)  # a run that is older may lack some
+                table = csv.DictWriter(file, list(names))
                 table.writeheader()
                 table.writerows(self.rows)
 

@@ -61,12 +61,21 @@ def runs_below(folders: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
     return [one for k, one in enumerate(rows) if one not in rows[:k]], others
 
 
+COLUMNS = ("task", "method", "material", "seed", "starts", "hold", "obs", "wanted", "commit", "episodes", "best", "tcs",
+           "return", "seconds", "delivered", "spilled", "collisions")
+"""Of a run in tables.json."""
+
+
 def earlier(path: Path) -> list[dict[str, Any]]:
     """Runs of a tables.json that `robosim tables` has written."""
     try:
-        return list(json.loads(path.read_text())["runs"])
+        rows = list(json.loads(path.read_text())["runs"])
+        missing = sorted({key for one in rows for key in COLUMNS if key not in one})
     except (ValueError, KeyError, TypeError) as error:
         raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error
+    if missing:
+        raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: its runs lack {', '.join(missing)}")
+    return [{key: one[key] for key in COLUMNS} for one in rows]
 
 
 def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:

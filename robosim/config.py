@@ -201,6 +201,10 @@ class RehearsalConfig(Table):
         if filled.count(False) + (self.area is not None) != 1:
             raise ValueError(f"{filled.count(False) + (self.area is not None)} places take material; accepted: one of "
                              f"a container without fill_height, area")
+        if self.pile is not None and (self.pile.round or min(self.pile.half) <= 0):
+            raise ValueError(f"pile: half {self.pile.half}, round: {self.pile.round}; accepted: above 0, a block")
+        if self.source is not None and self.weigh_at is None:
+            raise ValueError("weigh_at: missing; a tool that is filled is weighed at a waypoint with a dwell")
         if self.trajectory == "learned" and not self.learned:
             raise ValueError("trajectory: learned needs `learned`, a list of sub-tasks")
         return self
@@ -218,7 +222,7 @@ class RehearsalConfig(Table):
         for w in self.waypoints:
             if w.frame not in ("world", *self.containers):
                 raise ValueError(f"waypoint {w.name!r}: unknown frame {w.frame!r}; "
-                                 f"valid: world, {', '.join(self.containers)}")
+                                 f"valid: {', '.join(('world', *self.containers))}")
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
         walls = self.collision_thickness / self.field.cell

@@ -72,7 +72,7 @@ def check(config: RehearsalConfig, law: Law) -> None:
             raise ConfigError(f"field.region_lower, region_upper do not hold container {name!r}: {error}") from None
     if config.pile is not None:
         try:
-            grid.check_inside(np.array(config.pile.centre) + np.array(config.pile.half) * [[-1, -1, 0], [1, 1, 0]])
+            grid.check_inside(np.array(config.pile.centre) + np.array(config.pile.half) * [[-1, -1, -1], [1, 1, 1]])
         except mpm.InvalidValue as error:
             raise ConfigError(f"field.region_lower, region_upper do not hold the pile: {error}") from None
 
@@ -92,8 +92,11 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
         return places, float(8.0 * np.prod(half)) / len(places)
     region = tool_shape(config.tool).interior
     local = places_in_tool(config.tool, sdf, spacing, rng)
-    low = region.centre[2] - region.half[2]
-    return tool_pose.apply(local[local[:, 2] < low + (config.tool_fill_height or 0.0)]), spacing**3
+    local = local[local[:, 2] < region.centre[2] - region.half[2] + (config.tool_fill_height or 0.0)]
+    if not len(local):
+        raise ConfigError(f"tool_fill_height = {config.tool_fill_height} m holds no grain; accepted: more than a cell, "
+                          f"{config.field.cell} m")
+    return tool_pose.apply(local), spacing**3
 
 
 def places_in_tool(tool: str, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:

@@ -1,8 +1,4 @@
-"""A planned motion for a real arm: joint_trajectory.yaml, in the layout of ROS 2's trajectory_msgs/JointTrajectory.
-
-`ros2 topic pub --once /joint_trajectory_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory \\
-"$(cat joint_trajectory.yaml)"` hands it to a controller whose joints bear the same names.
-"""
+"""A planned motion for a real arm: joint_trajectory.yaml, in the layout of ROS 2's trajectory_msgs/JointTrajectory."""
 
 import numpy as np
 

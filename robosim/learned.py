@@ -5,6 +5,7 @@ from speed to speed every 20 ms; here they are rounded by a moving average, and 
 """
 
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -30,7 +31,6 @@ WIDE = 0.1
 """[s] about a moment that is too fast which are slowed down with it."""
 NEARBY = 0.5
 """[s] before and after a moment within which the nearest point of a path is looked for."""
-WEIGHED = "weighed"
 
 
 class Motion(NamedTuple):
@@ -56,14 +56,17 @@ def motion_of(name: str, task: TaskConfig) -> Motion:
     if path is None:
         raise ConfigError(f"no learnt motion ships for {name}; accepted: `robosim train` it, and put its best.npz into "
                           f"policies/trained/{name}.npz")
-    with np.load(path, allow_pickle=False) as stored:
-        actions, hold = stored["actions"], int(stored["hold"])
-        whole = -(-task.steps // hold)
-        decisions = int(stored["needed"]) if "needed" in stored and task.kind == "pour" else whole
     scale, carrier = Actions(task), Carrier(task)
     poses = [carrier.restart(task.start.pose)]
-    for action in actions[:decisions]:
-        poses += [carrier.command(*scale.velocities(action)) for _ in range(hold)]
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            actions, hold = stored["actions"], int(stored["hold"])
+            whole = -(-task.steps // hold)
+            decisions = int(stored["needed"]) if "needed" in stored and task.kind == "pour" else whole
+        for action in actions[:decisions]:
+            poses += [carrier.command(*scale.velocities(action)) for _ in range(hold)]
+    except (ValueError, KeyError, EOFError, BadZipFile, ConfigError) as error:
+        raise ConfigError(f"{path}: not a motion of {name}: {error}") from error
     given, times = task.step_dt * np.arange(len(poses)), np.arange(0.0, task.step_dt * (len(poses) - 0.5), SAMPLING)
     places = np.array([p.position for p in poses])
     turns = Slerp(given, Rotation.from_quat(np.array([p.quaternion for p in poses]), scalar_first=True))
@@ -83,26 +86,40 @@ def chain(config: RehearsalConfig) -> list[Part]:
             last = parts[-1]
             offset = (last.motion.places[-1] + last.offset - motion.places[0]) * [1, 1, 0]
         else:
-            offset = np.zeros(3)
-            if task.container is not None and task.container_place is not None:
-                own = config.containers.get(task.container)
-                if own is None or own.yaw_deg != task.container_place.yaw_deg:
-                    raise ConfigError(f"learned: {name} was learnt over a container {task.container!r} with yaw_deg "
-                                      f"{task.container_place.yaw_deg:g}; accepted: one like it in containers")
-                offset = np.array(own.position) - np.array(task.container_place.position)
+            offset = first_offset(config, name, task)
         parts.append(Part(name, task, motion, offset))
     return parts
 
 
+def first_offset(config: RehearsalConfig, name: str, task: TaskConfig) -> np.ndarray:
+    """From where the first motion was learnt to where the rehearsal's material is; raises ConfigError where that is
+    not of the motion's kind."""
+    if task.container is not None and task.container_place is not None:
+        own = config.containers.get(task.container)
+        if own is None or task.container != config.source or own.yaw_deg != task.container_place.yaw_deg:
+            raise ConfigError(f"learned: {name} was learnt over a filled container {task.container!r} with yaw_deg "
+                              f"{task.container_place.yaw_deg:g}; accepted: one like it in containers")
+        return np.array(own.position) - np.array(task.container_place.position)
+    if task.start.pile is not None:
+        if config.pile is None:
+            raise ConfigError(f"learned: {name} was learnt on a pile; accepted: a `pile` on the table")
+        return (np.array(config.pile.centre) - np.array(task.start.pile.centre)) * [1, 1, 0]
+    if config.tool_fill_height is None:
+        raise ConfigError(f"learned: {name} begins with a full {task.tool}; accepted: a tool_fill_height, or a motion "
+                          f"that fills it first")
+    return np.zeros(3)
+
+
 def placed(config: RehearsalConfig) -> RehearsalConfig:
-    """The rehearsal with its empty container where the last learnt motion pours, and the load weighed where the first
-    one has filled the tool, or at the start where it is full."""
+    """The rehearsal with its empty container, or its area, where the last learnt motion delivers; a script's stays."""
+    if config.trajectory == "script":
+        return config
     last = chain(config)[-1]
-    place = np.array(last.task.target.centre) + last.offset
-    containers = {name: box.model_copy(update={"position": (float(place[0]), float(place[1]), box.position[2])})
-                  if name == config.sink else box for name, box in config.containers.items()}
-    weigh = None if config.pile is not None else WEIGHED
-    return config.model_copy(update={"containers": containers, "weigh_at": weigh})
+    x, y, _ = map(float, np.array(last.task.target.centre) + last.offset)
+    containers = {name: box.model_copy(update={"position": (x, y, box.position[2])}) if name == config.sink else box
+                  for name, box in config.containers.items()}
+    area = config.area and config.area.model_copy(update={"centre": (x, y, config.area.centre[2])})
+    return config.model_copy(update={"containers": containers, "area": area})
 
 
 class LearnedPath:
@@ -123,6 +140,11 @@ class LearnedPath:
             n = round(duration / SAMPLING)
             add(np.repeat(places[-1][-1:], n, 0), np.repeat(turns[-1][-1:], n, 0))
 
+        def weigh(now: bool) -> None:
+            if now and config.weigh_at is not None and not self._rests:
+                self._rests[config.weigh_at] = (count, count + round(REST / SAMPLING))
+                rest(REST + 2 * ROUNDING)
+
         for k, part in enumerate(chain(config)):
             own = part.motion.places + part.offset
             if k == 0:
@@ -130,12 +152,11 @@ class LearnedPath:
             else:
                 add(*joined(places[-1][-1], turns[-1][-1], own[0], part.motion.turns[0]))
             rest(2 * ROUNDING)
-            if config.weigh_at == WEIGHED and not self._rests and (k > 0 or config.tool_fill_height):
-                self._rests[WEIGHED] = (count, count + round(REST / SAMPLING))
-                rest(REST + 2 * ROUNDING)
+            weigh(k > 0 or config.tool_fill_height is not None)
             self._marks[part.name] = count
             add(own, part.motion.turns)
             rest(2 * ROUNDING)
+        weigh(True)
         self._marks["end"] = count - 1
         self._raw = np.concatenate(places), alike(np.concatenate(turns))
         self._lengths = np.full(count - 1, SAMPLING)

@@ -135,7 +135,10 @@ def fates(run: Rehearsal, positions: np.ndarray) -> dict[str, float | None]:
     place = {name: in_container(positions, c, inner_size(name)) for name, c in config.containers.items()}
     there = config.area.region.holds(positions) if config.area else place.get(config.sink or "", nowhere)
     back = place.get(config.source or "", nowhere)
-    held = in_tool(config.tool, positions, run.tool_pose()) & ~there & ~back
+    held = in_tool(config.tool, positions, run.tool_pose())
+    if config.area and config.weigh_at is not None:  # what is still in a tool above the area is not there yet
+        there &= ~held
+    held &= ~there & ~back
     lying = ~(there | back | held)
     of = mass[carried].sum()
     shares = {"delivered_fraction": there, "returned_fraction": back, "retained_fraction": held}

@@ -31,9 +31,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     Input is checked before any work. Whatever ends the run, what was written is whole.
     """
     chosen = {"material": material, "grasp": grasp, "trajectory": trajectory}
-    config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
-    if config.trajectory == "learned":
-        config = placed(config)
+    config = placed(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
     substance = load_material(config.material)
     grains.check(config, law_of(substance))
     if camera is not None:

@@ -14,8 +14,8 @@ from robosim.config import load_rehearsal
 from robosim.envs.task import load_task
 from robosim.errors import ConfigError
 from robosim.joint_trajectory import joint_trajectory
+from robosim.materials import law_of, load_material
 from robosim.rehearsal import plan
-from robosim.resources import config_path
 from robosim.shapes import tool_shape
 from robosim.smoothing import excess
 
@@ -52,7 +52,7 @@ def test_a_motion_begins_where_the_last_has_ended(chained):
     place = np.array(tasks[2].target.centre[:2]) + (begin[:2] + [0.0, 0.08] - tasks[2].start.position[:2])
     assert chained.containers["target"].position[:2] == pytest.approx(place, abs=1e-9)
     assert chained.containers["source"] == load_rehearsal("spoon").containers["source"]
-    begin, end = path.rests[learned.WEIGHED]
+    begin, end = path.rests[chained.weigh_at]
     assert path.times["SpoonScoop"] + 2.0 < begin < end < path.times["SpoonTranslate"]
     assert path.pose(begin).position == pytest.approx(path.pose(end).position, abs=1e-9)
     assert end - begin == pytest.approx(learned.REST)
@@ -162,8 +162,22 @@ def test_material_is_where_it_was_asked_for():
 
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])
 def test_every_script_can_be_planned(name):
-    """Within the arm's limits, as files of configs/rehearsals and with the materials that ship."""
-    assert config_path("rehearsals", name, "rehearsal").is_file()
-    found = plan(load_rehearsal(name))
-    assert found.motion.delay < 0.01
-    assert found.solution.margin > 0.0
+    """Within the arm's limits, its joints inside their ranges; the field takes every granular material that ships."""
+    config = load_rehearsal(name)
+    assert plan(config).solution.margin > 0.01
+    for material in ("salt", "sugar", "flour", "sand", "paper"):
+        grains.check(config, law_of(load_material(material)))
+
+
+def test_a_rehearsal_knows_what_its_motions_need():
+    """A full tool, a pile, a filled container; the area goes where the motion goes."""
+    with pytest.raises(ConfigError, match="begins with a full spoon"):
+        learned.placed(load_rehearsal("spoon", {"trajectory": "learned", "learned": ["SpoonTranslate"]}))
+    shovel = load_rehearsal("shovel", {"trajectory": "learned",
+                                       "pile": {"centre": [0.70, -0.08, 0.0075], "half": [0.02, 0.02, 0.0075]}})
+    task, moved = load_task("ShovelMove"), learned.placed(shovel)
+    assert moved.area.centre[:2] == pytest.approx(np.array(task.target.centre[:2]) + [-0.08, 0.02])
+    path = learned.LearnedPath(moved)
+    begin = path.pose(0.0).position - task.start.position
+    assert begin == pytest.approx([-0.08, 0.02, 0.0], abs=1e-9)
+    assert learned.placed(load_rehearsal("shovel")) == load_rehearsal("shovel")

@@ -73,10 +73,11 @@ def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
 
 def of_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """A whole-arm rehearsal without film."""
+    from robosim.learned import placed
     from robosim.rehearsal import Rehearsal, plan
     from robosim.rehearsal_report import figures
 
-    config = load_rehearsal(name)
+    config = placed(load_rehearsal(name))
     cell = config.field.cell * setting.get("cell", 1.0)
     field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
                                             * setting.get("grains_per_cell", 1.0)})
@@ -95,7 +96,7 @@ def of_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     names = {"scooped_mass": "scooped_mass", "wrist_payload": "wrist_payload", "delivered": "delivered_fraction",
              "spilled": "spilled_fraction"}
     readings = {name: float(values[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
-                if values[key] is not None}  # a shovel weighs nothing
+                if key != "wrist_payload" or config.weigh_at is not None}  # a shovel weighs nothing
     return told(run.solver, watch, run.wall_time, run.time, readings)
 
 
