@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from robosim.errors import ConfigError
 from robosim.joint_trajectory import joint_trajectory
 from robosim.materials import law_of, load_material
 from robosim.rehearsal import plan
+from robosim.rehearsal_report import fates
 from robosim.shapes import tool_shape
 from robosim.smoothing import excess
 
@@ -181,3 +183,32 @@ def test_a_rehearsal_knows_what_its_motions_need():
     begin = path.pose(0.0).position - task.start.position
     assert begin == pytest.approx([-0.08, 0.02, 0.0], abs=1e-9)
     assert learned.placed(load_rehearsal("shovel")) == load_rehearsal("shovel")
+
+
+def test_a_motion_ends_where_its_work_is_done(tmp_path, monkeypatch):
+    """A pour is cut after the decisions that it needed; a carry is not: its tool is held level to the end."""
+    for name, seconds in (("SpoonPour", 0.6), ("SpoonTranslate", 2.0)):
+        motions(tmp_path, name)
+        with np.load(tmp_path / f"{name}.npz") as stored:
+            np.savez(tmp_path / f"{name}.npz", **stored, needed=30)
+        monkeypatch.setattr(learned, "trained", lambda name: tmp_path / f"{name}.npz")
+        found = learned.motion_of(name, load_task(name))
+        assert len(found.places) - 1 == round(seconds / learned.SAMPLING)
+        assert found.places[-1, 1] - found.places[0, 1] == pytest.approx(0.02 * seconds, abs=1e-9)
+    np.savez(tmp_path / "SpoonPour.npz", actions=np.zeros((100, 3)), hold=10)
+    with pytest.raises(ConfigError, match=r"SpoonPour.npz: not a motion of SpoonPour: .*shape \(3,\)"):
+        learned.motion_of("SpoonPour", load_task("SpoonPour"))
+
+
+def test_what_is_in_the_tool_is_not_delivered():
+    """Grains over the area count once they have left the bottle; a shovel's blade may stay before them."""
+    for name, there in (("bottle", (1.0 / 3.0, 1.0 / 3.0)), ("shovel", (2.0 / 3.0, 0.0))):
+        config = load_rehearsal(name)
+        middle = np.array(tool_shape(name).interior.centre)
+        pose = mpm.Pose(np.array(config.area.centre) - middle, np.array([1.0, 0.0, 0.0, 0.0]))
+        beside = np.array(config.area.centre) + [0.0, 0.045, 0.0]
+        run = SimpleNamespace(config=config, scooped=np.ones(3, bool), tool_pose=lambda pose=pose: pose,
+                              solver=SimpleNamespace(masses=lambda: np.ones(3)))
+        found = fates(run, np.array([config.area.centre, beside, [0.0, 0.0, 0.0]]))
+        assert (found["delivered_fraction"], found["retained_fraction"]) == pytest.approx(there)
+        assert found["spilled_fraction"] == pytest.approx(1.0 / 3.0)

@@ -20,6 +20,7 @@ from stable_baselines3 import DDPG, SAC, TD3  # noqa: E402
 from policies import checkpoint  # noqa: E402
 from policies.buffers import DemoReplayBuffer  # noqa: E402
 from policies.demonstrations import acted, guide, read  # noqa: E402
+from policies.episodes import Episode, Episodes  # noqa: E402
 from policies.network import export  # noqa: E402
 from policies.presets import Preset, load_preset, methods  # noqa: E402
 from policies.run_folder import RunFolder  # noqa: E402
@@ -164,8 +165,6 @@ def test_a_run_that_is_cut_goes_on_to_the_same_bits(tmp_path, learner):
 
 def test_the_best_is_kept_over_a_resume(tmp_path):
     """A worse episode after going on does not replace what was found before."""
-    from policies.episodes import Episode
-
     def row(k, total):
         return Episode({"episode": k, "return": total, "seconds": 1.0, "simulating": 0.5, "diverged": ""},
                        np.full((5, 1), total))
@@ -296,3 +295,36 @@ def test_a_sweep_that_is_killed_twice_ends_whole(tmp_path):
     before = {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}
     assert subprocess.run(words, capture_output=True, check=False).returncode == 0
     assert before == {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}
+
+
+def test_decisions_that_were_needed():
+    """Those up to the last one after which a reading changed; counted anew in every episode."""
+    class Counted(gymnasium.Env):
+        observation_space = action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            self.t = 0
+            return np.zeros(1, np.float32), {}
+
+        def step(self, action):
+            self.t += 1
+            told = {"tcs": 1.0, "is_success": True, "readings": {"delivered": min(self.t, self.last) / self.last}}
+            return np.zeros(1, np.float32), 1.0, self.t == 10, False, told
+
+    seen, env = [], Counted()
+    episodes = Episodes(env, 0, None, seen.append)
+    for env.last in (7, 3):
+        episodes.reset()
+        while not episodes.step(np.zeros(1))[2]:
+            pass
+    assert [episode.row["needed"] for episode in seen] == [7, 3]
+
+
+def test_rows_of_an_older_run_go_into_one_table(tmp_path):
+    """A run that is forced on after a column was added keeps its rows, without it."""
+    folder = RunFolder(tmp_path, {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"})
+    folder.rows = [{"episode": 0, "return": 1.0, "seconds": 1.0, "simulating": 0.5, "diverged": ""}]
+    folder.add(Episode({**folder.rows[0], "episode": 1, "needed": 4}, np.zeros((5, 1))), 10)
+    lines = (tmp_path / "episodes.csv").read_text().splitlines()
+    assert lines == ["episode,return,seconds,simulating,diverged,needed", "0,1.0,1.0,0.5,,", "1,1.0,1.0,0.5,,4"]
