@@ -3,7 +3,7 @@
 import contextlib
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +12,10 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti  # noqa: E402  (the variable above must be set before)
 
 from mpm.errors import BackendError, UnknownName  # noqa: E402
+from mpm.tracing import remember_sources  # noqa: E402
 
-__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "put", "real_type", "session_precision", "ti"]
+__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "later", "put", "real_type", "session_precision",
+           "ti"]
 
 ARCHITECTURES = {"cpu": ti.cpu}
 """The fused kernel is serial and adds without atomics: right on a CPU core, and so far written for that alone."""
@@ -72,6 +74,7 @@ def _start(wanted: Session) -> None:
         offline_cache=True,
         random_seed=0,
     )
+    remember_sources(ti.lang)
 
 
 def session_precision() -> str:
@@ -87,8 +90,8 @@ def real_type(precision: str):  # noqa: ANN201  (a taichi type object)
     return ti.f64 if precision == "f64" else ti.f32
 
 
-_waiting: list[tuple] | None = None
-"""Fields and what goes into them, while a group is being laid out."""
+_waiting: list[Callable[[], None]] | None = None
+"""What is to be done with fields, while their group is being laid out."""
 
 
 @contextlib.contextmanager
@@ -107,19 +110,24 @@ def allocating() -> Iterator[None]:
     _waiting = []
     try:
         yield
-        filled, _waiting = _waiting, None
-        for field, values in filled:
-            field.from_numpy(values)
+        due, _waiting = _waiting, None
+        for act in due:
+            act()
     finally:
         _waiting = None
 
 
 def put(field, values: np.ndarray) -> None:  # noqa: ANN001  (a taichi field)
     """Copy an array to a field, once its group is laid out."""
+    later(lambda: field.from_numpy(values))
+
+
+def later(act: Callable[[], None]) -> None:
+    """Do something with fields, once their group is laid out."""
     if _waiting is None:
-        field.from_numpy(values)
+        act()
     else:
-        _waiting.append((field, values))
+        _waiting.append(act)
 
 
 @contextlib.contextmanager

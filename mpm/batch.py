@@ -15,7 +15,7 @@ from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.motion import Pose
 from mpm.motions import Motions
 from mpm.numbers import PARAMETERS
-from mpm.particles import LANES
+from mpm.packs import LANES
 from mpm.stride import chosen_interval, launches, most_substeps
 from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.tally import MAX_LOOKS, Tallied
@@ -50,7 +50,7 @@ class BatchSubsteps(Substeps):
         self.n = n
         self.kept = [field for named in scene.particles.named_fields().values() for field in named]
         self.bank = ti.Vector.field(LANES, real_type(scene.precision), (n, len(self.kept), scene.particles.n_packs))
-        self.flags = ti.field(ti.i8, (n, scene.particles.n_packs * LANES if self.tallies else 1))
+        self.flags = ti.field(ti.i8, (n, scene.particles.n_lanes if self.tallies else 1))
         self.rows_of_sample = len(scene.sample.values) if self.samples else 0
 
     @ti.kernel
@@ -86,7 +86,7 @@ class BatchSubsteps(Substeps):
     def fetch(self, e):
         """A future's state into the solver's fields."""
         for i in ti.static(range(len(self.kept))):
-            for q in range(self.particles.n_packs):
+            for q in range(self.particles.packs[None]):
                 self.kept[i][q] = self.bank[e, i, q]
         if ti.static(self.tallies):
             for slot in range(self.flags.shape[1]):
@@ -96,7 +96,7 @@ class BatchSubsteps(Substeps):
     def store(self, e):
         """The solver's fields back to where a future's state lies."""
         for i in ti.static(range(len(self.kept))):
-            for q in range(self.particles.n_packs):
+            for q in range(self.particles.packs[None]):
                 self.bank[e, i, q] = self.kept[i][q]
         if ti.static(self.tallies):
             for slot in range(self.flags.shape[1]):

@@ -2,44 +2,12 @@
 
 import numpy as np
 
-from mpm.backend import allocating, put, real_type, ti
+from mpm.backend import put, real_type, ti
 from mpm.body import Body
 from mpm.errors import InvalidValue
 from mpm.features import Features
 from mpm.grid import Grid
-
-LANES = 4
-"""Particles in a pack. Four fills the registers of common processors; eight spills them."""
-
-
-@ti.data_oriented
-class Snapshot:
-    """A copy of pack fields."""
-
-    def __init__(self, fields: list, n_packs: int) -> None:
-        self.n_packs, self.fields = n_packs, fields
-        with allocating():
-            self.copies = [ti.Vector.field(LANES, field.dtype, n_packs) for field in fields]
-
-    @ti.kernel
-    def keep(self):
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.copy()
-
-    @ti.func
-    def copy(self):
-        """As `keep`, within a launch."""
-        for q in range(self.n_packs):
-            for i in ti.static(range(len(self.fields))):
-                self.copies[i][q] = self.fields[i][q]
-
-    @ti.kernel
-    def rewind(self):
-        ti.loop_config(serialize=True)
-        for q in range(self.n_packs):
-            for i in ti.static(range(len(self.fields))):
-                self.fields[i][q] = self.copies[i][q]
+from mpm.packs import LANES, Packs, Snapshot
 
 
 class ParticleFields:
@@ -53,6 +21,12 @@ class ParticleFields:
         self.ranges = [(int(end - n), int(end)) for n, end in zip(packs, ends)]
         """First and last + 1 pack of each body: a pack never mixes materials."""
         self.n_packs = int(ends[-1])
+        self.n_lanes = self.n_packs * LANES
+        """Lanes of all packs, those that fill one up among them."""
+        self.packs = ti.field(ti.i32, ())
+        """The same number, where the compiler cannot see it: of a few packs it would unroll every copy, which makes up
+        half of what it compiles then."""
+        put(self.packs, np.array(self.n_packs, np.int32))
 
         def pack_field():  # noqa: ANN202
             return ti.Vector.field(LANES, real, self.n_packs)
@@ -82,6 +56,10 @@ class ParticleFields:
         self.index = self._order(bodies, grid)
         self._kept: Snapshot | None = None
         self._dtype = np.float64 if features.precision == "f64" else np.float32
+        state = [field for named in self.named_fields().values() for field in named]
+        self._state = Packs(state, self.packs, self._dtype)
+        constant = [field for field in (self.volume, self.half) if field is not None]
+        self._all = Packs([*state, *constant], self.packs, self._dtype)
         volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
         velocities = [np.zeros((n, 3)) if body.velocities is None else body.velocities
                       for body, n in zip(bodies, self.counts)]
@@ -104,8 +82,7 @@ class ParticleFields:
 
     def write(self, fields: list, values: np.ndarray, padding: float | None = None) -> None:
         """Store values (n_particles, k) into k pack fields; see `packed`."""
-        for field, column in zip(fields, self.packed(values, padding)):
-            put(field, column)
+        self._all.write(fields, self.packed(values, padding))
 
     def packed(self, values: np.ndarray, padding: float | None = None) -> np.ndarray:
         """Values (n_particles, k) as k pack fields hold them (k, n_packs, LANES); padding lanes repeat the last
@@ -129,7 +106,11 @@ class ParticleFields:
 
     def read(self, fields: list) -> np.ndarray:
         """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
-        return np.stack([field.to_numpy().reshape(-1)[self.index] for field in fields], -1)
+        return self.in_order(self._all.read(fields))
+
+    def in_order(self, packed: np.ndarray) -> np.ndarray:
+        """Values (k, n_packs, LANES) particle by particle (n_particles, k)."""
+        return np.ascontiguousarray(packed.reshape(len(packed), -1)[:, self.index].T)
 
     def keep(self) -> None:
         """Copy the state aside, on the device."""
@@ -142,8 +123,7 @@ class ParticleFields:
     def snapshot(self) -> "Snapshot":
         """Where the state is copied to; it takes memory from the first time on that somebody asks."""
         if self._kept is None:
-            fields = [field for named in self.named_fields().values() for field in named]
-            self._kept = Snapshot(fields, self.n_packs)
+            self._kept = Snapshot(self._state)
         return self._kept
 
     def named_fields(self) -> dict[str, list]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpm.backend import allocating, put, ti
-from mpm.particles import LANES
+from mpm.packs import LANES
 
 
 @ti.data_oriented

@@ -105,7 +105,7 @@ def reaches_across(scene: ti.template(), J):
 @ti.func
 def label_grains(scene: ti.template(), P: ti.template(), motion: ti.template(), s: ti.i32):
     """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it."""
-    for q in range(P.n_packs):
+    for q in range(P.packs[None]):
         near = 0
         for row, index in ti.static(scene.features.shell_rows):
             c_t = tool_origin(motion, row, s)

@@ -19,7 +19,7 @@ from mpm.mobility_table import MobilityTable
 from mpm.motion import Pose, Twist, Wrench
 from mpm.motions import Motions
 from mpm.numbers import Numbers
-from mpm.particles import LANES, ParticleFields
+from mpm.particles import ParticleFields
 from mpm.sample import Sample
 from mpm.shell import Shell
 from mpm.sides import CutFields
@@ -99,7 +99,7 @@ class Solver:
                     collider.sdf.allocate()
             self.cuts = None
             if self.features.shells:
-                self.cuts = CutFields(self.grid, self.precision, self.particles.n_packs * LANES)
+                self.cuts = CutFields(self.grid, self.precision, self.particles.n_lanes)
             self.mobiles = None
             if self.features.mobile:
                 radii = [self.colliders[i].sdf.radius for i in self.features.mobile]

@@ -8,7 +8,7 @@ from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW
 from mpm.mirror import NoTape, fold, fold_periodic, unfold, unfold_periodic
 from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
-from mpm.particles import LANES
+from mpm.packs import LANES
 from mpm.sides import gather_cut, keep_for_cut, label_grains, label_nodes, scatter_cut
 from mpm.strain import FULL, INTEGRATORS, keep
 from mpm.stride import drift_after, drift_before, hold, stride
@@ -170,14 +170,14 @@ class Substeps:
         """List the blocks that the stencils of all grains reach."""
         self.grid.count[None] = 0
         last = -1
-        for q in range(P.n_packs):
+        for q in range(P.packs[None]):
             last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, stamp)
 
     @ti.func
     def drift(self, P: ti.template(), dt, stamp: ti.i32):
         """Move all grains for dt [s], and list the blocks that their stencils reach now, besides those listed."""
         last = -1
-        for q in range(P.n_packs):
+        for q in range(P.packs[None]):
             for r in ti.static(range(3)):
                 P.x[r][q] = self.moved(P.x[r][q] + dt * P.v[r][q], r)
             last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, stamp)
@@ -317,7 +317,7 @@ class Substeps:
         """Sum of squared velocities (not finite if anything is not) and the largest speed."""
         total = ti.cast(0.0, ti.f64)
         fastest = ti.cast(0.0, ti.f64)
-        for q in range(self.particles.n_packs):
+        for q in range(self.particles.packs[None]):
             v2 = self.particles.v[0][q] ** 2 + self.particles.v[1][q] ** 2 + self.particles.v[2][q] ** 2
             total += ti.cast(v2.sum(), ti.f64)
             fastest = ti.max(fastest, ti.cast(v2.max(), ti.f64))

@@ -20,6 +20,8 @@ from policies.set_encoders import DeepSets, PointNet
 CONTRIBUTED = ("TQC", "CrossQ")
 NOISE = 0.1
 """Standard deviation of the exploration of methods whose policies are deterministic (Fujimoto et al. 2018)."""
+FIRST_NOISE = 0.2
+"""The same of corrections, at first."""
 ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets}
 
 
@@ -87,6 +89,20 @@ def build(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None =
     if isinstance(env.observation_space, gymnasium.spaces.Dict):
         policy = "MultiInputPolicy"
     try:
-        return kind(policy, env, seed=seed, policy_kwargs=inner, device="cpu", **options)
+        model = kind(policy, env, seed=seed, policy_kwargs=inner, device="cpu", **options)
     except TypeError as error:
         raise mpm.InvalidValue(f"options of {preset.learner}: {error}") from error
+    if preset.residual is not None:
+        correct_nothing(model.actor)
+    return model
+
+
+def correct_nothing(actor: Any) -> None:
+    """Have a policy that corrects a sequence begin with the sequence itself, and little noise: with layers as they come
+    its first episodes would leave what is to be corrected, and be all that the critic knows (Silver et al. 2018).
+    Raises mpm.InvalidValue for learners other than SAC's kind."""
+    if not isinstance(getattr(actor, "log_std", None), nn.Linear):
+        raise mpm.InvalidValue("residual: accepted: learner SAC, TQC or CrossQ")
+    for layer, value in ((actor.mu, 0.0), (actor.log_std, float(np.log(FIRST_NOISE)))):
+        nn.init.zeros_(layer.weight)
+        nn.init.constant_(layer.bias, value)

@@ -3,7 +3,7 @@
 from mpm.adjoint.strain import advance_back, exponential_back, logarithm_back
 from mpm.backend import real_type, ti
 from mpm.body import Material
-from mpm.particles import LANES
+from mpm.packs import LANES
 from mpm.strain import JACOBI_SWEEPS, advance_e, compose, keep, log1p, spectrum
 
 SWEEPS = {"f32": 4, "f64": JACOBI_SWEEPS}

@@ -1,7 +1,8 @@
 """States of the particles, kept side by side on the device."""
 
 from mpm.backend import real_type, ti
-from mpm.particles import LANES, ParticleFields
+from mpm.packs import LANES
+from mpm.particles import ParticleFields
 
 MOVING = 15
 """Fields of x, v and C, which come first in a state."""
@@ -13,8 +14,8 @@ class History:
 
     def __init__(self, particles: ParticleFields, precision: str, slots: int) -> None:
         self.fields = [field for fields in particles.named_fields().values() for field in fields]
-        self.n_packs = particles.n_packs
-        self.kept = ti.Vector.field(LANES, real_type(precision), (slots, len(self.fields), self.n_packs))
+        self.packs = particles.packs
+        self.kept = ti.Vector.field(LANES, real_type(precision), (slots, len(self.fields), particles.n_packs))
 
     @staticmethod
     def bytes_per_state(particles: ParticleFields, precision: str) -> int:
@@ -25,22 +26,22 @@ class History:
     @ti.func
     def store(self, slot):
         """Keep the present state."""
-        for i in ti.static(range(len(self.fields))):
-            for q in range(self.n_packs):
+        for q in range(self.packs[None]):
+            for i in ti.static(range(len(self.fields))):
                 self.kept[slot, i, q] = self.fields[i][q]
 
     @ti.func
     def load(self, slot):
         """Return to a state."""
-        for i in ti.static(range(len(self.fields))):
-            for q in range(self.n_packs):
+        for q in range(self.packs[None]):
+            for i in ti.static(range(len(self.fields))):
                 self.fields[i][q] = self.kept[slot, i, q]
 
     @ti.func
     def load_strains(self, slot):
         """Return to what a state's laws remember."""
-        for i in ti.static(range(MOVING, len(self.fields))):
-            for q in range(self.n_packs):
+        for q in range(self.packs[None]):
+            for i in ti.static(range(MOVING, len(self.fields))):
                 self.fields[i][q] = self.kept[slot, i, q]
 
     @ti.kernel
@@ -55,6 +56,6 @@ class History:
         """Take over a state of another history."""
         ti.loop_config(serialize=True)
         for _ in range(1):
-            for i in ti.static(range(len(self.fields))):
-                for q in range(self.n_packs):
+            for q in range(self.packs[None]):
+                for i in ti.static(range(len(self.fields))):
                     self.kept[to_slot, i, q] = source.kept[from_slot, i, q]

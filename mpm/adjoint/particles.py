@@ -1,7 +1,10 @@
 """Bars of the particles' state."""
 
+import numpy as np
+
 from mpm.backend import real_type, ti
-from mpm.particles import LANES, ParticleFields
+from mpm.packs import LANES, Packs
+from mpm.particles import ParticleFields
 
 
 class ParticleBars:
@@ -13,6 +16,8 @@ class ParticleBars:
         self.x, self.v, self.C = (self._named[name] for name in ("x", "v", "C"))
         self.e = self._named.get("e", [])
         self.j, self.vc = (self._named.get(name, [None])[0] for name in ("j", "vc"))
+        every = [field for fields in self._named.values() for field in fields]
+        self.packs = Packs(every, particles.packs, np.float64 if precision == "f64" else np.float32)
 
     def named_fields(self) -> dict[str, list]:
         """The fields, as `ParticleFields` names them."""
@@ -20,6 +25,4 @@ class ParticleBars:
 
     def clear(self) -> None:
         """Set all to zero."""
-        for fields in self._named.values():
-            for field in fields:
-                field.fill(0.0)
+        self.packs.clear()

@@ -18,7 +18,7 @@ from mpm.backend import allocating, default_precision
 from mpm.diagnostics import divergence_of
 from mpm.errors import GradientDiverged, InvalidValue, TimeStepTooLarge
 from mpm.motion import Pose
-from mpm.particles import LANES, Snapshot
+from mpm.packs import LANES, Snapshot
 from mpm.stride import MAX_SUBSTEPS, most_substeps
 from mpm.substep import SPEED_LIMIT
 from mpm.timestep import material_bound, travel_bound
@@ -87,7 +87,7 @@ class Rollout:
             depth = longest if solver.features.strides else 1
             self._sweep = Sweep(solver, self._history, depth=depth, materials=materials, limit=limit, soft=soft,
                                 svd=svd)
-            self._bars = Snapshot(self._sweep.state_fields, solver.particles.n_packs)
+            self._bars = Snapshot(self._sweep.bars.packs)
         self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None
         self.forward_steps = 0
         """Steps run forwards by the last call: n_steps, and what was run again."""
@@ -337,8 +337,9 @@ class Rollout:
             motion_bar = np.zeros((n, 18))
             self._launch(0, slot, n, rows[end - n : end], loss_bar, motion_bar, np.zeros((last - begin, 3)))
             end -= n
-            bad = {name: np.flatnonzero(~np.isfinite(particles.read(fields)).all(1))
-                   for name, fields in self._sweep.bars.named_fields().items()}
+            bars = self._sweep.bars
+            bad = {name: np.flatnonzero(~np.isfinite(particles.in_order(bars.packs.read(fields))).all(1))
+                   for name, fields in bars.named_fields().items()}
             found = [(name, int(rows_of[0])) for name, rows_of in bad.items() if len(rows_of)]
             if found:
                 quantity, particle = found[0]

@@ -3,7 +3,7 @@
 from mpm.adjoint.strain import bar_of_matrix
 from mpm.backend import ti
 from mpm.grid import stencil
-from mpm.particles import LANES
+from mpm.packs import LANES
 from mpm.strain import FULL, keep
 from mpm.transfer import gather_lane, scatter_lane, weights
 
