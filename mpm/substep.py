@@ -222,7 +222,7 @@ class Substeps:
         pz = p[2] - Q[6] * f[0] - Q[7] * f[1] - Q[8] * f[2]
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         zero = self.numbers.zero[None]
-        for l in ti.static(range(4)):
+        for l in range(LANES):
             node = [keep(base[d][l]) for d in range(3)]
             if ti.static(len(self.features.shells) > 0):
                 if P.side[q][l] != 0:
@@ -264,7 +264,7 @@ class Substeps:
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         v = [keep(f[0] * 0.0) for _ in range(3)]
         B = [keep(f[0] * 0.0) for _ in range(9)]
-        for l in ti.static(range(4)):
+        for l in range(LANES):
             value, moment_i, moment_j, moment_k = gather_lane(
                 self.grid.nodes, [keep(base[d][l]) for d in range(3)], lane(wx, l), lane(wy, l), lane(wz, l))
             for r in ti.static(range(3)):

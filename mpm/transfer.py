@@ -19,7 +19,7 @@ def weights(f):
 
 
 @ti.func
-def lane(packs: ti.template(), l: ti.template()):
+def lane(packs: ti.template(), l):
     """One particle's three weights."""
     return [keep(packs[i][l]) for i in range(3)]
 

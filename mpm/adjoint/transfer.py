@@ -24,7 +24,8 @@ def offset_bar(products: ti.template(), nodes: ti.template(), base: ti.template(
     by_x = ti.Vector.zero(nodes.dtype, 4)
     by_y, by_z = by_x, by_x
     q_i = q0
-    for i in ti.static(range(3)):
+    w_x, d_x = ti.Vector([w[0][0], w[0][1], w[0][2]]), ti.Vector([d[0][0], d[0][1], d[0][2]])
+    for i in range(3):
         plane, plane_y, plane_z = ti.Vector.zero(nodes.dtype, 4), ti.Vector.zero(nodes.dtype, 4), \
             ti.Vector.zero(nodes.dtype, 4)
         q_j = q_i
@@ -37,9 +38,9 @@ def offset_bar(products: ti.template(), nodes: ti.template(), base: ti.template(
             plane_y = plane_y + d[1][j] * row
             plane_z = plane_z + w[1][j] * (d[2][0] * t0 + d[2][1] * t1 + d[2][2] * t2)
             q_j = q_j + a1
-        by_x = by_x + d[0][i] * plane
-        by_y = by_y + w[0][i] * plane_y
-        by_z = by_z + w[0][i] * plane_z
+        by_x = by_x + d_x[i] * plane
+        by_y = by_y + w_x[i] * plane_y
+        by_z = by_z + w_x[i] * plane_z
         q_i = q_i + a0
     products[0] = by_x
     products[1] = by_y
