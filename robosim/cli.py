@@ -10,6 +10,7 @@ from robosim.cases import NAMES
 from robosim.envs import TASKS
 from robosim.envs.evaluate import evaluate
 from robosim.envs.policies import NAMES as POLICIES
+from robosim.envs.transfer import materials
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.reports.bench import PARTS, bench
@@ -60,6 +61,7 @@ def parser() -> argparse.ArgumentParser:
     stable.set_defaults(run=lambda a: stability(a.axes, a.out, a.jobs))
     _add_explain(commands)
     _add_evaluate(commands)
+    _add_materials(commands)
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top
@@ -133,6 +135,21 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     run.set_defaults(run=lambda a: evaluate(
         a.task, a.policy, a.out, episodes=a.episodes, seed=a.seed, film=not a.no_video, nominal=a.nominal,
         material=a.material, arm=a.arm, grasp=a.grasp))
+
+
+def _add_materials(commands: argparse._SubParsersAction) -> None:
+    """The command `materials`."""
+    run = commands.add_parser("materials", help="score one motion among thirteen materials",
+                              epilog="example:\n  robosim materials SpoonTranslate ShovelMove --jobs 2 --out "
+                              "out/materials", formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("tasks", nargs="*", metavar="TASK",
+                     help=f"of: {', '.join(TASKS)} (default: all)")
+    run.add_argument("--policy", default="learned", help=f"one of: {', '.join(POLICIES)}; or a .npz file with an array "
+                     "`actions` (default: learned, the motions that ship)")
+    run.add_argument("--jobs", type=_positive, default=1, help="tasks at a time, a core each (default: 1)")
+    run.add_argument("--out", type=Path, required=True, help="folder for materials.json, .csv and .png; what is there "
+                     "is not played again")
+    run.set_defaults(run=lambda a: materials(a.tasks or list(TASKS), a.out, name=a.policy, jobs=a.jobs))
 
 
 def _positive(text: str) -> int:
