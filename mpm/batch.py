@@ -86,7 +86,7 @@ class BatchSubsteps(Substeps):
     def fetch(self, e):
         """A future's state into the solver's fields."""
         for i in ti.static(range(len(self.kept))):
-            for q in range(self.particles.packs[None]):
+            for q in range(self.particles.pack_count[None]):
                 self.kept[i][q] = self.bank[e, i, q]
         if ti.static(self.tallies):
             for slot in range(self.flags.shape[1]):
@@ -96,7 +96,7 @@ class BatchSubsteps(Substeps):
     def store(self, e):
         """The solver's fields back to where a future's state lies."""
         for i in ti.static(range(len(self.kept))):
-            for q in range(self.particles.packs[None]):
+            for q in range(self.particles.pack_count[None]):
                 self.bank[e, i, q] = self.kept[i][q]
         if ti.static(self.tallies):
             for slot in range(self.flags.shape[1]):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mpm.backend import allocating, later, ti
+from mpm.errors import InvalidValue
 
 LANES = 4
 """Particles in a pack. Four fills the registers of common processors; eight spills them."""
@@ -10,21 +11,30 @@ LANES = 4
 
 @ti.data_oriented
 class Packs:
-    """Pack fields of one length. count: that length as a field, see `ParticleFields.packs`."""
+    """Pack fields of one length and type. count: that length as a field, see `ParticleFields.pack_count`. dtype: of
+    the fields, as NumPy has it."""
 
     def __init__(self, fields: list, count, dtype: type) -> None:  # noqa: ANN001  (a taichi field)
         self.fields, self.count, self._dtype = fields, count, dtype
         self._place = {id(field): i for i, field in enumerate(fields)}
 
     def _rows(self, fields: list) -> np.ndarray:
-        """For each of all fields its row among the given ones, or -1."""
+        """For each of all fields its row among the given ones, or -1; raises InvalidValue for a field that is none of
+        these, or given twice."""
+        places = {self._place.get(id(field)) for field in fields}
+        if None in places or len(places) < len(fields):
+            raise InvalidValue(f"Packs: {len(fields)} fields given; accepted: some of {len(self.fields)}, once each")
         rows = np.full(len(self.fields), -1, np.int32)
         rows[[self._place[id(field)] for field in fields]] = np.arange(len(fields))
         return rows
 
     def write(self, fields: list, values: np.ndarray) -> None:
-        """Values (k, packs, LANES) into k of the fields, as soon as these are laid out."""
-        later(lambda: self._write(self._rows(fields), np.ascontiguousarray(values, self._dtype)))
+        """Values (k, packs, LANES) into k of the fields, as soon as these are laid out; raises InvalidValue for values
+        of another shape."""
+        rows, wanted = self._rows(fields), (len(fields), *self.fields[0].shape, LANES)
+        if values.shape != wanted:
+            raise InvalidValue(f"Packs: values of shape {values.shape}; accepted: {wanted}")
+        later(lambda: self._write(rows, np.ascontiguousarray(values, self._dtype)))
 
     def read(self, fields: list) -> np.ndarray:
         """Values (k, packs, LANES) of k of the fields."""

@@ -23,10 +23,10 @@ class ParticleFields:
         self.n_packs = int(ends[-1])
         self.n_lanes = self.n_packs * LANES
         """Lanes of all packs, those that fill one up among them."""
-        self.packs = ti.field(ti.i32, ())
+        self.pack_count = ti.field(ti.i32, ())
         """The same number, where the compiler cannot see it: of a few packs it would unroll every copy, which makes up
         half of what it compiles then."""
-        put(self.packs, np.array(self.n_packs, np.int32))
+        put(self.pack_count, np.array(self.n_packs, np.int32))
 
         def pack_field():  # noqa: ANN202
             return ti.Vector.field(LANES, real, self.n_packs)
@@ -57,9 +57,9 @@ class ParticleFields:
         self._kept: Snapshot | None = None
         self._dtype = np.float64 if features.precision == "f64" else np.float32
         state = [field for named in self.named_fields().values() for field in named]
-        self._state = Packs(state, self.packs, self._dtype)
+        self._state = Packs(state, self.pack_count, self._dtype)
         constant = [field for field in (self.volume, self.half) if field is not None]
-        self._all = Packs([*state, *constant], self.packs, self._dtype)
+        self._all = Packs([*state, *constant], self.pack_count, self._dtype)
         volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
         velocities = [np.zeros((n, 3)) if body.velocities is None else body.velocities
                       for body, n in zip(bodies, self.counts)]
@@ -87,7 +87,7 @@ class ParticleFields:
     def packed(self, values: np.ndarray, padding: float | None = None) -> np.ndarray:
         """Values (n_particles, k) as k pack fields hold them (k, n_packs, LANES); padding lanes repeat the last
         particle of their body."""
-        packed = np.zeros((self.n_packs * LANES, values.shape[1]), self._dtype)
+        packed = np.zeros((self.n_lanes, values.shape[1]), self._dtype)
         packed[self.index] = values
         for count, (begin, end) in zip(self.counts, self.ranges):
             used = begin * LANES + count
@@ -120,7 +120,7 @@ class ParticleFields:
         """Return to the state last kept."""
         self.snapshot().rewind()
 
-    def snapshot(self) -> "Snapshot":
+    def snapshot(self) -> Snapshot:
         """Where the state is copied to; it takes memory from the first time on that somebody asks."""
         if self._kept is None:
             self._kept = Snapshot(self._state)

@@ -105,7 +105,7 @@ def reaches_across(scene: ti.template(), J):
 @ti.func
 def label_grains(scene: ti.template(), P: ti.template(), motion: ti.template(), s: ti.i32):
     """Sides of the grains: taken on entering the neighbourhood of a shell, kept inside it."""
-    for q in range(P.packs[None]):
+    for q in range(P.pack_count[None]):
         near = 0
         for row, index in ti.static(scene.features.shell_rows):
             c_t = tool_origin(motion, row, s)
@@ -144,7 +144,7 @@ def grain_side(scene: ti.template(), motion: ti.template(), s: ti.i32, J, x):
 
 
 @ti.func
-def keep_for_cut(cuts: ti.template(), q, l: ti.template(), node: ti.template(), f: ti.template(), p: ti.template(),
+def keep_for_cut(cuts: ti.template(), q, l, node: ti.template(), f: ti.template(), p: ti.template(),
                  mass, Q: ti.template(), fresh):
     """Put lane l of pack q on the list, with what it would have scattered."""
     c = cuts.count[None]

@@ -62,7 +62,7 @@ def stride(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.te
     """Substeps of the stride that begins with s, 1 to `most`: at its present speed no grain travels more than `TRAVEL`
     cells, no tool more than it may in a substep."""
     fastest = dt * dt * 0.0
-    for q in range(scene.particles.packs[None]):
+    for q in range(scene.particles.pack_count[None]):
         v2 = scene.particles.v[0][q] ** 2 + scene.particles.v[1][q] ** 2 + scene.particles.v[2][q] ** 2
         fastest = ti.max(fastest, v2.max())
     count = within(most, dt * ti.sqrt(fastest), ti.static(TRAVEL * scene.cell))

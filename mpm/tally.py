@@ -114,7 +114,7 @@ class Tally:
     @ti.kernel
     def _copy(self, back: bool):
         ti.loop_config(serialize=True)
-        for slot in range(self.particles.packs[None] * LANES):
+        for slot in range(self.particles.pack_count[None] * LANES):
             if back:
                 self.flags[slot] = self.kept[slot]
             else:
@@ -123,7 +123,7 @@ class Tally:
     @ti.func
     def keep_flags(self):
         """As `keep`, within a launch."""
-        for slot in range(self.particles.packs[None] * LANES):
+        for slot in range(self.particles.pack_count[None] * LANES):
             self.kept[slot] = self.flags[slot]
 
     def read(self) -> Tallied:
@@ -153,7 +153,7 @@ class Tally:
     @ti.func
     def rank(self, ranks: ti.template(), reading):
         """What each counted grain adds, after `accumulate`."""
-        for slot in range(self.particles.packs[None] * LANES):
+        for slot in range(self.particles.pack_count[None] * LANES):
             if self.counted[slot] > 0:
                 ranks[reading, slot, 0] = ti.cast(self.distance(self.place(slot)), ti.f32)
                 ranks[reading, slot, 1] = ti.cast(self.flags[slot] & WAS_ON_TARGET, ti.f32) / WAS_ON_TARGET
@@ -162,7 +162,7 @@ class Tally:
     def accumulate(self, c, R, out: ti.template(), row):
         """Sums with the tool at c, R into two rows of out, which hold zeros, from `row` on."""
         add(out, row, CLEARANCE, FAR)
-        for slot in range(self.particles.packs[None] * LANES):
+        for slot in range(self.particles.pack_count[None] * LANES):
             if ti.static(self.touches):
                 self.touch(slot, c, R, out, row)
             if self.counted[slot] > 0:

@@ -36,10 +36,10 @@ BACK = (10, 30, 100, 300, 1000)
 DIFFERENCE, LATE = 1e-3, 100
 """Step in actions of -1 to 1; larger where a change comes so many steps before the end or later: it does little, which
 in single precision drowns in the rounding of the loss."""
-ASIDE = 0.003
-"""Largest distance in actions of the motion from the task's script. The script carries its tool level, with the nodes
-of the field's grid on those of the tool's distances: the least step to a side turns every normal there, and differences
-see a jump that derivatives do not."""
+SLOWER, ASIDE = 0.98, 0.003
+"""The motion: so much of the script's actions, and a random part of at most so much in each. The script carries its
+tool level, with the nodes of the field's grid on those of the tool's distances: the least step to a side turns every
+normal there, and differences see a jump that derivatives do not."""
 EXAMPLE = "example:\n  robosim gradients SpoonPour ShovelMove --jobs 2 --out out/gradients"
 
 
@@ -102,14 +102,14 @@ def _rolled_back(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
     own: Any = gymnasium.make(f"robosim:robosim/{task}-v0").unwrapped
     material = STAND_INS.get(own.task.kind, FLUID) if variant == "fluid or clay" else own.task.material
     env: Any = gymnasium.make(f"robosim:robosim/{task}-v0", material=material, action_repeat=HOLD).unwrapped
-    mark = fingerprint(env, VARIANTS[variant], BACK, DIFFERENCE, ASIDE)
+    mark = fingerprint(env, VARIANTS[variant], BACK, DIFFERENCE, SLOWER, ASIDE)
     stored = stored_in(place(task, variant, out), mark)
     if stored is not None:
         return stored
     env.reset(options={"nominal": True})
     rollout, hold, loss = env.rollout(**VARIANTS[variant]), Hold(env.task, HOLD), env.objective()
     script = hold.follow(env.task, env.task.steps * env.task.step_dt)
-    actions = 0.98 * script + ASIDE * np.random.default_rng(0).uniform(-1.0, 1.0, script.shape)
+    actions = SLOWER * script + ASIDE * np.random.default_rng(0).uniform(-1.0, 1.0, script.shape)
     checks = np.zeros((0, 3))
     try:
         _, bars = rollout.value_and_grad(*hold.twists(actions), loss)

@@ -93,16 +93,17 @@ def build(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None =
     except TypeError as error:
         raise mpm.InvalidValue(f"options of {preset.learner}: {error}") from error
     if preset.residual is not None:
-        correct_nothing(model.actor)
+        correct_nothing(model, preset.learner)
     return model
 
 
-def correct_nothing(actor: Any) -> None:
+def correct_nothing(model: Any, learner: str) -> None:
     """Have a policy that corrects a sequence begin with the sequence itself, and little noise: with layers as they come
     its first episodes would leave what is to be corrected, and be all that the critic knows (Silver et al. 2018).
     Raises mpm.InvalidValue for learners other than SAC's kind."""
-    if not isinstance(getattr(actor, "log_std", None), nn.Linear):
-        raise mpm.InvalidValue("residual: accepted: learner SAC, TQC or CrossQ")
+    actor = getattr(model, "actor", None)
+    if actor is None or not isinstance(getattr(actor, "log_std", None), nn.Linear):
+        raise mpm.InvalidValue(f"residual with learner {learner}; accepted: SAC, TQC or CrossQ, without use_sde")
     for layer, value in ((actor.mu, 0.0), (actor.log_std, float(np.log(FIRST_NOISE)))):
         nn.init.zeros_(layer.weight)
         nn.init.constant_(layer.bias, value)

@@ -171,6 +171,12 @@ def test_every_script_can_be_planned(name):
         grains.check(config, law_of(load_material(material)))
 
 
+def test_the_scoops_learnt_motions_are_within_reach():
+    """The longest of the learnt ways; beside the arm's middle its tray was out of reach by 5 mm."""
+    planned = plan(learned.placed(load_rehearsal("scoop", {"trajectory": "learned"})))
+    assert planned.solution.margin > 0.01 and planned.path.slower_by < 1.5
+
+
 def test_a_rehearsal_knows_what_its_motions_need():
     """A full tool, a pile, a filled container; the area goes where the motion goes."""
     with pytest.raises(ConfigError, match="begins with a full spoon"):

@@ -226,8 +226,9 @@ def test_what_corrects_a_demonstration_begins_with_it():
     assert not model.predict(seen, deterministic=True)[0].any()
     drawn = model.predict(seen)[0] / env.action_space.high
     assert 0.9 * FIRST_NOISE < drawn.std() < 1.1 * FIRST_NOISE
-    with pytest.raises(mpm.InvalidValue, match="SAC"):
-        build(chosen.model_copy(update={"learner": "DDPG", "options": {}, "critic_layer_norm": False}), env, 0)
+    for learner in ("DDPG", "PPO"):
+        with pytest.raises(mpm.InvalidValue, match=f"residual with learner {learner}"):
+            build(chosen.model_copy(update={"learner": learner, "options": {}, "critic_layer_norm": False}), env, 0)
 
 
 @pytest.mark.slow

@@ -114,7 +114,8 @@ def test_snapshot_resumes_to_the_bit(short: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("material", ["salt", "sugar", "flour"])
 @pytest.mark.parametrize("name, trajectory", [("spoon", "script"), ("scoop", "script"), ("bottle", "script"),
-                                              ("shovel", "script"), ("bottle", "learned"), ("shovel", "learned")])
+                                              ("shovel", "script"), ("spoon", "learned"), ("scoop", "learned"),
+                                              ("bottle", "learned"), ("shovel", "learned")])
 def test_the_whole_rehearsal_keeps_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert rehearse(name, out, material=material, camera=None, trajectory=trajectory) == 0

@@ -14,7 +14,7 @@ class History:
 
     def __init__(self, particles: ParticleFields, precision: str, slots: int) -> None:
         self.fields = [field for fields in particles.named_fields().values() for field in fields]
-        self.packs = particles.packs
+        self.pack_count = particles.pack_count
         self.kept = ti.Vector.field(LANES, real_type(precision), (slots, len(self.fields), particles.n_packs))
 
     @staticmethod
@@ -26,21 +26,21 @@ class History:
     @ti.func
     def store(self, slot):
         """Keep the present state."""
-        for q in range(self.packs[None]):
+        for q in range(self.pack_count[None]):
             for i in ti.static(range(len(self.fields))):
                 self.kept[slot, i, q] = self.fields[i][q]
 
     @ti.func
     def load(self, slot):
         """Return to a state."""
-        for q in range(self.packs[None]):
+        for q in range(self.pack_count[None]):
             for i in ti.static(range(len(self.fields))):
                 self.fields[i][q] = self.kept[slot, i, q]
 
     @ti.func
     def load_strains(self, slot):
         """Return to what a state's laws remember."""
-        for q in range(self.packs[None]):
+        for q in range(self.pack_count[None]):
             for i in ti.static(range(MOVING, len(self.fields))):
                 self.fields[i][q] = self.kept[slot, i, q]
 
@@ -56,6 +56,6 @@ class History:
         """Take over a state of another history."""
         ti.loop_config(serialize=True)
         for _ in range(1):
-            for q in range(self.packs[None]):
+            for q in range(self.pack_count[None]):
                 for i in ti.static(range(len(self.fields))):
                     self.kept[to_slot, i, q] = source.kept[from_slot, i, q]

@@ -17,7 +17,7 @@ class ParticleBars:
         self.e = self._named.get("e", [])
         self.j, self.vc = (self._named.get(name, [None])[0] for name in ("j", "vc"))
         every = [field for fields in self._named.values() for field in fields]
-        self.packs = Packs(every, particles.packs, np.float64 if precision == "f64" else np.float32)
+        self.packs = Packs(every, particles.pack_count, np.float64 if precision == "f64" else np.float32)
 
     def named_fields(self) -> dict[str, list]:
         """The fields, as `ParticleFields` names them."""

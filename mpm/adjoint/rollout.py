@@ -318,7 +318,7 @@ class Rollout:
     def _packed(self, bars: LossBars, steps: int) -> np.ndarray:
         """The loss's bars of positions and velocities in the particles' order (steps, 6, packs, 4)."""
         particles = self.solver.particles
-        packed = np.zeros((steps, 6, particles.n_packs * LANES), self.solver._dtype)
+        packed = np.zeros((steps, 6, particles.n_lanes), self.solver._dtype)
         for first, array in ((0, bars.x), (3, bars.v)):
             if array is not None:
                 packed[:, first : first + 3, particles.index] = np.swapaxes(array, 1, 2)

@@ -53,7 +53,7 @@ class Sweep:
         self.cell, self.origin = self.scene.cell, self.scene.origin
         self.materials, self.cuts, self.limit = materials, limit is not None, limit or 0.0
         self.tool = solver.features.moving_solids
-        self.state_fields = [field for fields in self.bars.named_fields().values() for field in fields]
+        self.state_fields = self.bars.packs.fields
 
     @ti.kernel
     def run(self, forward: ti.i32, first: ti.i32, substeps: ti.i32, interval: ti.i32, first_stamp: ti.i32, dt: float,
@@ -122,7 +122,7 @@ class Sweep:
     def drift(self, dt):
         """Move all grains for dt [s], before their blocks are listed."""
         if ti.static(self.depth > 1):
-            for q in range(self.particles.packs[None]):
+            for q in range(self.particles.pack_count[None]):
                 for d in ti.static(range(3)):
                     x = self.particles.x[d][q]
                     self.particles.x[d][q] = ti.select(dt > 0, self.scene.moved(x + dt * self.particles.v[d][q], d), x)
@@ -131,7 +131,7 @@ class Sweep:
     def drift_back(self, dt):
         """Adjoint of `drift`; the particles hold the positions after it."""
         if ti.static(self.depth > 1):
-            for q in range(self.particles.packs[None]):
+            for q in range(self.particles.pack_count[None]):
                 for d in ti.static(range(3)):
                     bar = held_bar(self.scene, self.particles.x[d][q], self.bars.x[d][q], d, dt)
                     self.bars.x[d][q] = bar
@@ -191,7 +191,7 @@ class Sweep:
             self.to_grid_back(self.laws[body], body, dt, k == 0)
         if ti.static(self.cuts):
             for field in ti.static(self.state_fields):
-                for q in range(self.particles.packs[None]):
+                for q in range(self.particles.pack_count[None]):
                     # written so that what is not a number stays none
                     over, under = field[q] > self.limit, field[q] < -self.limit
                     field[q] = ti.select(over, self.limit, ti.select(under, -self.limit, field[q]))
@@ -218,14 +218,14 @@ class Sweep:
     def take_after(self, slot):
         """Positions and velocities of the state after."""
         for d in ti.static(range(3)):
-            for q in range(self.particles.packs[None]):
+            for q in range(self.particles.pack_count[None]):
                 self.after.x[d][q] = self.history.kept[slot, d, q]
                 self.after.v[d][q] = self.history.kept[slot, 3 + d, q]
 
     @ti.func
     def take_loss(self, loss_bar: ti.template(), k):
         """Add the loss's bars of a reading."""
-        for q in range(self.particles.packs[None]):
+        for q in range(self.particles.pack_count[None]):
             for l in ti.static(range(LANES)):
                 for d in ti.static(range(3)):
                     self.bars.x[d][q][l] = self.bars.x[d][q][l] + loss_bar[k, d, q, l]
@@ -237,7 +237,7 @@ class Sweep:
         for which, fields in ti.static(((POSITIONS, self.bars.x), (VELOCITIES, self.bars.v),
                                         (ALL, self.state_fields))):
             total = ti.cast(0.0, ti.f64)
-            for q in range(self.particles.packs[None]):
+            for q in range(self.particles.pack_count[None]):
                 for field in ti.static(fields):
                     wide = ti.cast(field[q], ti.f64)  # squares leave single precision before their roots do
                     total += wide.dot(wide)
@@ -249,6 +249,6 @@ class Sweep:
         ti.loop_config(serialize=True)
         for k in range(out.shape[0]):
             for i in range(6):
-                for q in range(self.particles.packs[None]):
+                for q in range(self.particles.pack_count[None]):
                     for l in ti.static(range(LANES)):
                         out[k, i, q, l] = self.history.kept[(k + 1) * interval, i, q][l]

@@ -17,12 +17,13 @@ from tqdm import tqdm  # noqa: E402
 
 import robosim.envs  # noqa: E402
 from robosim.envs.grain_env import GrainEnv  # noqa: E402
-from robosim.envs.policies import policy  # noqa: E402
+from robosim.envs.policies import NAMES, learnt_with, policy  # noqa: E402
 from robosim.envs.task import load_task  # noqa: E402
-from robosim.errors import RobosimError, UnknownName  # noqa: E402
+from robosim.errors import ConfigError, UnknownName  # noqa: E402
 from robosim.materials import load_material  # noqa: E402
 from robosim.output import OutputFolder  # noqa: E402
 from robosim.reports.processes import pin, worked_off  # noqa: E402
+from robosim.reports.provenance import version_of  # noqa: E402
 from robosim.resources import trained  # noqa: E402
 
 MATERIALS: dict[str, tuple[str, dict[str, float]]] = {
@@ -36,82 +37,91 @@ MATERIALS: dict[str, tuple[str, dict[str, float]]] = {
 }
 """Thirteen materials, by what tables call them: a material, and numbers in place of its own; none stiffer for its
 density than the time step of the sub-tasks allows."""
-READINGS = ("score", "td_mm", "delivered", "spilled", "collisions")
+READINGS = ("delivered", "spilled", "collisions")
+OWN = "the task's own"
+"""What the trajectory's deviation is from."""
 
 
 def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int = 1) -> int:
-    """Play a policy's motion of every task in all materials, from the task's own start; returns 0. What a folder holds
-    of the same motion and task is not played again. Raises RobosimError where a task's process ended without an answer.
+    """Play a policy's motion of every task in all materials, from the task's own start; returns 0, or 1 where a process
+    ended without an answer. What a folder holds of the same motion, task and code is not played again. Raises
+    UnknownName for a task that does not exist, ConfigError for a motion that does not fit.
     """
+    tasks = list(dict.fromkeys(tasks))
     for task in tasks:
         if task not in robosim.envs.TASKS:
             raise UnknownName("task", task, robosim.envs.TASKS)
-    folder, found, waiting = OutputFolder(out), {}, []
-    for task in tasks:
-        key = fingerprint(task, name)
-        stored = earlier(out / f"{task}.json")
-        if stored.get("key") == key:
-            found[task] = stored["materials"]
-        else:
-            waiting.append((task, key))
-    work = [(__name__, [task, name]) for task, _ in waiting]
-    progress = tqdm(initial=len(found), total=len(tasks), unit="task", file=sys.stderr)
+        checked(task, name)
+    folder, keys = OutputFolder(out), {task: fingerprint(task, name) for task in tasks}
+    found = {task: earlier(out / f"{task}.json", keys[task]) for task in tasks}
+    waiting = [(task, called) for task in tasks for called in [OWN, *MATERIALS] if called not in found[task]]
+    progress = tqdm(total=len(tasks) * (1 + len(MATERIALS)), unit="episode", file=sys.stderr)
+    progress.update(progress.total - len(waiting))
     failed = []
-    for place, value, words in worked_off(work, jobs):
-        task, key = waiting[place]
+    for place, value, words in worked_off([(__name__, [task, name, called]) for task, called in waiting], jobs):
+        task, called = waiting[place]
         if value is None:
-            failed.append(f"{task}: {words}")
+            failed.append(f"{task} in {called}: {words}")
         else:
-            found[task] = value
-            folder.write_json(f"{task}.json", {"key": key, "materials": value})
+            found[task][called] = value
+            folder.write_json(f"{task}.json", {"key": keys[task], "played": found[task]})
         progress.update()
     progress.close()
-    if failed:
-        raise RobosimError(f"{'; '.join(failed)}; what was played is kept, the same command goes on")
-    rows = [{"task": task, "material": material, **values} for task in tasks
-            for material, values in found[task].items()]
-    folder.write_json("materials.json", {"policy": name, "rows": rows})
-    folder.write("materials.csv", lambda path: as_csv(path, rows))
-    folder.write("materials.png", lambda path: draw(path, tasks, found))
-    print(as_text(tasks, found))
-    return 0
+    whole = [task for task in tasks if len(found[task]) == 1 + len(MATERIALS)]
+    if whole:
+        tell(folder, whole, name, {task: rows_of(found[task]) for task in whole})
+    for words in failed:
+        print(f"failed: {words}; what was played is kept, the same command goes on", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def checked(task: str, name: str) -> None:
+    """Raise ConfigError, or UnknownName, where a policy is none or does not fit a task."""
+    if name in NAMES:
+        if name == "learned" and trained(task) is None:
+            raise ConfigError(f"policy 'learned': none ships for {task}")
+        return
+    learnt_with(name)
+    if not Path(name).is_file():
+        raise UnknownName("policy", name, NAMES, "or the path of a .npz file with `actions`, or with a network")
 
 
 def fingerprint(task: str, name: str) -> str:
-    """Twelve letters that change with the task, the materials and the motion."""
+    """Twelve letters that change with the task, the materials, the motion and the code."""
     path = trained(task) if name == "learned" else Path(name)
-    motion = path.read_bytes().hex() if path is not None and path.is_file() else name
+    motion = path.read_bytes().hex() if path is not None and name not in NAMES[:-1] else name
     laws = [[load_material(base).model_dump(), numbers] for base, numbers in MATERIALS.values()]
-    told = json.dumps([load_task(task).model_dump(), laws, motion], sort_keys=True, default=str)
+    told = json.dumps([load_task(task).model_dump(), laws, motion, version_of(__name__)], sort_keys=True, default=str)
     return hashlib.sha256(told.encode()).hexdigest()[:12]
 
 
-def earlier(path: Path) -> dict[str, Any]:
-    """What an earlier run has left, if it can be read."""
+def earlier(path: Path, key: str) -> dict[str, Any]:
+    """What an earlier run of the same has played; nothing where that cannot be read."""
     try:
-        return dict(json.loads(path.read_text()))
-    except (OSError, ValueError):
+        stored = json.loads(path.read_text())
+        return dict(stored["played"]) if stored["key"] == key else {}
+    except (OSError, ValueError, TypeError, KeyError):
         return {}
 
 
-def played(task: str, name: str, chosen: dict[str, tuple[str, dict[str, float]]]) -> dict[str, dict[str, Any]]:
-    """Scores and readings of one motion in materials. td_mm: mean distance over the episode [mm] between the centre of
-    the observed grains there and in the task's own material, the trajectory's deviation."""
-    own = centres(task, name, load_task(task).material, {})[1]
-    rows = {}
-    for called, (base, numbers) in chosen.items():
-        info, course = centres(task, name, base, numbers)
+def rows_of(played: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Scores and readings by material. td_mm: mean distance over the episode [mm] between the centre of the observed
+    grains there and in the task's own material, the trajectory's deviation; None where it diverged at once."""
+    own, rows = np.array(played[OWN]["course"]), {}
+    for called in MATERIALS:
+        course = np.array(played[called]["course"])
         both = min(len(own), len(course))  # one that diverged has fewer
-        deviation = np.linalg.norm(course[:both] - own[:both], axis=1).mean()
-        rows[called] = {"score": info["tcs"], "td_mm": 1e3 * float(deviation),
-                        **{key: info["readings"].get(key) for key in READINGS[2:]},
-                        "diverged": str(info["diverged"]) if info.get("diverged") else None}
+        deviation = np.linalg.norm(course[:both] - own[:both], axis=1).mean() if both else None
+        rows[called] = {"score": played[called]["score"], "td_mm": None if deviation is None else 1e3 * deviation,
+                        **{key: played[called][key] for key in READINGS}, "diverged": played[called]["diverged"]}
     return rows
 
 
-def centres(task: str, name: str, base: str, numbers: dict[str, float]) -> tuple[dict[str, Any], np.ndarray]:
-    """The last info of an episode, and the centre of the observed grains after each decision (n, 3) [m]."""
-    options: dict[str, Any] = {"material": base, **numbers}
+def episode(task: str, name: str, called: str) -> dict[str, Any]:
+    """Score and readings of an episode in a material, and the centre of the observed grains after each decision, as far
+    as the field held (n, 3) [m]."""
+    base, numbers = MATERIALS[called] if called != OWN else (load_task(task).material, {})
+    options: dict[str, Any] = {"material": base, **numbers, **learnt_with(name)}
     made = gymnasium.make(f"robosim/{task}-v0", **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
@@ -119,10 +129,22 @@ def centres(task: str, name: str, base: str, numbers: dict[str, float]) -> tuple
     act, over, info, course = policy(name, env, 0), False, {}, []
     while not over:
         _, _, terminated, truncated, info = env.step(act())
-        course.append(env.world.grains()[:, :3].mean(0))
         over = terminated or truncated
+        if not info.get("diverged"):
+            course.append(env.world.grains()[:, :3].mean(0).astype(float).tolist())
     made.close()
-    return info, np.array(course, float)
+    return {"score": info["tcs"], "course": course, "diverged": str(info["diverged"]) if info.get("diverged") else None,
+            **{key: info["readings"].get(key) for key in READINGS}}
+
+
+def tell(folder: OutputFolder, tasks: list[str], name: str, found: dict[str, dict[str, dict[str, Any]]]) -> None:
+    """Write the tables and the picture, print the scores."""
+    rows = [{"task": task, "material": material, **values} for task in tasks
+            for material, values in found[task].items()]
+    folder.write_json("materials.json", {"policy": name, "rows": rows})
+    folder.write("materials.csv", lambda path: as_csv(path, rows))
+    folder.write("materials.png", lambda path: draw(path, tasks, found))
+    print(as_text(tasks, found))
 
 
 def as_csv(path: Path, rows: list[dict[str, Any]]) -> None:
@@ -135,9 +157,12 @@ def as_csv(path: Path, rows: list[dict[str, Any]]) -> None:
 
 def as_text(tasks: list[str], found: dict[str, dict[str, dict[str, Any]]]) -> str:
     """Scores, and deviations in brackets, for a terminal."""
+    def cell(values: dict[str, Any]) -> str:
+        deviation = "-" if values["td_mm"] is None else f"{values['td_mm']:.1f}"
+        return f"{values['score']:.1f} ({deviation})"
+
     lines = [["score (TD [mm])", *tasks]]
-    lines += [[material, *(f"{found[task][material]['score']:.1f} ({found[task][material]['td_mm']:.1f})"
-                           for task in tasks)] for material in MATERIALS]
+    lines += [[material, *(cell(found[task][material]) for task in tasks)] for material in MATERIALS]
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     return "\n".join("  ".join(word.ljust(width) for word, width in zip(line, widths)) for line in lines)
 
@@ -160,10 +185,10 @@ def draw(path: Path, tasks: list[str], found: dict[str, dict[str, dict[str, Any]
 
 
 def main(words: list[str]) -> None:
-    """One task in all materials, its rows as JSON on the last line; words: task, policy, core."""
-    task, name, core = words
+    """One episode, as JSON on the last line; words: task, policy, material, core."""
+    task, name, called, core = words
     pin(core)
-    print(json.dumps(played(task, name, MATERIALS)))
+    print(json.dumps(episode(task, name, called)))
 
 
 if __name__ == "__main__":
