@@ -43,16 +43,22 @@ class NormalisedCritic(SACPolicy):
 
 
 class Corrected(gymnasium.ActionWrapper):
-    """Actions correct a sequence that is known: what is done is sequence + share * action, within -1 and 1."""
+    """Actions correct a sequence that is known: what is done is sequence + share * action, within -1 and 1. A decision
+    pays cost times the mean square of its action: what a critic has seen too little of to judge is better left."""
 
-    def __init__(self, env: gymnasium.Env, sequence: np.ndarray, share: float) -> None:
+    def __init__(self, env: gymnasium.Env, sequence: np.ndarray, share: float, cost: float = 0.0) -> None:
         super().__init__(env)
-        self._sequence, self._share, self._next = sequence, share, 0
+        self._sequence, self._share, self._cost, self._next = sequence, share, cost, 0
 
     def reset(self, **options: Any) -> Any:
         """Begin the sequence anew."""
         self._next = 0
         return self.env.reset(**options)
+
+    def step(self, action: np.ndarray) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """As the environment's, less the cost."""
+        observation, reward, terminated, truncated, info = super().step(action)
+        return observation, float(reward) - self._cost * float(np.mean(np.square(action))), terminated, truncated, info
 
     def action(self, action: np.ndarray) -> np.ndarray:
         """What is done."""
@@ -61,15 +67,33 @@ class Corrected(gymnasium.ActionWrapper):
         return np.clip(known + self._share * action, -1.0, 1.0).astype(np.float32)
 
 
-def kind_of(name: str) -> Any:
-    """The class of a learner."""
-    return getattr(sb3_contrib if name in CONTRIBUTED else stable_baselines3, "PPO" if name == "GAIL" else name)
+class Patient:
+    """Mixed into an actor-critic of stable_baselines3: its actor waits until so many decisions are made, and learns at
+    another rate than its critics. One that begins with a good motion would leave it for whatever critics that have seen
+    little overrate."""
+
+    actor_waits, actor_rate = 0, 1.0
+    num_timesteps: int
+    actor: Any
+
+    def _update_learning_rate(self, optimizers: Any) -> None:
+        """As stable_baselines3 does before every update."""
+        super()._update_learning_rate(optimizers)  # pyright: ignore[reportAttributeAccessIssue]
+        for group in self.actor.optimizer.param_groups:
+            group["lr"] *= self.actor_rate if self.num_timesteps >= self.actor_waits else 0.0
+
+
+def kind_of(preset: Preset) -> Any:
+    """The class of a preset's learner."""
+    name = "PPO" if preset.learner == "GAIL" else preset.learner
+    kind = getattr(sb3_contrib if name in CONTRIBUTED else stable_baselines3, name)
+    return type(f"Patient{name}", (Patient, kind), {}) if preset.actor is not None else kind
 
 
 def build(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None = None) -> Any:
     """A model that has learnt nothing yet; slices say where a flat observation has its grains. Raises mpm.InvalidValue
     for options that the class does not know."""
-    kind, options = kind_of(preset.learner), dict(preset.options)
+    kind, options = kind_of(preset), dict(preset.options)
     policy: Any = "MlpPolicy"
     inner = dict(options.pop("policy_kwargs", {}))
     if preset.critic_layer_norm:
@@ -92,6 +116,10 @@ def build(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None =
         model = kind(policy, env, seed=seed, policy_kwargs=inner, device="cpu", **options)
     except TypeError as error:
         raise mpm.InvalidValue(f"options of {preset.learner}: {error}") from error
+    if preset.actor is not None:
+        if not hasattr(getattr(model, "actor", None), "optimizer"):
+            raise mpm.InvalidValue(f"actor with learner {preset.learner}; accepted: SAC, TD3, DDPG, TQC or CrossQ")
+        model.actor_waits, model.actor_rate = preset.actor.waits, preset.actor.rate
     if preset.residual is not None:
         correct_nothing(model, preset.learner)
     return model

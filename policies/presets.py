@@ -25,6 +25,17 @@ class Demonstrations(pydantic.BaseModel):
     """Updates for each demonstrated transition, as it enters."""
 
 
+class Actor(pydantic.BaseModel):
+    """How the actor of an actor-critic learns beside its critics."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    waits: NonNegativeInt = 0
+    """Decisions before its first update."""
+    rate: float = Field(1.0, gt=0.0)
+    """Its learning rate over the critics'."""
+
+
 class Preset(pydantic.BaseModel):
     """A method."""
 
@@ -41,6 +52,11 @@ class Preset(pydantic.BaseModel):
     episodes: PositiveInt = 150
     residual: float | None = Field(None, gt=0.0, le=1.0)
     """The policy corrects the first demonstration, by at most so much; null: it acts itself."""
+    correction_cost: float = Field(0.0, ge=0.0)
+    """Reward that a decision pays for the mean square of its correction, in units of `residual`; what is told and kept
+    of an episode does not count it."""
+    actor: Actor | None = None
+    """Null: as its critics."""
     critic_layer_norm: bool = False
     encoder: Literal["pointnet", "deep_sets"] | None = None
     """What sees the grains as a set; null: a flat network."""

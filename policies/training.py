@@ -69,7 +69,8 @@ class Training:
         self.env = Episodes(self.base, seed, self.reset_options, self._ended)
         self.acting: gymnasium.Env = self.env
         if preset.residual is not None:
-            self.acting = Corrected(self.env, next(iter(self.sequences.values())), preset.residual)
+            self.acting = Corrected(self.env, next(iter(self.sequences.values())), preset.residual,
+                                    preset.correction_cost)
         self.progress: tqdm = tqdm(total=preset.episodes, desc=f"{method} {task} seed {seed}", file=sys.stderr)
         self.model: Any = None
         self._improved = False
@@ -125,7 +126,7 @@ class Training:
         venv = venv or DummyVecEnv([lambda: self.acting])
         logger = configure(str(self.folder.path), ["tensorboard"])
         if self.folder.checkpoint.is_file():
-            self.model, state = checkpoint.load(self.folder.checkpoint, kind_of(self.preset.learner), venv)
+            self.model, state = checkpoint.load(self.folder.checkpoint, kind_of(self.preset), venv)
             self.model.set_logger(logger)
             if part is not None:
                 part.load(state["part"])

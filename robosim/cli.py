@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mpm
 from robosim.cases import NAMES
+from robosim.chain import chain
 from robosim.envs import TASKS
 from robosim.envs.evaluate import evaluate
 from robosim.envs.policies import NAMES as POLICIES
@@ -42,13 +43,16 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
     run.add_argument("--trajectory", choices=["script", "learned"], help="the file's waypoints, or the learnt motions "
                      "that ship for its sub-tasks (default: the file's)")
+    run.add_argument("--motions", type=Path, help="folder with a learnt motion of each sub-task as TASK.npz (default: "
+                     "those that ship)")
     run.add_argument("--grasp", choices=["weld", "friction"], help="how the hand holds the tool (default: the file's)")
     run.add_argument("--camera", default="close", help=f"one of: {', '.join(CAMERAS)} (default: close)")
     run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
     run.add_argument("--seed", type=_seed, default=0, help="of the grains' places (default: 0)")
     run.set_defaults(run=lambda a: rehearse(a.rehearsal, a.out, material=a.material, grasp=a.grasp,
                                             camera=None if a.no_video else a.camera, seed=a.seed,
-                                            trajectory=a.trajectory))
+                                            trajectory=a.trajectory, motions=a.motions))
+    _add_chain(commands)
     _add_bench(commands)
     _add_report(commands)
     stable = commands.add_parser("stability", help="judge stiff and extreme cases",
@@ -65,6 +69,21 @@ def parser() -> argparse.ArgumentParser:
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top
+
+
+def _add_chain(commands: argparse._SubParsersAction) -> None:
+    """The command `chain`."""
+    run = commands.add_parser("chain", help="play a rehearsal's learnt sub-tasks one after the other, without the arm",
+                              epilog="example:\n  robosim chain spoon --material sugar --out out/chain",
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("rehearsal", help=f"one of: {', '.join(config_names('rehearsals'))}; or a .yaml file of your own")
+    run.add_argument("--out", type=Path, required=True, help="folder for chain.json and chain.mp4")
+    run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
+    run.add_argument("--motions", type=Path, help="folder with a motion of each sub-task as TASK.npz (default: those "
+                     "that ship)")
+    run.add_argument("--no-video", action="store_true", help="leave out the film and its renderer")
+    run.set_defaults(run=lambda a: chain(a.rehearsal, a.out, material=a.material, motions=a.motions,
+                                         film=not a.no_video))
 
 
 def _add_bench(commands: argparse._SubParsersAction) -> None:

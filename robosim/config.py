@@ -176,6 +176,8 @@ class RehearsalConfig(Table):
     """The waypoints, or the motions that were learnt for `learned`."""
     learned: tuple[str, ...] = ()
     """Sub-tasks whose learnt motions follow on each other."""
+    motions: str | None = None
+    """Folder with a motion of each of these as TASK.npz; null: those that ship."""
 
     @property
     def source(self) -> str | None:

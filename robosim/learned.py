@@ -4,6 +4,7 @@ Each begins where the one before has ended, turned level and raised or lowered t
 from speed to speed every 20 ms; here they are rounded by a moving average, and played slower where the arm needs it.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 from zipfile import BadZipFile
 
@@ -49,13 +50,25 @@ class Part(NamedTuple):
     offset: np.ndarray
 
 
-def motion_of(name: str, task: TaskConfig) -> Motion:
-    """The motion that ships for a sub-task, from its nominal start to where it has done its work; raises ConfigError
-    where none ships."""
+def shipped(config: RehearsalConfig, name: str) -> Path:
+    """File of a sub-task's motion: of the rehearsal's folder of motions, or the one that ships; raises ConfigError
+    where there is none."""
+    if config.motions is not None:
+        path = Path(config.motions) / f"{name}.npz"
+        if not path.is_file():
+            raise ConfigError(f"motions {config.motions}: holds no {name}.npz; accepted: a folder with a motion of "
+                              f"each of {', '.join(config.learned)}")
+        return path
     path = trained(name)
     if path is None:
-        raise ConfigError(f"no learnt motion ships for {name}; accepted: `robosim train` it, and put its best.npz into "
-                          f"policies/trained/{name}.npz")
+        raise ConfigError(f"no learnt motion ships for {name}; accepted: `robosim train` it, and give a folder with "
+                          f"its best.npz as {name}.npz")
+    return path
+
+
+def motion_of(path: Path, name: str, task: TaskConfig) -> Motion:
+    """The motion of a file for a sub-task, from its nominal start to where it has done its work; raises ConfigError for
+    a file that is none."""
     scale, carrier = Actions(task), Carrier(task)
     poses = [carrier.restart(task.start.pose)]
     try:
@@ -81,7 +94,7 @@ def chain(config: RehearsalConfig) -> list[Part]:
         task = load_task(name)
         if task.tool != config.tool:
             raise ConfigError(f"learned: {name} moves a {task.tool}; the rehearsal's tool is {config.tool}")
-        motion = motion_of(name, task)
+        motion = motion_of(shipped(config, name), name, task)
         if parts:
             last = parts[-1]
             offset = (last.motion.places[-1] + last.offset - motion.places[0]) * [1, 1, 0]

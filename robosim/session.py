@@ -25,12 +25,15 @@ RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajecto
 
 
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
-             camera: str | None = "close", seed: int = 0, trajectory: str | None = None) -> int:
-    """Run a rehearsal and fill `out`; returns 0. camera None: no video. trajectory: "script" or "learned".
+             camera: str | None = "close", seed: int = 0, trajectory: str | None = None,
+             motions: Path | None = None) -> int:
+    """Run a rehearsal and fill `out`; returns 0. camera None: no video. trajectory: "script" or "learned", the latter
+    from a folder of motions, or None: those that ship.
 
     Input is checked before any work. Whatever ends the run, what was written is whole.
     """
-    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory}
+    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
+              "motions": motions and str(motions)}
     config = placed(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
     substance = load_material(config.material)
     grains.check(config, law_of(substance))

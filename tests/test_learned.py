@@ -191,19 +191,18 @@ def test_a_rehearsal_knows_what_its_motions_need():
     assert learned.placed(load_rehearsal("shovel")) == load_rehearsal("shovel")
 
 
-def test_a_motion_ends_where_its_work_is_done(tmp_path, monkeypatch):
+def test_a_motion_ends_where_its_work_is_done(tmp_path):
     """A pour is cut after the decisions that it needed; a carry is not: its tool is held level to the end."""
     for name, seconds in (("SpoonPour", 0.6), ("SpoonTranslate", 2.0)):
         motions(tmp_path, name)
         with np.load(tmp_path / f"{name}.npz") as stored:
             np.savez(tmp_path / f"{name}.npz", **stored, needed=30)
-        monkeypatch.setattr(learned, "trained", lambda name: tmp_path / f"{name}.npz")
-        found = learned.motion_of(name, load_task(name))
+        found = learned.motion_of(tmp_path / f"{name}.npz", name, load_task(name))
         assert len(found.places) - 1 == round(seconds / learned.SAMPLING)
         assert found.places[-1, 1] - found.places[0, 1] == pytest.approx(0.02 * seconds, abs=1e-9)
     np.savez(tmp_path / "SpoonPour.npz", actions=np.zeros((100, 3)), hold=10)
     with pytest.raises(ConfigError, match=r"SpoonPour.npz: not a motion of SpoonPour: .*shape \(3,\)"):
-        learned.motion_of("SpoonPour", load_task("SpoonPour"))
+        learned.motion_of(tmp_path / "SpoonPour.npz", "SpoonPour", load_task("SpoonPour"))
 
 
 def test_what_is_in_the_tool_is_not_delivered():

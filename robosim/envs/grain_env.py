@@ -11,6 +11,7 @@ from robosim.config import Grip
 from robosim.envs.actions import Actions, checked_repeat
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, Horizon, checked_horizon
+from robosim.envs.handover import Load
 from robosim.envs.objective import objective
 from robosim.envs.observation import Layout
 from robosim.envs.reward import Reward
@@ -33,7 +34,7 @@ class GrainEnv(gymnasium.Env):
         self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
         action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate", clip_actions: bool = False,
         randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
-        camera: str = "task", grasp: Grip = "weld", **numbers: float,
+        camera: str = "task", grasp: Grip = "weld", load: Load | None = None, **numbers: float,
     ) -> None:
         for what, given, valid in (("render_mode", render_mode, (None, *self.metadata["render_modes"])),
                                    ("grasp", grasp, get_args(Grip))):
@@ -44,7 +45,7 @@ class GrainEnv(gymnasium.Env):
         self.action_repeat = checked_repeat(action_repeat)
         checked_horizon(horizon)
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
-                           randomize=randomize, mobile=arm)
+                           randomize=randomize, mobile=arm, load=load)
         self.task, self.material = self.world.task, self.world.material
         self.solver, self.tally = self.world.solver, self.world.tally
         self.render_mode, self.camera, self.arm = render_mode, camera, arm

@@ -57,13 +57,15 @@ def filling(task: TaskConfig, sdf: Lattice) -> np.ndarray:
     return places[np.argsort(keys, kind="stable")[: task.grains.count]]
 
 
-def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False) -> mpm.Solver:
-    """The solver with its grains as filled, not yet settled. mobile: contact moves the tool, too."""
+def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, places: np.ndarray | None = None,
+                 volume: float | None = None) -> mpm.Solver:
+    """The solver with its grains as filled, not yet settled, or at places [m] (n, 3) with a grain's volume [m^3].
+    mobile: contact moves the tool, too."""
     field = task.field
     sdf = mpm.Sdf.from_mesh(tool_shape(task.tool).head(task.tool_wall), spacing=field.cell / LATTICE)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
     colliders += container_colliders(task.containers, field)
-    body = mpm.Body(law, filling(task, sdf), volume=grain_volume(task))
+    body = mpm.Body(law, filling(task, sdf) if places is None else places, volume=volume or grain_volume(task))
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
                       colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=field.dt,
                       transfer_interval=field.transfer_interval)

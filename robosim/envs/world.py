@@ -8,6 +8,7 @@ import numpy as np
 
 import mpm
 from mpm.timestep import material_bound
+from robosim.envs.handover import Load, loaded, placed, state_of
 from robosim.envs.observation import Layout, Observer
 from robosim.envs.start import settled
 from robosim.envs.task import TaskConfig, load_task
@@ -22,25 +23,34 @@ class World:
     """A sub-task with a material; one environment runs in it, or several in turns.
 
     name: of the file that its settled start is kept in. numbers: of the material, in place of its own. randomize:
-    ranges that episodes draw numbers of the material from. mobile: contact moves the tool, too.
+    ranges that episodes draw numbers of the material from. mobile: contact moves the tool, too. load: what another
+    sub-task has left in the tool, in place of the task's own grains and material.
     """
 
     def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None, obs: Layout = "flat",
                  numbers: dict[str, float] | None = None, randomize: Ranges | None = None,
-                 mobile: bool = False) -> None:
+                 mobile: bool = False, load: Load | None = None) -> None:
         if obs not in get_args(Layout):
             raise UnknownName("obs", obs, get_args(Layout))
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
-        self.material = overridden(load_material(material or self.task.material), numbers or {},
-                                   "option, or number of this material,")
+        if load is not None:
+            self.task = loaded(name, self.task, load)
+        own = load.material if load is not None and material is None else load_material(material or self.task.material)
+        self.material = overridden(own, numbers or {}, "option, or number of this material,")
         self.randomize = self._ranges(randomize or {})
         mpm.init()
-        self.solver = build_solver(self.task, law_of(self.material), mobile=mobile)
+        self.load, places = load, None if load is None else placed(self.task, load)
+        self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, places=places,
+                                   volume=None if load is None else load.volume)
         self.tally = build_tally(self.task, self.solver)
         self.observer = Observer(self.task, self.solver, obs)
         self.sample = mpm.Sample(self.solver, self.observer.chosen) if len(self.observer.chosen) else None
         self.solver.attach(self.tally, self.sample)
-        self._state = settled(name, self.task, self.material, self.solver)
+        if load is None:
+            self._state = settled(name, self.task, self.material, self.solver)
+        else:
+            self._state = state_of(self.task, load, self.solver)
+            self.solver.load(self._state)
 
     def _ranges(self, randomize: Ranges) -> Ranges:
         """The ranges, checked: known numbers, and no pair that the time step cannot follow."""
