@@ -27,12 +27,13 @@ LAWS = {
 
 
 def scene(*laws, precision: str = "f64", interval: float = STRIDE) -> mpm.Solver:
-    """A block on the floor beside a wall, a lattice tool that comes at it, and a static ball behind."""
+    """A block on the floor beside a wall, a lattice tool that comes at it, and a static ball. Nodes of the field lie
+    beside those of the tool's lattice: on them its normals jump at the least step."""
     spacing = CELL / 2
     bodies = [mpm.Body(law, mpm.sample_box((0.04, 0.0 + 0.03 * i, 0.0), (0.07, 0.03 + 0.03 * i, 0.03), spacing,
                                            np.random.default_rng(i)), volume=spacing**3) for i, law in enumerate(laws)]
     tool = mpm.Collider(mpm.Sdf.from_mesh(trimesh.creation.box((0.02, 0.06, 0.04)), spacing=2.5e-3), friction=0.3,
-                        pose=mpm.Pose(np.array([0.026, 0.02, 0.035]), np.array([1.0, 0.0, 0.0, 0.0])))
+                        pose=mpm.Pose(np.array([0.0261, 0.0203, 0.0357]), np.array([1.0, 0.0, 0.0, 0.0])))
     ball = mpm.Collider(mpm.Sdf.sphere(0.02), friction=0.2, static=True,
                         pose=mpm.Pose(np.array([0.09, 0.02, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.14, 0.1, 0.08), CELL), bodies=bodies, colliders=[tool, ball],
@@ -61,7 +62,9 @@ def motion(steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("name", LAWS)
 def test_gradient_by_the_tools_motion(name):
     """50 and 500 substeps with contact: cosine with differences at least 0.9999. Sand's stress ends where it is pulled
-    apart: over 500 substeps its loss jumps between the differences' ends, and only its derivatives are asked for."""
+    apart. Nodes at the wall that hardly hold a grain then leave it or stay by the sign of a rounding error, so that its
+    loss jumps by some 1e-9: its differences take a longer step. Over 500 substeps it jumps between their ends, and only
+    its derivatives are asked for."""
     solver = scene(LAWS[name])
     roll = mpm.Rollout(solver, STEPS, step_dt=SUBSTEPS * solver.dt)
     assert roll.substeps == SUBSTEPS
@@ -76,7 +79,7 @@ def test_gradient_by_the_tools_motion(name):
         pairs = []
         for _ in range(20):
             to_linear, to_angular = rng.standard_normal((STEPS, 3)), 20.0 * rng.standard_normal((STEPS, 3))
-            h = 1e-7
+            h = 1e-4 if name == "sand" else 1e-7
             ends = [roll.value(linear + s * to_linear, angular + s * to_angular, loss) for s in (h, -h)]
             pairs.append((np.sum(by_linear * to_linear) + np.sum(by_angular * to_angular),
                           (ends[0] - ends[1]) / (2 * h)))
