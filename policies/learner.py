@@ -116,12 +116,12 @@ def build(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None =
         model = kind(policy, env, seed=seed, policy_kwargs=inner, device="cpu", **options)
     except TypeError as error:
         raise mpm.InvalidValue(f"options of {preset.learner}: {error}") from error
+    if preset.residual is not None:
+        correct_nothing(model, preset.learner)
     if preset.actor is not None:
         if not hasattr(getattr(model, "actor", None), "optimizer"):
             raise mpm.InvalidValue(f"actor with learner {preset.learner}; accepted: SAC, TD3, DDPG, TQC or CrossQ")
         model.actor_waits, model.actor_rate = preset.actor.waits, preset.actor.rate
-    if preset.residual is not None:
-        correct_nothing(model, preset.learner)
     return model
 
 

@@ -216,21 +216,6 @@ def test_every_method_of_the_folder_is_whole(name):
         assert build(chosen, gymnasium.make("Pendulum-v1"), 0).policy is not None
 
 
-def test_what_corrects_a_demonstration_begins_with_it():
-    """Deterministic actions are corrections of nothing, random ones small; a policy without a spread is refused."""
-    from policies.learner import FIRST_NOISE, build
-
-    env, chosen = gymnasium.make("Pendulum-v1"), load_preset("residual")
-    model = build(chosen, env, 0)
-    seen = np.random.default_rng(0).normal(size=(500, 3)).astype(np.float32)
-    assert not model.predict(seen, deterministic=True)[0].any()
-    drawn = model.predict(seen)[0] / env.action_space.high
-    assert 0.9 * FIRST_NOISE < drawn.std() < 1.1 * FIRST_NOISE
-    for learner in ("DDPG", "PPO"):
-        with pytest.raises(mpm.InvalidValue, match=f"residual with learner {learner}"):
-            build(chosen.model_copy(update={"learner": learner, "options": {}, "critic_layer_norm": False}), env, 0)
-
-
 @pytest.mark.slow
 def test_soft_actor_critic_learns_the_pendulum(tmp_path):
     """20 000 steps at a rate of 1e-3: the mean of 100 episodes lies within -200 and -120."""

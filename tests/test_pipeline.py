@@ -1,0 +1,88 @@
+"""One command after the other, each done once."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import mpm
+from policies import pipeline
+from robosim.cli import parser
+from robosim.config import load_rehearsal
+
+
+def options(out, *more: str):
+    return parser().parse_args(["pipeline", "spoon", "--out", str(out), "--no-video", *more])
+
+
+def test_sub_tasks_are_those_of_the_rehearsals():
+    assert {name: tuple(tasks) for name, tasks in pipeline.rehearsals().items()} == {
+        name: load_rehearsal(name).learned for name in ("bottle", "scoop", "shovel", "spoon")}
+    assert set(pipeline.BEGINNINGS) < {task for tasks in pipeline.rehearsals().values() for task in tasks}
+
+
+def test_every_command_is_done_once_and_a_failed_one_again(tmp_path, monkeypatch, capsys):
+    """The order is demonstrations, learning, a row, the arm; what failed is named with its last words, and done again;
+    other options do a command anew."""
+    ran, broken = [], {"SpoonPour"}
+
+    def answers(words, stdout=None, **_):
+        words = words[3:]
+        ran.append(words)
+        if words[0] == "train" and words[2] in broken:
+            stdout.write("no such grain\n")
+            stdout.flush()
+            return SimpleNamespace(returncode=1)
+        if words[0] == "demo":
+            pipeline.write_json(made(tmp_path, "demonstrations", words[1]) / "demonstrations.json", {
+                "demonstrations": [{"among grains of salt": {"tcs": 3.0}, "in clay": {"tcs": 9.0}}]})
+        if words[0] == "train":
+            folder = made(tmp_path, "learning", words[2])
+            np.savez(folder / "best.npz", actions=np.zeros((2, 3)))
+            pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
+        return SimpleNamespace(returncode=0)
+
+    monkeypatch.setattr(pipeline.subprocess, "run", answers)
+    assert pipeline.Pipeline(options(tmp_path)).run() == 1
+    told = capsys.readouterr()
+    assert "failed: learning of SpoonPour: no such grain" in told.err and "3.00           4.00" in told.out
+    assert [words[0] for words in ran] == ["demo", "train"] * 3
+    assert ran[0][ran[0].index("--from") + 1] == "script" and "--demos" in ran[1]
+    ran.clear()
+    broken.clear()
+    assert pipeline.Pipeline(options(tmp_path)).run() == 0
+    assert [words[0] for words in ran] == ["train", "chain", "rehearse"]
+    assert ran[2][ran[2].index("--grasp") + 1] == "friction"
+    assert sorted(path.stem for path in (tmp_path / "motions").glob("*.npz")) == sorted(pipeline.rehearsals()["spoon"])
+    ran.clear()
+    assert pipeline.Pipeline(options(tmp_path)).run() == 0 and ran == []
+    pipeline.Pipeline(options(tmp_path, "--grasp", "weld")).run()
+    assert [words[0] for words in ran] == ["rehearse"]
+    stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
+    assert len(stages) == 8 and all(stage["state"] == "finished" for stage in stages.values())
+
+
+def made(out, *parts: str):
+    """A folder below, there now."""
+    folder = out.joinpath(*parts)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setattr(pipeline.subprocess, "run",
+                        lambda words, **_: ran.append(words[3:]) or SimpleNamespace(returncode=1))
+    assert pipeline.Pipeline(options(tmp_path, "--method", "sac", "--jobs", "3")).run() == 1
+    assert [words[0] for words in ran] == ["train"] * 3 and not any("--demos" in words for words in ran)
+
+
+def test_wrong_input_is_named(tmp_path):
+    for more, told in ((("--jobs", "0"), "--jobs 0"), (("--method", "magic"), "method 'magic'; accepted: bc,")):
+        with pytest.raises(mpm.InvalidValue, match=told):
+            pipeline.Pipeline(options(tmp_path, *more))
+    given = options(tmp_path)
+    given.rehearsal = "ladle"
+    with pytest.raises(mpm.InvalidValue, match="accepted: bottle, scoop, shovel, spoon"):
+        pipeline.Pipeline(given)
