@@ -5,11 +5,11 @@ from typing import Any, Literal
 
 import pydantic
 import yaml
-from pydantic import ConfigDict, Field, NonNegativeInt, PositiveInt
+from pydantic import ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 import mpm
 
-Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "replay"]
+Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "GNN-CMA-ES", "replay"]
 
 
 class Demonstrations(pydantic.BaseModel):
@@ -36,6 +36,27 @@ class Actor(pydantic.BaseModel):
     """Its learning rate over the critics'."""
 
 
+class GraphSizes(pydantic.BaseModel):
+    """How large a network is and how it learns."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    hidden: PositiveInt = 32
+    message_steps: PositiveInt = 2
+    history: PositiveInt = 3
+    """Frames whose changes of place a node knows."""
+    neighbours: PositiveInt = 10
+    """Nearest nodes within reach that a grain hears."""
+    updates: PositiveInt = 3000
+    batch_size: PositiveInt = 8
+    learning_rate: PositiveFloat = 1e-3
+    decay: PositiveFloat = 0.1
+    """Learning rate at the end over that at the start."""
+    noise: NonNegativeFloat = 0.2
+    """Standard deviation of the error that places are given in training, over that of what the network has to say: so
+    that errors of its own do not grow."""
+
+
 class Preset(pydantic.BaseModel):
     """A method."""
 
@@ -60,6 +81,8 @@ class Preset(pydantic.BaseModel):
     critic_layer_norm: bool = False
     encoder: Literal["pointnet", "deep_sets"] | None = None
     """What sees the grains as a set; null: a flat network."""
+    graph: GraphSizes | None = None
+    """Of a network that foresees what grains do; needs roll-outs to learn from."""
     discriminator_updates: PositiveInt = 1
     """Of GAIL, for each batch of the policy's transitions."""
     options: dict[str, Any] = {}  # noqa: RUF012

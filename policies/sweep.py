@@ -40,6 +40,8 @@ class SweepFile(pydantic.BaseModel):
     seeds: list[int] = Field(min_length=1)
     demos: str | None = None
     """Folder of the demonstrations; {task} is the task's name."""
+    frames: str | None = None
+    """The same of the roll-outs that a network learns from."""
     episodes: PositiveInt | None = None
     options: list[str] = []  # noqa: RUF012
     """Further words for `robosim train`."""
@@ -91,14 +93,17 @@ def planned(file: SweepFile) -> list[Run]:
     for seed, task, method in product(file.seeds, file.tasks, file.methods):
         out = file.out / task / Path(method).stem / f"seed_{seed}"
         words = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options]
-        if load_preset(method).demonstrations is not None:
-            if file.demos is None:
-                raise mpm.InvalidValue(f"method {method} learns from demonstrations; give their folder as `demos`")
-            words += ["--demos", file.demos.replace("{task}", task)]
+        preset = load_preset(method)
+        takes = (("demos", file.demos, preset.demonstrations), ("frames", file.frames, preset.graph))
+        for name, given, needed in takes:
+            if needed is not None:
+                if given is None:
+                    raise mpm.InvalidValue(f"method {method} learns from {name}; give their folder as `{name}`")
+                words += [f"--{name}", given.replace("{task}", task)]
         changes = {} if file.episodes is None else {"episodes": file.episodes}
         if file.episodes is not None:
             words += ["--episodes", str(file.episodes)]
-        runs.append(Run(out, words, load_preset(method).model_copy(update=changes).model_dump()))
+        runs.append(Run(out, words, preset.model_copy(update=changes).model_dump()))
     if len({run.out for run in runs}) < len(runs):
         raise mpm.InvalidValue("two runs would share a folder; accepted: tasks, methods and seeds of different names")
     return runs

@@ -24,6 +24,7 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--out", type=Path, required=True, help="folder of the run; one that was cut short goes on")
     run.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
     run.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
+    run.add_argument("--frames", type=Path, help="folder of `robosim frames`, for methods with a network that foresees")
     run.add_argument("--episodes", type=int, help="at most (default: the method's)")
     run.add_argument("--material", help="of the grains (default: the task's)")
     run.add_argument("--starts", choices=["nominal", "random"], default="nominal",
@@ -33,12 +34,12 @@ def command(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--force", action="store_true", help="go on with a run of another configuration or commit")
     run.set_defaults(run=lambda a: train(
         a.method, a.task, a.out, seed=a.seed, demos=a.demos, episodes=a.episodes, material=a.material, starts=a.starts,
-        hold=a.action_repeat, obs=a.obs, force=a.force))
+        hold=a.action_repeat, obs=a.obs, force=a.force, frames=a.frames))
 
 
 def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | None = None, episodes: int | None = None,
           material: str | None = None, starts: str = "nominal", hold: int = 10, obs: str | None = None,
-          force: bool = False) -> int:
+          force: bool = False, frames: Path | None = None) -> int:
     """Run a method in a folder to its end; returns 0. A finished run is left alone."""
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
@@ -57,18 +58,20 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     from policies.adversarial import imitate
     from policies.cloning import clone
     from policies.evolution import evolve, replay
+    from policies.graph_search import foresee
     from policies.training import Training
 
     torch.set_num_threads(1)
     options: dict[str, Any] = {"material": material} if material else {}
     training = Training(method, preset, task, out, seed=seed, demos=demos, starts=starts, hold=hold, force=force,
-                        **options)
+                        frames=frames, **options)
     try:
         if training.folder.finished and not force:
             print(f"{out}: finished already")
             return 0
         training.folder.status("running")
-        {"BC": clone, "GAIL": imitate, "CMA-ES": evolve, "replay": replay}.get(preset.learner, Training.learn)(training)
+        own = {"BC": clone, "GAIL": imitate, "CMA-ES": evolve, "GNN-CMA-ES": foresee, "replay": replay}
+        own.get(preset.learner, Training.learn)(training)
     except KeyboardInterrupt:
         training.folder.status("stopped", reason="Ctrl-C; the same command goes on from the last checkpoint")
         raise

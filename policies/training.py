@@ -42,11 +42,12 @@ class Training:
     """One run in one folder, from where it stands; `learn` (or another method's function) brings it to its end.
 
     starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos: what
-    `demonstrations.read` takes. Raises mpm.InvalidValue for what does not fit together.
+    `demonstrations.read` takes. frames: folder of `robosim frames`. Raises mpm.InvalidValue for what does not fit.
     """
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
-                 starts: str = "nominal", hold: int = 10, force: bool = False, **options: Any) -> None:
+                 starts: str = "nominal", hold: int = 10, force: bool = False, frames: Path | None = None,
+                 **options: Any) -> None:
         self.preset, self.seed, self.hold = preset, seed, hold
         self.base: Any = made(task, preset.obs, hold, **options)
         raw = self.base.unwrapped
@@ -57,14 +58,14 @@ class Training:
         self.cap = raw.reward.extremes()[1] if granular else None
         self.nominal = {"nominal": True} if granular else None
         self.reset_options = self.nominal if starts == "nominal" else None
-        self.sequences = self._sequences(demos)
+        self.sequences, self.frames = self._sequences(demos), self._frames(frames)
         if granular and preset.scaled and preset.obs != "dict":
             self.base = Scaled(self.base, preset.obs)
         scene = [raw.task.model_dump(), raw.material.model_dump()] if granular else [task]
         self.folder = RunFolder(out, {
             "method": method, "preset": preset.model_dump(), "task": task, "seed": seed, "starts": starts, "hold": hold,
             "material": options.get("material") or (raw.task.material if granular else None),
-            "fingerprint": digest(scene), "demonstrations": {k: digest(v.tolist()) for k, v in self.sequences.items()},
+            "fingerprint": digest(scene), "demonstrations": self._shown(),
             "commit": commit(), "command": " ".join(sys.argv)}, force)
         self.env = Episodes(self.base, seed, self.reset_options, self._ended)
         self.acting: gymnasium.Env = self.env
@@ -78,13 +79,28 @@ class Training:
     def _sequences(self, demos: Path | None) -> dict[str, np.ndarray]:
         """Actions of the demonstrations, by file."""
         asked = self.preset.demonstrations is not None or self.preset.residual is not None
-        if demos is not None and not asked and self.preset.learner != "CMA-ES":  # which may begin with one
+        if demos is not None and not asked and "CMA-ES" not in self.preset.learner:  # which may begin with one
             raise mpm.InvalidValue(f"--demos {demos}: this method takes no demonstrations; leave it out")
         if demos is None and not asked:
             return {}
         if demos is None:
             raise mpm.InvalidValue("this method learns from demonstrations; give their folder as --demos")
         return demonstrations.read(demos, self.decisions, self.hold, self.base.action_space.shape[0])
+
+    def _frames(self, frames: Path | None) -> Path | None:
+        """The folder of roll-outs, where the method takes one."""
+        needed = self.preset.graph is not None
+        if needed != (frames is not None):
+            raise mpm.InvalidValue("this method learns from roll-outs; give their folder as --frames" if needed else
+                                   f"--frames {frames}: this method takes no roll-outs; leave it out")
+        return frames
+
+    def _shown(self) -> dict[str, str]:
+        """What the run learns from, by file, as digests."""
+        told = {name: digest(actions.tolist()) for name, actions in self.sequences.items()}
+        if self.frames is not None:
+            told |= {path.name: digest(path.read_bytes().hex()) for path in sorted(self.frames.glob("*.[jn]*"))}
+        return told
 
     def _ended(self, episode: Episode) -> None:
         self._improved |= self.folder.add(episode, self.hold)

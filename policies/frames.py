@@ -1,0 +1,183 @@
+"""`robosim frames`: roll-outs of the simulator with starts and motions of many kinds, for a network to learn from."""
+
+import argparse
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import gymnasium
+import numpy as np
+from tqdm import tqdm
+
+import mpm
+from policies.files import write, write_json
+from policies.hold import Hold
+from policies.spline_search import motion
+
+EXAMPLE = """example:
+  robosim frames SpoonPour --episodes 200 --jobs 2 --out out/frames/SpoonPour
+  robosim train gnn_cmaes SpoonPour --frames out/frames/SpoonPour --out out/runs/SpoonPour/gnn_cmaes/seed_0"""
+KNOTS, SPREAD = 8, 0.4
+"""Of the smooth motion that is added to a part of the script: knots, and standard deviation of its actions."""
+SOLIDS = 150
+"""Points that stand for the surface of a tool or a container."""
+
+
+class Solid(NamedTuple):
+    """What a network sees of something rigid."""
+
+    points: np.ndarray
+    """(SOLIDS, 3) on its surface, in its frame [m]."""
+    moves: bool
+
+
+def command(commands: argparse._SubParsersAction) -> None:
+    """Add `frames` to the command line."""
+    run = commands.add_parser("frames", help="make roll-outs for a network to learn from", epilog=EXAMPLE,
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("task", help="a sub-task, such as SpoonPour")
+    run.add_argument("--out", type=Path, required=True, help="folder of the roll-outs; what is there is not made again")
+    run.add_argument("--episodes", type=int, default=200, help="(default: 200)")
+    run.add_argument("--material", help="of the grains (default: the task's)")
+    run.add_argument("--hold", type=int, default=10, help="steps of 2 ms that an action is held; a frame each "
+                     "(default: 10)")
+    run.add_argument("--seed", type=int, default=0, help="of starts and motions (default: 0)")
+    run.add_argument("--jobs", type=int, default=1, help="roll-outs at a time, a core each (default: 1)")
+    run.set_defaults(run=lambda a: frames(a.task, a.out, episodes=a.episodes, material=a.material, hold=a.hold,
+                                          seed=a.seed, jobs=a.jobs))
+
+
+def frames(task: str, out: Path, *, episodes: int = 200, material: str | None = None, hold: int = 10, seed: int = 0,
+           jobs: int = 1) -> int:
+    """Make roll-outs 0 .. episodes - 1 into a folder; returns 0. Raises InvalidValue for what cannot be made, and for a
+    folder of others."""
+    if min(episodes, hold, jobs) < 1 or seed < 0:
+        raise mpm.InvalidValue(f"--episodes {episodes}, --hold {hold}, --jobs {jobs}, --seed {seed}; accepted: 1 or "
+                               f"more, the seed 0 or more")
+    env = environment(task, material, hold)
+    out.mkdir(parents=True, exist_ok=True)
+    told = {"task": task, "material": env.task.material if material is None else material, "hold": hold, "seed": seed}
+    about = out / "frames.json"
+    if about.is_file() and about.read_text() != text_of(told):
+        raise mpm.InvalidValue(f"--out {out}: holds roll-outs of {about.read_text().strip()}; give another folder")
+    write_json(about, told)
+    waiting = [k for k in range(episodes) if not path_of(out, k).is_file()]
+    progress = tqdm(initial=episodes - len(waiting), total=episodes, unit="roll-out", file=sys.stderr)
+    if jobs == 1:
+        for k in waiting:
+            make(env, out, seed, k)
+            progress.update()
+    else:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            for _ in pool.map(partial(made_apart, task, material, hold, out, seed), waiting):
+                progress.update()
+    progress.close()
+    print(f"{out}: {episodes} roll-outs of {env.task.steps // hold + 1} frames")
+    return 0
+
+
+def text_of(told: dict[str, Any]) -> str:
+    """As `write_json` writes it."""
+    return json.dumps(told, indent=2, allow_nan=False) + "\n"
+
+
+def path_of(out: Path, k: int) -> Path:
+    """File of a roll-out."""
+    return out / f"rollout_{k:05d}.npz"
+
+
+def environment(task: str, material: str | None, hold: int) -> Any:
+    """The sub-task; raises InvalidValue for one that does not exist."""
+    try:
+        options: dict[str, Any] = {} if material is None else {"material": material}
+        return gymnasium.make(f"robosim:robosim/{task}-v0", action_repeat=hold, **options).unwrapped
+    except gymnasium.error.Error as error:
+        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
+
+
+_kept: dict[str, Any] = {}
+
+
+def made_apart(task: str, material: str | None, hold: int, out: Path, seed: int, k: int) -> None:
+    """A roll-out in a process of its own, which makes its environment once."""
+    if "env" not in _kept:
+        _kept["env"] = environment(task, material, hold)
+    make(_kept["env"], out, seed, k)
+
+
+def make(env: Any, out: Path, seed: int, k: int) -> None:
+    """Roll-out k, kept as grains (frames, n, 3) and tool (frames, 7), in world axes [m]."""
+    rng = np.random.default_rng([seed, k])
+    env.reset(seed=int(rng.integers(2**31)), options={"nominal": bool(rng.integers(2))})
+    hold = Hold(env.task, env.action_repeat)
+    hold.begin(env.solver.collider_pose(0).position)
+    script = rng.uniform(0.0, 1.2) * hold.follow(env.task, env.task.steps * env.task.step_dt)
+    aside = motion(rng.normal(0.0, SPREAD, (KNOTS, hold.dimensions)), hold.n)
+    grains, poses = [seen(env)], [pose_of(env)]
+    for action in np.clip(script + rng.uniform() * aside, -1.0, 1.0).astype(np.float32):
+        _, _, ended, cut, info = env.step(action)
+        if info.get("diverged"):
+            break
+        grains.append(seen(env))
+        poses.append(pose_of(env))
+        if ended or cut:
+            break
+    write(path_of(out, k), lambda path: np.savez_compressed(path, grains=np.array(grains, np.float32),
+                                                            tool=np.array(poses)))
+
+
+def seen(env: Any) -> np.ndarray:
+    """Places of the observed grains (n, 3); a copy, for the next reading goes to the same memory."""
+    return env.world.grains()[:, :3].copy()
+
+
+def pose_of(env: Any) -> np.ndarray:
+    """The tool's pose (7,)."""
+    return np.concatenate(env.solver.collider_pose(0))
+
+
+def solids(env: Any) -> list[Solid]:
+    """The scene's tool and, standing where they are, what else is rigid; each as points drawn from its surface."""
+    found, rng = [], np.random.default_rng(0)
+    for index, collider in enumerate(env.solver.colliders):
+        lower, upper = collider.sdf.bounds
+        drawn = rng.uniform(lower, upper, (200_000, 3))
+        near = np.abs(collider.sdf.distance(drawn)) < 0.02 * np.linalg.norm(upper - lower)
+        points = drawn[near][:SOLIDS]
+        pose = env.solver.collider_pose(index)
+        found.append(Solid(points if index == 0 else pose.apply(points), index == 0))
+    return found
+
+
+class Rollouts(NamedTuple):
+    """What `robosim frames` has made of a task."""
+
+    grains: list[np.ndarray]
+    """(frames, n, 3) of each roll-out [m]."""
+    poses: list[np.ndarray]
+    """(frames, 7) of its tool."""
+
+
+def read(folder: Path, task: str, hold: int) -> Rollouts:
+    """All roll-outs of a folder; raises InvalidValue where it holds none, or others."""
+    try:
+        told = json.loads((folder / "frames.json").read_text())
+        if (told["task"], told["hold"]) != (task, hold):
+            raise mpm.InvalidValue(f"--frames {folder}: of {told['task']}, actions held for {told['hold']} steps; "
+                                   f"accepted: {task}, {hold}")
+        found = []
+        for path in sorted(folder.glob("rollout_*.npz")):
+            with np.load(path, allow_pickle=False) as stored:
+                found.append((stored["grains"], stored["tool"]))
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise mpm.InvalidValue(f"--frames {folder}: {error}; `robosim frames {task} --out {folder}` makes "
+                               f"them") from error
+    if len(found) < 2:
+        raise mpm.InvalidValue(f"--frames {folder}: {len(found)} roll-outs; accepted: 2 or more, of which some are "
+                               f"held back for the test")
+    return Rollouts(*map(list, zip(*found)))

@@ -1,0 +1,137 @@
+"""The network of a sub-task: how it learns from roll-outs, and what it foresees of a motion."""
+
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import torch
+from tqdm import tqdm
+
+from mpm.adjoint.twists import path
+from mpm.motion import Pose
+from policies.frames import Rollouts, Solid
+from policies.graph_network import GraphNetwork, arrays, beside, filled, graph_of, scales_of
+from policies.hold import Hold
+from policies.presets import GraphSizes
+
+HELD_BACK = 10
+"""One roll-out in so many is kept for the test."""
+EVERY = 250
+"""Updates between two checkpoints."""
+CLIP = 1.0
+"""Largest norm of a gradient."""
+
+
+class GraphModel:
+    """A network, its units, and the rigid parts of its scene."""
+
+    def __init__(self, sizes: GraphSizes, rollouts: Rollouts, solids: list[Solid], floor: float, seed: int) -> None:
+        torch.manual_seed(seed)
+        self.sizes, self.scales, self.floor = sizes, scales_of(rollouts.grains), floor
+        self.network = GraphNetwork(sizes)
+        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=sizes.learning_rate)
+        self.tool = next(solid.points for solid in solids if solid.moves)
+        self.standing = np.concatenate([np.zeros((0, 3)), *(s.points for s in solids if not s.moves)])
+        self.updates, self.losses = 0, []
+        self._rng = np.random.default_rng(seed)
+        self._places = [places.astype(float) for places in rollouts.grains]
+        self._tools = [np.stack([Pose(row[:3], row[3:]).apply(self.tool) for row in rows]) for rows in rollouts.poses]
+        self._learnt = [k for k in range(len(self._places)) if k % HELD_BACK]
+        self.test = [k for k in range(len(self._places)) if k % HELD_BACK == 0]
+
+    # learning --------------------------------------------------------------------------------------------------------
+    def learn(self, keep: Callable[[], None]) -> None:
+        """Update until done; `keep` is called between."""
+        sizes = self.sizes
+        progress = tqdm(initial=self.updates, total=sizes.updates, unit="update", file=sys.stderr)
+        while self.updates < sizes.updates:
+            for group in self.optimiser.param_groups:
+                group["lr"] = sizes.learning_rate * sizes.decay ** (self.updates / sizes.updates)
+            graphs, targets = zip(*(self._example(*self._drawn()) for _ in range(sizes.batch_size)))
+            loss = torch.mean((self.network(beside(list(graphs))) - torch.cat(targets)) ** 2)
+            self.optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), CLIP)
+            self.optimiser.step()
+            self.updates += 1
+            self.losses.append(loss.item())
+            progress.set_postfix(loss=f"{np.mean(self.losses[-100:]):.3f}", refresh=False)
+            progress.update()
+            if self.updates % EVERY == 0 or self.updates == sizes.updates:
+                keep()
+        progress.close()
+
+    def _drawn(self) -> tuple[int, int]:
+        """A roll-out, and a frame of it that has enough before and one behind it."""
+        k = int(self._rng.choice(self._learnt))
+        return k, int(self._rng.integers(self.sizes.history, len(self._places[k]) - 1))
+
+    def _example(self, k: int, t: int) -> tuple[Any, torch.Tensor]:
+        """A frame whose past is given an error that walks, and what makes good for the last of it."""
+        h = self.sizes.history
+        places = self._places[k][t - h : t + 1]
+        walk = np.cumsum(self._rng.normal(0.0, self.sizes.noise / np.sqrt(h), places.shape) * self.scales.spread, 0)
+        walk[0] = 0.0
+        there = places + walk
+        wanted = self._places[k][t + 1] - 2.0 * there[-1] + there[-2]
+        graph = graph_of(there, self._tools[k][t - h : t + 1], self.standing, self._tools[k][t + 1], self.scales,
+                         self.sizes, self.floor)
+        return graph, torch.as_tensor((wanted - self.scales.mean) / self.scales.spread, dtype=torch.float32)
+
+    def state(self) -> dict[str, Any]:
+        """What the next update depends on."""
+        return {"weights": arrays(self.network), "optimiser": self.optimiser.state_dict(), "updates": self.updates,
+                "losses": self.losses, "rng": self._rng.bit_generator.state}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Return to a state."""
+        self.network = filled(self.sizes, state["weights"])
+        self.optimiser = torch.optim.Adam(self.network.parameters(), lr=self.sizes.learning_rate)
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.updates, self.losses = state["updates"], list(state["losses"])
+        self._rng.bit_generator.state = state["rng"]
+
+    # foreseeing ------------------------------------------------------------------------------------------------------
+    def foreseen(self, grains: np.ndarray, tools: np.ndarray) -> Iterator[np.ndarray]:
+        """Places (n, 3) after each frame, from grains (n, 3) at rest and the tool's points in every frame (t, m, 3)."""
+        h = self.sizes.history
+        places = np.repeat(grains[None].astype(float), h + 1, 0)
+        moving = np.concatenate([np.repeat(tools[:1], h, 0), tools])
+        for t in range(len(tools) - 1):
+            graph = graph_of(places, moving[t : t + h + 1], self.standing, tools[t + 1], self.scales, self.sizes,
+                             self.floor)
+            with torch.no_grad():
+                change = self.network(graph).double().numpy() * self.scales.spread + self.scales.mean
+            new = 2.0 * places[-1] - places[-2] + change
+            new[:, 2] = np.maximum(new[:, 2], self.floor)
+            places = np.concatenate([places[1:], new[None]])
+            yield new
+
+    def way(self, start: Pose, hold: Hold, actions: np.ndarray) -> np.ndarray:
+        """The tool's points (decisions + 1, m, 3) on the way that actions make it go."""
+        hold.begin(start.position)
+        poses = path(start, *hold.twists(actions), hold.dt)
+        steps = np.minimum(hold.hold * np.arange(hold.n + 1), hold.steps)
+        return np.einsum("tij,mj->tmi", poses.matrices[steps], self.tool) + poses.positions[steps, None]
+
+    def errors(self) -> dict[str, float]:
+        """On roll-outs that it has not seen: mean distance [m] of grains from where they are after a frame, and at the
+        end of the roll-out; and of grains that are thought to go on as they do, after a frame."""
+        one, end, straight = [], [], []
+        for k in self.test:
+            places, tools = self._places[k], self._tools[k]
+            one += [np.linalg.norm(new - places[1], axis=1).mean() for new in self.foreseen(places[0], tools[:2])]
+            for t in range(self.sizes.history, len(places) - 1, 10):
+                past = places[t - self.sizes.history : t + 1]
+                graph = graph_of(past, tools[t - self.sizes.history : t + 1], self.standing, tools[t + 1], self.scales,
+                                 self.sizes, self.floor)
+                with torch.no_grad():
+                    change = self.network(graph).double().numpy() * self.scales.spread + self.scales.mean
+                going = 2.0 * past[-1] - past[-2]
+                one.append(np.linalg.norm(going + change - places[t + 1], axis=1).mean())
+                straight.append(np.linalg.norm(going - places[t + 1], axis=1).mean())
+            *_, last = self.foreseen(places[0], tools)
+            end.append(np.linalg.norm(last - places[-1], axis=1).mean())
+        return {"frame_m": float(np.mean(one)), "straight_on_m": float(np.mean(straight)), "end_m": float(np.mean(end))}
+
