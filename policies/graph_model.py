@@ -1,5 +1,6 @@
 """The network of a sub-task: how it learns from roll-outs, and what it foresees of a motion."""
 
+import copy
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -81,8 +82,9 @@ class GraphModel:
 
     def state(self) -> dict[str, Any]:
         """What the next update depends on."""
-        return {"weights": arrays(self.network), "optimiser": self.optimiser.state_dict(), "updates": self.updates,
-                "losses": self.losses, "rng": self._rng.bit_generator.state}
+        return {"weights": arrays(self.network), "optimiser": copy.deepcopy(self.optimiser.state_dict()),
+                "updates": self.updates,
+                "losses": list(self.losses), "rng": self._rng.bit_generator.state}
 
     def load(self, state: dict[str, Any]) -> None:
         """Return to a state."""

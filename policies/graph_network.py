@@ -114,7 +114,7 @@ def scales_of(grains: list[np.ndarray]) -> Scales:
 
 def arrays(network: GraphNetwork) -> dict[str, np.ndarray]:
     """The weights."""
-    return {name: value.detach().numpy() for name, value in network.state_dict().items()}
+    return {name: value.detach().numpy().copy() for name, value in network.state_dict().items()}
 
 
 def filled(sizes: GraphSizes, weights: dict[str, Any]) -> GraphNetwork:
