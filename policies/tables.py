@@ -15,12 +15,14 @@ import yaml
 
 import mpm
 from policies.files import write, write_json
+from policies.further_tables import Table, further
 from policies.presets import folder
 
 EXAMPLE = "example:\n  robosim tables out/runs --out out/tables"
 READINGS = {"best": "score of the best motion, replayed", "tcs": "score, mean of the last ten episodes",
             "return": "return, mean of the last ten episodes", "delivered": "delivered by the best motion",
             "spilled": "spilled by the best motion", "collisions": "collisions of the best motion",
+            "turn_error_deg": "error of the best motion's turn [deg]",
             "seconds": "seconds an episode"}
 SETTINGS = {"material": "{}", "starts": "{} starts", "hold": "actions held for {} steps", "obs": "observes {}",
             "wanted": "{} episodes wanted"}
@@ -62,20 +64,22 @@ def runs_below(folders: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
 
 
 COLUMNS = ("task", "method", "material", "seed", "starts", "hold", "obs", "wanted", "commit", "episodes", "best", "tcs",
-           "return", "seconds", "delivered", "spilled", "collisions")
+           "return", "seconds", "delivered", "spilled", "collisions", "turn_error_deg")
 """Of a run in tables.json."""
+NEWER = ("turn_error_deg",)
+"""Of these, what earlier files do not have."""
 
 
 def earlier(path: Path) -> list[dict[str, Any]]:
     """Runs of a tables.json that `robosim tables` has written."""
     try:
         rows = list(json.loads(path.read_text())["runs"])
-        missing = sorted({key for one in rows for key in COLUMNS if key not in one})
+        missing = sorted({key for one in rows for key in COLUMNS if key not in one and key not in NEWER})
     except (ValueError, KeyError, TypeError) as error:
         raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error
     if missing:
         raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: its runs lack {', '.join(missing)}")
-    return [{key: one[key] for key in COLUMNS} for one in rows]
+    return [{key: one.get(key) for key in COLUMNS} for one in rows]
 
 
 def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
@@ -89,7 +93,7 @@ def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
             "wanted": manifest["preset"]["episodes"], "commit": manifest["commit"], "episodes": status["episodes"],
             "best": replayed.get("tcs"), "tcs": last.get("tcs"), "return": last["return"],
             "seconds": status["seconds"] / status["episodes"],
-            **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions")}}
+            **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")}}
 
 
 def told_apart(rows: list[dict[str, Any]]) -> list[str]:
@@ -136,10 +140,14 @@ def tables(runs: list[Path], out: Path) -> int:
         found[label][task] = {
             key: {**summary(values, rng), "published": theirs(published, key, members[0]["method"], task)}
             for key in READINGS if (values := [m[key] for m in members if m[key] is not None])}
-    write_json(out / "tables.json", {"tables": found, "runs": rows, "not_finished": others, "published": published})
+    numbers, beside = further(found, runs, published)
+    write_json(out / "tables.json", {"tables": found, "runs": rows, "not_finished": others, "published": published,
+                                     **numbers})
     write(out / "tables.csv", lambda path: as_csv(path, rows))
-    write(out / "index.html", lambda path: path.write_text(page(found, published, others, runs)))
+    write(out / "index.html", lambda path: path.write_text(page(found, published, others, runs, beside)))
     print(as_text(found, published))
+    for table in beside:
+        print(f"\n{table.title}:\n{aligned([table.head, *table.rows])}")
     for words in others:
         print(f"not finished: {words}")
     print(f"{out / 'index.html'}")
@@ -176,13 +184,16 @@ def as_text(found: dict, published: dict) -> str:
     def form(own: dict) -> str:
         return f"{own['mean']:.1f}±{own['std']:.1f}" + (f" ({own['published'][0]:.1f})" if own["published"] else "")
 
-    table = cells(found, published, "best", form)
+    return f"{READINGS['best']}, in brackets {published['source']}:\n" + aligned(cells(found, published, "best", form))
+
+
+def aligned(table: list[list[str]]) -> str:
+    """Lines of words in columns."""
     widths = [max(len(line[k]) for line in table) for k in range(len(table[0]))]
-    lines = ["  ".join(word.ljust(width) for word, width in zip(line, widths)) for line in table]
-    return f"{READINGS['best']}, in brackets {published['source']}:\n" + "\n".join(lines)
+    return "\n".join("  ".join(word.ljust(width) for word, width in zip(line, widths)).rstrip() for line in table)
 
 
-def page(found: dict, published: dict, others: list[str], runs: list[Path]) -> str:
+def page(found: dict, published: dict, others: list[str], runs: list[Path], beside: list[Table]) -> str:
     """All tables as one page that needs nothing else."""
     def form(own: dict) -> str:
         words = f"{own['mean']:.2f} ± {own['std']:.2f}<br><small>{own['n']} runs, IQM {own['iqm']:.2f} " \
@@ -192,8 +203,10 @@ def page(found: dict, published: dict, others: list[str], runs: list[Path]) -> s
     parts = [f"<h1>What runs came to</h1><p>robosim {html.escape(version('robosim'))}; runs below "
              f"{html.escape(', '.join(map(str, runs)))}. Mean ± standard deviation; interquartile mean with its 95 % "
              f"interval; in italics {html.escape(published['source'])}, on a geometry of its own.</p>"]
-    for key, title in READINGS.items():
-        head, *body = cells(found, published, key, form)
+    scores = [(title, cells(found, published, key, form)) for key, title in READINGS.items()]
+    more = [(table.title, [table.head, *([row[0], *map(html.escape, row[1:])] for row in table.rows)])
+            for table in beside]
+    for title, (head, *body) in scores + more:
         parts.append(f"<h2>{title}</h2><table><tr>{''.join(f'<th>{html.escape(w)}</th>' for w in head)}</tr>")
         parts += [f"<tr><th>{html.escape(line[0])}</th>{''.join(f'<td>{w}</td>' for w in line[1:])}</tr>"
                   for line in body]

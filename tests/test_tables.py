@@ -82,3 +82,30 @@ def test_earlier_tables_count(tmp_path: Path) -> None:
     (tmp_path / "other.json").write_text("[]")
     with pytest.raises(mpm.InvalidValue, match=r"other.json: not a tables.json"):
         tables([tmp_path / "other.json"], tmp_path / "third")
+
+
+def test_further_tables(tmp_path: Path) -> None:
+    """What down-sampling saves, the turn of tools that scoop, other materials: beside the paper's."""
+    for name, obs, seconds in (("a", "all", 90.0), ("b", "flat", 30.0)):
+        finished(tmp_path / name, 0, 10.0, task="SpoonScoop", obs=obs)
+        path = tmp_path / name / "status.json"
+        told = json.loads(path.read_text())
+        told["replayed"]["turn_error_deg"] = 2.2
+        path.write_text(json.dumps(told | {"seconds": seconds}))
+    (tmp_path / "m").mkdir()
+    (tmp_path / "m" / "materials.json").write_text(json.dumps({"rows": [
+        {"task": "SpoonPour", "material": "sugar", "score": 52.0, "td_mm": 3.0, "delivered": 1.0},
+        {"task": "SpoonPour", "material": "flour", "score": 12.0, "td_mm": None, "delivered": 0.2}]}))
+    made(tmp_path)
+    told = json.loads((tmp_path / "tables" / "tables.json").read_text())
+    assert told["gain_of_down_sampling"] == {"SpoonScoop": pytest.approx(3.0)}
+    assert {(row["method"], row["task"], row["off_deg"]) for row in told["turns"]} == {
+        ("all", "SpoonScoop", 2.2), ("dg_sac", "SpoonScoop", 2.2)}
+    page = (tmp_path / "tables" / "index.html").read_text()
+    for words in ("3.00</td><td>4.67", "2.0%</td><td>-110</td><td>3.0 (2.8%)", "52.0 (3.0)", "12.0 (-)"):
+        assert words in page, words
+    before = {**told["runs"][0]}
+    del before["turn_error_deg"]  # as a file of an earlier version
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "tables.json").write_text(json.dumps({"runs": [before]}))
+    assert tables([tmp_path / "old" / "tables.json"], tmp_path / "again") == 0

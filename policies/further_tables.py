@@ -1,0 +1,76 @@
+"""Tables beside those of scores: what down-sampling saves, how far tools have turned, other materials."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+
+class Table(NamedTuple):
+    """A table of words."""
+
+    title: str
+    head: list[str]
+    rows: list[list[str]]
+
+
+def further(found: dict[str, dict[str, dict]], folders: list[Path], published: dict) -> tuple[dict, list[Table]]:
+    """What there is of them, as numbers and as words. found: summaries by method, task and reading."""
+    saved, turned, among = gain(found), turns(found, published), materials(folders)
+    tables = []
+    if saved:
+        theirs = published["gain_of_down_sampling"]
+        tables.append(Table("seconds of an episode that sees every grain, over one that sees some",
+                            ["task", "gain", published["source"]],
+                            [[task, f"{value:.2f}", f"{theirs[task]:.2f}" if task in theirs else ""]
+                             for task, value in saved.items()]))
+    if turned:
+        tables.append(Table("how far the best motion has turned its tool off what was asked",
+                            ["method", "task", "off [deg]", "off by", "asked [deg]", published["source"] + ", dg_sac"],
+                            [[method, task, f"{off:.1f}", f"{off / abs(asked):.1%}", f"{asked:g}", theirs]
+                             for method, task, off, asked, theirs in turned]))
+    if among:
+        tasks = sorted({row["task"] for row in among})
+        names = list(dict.fromkeys(row["material"] for row in among))
+        by = {(row["task"], row["material"]): row for row in among}
+        tables.append(Table("score of one motion among other materials, in brackets TD [mm]", ["material", *tasks],
+                            [[name, *(cell(by.get((task, name))) for task in tasks)] for name in names]))
+    return {"gain_of_down_sampling": saved, "materials": among,
+            "turns": [dict(zip(("method", "task", "off_deg", "asked_deg"), row)) for row in turned]}, tables
+
+
+def gain(found: dict[str, dict[str, dict]]) -> dict[str, float]:
+    """Seconds of an episode of `dg_sac` with all grains seen over those with some, by task."""
+    every, some = found.get("all", {}), found.get("dg_sac", {})
+    return {task: every[task]["seconds"]["mean"] / some[task]["seconds"]["mean"] for task in every if task in some}
+
+
+def turns(found: dict[str, dict[str, dict]], published: dict) -> list[tuple[str, str, float, float, str]]:
+    """Method, task, mean error [deg] of the best motions, what was asked [deg], what the paper's own came to."""
+    asked, theirs = published["turn"]["asked_deg"], published["turn"]["dg_sac_deg"]
+    rows = []
+    for method, tasks in found.items():
+        for task, values in tasks.items():
+            if "turn_error_deg" in values:
+                told = f"{abs(theirs[task][0] - asked):.1f} ({abs(theirs[task][0] / asked - 1.0):.1%})" \
+                    if task in theirs else ""
+                rows.append((method, task, values["turn_error_deg"]["mean"], asked, told))
+    return rows
+
+
+def materials(folders: list[Path]) -> list[dict[str, Any]]:
+    """Rows of every materials.json of `robosim materials` below folders; those that cannot be read are left out."""
+    rows = []
+    for path in sorted(path for top in folders if top.is_dir() for path in top.rglob("materials.json")):
+        try:
+            rows += [{key: row[key] for key in ("task", "material", "score", "td_mm", "delivered")}
+                     for row in json.loads(path.read_text())["rows"]]
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+    return rows
+
+
+def cell(row: dict[str, Any] | None) -> str:
+    """A score, and the trajectory's deviation."""
+    if row is None:
+        return ""
+    return f"{row['score']:.1f} ({'-' if row['td_mm'] is None else format(row['td_mm'], '.1f')})"
