@@ -16,7 +16,7 @@ FAILURES, SHRINK, GROW, LEAST = 4, 0.7, 1.1, 0.1
 """Iterations without a better loss before a return to the best, what becomes of the step then and after success, and
 how small it may get."""
 KNOTS = 8
-"""Of the smooth motion that leads aside; its actions are as large as a step."""
+"""Of the smooth motion that leads aside; its actions are as large as a step at its largest."""
 
 
 class Descent:
@@ -84,7 +84,7 @@ class Descent:
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Return to a state."""
         for name in STATE:
-            value = state[name]
+            value = state.get(name, np.zeros((), int))  # `returns` is younger than some files
             setattr(self, name, value.copy() if value.ndim else value.item())
 
 

@@ -17,6 +17,7 @@ from tqdm import tqdm
 import mpm
 from policies.files import write, write_json
 from policies.hold import Hold
+from policies.maker import fingerprint
 from policies.spline_search import motion
 
 EXAMPLE = """example:
@@ -61,10 +62,10 @@ def frames(task: str, out: Path, *, episodes: int = 200, material: str | None = 
                                f"more, the seed 0 or more")
     env = environment(task, material, hold)
     out.mkdir(parents=True, exist_ok=True)
-    told = {"task": task, "material": env.task.material if material is None else material, "hold": hold, "seed": seed}
-    about = out / "frames.json"
-    if about.is_file() and about.read_text() != text_of(told):
-        raise mpm.InvalidValue(f"--out {out}: holds roll-outs of {about.read_text().strip()}; give another folder")
+    told, about = {**of(env), "seed": seed}, out / "frames.json"
+    if about.is_file() and about.read_text() != json.dumps(told, indent=2) + "\n":
+        raise mpm.InvalidValue(f"--out {out}: holds roll-outs of {' '.join(about.read_text().split())}; give another "
+                               f"folder")
     write_json(about, told)
     waiting = [k for k in range(episodes) if not path_of(out, k).is_file()]
     progress = tqdm(initial=episodes - len(waiting), total=episodes, unit="roll-out", file=sys.stderr)
@@ -77,13 +78,13 @@ def frames(task: str, out: Path, *, episodes: int = 200, material: str | None = 
             for _ in pool.map(partial(made_apart, task, material, hold, out, seed), waiting):
                 progress.update()
     progress.close()
-    print(f"{out}: {episodes} roll-outs of {env.task.steps // hold + 1} frames")
+    print(f"{out}: {episodes} roll-outs of up to {-(-env.task.steps // hold) + 1} frames")
     return 0
 
 
-def text_of(told: dict[str, Any]) -> str:
-    """As `write_json` writes it."""
-    return json.dumps(told, indent=2, allow_nan=False) + "\n"
+def of(env: Any) -> dict[str, Any]:
+    """What roll-outs of an environment are of."""
+    return {"task": env.TASK, "hold": env.action_repeat, "grains": len(seen(env)), "scene": fingerprint(env)}
 
 
 def path_of(out: Path, k: int) -> Path:
@@ -163,19 +164,21 @@ class Rollouts(NamedTuple):
     """(frames, 7) of its tool."""
 
 
-def read(folder: Path, task: str, hold: int) -> Rollouts:
-    """All roll-outs of a folder; raises InvalidValue where it holds none, or others."""
+def read(folder: Path, env: Any) -> Rollouts:
+    """All roll-outs of a folder of two frames or more; raises InvalidValue where it holds none of an environment."""
+    wanted = of(env)
     try:
         told = json.loads((folder / "frames.json").read_text())
-        if (told["task"], told["hold"]) != (task, hold):
-            raise mpm.InvalidValue(f"--frames {folder}: of {told['task']}, actions held for {told['hold']} steps; "
-                                   f"accepted: {task}, {hold}")
+        other = [f"{name} {told[name]}, now {value}" for name, value in wanted.items() if told[name] != value]
+        if other:
+            raise mpm.InvalidValue(f"--frames {folder}: of another environment: {'; '.join(other)}")
         found = []
         for path in sorted(folder.glob("rollout_*.npz")):
             with np.load(path, allow_pickle=False) as stored:
-                found.append((stored["grains"], stored["tool"]))
+                if len(stored["grains"]) > 1:  # one that diverged at once has nothing to learn from
+                    found.append((stored["grains"], stored["tool"]))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise mpm.InvalidValue(f"--frames {folder}: {error}; `robosim frames {task} --out {folder}` makes "
+        raise mpm.InvalidValue(f"--frames {folder}: {error}; `robosim frames {env.TASK} --out {folder}` makes "
                                f"them") from error
     if len(found) < 2:
         raise mpm.InvalidValue(f"--frames {folder}: {len(found)} roll-outs; accepted: 2 or more, of which some are "

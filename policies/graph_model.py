@@ -22,6 +22,10 @@ EVERY = 250
 """Updates between two checkpoints."""
 CLIP = 1.0
 """Largest norm of a gradient."""
+FAR = 10.0
+"""Coordinate [m] that no grain of a table-top has."""
+TESTED = 5
+"""One frame in so many of a test's roll-out is foreseen by itself."""
 
 
 class GraphModel:
@@ -29,17 +33,22 @@ class GraphModel:
 
     def __init__(self, sizes: GraphSizes, rollouts: Rollouts, solids: list[Solid], floor: float, seed: int) -> None:
         torch.manual_seed(seed)
-        self.sizes, self.scales, self.floor = sizes, scales_of(rollouts.grains), floor
+        self._learnt = [k for k in range(len(rollouts.grains)) if k % HELD_BACK]
+        self.test = [k for k in range(len(rollouts.grains)) if k % HELD_BACK == 0]
+        self.sizes, self.scales, self.floor = sizes, scales_of([rollouts.grains[k] for k in self._learnt]), floor
         self.network = GraphNetwork(sizes)
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=sizes.learning_rate)
         self.tool = next(solid.points for solid in solids if solid.moves)
         self.standing = np.concatenate([np.zeros((0, 3)), *(s.points for s in solids if not s.moves)])
         self.updates, self.losses = 0, []
         self._rng = np.random.default_rng(seed)
-        self._places = [places.astype(float) for places in rollouts.grains]
-        self._tools = [np.stack([Pose(row[:3], row[3:]).apply(self.tool) for row in rows]) for rows in rollouts.poses]
-        self._learnt = [k for k in range(len(self._places)) if k % HELD_BACK]
-        self.test = [k for k in range(len(self._places)) if k % HELD_BACK == 0]
+        self._places = [self._rested(places.astype(float)) for places in rollouts.grains]
+        self._tools = [self._rested(np.stack([Pose(row[:3], row[3:]).apply(self.tool) for row in rows]))
+                       for rows in rollouts.poses]
+
+    def _rested(self, frames: np.ndarray) -> np.ndarray:
+        """Frames with as much rest before the first as a node remembers: all roll-outs begin settled."""
+        return np.concatenate([np.repeat(frames[:1], self.sizes.history, 0), frames])
 
     # learning --------------------------------------------------------------------------------------------------------
     def learn(self, keep: Callable[[], None]) -> None:
@@ -72,9 +81,9 @@ class GraphModel:
         """A frame whose past is given an error that walks, and what makes good for the last of it."""
         h = self.sizes.history
         places = self._places[k][t - h : t + 1]
-        walk = np.cumsum(self._rng.normal(0.0, self.sizes.noise / np.sqrt(h), places.shape) * self.scales.spread, 0)
-        walk[0] = 0.0
-        there = places + walk
+        steps = self._rng.normal(0.0, self.sizes.noise / np.sqrt(h), places.shape) * self.scales.spread
+        steps[0] = 0.0
+        there = places + np.cumsum(steps, 0)
         wanted = self._places[k][t + 1] - 2.0 * there[-1] + there[-2]
         graph = graph_of(there, self._tools[k][t - h : t + 1], self.standing, self._tools[k][t + 1], self.scales,
                          self.sizes, self.floor)
@@ -95,18 +104,23 @@ class GraphModel:
         self._rng.bit_generator.state = state["rng"]
 
     # foreseeing ------------------------------------------------------------------------------------------------------
+    def _next(self, places: np.ndarray, tools: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """Places (n, 3) a frame after the last of those given (history + 1, n, 3)."""
+        graph = graph_of(places, tools, self.standing, ahead, self.scales, self.sizes, self.floor)
+        with torch.no_grad():
+            change = self.network(graph).double().numpy() * self.scales.spread + self.scales.mean
+        new = 2.0 * places[-1] - places[-2] + change
+        new[:, 2] = np.maximum(new[:, 2], self.floor)
+        return new
+
     def foreseen(self, grains: np.ndarray, tools: np.ndarray) -> Iterator[np.ndarray]:
-        """Places (n, 3) after each frame, from grains (n, 3) at rest and the tool's points in every frame (t, m, 3)."""
-        h = self.sizes.history
-        places = np.repeat(grains[None].astype(float), h + 1, 0)
-        moving = np.concatenate([np.repeat(tools[:1], h, 0), tools])
+        """Places (n, 3) after each frame, from grains (n, 3) at rest and the tool's points in every frame (t, m, 3);
+        ends early where they leave all bounds."""
+        places, moving = self._rested(grains[None].astype(float)), self._rested(tools)
         for t in range(len(tools) - 1):
-            graph = graph_of(places, moving[t : t + h + 1], self.standing, tools[t + 1], self.scales, self.sizes,
-                             self.floor)
-            with torch.no_grad():
-                change = self.network(graph).double().numpy() * self.scales.spread + self.scales.mean
-            new = 2.0 * places[-1] - places[-2] + change
-            new[:, 2] = np.maximum(new[:, 2], self.floor)
+            new = self._next(places, moving[t : t + self.sizes.history + 1], tools[t + 1])
+            if not np.abs(new).max() < FAR:  # also where it is no number
+                return
             places = np.concatenate([places[1:], new[None]])
             yield new
 
@@ -117,23 +131,19 @@ class GraphModel:
         steps = np.minimum(hold.hold * np.arange(hold.n + 1), hold.steps)
         return np.einsum("tij,mj->tmi", poses.matrices[steps], self.tool) + poses.positions[steps, None]
 
-    def errors(self) -> dict[str, float]:
-        """On roll-outs that it has not seen: mean distance [m] of grains from where they are after a frame, and at the
-        end of the roll-out; and of grains that are thought to go on as they do, after a frame."""
-        one, end, straight = [], [], []
+    def errors(self) -> dict[str, float | None]:
+        """On roll-outs that it has not seen: mean distance [m] of grains from where they are after a frame; of grains
+        that are thought to go on as they do; and at the end of the roll-out, None where they leave all bounds."""
+        one, end, straight, h = [], [], [], self.sizes.history
         for k in self.test:
             places, tools = self._places[k], self._tools[k]
-            one += [np.linalg.norm(new - places[1], axis=1).mean() for new in self.foreseen(places[0], tools[:2])]
-            for t in range(self.sizes.history, len(places) - 1, 10):
-                past = places[t - self.sizes.history : t + 1]
-                graph = graph_of(past, tools[t - self.sizes.history : t + 1], self.standing, tools[t + 1], self.scales,
-                                 self.sizes, self.floor)
-                with torch.no_grad():
-                    change = self.network(graph).double().numpy() * self.scales.spread + self.scales.mean
-                going = 2.0 * past[-1] - past[-2]
-                one.append(np.linalg.norm(going + change - places[t + 1], axis=1).mean())
-                straight.append(np.linalg.norm(going - places[t + 1], axis=1).mean())
-            *_, last = self.foreseen(places[0], tools)
-            end.append(np.linalg.norm(last - places[-1], axis=1).mean())
-        return {"frame_m": float(np.mean(one)), "straight_on_m": float(np.mean(straight)), "end_m": float(np.mean(end))}
-
+            for t in range(h, len(places) - 1, TESTED):
+                past, now = places[t - h : t + 1], places[t + 1]
+                new = self._next(past, tools[t - h : t + 1], tools[t + 1])
+                one.append(np.linalg.norm(new - now, axis=1).mean())
+                straight.append(np.linalg.norm(2.0 * past[-1] - past[-2] - now, axis=1).mean())
+            last = list(self.foreseen(places[h], tools[h:]))
+            whole = len(last) == len(places) - h - 1
+            end.append(np.linalg.norm(last[-1] - places[-1], axis=1).mean() if whole else np.inf)
+        found = {"frame_m": one, "straight_on_m": straight, "end_m": end}
+        return {name: float(np.mean(values)) if np.isfinite(values).all() else None for name, values in found.items()}

@@ -15,16 +15,16 @@ from policies.files import write, write_json
 from policies.graph_model import GraphModel
 from policies.graph_network import arrays
 from policies.hold import Hold
-from policies.spline_search import fitted, motion
+from policies.spline_search import FAILED, fitted, motion
 from policies.training import Training
 
 
 def foresee(training: Training) -> None:
     """Let the network learn, then search; goes on where an earlier call was cut."""
     env, preset = training.base.unwrapped, training.preset
-    assert preset.graph is not None and training.frames is not None
-    rollouts = frames.read(training.frames, training.folder.manifest["task"], training.hold)
-    model = GraphModel(preset.graph, rollouts, frames.solids(env), float(env.solver.grid.origin[2]), training.seed)
+    assert preset.graph is not None and training.rollouts is not None
+    rollouts = training.rollouts
+    model = GraphModel(preset.graph, rollouts, frames.solids(env), float(env.solver.grid.lower[2]), training.seed)
     state: dict[str, Any] = {}
     if training.folder.checkpoint.is_file():
         _, state = checkpoint.load(training.folder.checkpoint, None, None)
@@ -55,9 +55,9 @@ def search(training: Training, model: GraphModel, kept: bytes | None) -> None:
         motions = [motion(point.reshape(first.shape), training.decisions) for point in points]
         costs = []
         for actions in motions:
-            tools = model.way(start, hold, actions)
-            *_, last = model.foreseen(grains, tools)
-            costs.append(cost(env.task, last, turned(start.matrix, hold, actions)))
+            seen = list(model.foreseen(grains, model.way(start, hold, actions)))
+            whole = len(seen) == hold.n
+            costs.append(cost(env.task, seen[-1], turned(start.matrix, hold, actions)) if whole else FAILED)
         found.tell(points, costs)
         played(training, motions[int(np.argmin(costs))])
         training.keep(foreseen=model.state(), search=pickle.dumps(found))

@@ -5,6 +5,7 @@ import argparse
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from filelock import FileLock, Timeout
 from tqdm import tqdm
 
 import mpm
@@ -33,6 +35,11 @@ BEGINNINGS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate", "0
               "ScoopPour": ("--from", "script", "--rate", "0.02")}
 """What a descent begins with: where a tool must touch its material first, and where from rest it finds a pour that the
 hand is in the way of."""
+
+
+DOWNSTREAM = {"demonstrations": ("learning of {task}", "sub-tasks in a row", "whole arm"),
+              "learning": ("sub-tasks in a row", "whole arm")}
+"""What a command's outcome goes into."""
 
 
 def command(commands: argparse._SubParsersAction) -> None:
@@ -71,10 +78,15 @@ class Pipeline:
         if min(options.jobs, options.n) < 1:
             raise mpm.InvalidValue(f"--jobs {options.jobs}, --n {options.n}; accepted: 1 or more")
         preset = load_preset(options.method)
+        if preset.graph is not None:
+            raise mpm.InvalidValue(f"--method {options.method}: learns from roll-outs; accepted: one that learns from "
+                                   f"demonstrations or by itself")
         self._shown = preset.demonstrations is not None or preset.residual is not None
         self.options, self.out, self.tasks = options, options.out, known[options.rehearsal]
         self.out.mkdir(parents=True, exist_ok=True)
         self._file, self._lock = self.out / "pipeline.json", threading.Lock()
+        self._running: set[subprocess.Popen] = set()
+        self._stopped = False
         self.stages = self._earlier()
         self._progress: Any = None
 
@@ -88,13 +100,21 @@ class Pipeline:
 
     def run(self) -> int:
         """Everything; returns 0, or 1 where a command failed."""
-        self._progress = tqdm(total=2 * len(self.tasks) + 2, unit="command", file=sys.stderr)
+        lock = FileLock(self.out / ".lock")
         try:
-            with ThreadPoolExecutor(self.options.jobs) as pool:
-                made = list(pool.map(self._learn, self.tasks))
-            whole = all(made) and self._carry_out()
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise mpm.InvalidValue(f"--out {self.out}: another pipeline is at work there") from None
+        self._progress = tqdm(total=2 * len(self.tasks) + 2, unit="command", file=sys.stderr)
+        pool = ThreadPoolExecutor(self.options.jobs)  # the commands after them, too: Ctrl-C reaches this thread alone
+        try:
+            made = list(pool.map(self._learn, self.tasks))
+            whole = all(made) and pool.submit(self._carry_out).result()
         finally:
+            self._stop()
+            pool.shutdown()
             self._progress.close()
+            lock.release()
         self._keep(table=self._table())
         print(as_text(self._table()))
         for name, stage in self.stages.items():
@@ -104,10 +124,16 @@ class Pipeline:
         print(self._file)
         return 0 if whole else 1
 
+    def _stop(self) -> None:
+        """Begin nothing more, and let what runs end as after Ctrl-C, with its files whole."""
+        self._stopped = True
+        for process in list(self._running):
+            process.send_signal(signal.SIGINT)
+
     def _learn(self, task: str) -> bool:
         """Demonstrations and learning of a sub-task."""
         o, material = self.options, [] if self.options.material is None else ["--material", self.options.material]
-        demos, runs = self.out / "demonstrations" / task, self.out / "learning" / task
+        demos, runs = self.out / "demonstrations" / task, self._runs(task)
         words = ["demo", task, "--out", str(demos), "--n", str(o.n), "--nominal", "--seed", str(o.seed), "--iterations",
                  str(o.iterations), *BEGINNINGS.get(task, ()), *(["--no-video"] if o.no_video else [])]
         if self._shown and not self._done(f"demonstrations of {task}", words):
@@ -118,8 +144,16 @@ class Pipeline:
         if not self._done(f"learning of {task}", words):
             return False
         (self.out / "motions").mkdir(exist_ok=True)
+        if not (runs / "best.npz").is_file():
+            self._keep(f"learning of {task}", **{**self.stages[f"learning of {task}"], "state": "failed",
+                                                 "reason": f"{runs} holds no best.npz: every episode diverged"})
+            return False
         write(self.out / "motions" / f"{task}.npz", lambda beside: shutil.copyfile(runs / "best.npz", beside))
         return True
+
+    def _runs(self, task: str) -> Path:
+        """Folder of a sub-task's learning."""
+        return self.out / "learning" / f"{Path(self.options.method).stem}_{self.options.seed}" / task
 
     def _carry_out(self) -> bool:
         """The sub-tasks in a row, and the whole arm; neither waits for the other to succeed."""
@@ -135,16 +169,22 @@ class Pipeline:
     def _done(self, name: str, words: list[str]) -> bool:
         """Run a command unless the same one is finished; whether it is now. Its words go to a file of logs/."""
         earlier = self.stages.get(name)
+        if self._stopped:
+            return False
         if earlier is None or earlier["words"] != words:
+            for later in DOWNSTREAM.get(name.split(" of ")[0], ()):  # what was made of the old is no longer true
+                self.stages.pop(later.replace("{task}", name.split(" of ")[-1]), None)
             log = self.out / "logs" / f"{name.replace(' ', '_')}.txt"
             log.parent.mkdir(exist_ok=True)
             self._keep(name, state="running", words=words, reason="was cut short; the same command goes on")
             began = time.time()
             with log.open("a") as file:
-                ended = subprocess.run([sys.executable, "-m", "robosim.cli", *words], stdout=file, stderr=file,
-                                       env={**os.environ, "OMP_NUM_THREADS": "1"}, check=False)
+                process = subprocess.Popen([sys.executable, "-m", "robosim.cli", *words], stdout=file, stderr=file,
+                                           env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
+                self._running.add(process)
+                good = process.wait() == 0
+                self._running.discard(process)
             last = (log.read_text().strip().splitlines() or ["said nothing"])[-1]
-            good = ended.returncode == 0
             self._keep(name, state="finished" if good else "failed", words=words, reason="" if good else last,
                        seconds=time.time() - began)
         with self._lock:
@@ -167,7 +207,7 @@ class Pipeline:
         for task in self.tasks:
             shown = read(self.out / "demonstrations" / task / "demonstrations.json").get("demonstrations", [])
             among = [values["tcs"] for row in shown for where, values in row.items() if where.startswith("among")]
-            learnt = read(self.out / "learning" / task / "status.json").get("replayed", {})
+            learnt = read(self._runs(task) / "status.json").get("replayed", {})
             row = in_a_row.get(task, {})
             went = row.get("handed_over", row.get("own_start", {}))
             rows.append({"task": task, "demonstration": max(among, default=None), "learnt": learnt.get("tcs"),

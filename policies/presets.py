@@ -88,6 +88,23 @@ class Preset(pydantic.BaseModel):
     options: dict[str, Any] = {}  # noqa: RUF012
     """Arguments of the learner's class."""
 
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "Preset":
+        if (self.graph is not None) != (self.learner == "GNN-CMA-ES"):
+            raise ValueError(f"learner {self.learner} with graph {self.graph}; accepted: GNN-CMA-ES with one, others "
+                             f"without")
+        if self.correction_cost and self.residual is None:
+            raise ValueError(f"correction_cost {self.correction_cost} without residual; accepted: with one, or 0")
+        return self
+
+
+def known(preset: dict[str, Any]) -> dict[str, Any]:
+    """A preset that an earlier version wrote down, with what it lacks as it was then; as it is where it is none."""
+    try:
+        return Preset(**preset).model_dump()
+    except pydantic.ValidationError:
+        return preset
+
 
 def folder() -> Path:
     """configs/training, beside the packages in a checkout and inside robosim in a wheel."""

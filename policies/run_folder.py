@@ -17,6 +17,7 @@ from filelock import FileLock, Timeout
 import mpm
 from policies.episodes import Episode
 from policies.files import write, write_json
+from policies.presets import known
 
 IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "hold", "fingerprint", "demonstrations", "commit")
 """Parts of a manifest that a run must share with what lies in its folder."""
@@ -73,6 +74,7 @@ class RunFolder:
         found = self.read("manifest.json")
         if found is None or force:
             return
+        found = {**found, "preset": known(found.get("preset") or {})}
         other = [f"{key} {found.get(key)!r}, now {self.manifest.get(key)!r}" for key in IDENTITY
                  if json.dumps(found.get(key)) != json.dumps(self.manifest.get(key))]
         if other:

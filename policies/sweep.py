@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 import mpm
 from policies.files import write_json
-from policies.presets import load_preset
+from policies.presets import known, load_preset
 
 EXAMPLE = """example, with a file small.yaml of
   tasks: [SpoonPour, ShovelMove]
@@ -61,7 +61,7 @@ class Run(NamedTuple):
     def state(self) -> str:
         """finished, failed, or what else its folder says; "new" where there is none."""
         try:
-            if json.loads((self.out / "manifest.json").read_text())["preset"] != self.preset:
+            if known(json.loads((self.out / "manifest.json").read_text())["preset"]) != self.preset:
                 return "another"  # which `robosim train` refuses by name
             return str(json.loads((self.out / "status.json").read_text())["state"])
         except (OSError, ValueError, KeyError):

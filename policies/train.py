@@ -64,7 +64,7 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     torch.set_num_threads(1)
     options: dict[str, Any] = {"material": material} if material else {}
     training = Training(method, preset, task, out, seed=seed, demos=demos, starts=starts, hold=hold, force=force,
-                        frames=frames, **options)
+                        roll_outs=frames, **options)
     try:
         if training.folder.finished and not force:
             print(f"{out}: finished already")

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from tqdm import tqdm
 
 import mpm
-from policies import checkpoint, demonstrations
+from policies import checkpoint, demonstrations, frames
 from policies.episodes import Episode, Episodes
 from policies.learner import Corrected, build, kind_of
 from policies.network import export
@@ -42,11 +42,11 @@ class Training:
     """One run in one folder, from where it stands; `learn` (or another method's function) brings it to its end.
 
     starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos: what
-    `demonstrations.read` takes. frames: folder of `robosim frames`. Raises mpm.InvalidValue for what does not fit.
+    `demonstrations.read` takes. roll_outs: folder of `robosim frames`. Raises mpm.InvalidValue for what does not fit.
     """
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
-                 starts: str = "nominal", hold: int = 10, force: bool = False, frames: Path | None = None,
+                 starts: str = "nominal", hold: int = 10, force: bool = False, roll_outs: Path | None = None,
                  **options: Any) -> None:
         self.preset, self.seed, self.hold = preset, seed, hold
         self.base: Any = made(task, preset.obs, hold, **options)
@@ -58,7 +58,7 @@ class Training:
         self.cap = raw.reward.extremes()[1] if granular else None
         self.nominal = {"nominal": True} if granular else None
         self.reset_options = self.nominal if starts == "nominal" else None
-        self.sequences, self.frames = self._sequences(demos), self._frames(frames)
+        self.sequences, self.rollouts = self._sequences(demos), self._rollouts(roll_outs)
         if granular and preset.scaled and preset.obs != "dict":
             self.base = Scaled(self.base, preset.obs)
         scene = [raw.task.model_dump(), raw.material.model_dump()] if granular else [task]
@@ -87,19 +87,19 @@ class Training:
             raise mpm.InvalidValue("this method learns from demonstrations; give their folder as --demos")
         return demonstrations.read(demos, self.decisions, self.hold, self.base.action_space.shape[0])
 
-    def _frames(self, frames: Path | None) -> Path | None:
-        """The folder of roll-outs, where the method takes one."""
+    def _rollouts(self, folder: Path | None) -> frames.Rollouts | None:
+        """The roll-outs of a folder, where the method takes some."""
         needed = self.preset.graph is not None
-        if needed != (frames is not None):
+        if needed != (folder is not None):
             raise mpm.InvalidValue("this method learns from roll-outs; give their folder as --frames" if needed else
-                                   f"--frames {frames}: this method takes no roll-outs; leave it out")
-        return frames
+                                   f"--frames {folder}: this method takes no roll-outs; leave it out")
+        return None if folder is None else frames.read(folder, self.base.unwrapped)
 
     def _shown(self) -> dict[str, str]:
         """What the run learns from, by file, as digests."""
         told = {name: digest(actions.tolist()) for name, actions in self.sequences.items()}
-        if self.frames is not None:
-            told |= {path.name: digest(path.read_bytes().hex()) for path in sorted(self.frames.glob("*.[jn]*"))}
+        if self.rollouts is not None:
+            told["frames"] = digest([places.tobytes().hex() for places in self.rollouts.grains])
         return told
 
     def _ended(self, episode: Episode) -> None:

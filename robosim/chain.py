@@ -28,7 +28,8 @@ RESULTS = ("chain.json", "chain.mp4")
 
 def chain(name: str, out: Path, *, material: str | None = None, motions: Path | None = None, film: bool = True) -> int:
     """Play a rehearsal's learnt motions, those of a folder (TASK.npz) or those that ship, among grains of a material;
-    write chain.json and chain.mp4; returns 0, or 1 where a field diverged."""
+    write chain.json and chain.mp4; returns 0, or 1 where the chain broke: a field diverged, or a tool was left with too
+    little."""
     chosen = {"trajectory": "learned", "material": material, "motions": motions and str(motions)}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
     paths = {task: shipped(config, task) for task in config.learned}  # complain before any work
@@ -37,26 +38,33 @@ def chain(name: str, out: Path, *, material: str | None = None, motions: Path | 
     writer = Mp4Writer(out / "chain.mp4", fps=FRAME_RATE) if film else None
     rows: list[dict[str, Any]] = []
     load: Load | None = None
+    broken = ""
     try:
         for task, path in tqdm(paths.items(), unit="sub-task", file=sys.stderr):
             own, left = played(task, path, material=config.material, writer=None if rows else writer)
             row: dict[str, Any] = {"task": task, "own_start": own}
-            if rows and load is not None:
-                row["handed_over"], left = played(task, path, load=load, writer=writer)
+            try:
+                if load is not None:
+                    row["handed_over"], left = played(task, path, load=load, writer=writer)
+            except ConfigError as error:  # too few grains for it
+                broken = str(error)
             rows.append(row)
-            folder.write_json("chain.json", {"rehearsal": name, "material": config.material, "sub_tasks": rows})
+            went = row.get("handed_over", own)
+            broken = broken or (f"{task} diverged: {went['diverged']}" if went["diverged"] else "")
+            if left is None and len(rows) < len(paths):
+                broken = broken or f"{task} leaves nothing in its tool"
+            folder.write_json("chain.json", {"rehearsal": name, "material": config.material, "broken": broken,
+                                             "sub_tasks": rows})
             load = left
-            if load is None:
+            if broken:
                 break
     finally:
         if writer is not None:
             writer.close()
     print(as_text(rows))
-    whole = len(rows) == len(paths) and not any(start.get("diverged") for row in rows
-                                               for start in (row["own_start"], row.get("handed_over", {})))
-    if not whole:
-        print(f"the chain broke in {rows[-1]['task']}", file=sys.stderr)
-    return 0 if whole else 1
+    if broken:
+        print(f"the chain broke: {broken}", file=sys.stderr)
+    return 1 if broken else 0
 
 
 def played(task: str, path: Path, *, material: str | None = None, load: Load | None = None,

@@ -8,7 +8,7 @@ from tqdm import tqdm
 import mpm
 from robosim import grains
 from robosim.config import load_rehearsal
-from robosim.errors import RobotDiverged
+from robosim.errors import ConfigError, RobotDiverged
 from robosim.film import Film, check_camera
 from robosim.joint_trajectory import joint_trajectory
 from robosim.learned import placed
@@ -32,8 +32,10 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
 
     Input is checked before any work. Whatever ends the run, what was written is whole.
     """
+    if motions is not None and trajectory == "script":
+        raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
     chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
-              "motions": motions and str(motions)}
+              "motions": motions and str(motions.resolve())}
     config = placed(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
     substance = load_material(config.material)
     grains.check(config, law_of(substance))

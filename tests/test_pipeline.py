@@ -1,7 +1,10 @@
 """One command after the other, each done once."""
 
 import json
-from types import SimpleNamespace
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +13,13 @@ import mpm
 from policies import pipeline
 from robosim.cli import parser
 from robosim.config import load_rehearsal
+
+
+class Ended:
+    """A process that has ended."""
+
+    def __init__(self, code: int) -> None:
+        self.wait = lambda: code
 
 
 def options(out, *more: str):
@@ -33,17 +43,17 @@ def test_every_command_is_done_once_and_a_failed_one_again(tmp_path, monkeypatch
         if words[0] == "train" and words[2] in broken:
             stdout.write("no such grain\n")
             stdout.flush()
-            return SimpleNamespace(returncode=1)
+            return Ended(1)
         if words[0] == "demo":
             pipeline.write_json(made(tmp_path, "demonstrations", words[1]) / "demonstrations.json", {
                 "demonstrations": [{"among grains of salt": {"tcs": 3.0}, "in clay": {"tcs": 9.0}}]})
         if words[0] == "train":
-            folder = made(tmp_path, "learning", words[2])
+            folder = made(tmp_path, "learning", "residual_0", words[2])
             np.savez(folder / "best.npz", actions=np.zeros((2, 3)))
             pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
-        return SimpleNamespace(returncode=0)
+        return Ended(0)
 
-    monkeypatch.setattr(pipeline.subprocess, "run", answers)
+    monkeypatch.setattr(pipeline.subprocess, "Popen", answers)
     assert pipeline.Pipeline(options(tmp_path)).run() == 1
     told = capsys.readouterr()
     assert "failed: learning of SpoonPour: no such grain" in told.err and "3.00           4.00" in told.out
@@ -59,6 +69,9 @@ def test_every_command_is_done_once_and_a_failed_one_again(tmp_path, monkeypatch
     assert pipeline.Pipeline(options(tmp_path)).run() == 0 and ran == []
     pipeline.Pipeline(options(tmp_path, "--grasp", "weld")).run()
     assert [words[0] for words in ran] == ["rehearse"]
+    ran.clear()
+    pipeline.Pipeline(options(tmp_path, "--grasp", "weld", "--n", "2")).run()  # all that follows is of the old ones
+    assert [words[0] for words in ran] == ["demo", "train"] * 3 + ["chain", "rehearse"]
     stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
     assert len(stages) == 8 and all(stage["state"] == "finished" for stage in stages.values())
 
@@ -72,14 +85,30 @@ def made(out, *parts: str):
 
 def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
     ran = []
-    monkeypatch.setattr(pipeline.subprocess, "run",
-                        lambda words, **_: ran.append(words[3:]) or SimpleNamespace(returncode=1))
+    monkeypatch.setattr(pipeline.subprocess, "Popen", lambda words, **_: ran.append(words[3:]) or Ended(1))
     assert pipeline.Pipeline(options(tmp_path, "--method", "sac", "--jobs", "3")).run() == 1
     assert [words[0] for words in ran] == ["train"] * 3 and not any("--demos" in words for words in ran)
 
 
+def test_ctrl_c_ends_what_runs_and_begins_nothing(tmp_path):
+    """The command that runs gets Ctrl-C, as if it had been typed to it; the pipeline ends; the same folder goes on."""
+    words = [sys.executable, "-m", "robosim.cli", "pipeline", "shovel", "--no-video", "--out", str(tmp_path)]
+    process = subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    log = tmp_path / "logs" / "demonstrations_of_ShovelMove.txt"
+    while not (log.is_file() and "demonstration_0" in log.read_text()) and process.poll() is None:
+        time.sleep(0.1)
+    with pytest.raises(mpm.InvalidValue, match="another pipeline is at work there"):
+        pipeline.Pipeline(parser().parse_args(words[3:])).run()
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == 130
+    assert "stopped by Ctrl-C" in log.read_text()
+    stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
+    assert set(stages) == {"demonstrations of ShovelMove"} and stages[min(stages)]["state"] == "failed"
+
+
 def test_wrong_input_is_named(tmp_path):
-    for more, told in ((("--jobs", "0"), "--jobs 0"), (("--method", "magic"), "method 'magic'; accepted: bc,")):
+    for more, told in ((("--jobs", "0"), "--jobs 0"), (("--method", "magic"), "method 'magic'; accepted: bc,"),
+                       (("--method", "gnn_cmaes"), "learns from roll-outs")):
         with pytest.raises(mpm.InvalidValue, match=told):
             pipeline.Pipeline(options(tmp_path, *more))
     given = options(tmp_path)
