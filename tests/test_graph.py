@@ -82,7 +82,8 @@ def dragged(rng, episodes: int = 20) -> frames.Rollouts:
 
 def test_a_network_learns_and_goes_on_where_it_was_cut():
     """On roll-outs that it has not seen the error of a frame is less than 0.7 of what the mean of all leaves, which it
-    began with, and half of that of grains that go on straight. Cut after the first checkpoint, it ends with the same bits."""
+    began with, and half of that of grains that go on straight. Cut after the first checkpoint, it ends with the same
+    bits."""
     solids, sizes = [frames.Solid(np.zeros((5, 3)), True)], SIZES.model_copy(update={"updates": 500})
     rollouts = dragged(np.random.default_rng(2))
     model = GraphModel(sizes, rollouts, solids, 0.0, 0)
