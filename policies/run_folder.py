@@ -74,7 +74,8 @@ class RunFolder:
         found = self.read("manifest.json")
         if found is None or force:
             return
-        found = {**found, "preset": known(found.get("preset") or {})}
+        if isinstance(found.get("preset"), dict):
+            found = {**found, "preset": known(found["preset"])}
         other = [f"{key} {found.get(key)!r}, now {self.manifest.get(key)!r}" for key in IDENTITY
                  if json.dumps(found.get(key)) != json.dumps(self.manifest.get(key))]
         if other:

@@ -92,15 +92,21 @@ def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
 
 def test_ctrl_c_ends_what_runs_and_begins_nothing(tmp_path):
     """The command that runs gets Ctrl-C, as if it had been typed to it; the pipeline ends; the same folder goes on."""
-    words = [sys.executable, "-m", "robosim.cli", "pipeline", "shovel", "--no-video", "--out", str(tmp_path)]
-    process = subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    words = ["pipeline", "shovel", "--no-video", "--out", str(tmp_path)]
+    heard = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    heard += "from robosim.cli import main; sys.exit(main(sys.argv[1:]))"  # a job in the background would not hear it
+    process = subprocess.Popen([sys.executable, "-c", heard, *words], stderr=subprocess.DEVNULL,
+                               stdout=subprocess.DEVNULL)
     log = tmp_path / "logs" / "demonstrations_of_ShovelMove.txt"
-    while not (log.is_file() and "demonstration_0" in log.read_text()) and process.poll() is None:
-        time.sleep(0.1)
-    with pytest.raises(mpm.InvalidValue, match="another pipeline is at work there"):
-        pipeline.Pipeline(parser().parse_args(words[3:])).run()
-    process.send_signal(signal.SIGINT)
-    assert process.wait(60) == 130
+    try:
+        while not (log.is_file() and "demonstration_0" in log.read_text()) and process.poll() is None:
+            time.sleep(0.1)
+        with pytest.raises(mpm.InvalidValue, match="another pipeline is at work there"):
+            pipeline.Pipeline(parser().parse_args(words)).run()
+    finally:
+        process.send_signal(signal.SIGINT)
+        code = process.wait(100)
+    assert code == 130
     assert "stopped by Ctrl-C" in log.read_text()
     stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
     assert set(stages) == {"demonstrations of ShovelMove"} and stages[min(stages)]["state"] == "failed"
