@@ -24,7 +24,7 @@ from mpm.sample import Sample
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
-from mpm.stride import chosen_interval, launches, most_substeps
+from mpm.stride import Interval, chosen_interval, launches, most_substeps
 from mpm.substep import SPEED_LIMIT, Substeps
 from mpm.tally import MAX_LOOKS, Tallied, Tally
 from mpm.tally import ROWS as TALLY_ROWS
@@ -41,7 +41,7 @@ class Solver:
     (init's). integrator: "series", "exact", "auto" or None. "auto" takes the eigenvalues for grains whose strain leaves
     the range in which the series is exact to single precision; None is "auto" in single precision, "exact" in double.
     transfer_interval: longest time [s] for which velocities stay on the grid (see `stride`), within an advance and
-    between looks; 0: a substep; None: see `chosen_interval`.
+    between looks; 0: a substep; None and "strides": see `chosen_interval`.
     body_acceleration: (n_particles, 3) [m/s^2], see `set_body_acceleration`.
     """
 
@@ -49,7 +49,7 @@ class Solver:
         self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
         gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
         dt: float | None = None, precision: str | None = None, integrator: str | None = None,
-        body_acceleration: np.ndarray | None = None, transfer_interval: float | None = None,
+        body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None,
     ) -> None:
         session = session_precision()
         self.precision = precision or session

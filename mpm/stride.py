@@ -9,6 +9,8 @@ Grains drift before the stride with the velocity that they bring to it, and afte
 it, so that momentum and angular momentum are kept as by a single substep, and so is the path of free fall.
 """
 
+from typing import Literal
+
 from mpm.backend import ti
 from mpm.body import Body
 from mpm.collider import Collider
@@ -17,6 +19,8 @@ from mpm.grid import BLOCK
 from mpm.mobility import TWIST
 from mpm.timestep import TRAVEL_FRACTION
 
+Interval = float | Literal["strides"] | None
+"""What may be asked of the longest stride (see `chosen_interval`)."""
 TRAVEL = 0.5
 """Cells that a grain may travel in a stride."""
 LONGEST = 3.0
@@ -28,15 +32,17 @@ MAX_SUBSTEPS = 64
 """Substeps in one launch; a longer advance is cut, so that Ctrl-C and the finiteness check come in time."""
 
 
-def chosen_interval(asked: float | None, bodies: list[Body], colliders: list[Collider], bound: float) -> float:
+def chosen_interval(asked: Interval, bodies: list[Body], colliders: list[Collider], bound: float) -> float:
     """Longest stride [s]: what is asked for, or else `LONGEST` times the bound [s]; a substep in two cases. Transfers
     are all that damps a fluid's noise (the thrust on a gate falls by a tenth within two seconds otherwise). And where
-    contact moves a collider, a host cuts time as it likes: a swing through sand must not depend on its steps."""
-    if asked is None:
-        fluid = any(body.material.state == "volume" for body in bodies)
-        return 0.0 if fluid or any(collider.mobile for collider in colliders) else LONGEST * bound
-    if not asked >= 0:
-        raise InvalidValue(f"Solver: transfer_interval = {asked} s; accepted: 0, a time, or None")
+    contact moves a collider, a host cuts time as it likes: a swing through sand must not depend on its steps, unless
+    "strides" says that these are known and long."""
+    if asked is None and any(collider.mobile for collider in colliders):
+        return 0.0
+    if asked is None or asked == "strides":
+        return 0.0 if any(body.material.state == "volume" for body in bodies) else LONGEST * bound
+    if isinstance(asked, str) or not asked >= 0:
+        raise InvalidValue(f"Solver: transfer_interval = {asked!r}; accepted: a time [s], 0, \"strides\" or None")
     return float(asked)
 
 

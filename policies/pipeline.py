@@ -21,6 +21,7 @@ from tqdm import tqdm
 import mpm
 from policies.files import write, write_json
 from policies.presets import folder, load_preset
+from policies.tables import aligned
 
 EXAMPLE = """examples:
   robosim pipeline spoon --jobs 2 --out out/spoon
@@ -31,11 +32,11 @@ METHOD = "residual"
 where the hand meets the container."""
 BEGINNINGS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate", "0.03"),
               "ScoopScoop": ("--from", "script", "--rate", "0.01"),
+              "ScoopTranslate": ("--rate", "0.03"),
               "SpoonPour": ("--from", "script", "--rate", "0.02"),
               "ScoopPour": ("--from", "script", "--rate", "0.02")}
 """What a descent begins with: where a tool must touch its material first, and where from rest it finds a pour that the
-hand is in the way of."""
-
+hand is in the way of. ScoopTranslate stops short of its target at the default rate."""
 
 DOWNSTREAM = {"demonstrations": ("learning of {task}", "sub-tasks in a row", "whole arm"),
               "learning": ("sub-tasks in a row", "whole arm")}
@@ -232,8 +233,7 @@ def as_text(rows: list[dict[str, Any]]) -> str:
     lines += [[row["task"], cell(row["demonstration"], "{:.2f}"), cell(row["learnt"], "{:.2f}"),
                cell(row["grains"], "{}"), cell(row["delivered"], "{:.3f}"), cell(row["turned_deg"], "{:.1f}"),
                cell(row["relative_turn_error"], "{:.1%}")] for row in rows[:-1]]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     arm = rows[-1]
     told = f"whole arm: {cell(arm['scooped_mass'], '{:.4f} kg')} taken up, " \
            f"{cell(arm['delivered_fraction'], '{:.3f}')} delivered, {cell(arm['spilled_fraction'], '{:.3f}')} spilled"
-    return "\n".join(["  ".join(w.ljust(n) for w, n in zip(line, widths)).rstrip() for line in lines] + [told])
+    return f"{aligned(lines)}\n{told}"

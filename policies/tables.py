@@ -189,8 +189,8 @@ def as_text(found: dict, published: dict) -> str:
 
 def aligned(table: list[list[str]]) -> str:
     """Lines of words in columns."""
-    widths = [max(len(line[k]) for line in table) for k in range(len(table[0]))]
-    return "\n".join("  ".join(word.ljust(width) for word, width in zip(line, widths)).rstrip() for line in table)
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in table)
 
 
 def page(found: dict, published: dict, others: list[str], runs: list[Path], beside: list[Table]) -> str:

@@ -19,7 +19,7 @@ from robosim.envs.handover import Load, taken
 from robosim.envs.policies import policy
 from robosim.errors import ConfigError
 from robosim.learned import shipped
-from robosim.output import OutputFolder
+from robosim.output import OutputFolder, aligned
 from robosim.rendering import RenderingUnavailable
 from robosim.video import Mp4Writer
 
@@ -124,5 +124,4 @@ def as_text(rows: list[dict[str, Any]]) -> str:
                     if "turned_deg" in v else ""
                 lines.append([row["task"], words, str(v["grains"]), f"{v['score']:.2f}", f"{v['perfect']:.2f}",
                               f"{v['delivered']:.3f}", f"{v['spilled']:.3f}", str(v.get("held", "")), turned])
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return "\n".join("  ".join(word.ljust(width) for word, width in zip(line, widths)).rstrip() for line in lines)
+    return aligned(lines)

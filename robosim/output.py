@@ -10,6 +10,12 @@ import yaml
 from robosim.errors import ConfigError
 
 
+def aligned(lines: list[list[str]]) -> str:
+    """Lines of words in columns, for a terminal."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+
+
 class OutputFolder:
     """The folder given as `--out`, checked before any work."""
 

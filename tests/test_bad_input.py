@@ -28,9 +28,9 @@ def test_materials_refuse(wrong: dict[str, float], message: str) -> None:
         mpm.DruckerPrager(**(SAND | wrong))
 
 
-@pytest.mark.parametrize("interval", [-1e-3, float("nan")])
-def test_a_stride_lasts_some_time(interval: float) -> None:
-    with pytest.raises(mpm.InvalidValue, match=f"transfer_interval = {interval}"):
+@pytest.mark.parametrize("interval", [-1e-3, float("nan"), "long"])
+def test_a_stride_lasts_some_time(interval: float | str) -> None:
+    with pytest.raises(mpm.InvalidValue, match=f"transfer_interval = {interval!r}"):
         solver([block()], transfer_interval=interval)
 
 

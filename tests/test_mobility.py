@@ -1,5 +1,7 @@
 """Colliders that contact moves: laws of the field alone, and of the step that MuJoCo and the field share."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -13,18 +15,20 @@ from robosim.twin import Foresight, Twin
 CELL = 0.01
 
 
-def ball_and_blob(collider: mpm.Collider, mass: float, precision: str = "f64") -> tuple[mpm.Solver, np.ndarray]:
+def ball_and_blob(collider: mpm.Collider, mass: float, **choices: Any) -> tuple[mpm.Solver, np.ndarray]:
     """A blob of sand at rest in empty space, and the mobility of a collider of a mass [kg] that is a ball of 5 cm."""
     positions = mpm.sample_box((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05), CELL / 2)
     sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1000.0, friction_angle_deg=30.0)
     solver = mpm.Solver(grid=mpm.Grid((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2), CELL), gravity=(0, 0, 0),
                         bodies=[mpm.Body(sand, positions, volume=1e-3 / len(positions))], colliders=[collider],
-                        walls=mpm.Walls.all("slip"), precision=precision)
+                        walls=mpm.Walls.all("slip"), **{"precision": "f64"} | choices)
     return solver, np.diag([1 / mass] * 3 + [1 / (0.4 * mass * 0.05**2)] * 3)
 
 
-@pytest.mark.parametrize(("off_centre", "thin"), [(False, False), (True, False), (True, True)])
-def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thin: bool) -> None:
+@pytest.mark.parametrize(("off_centre", "thin", "interval"), [
+    (False, False, None), (True, False, None), (True, True, None), (True, False, "strides"),
+    pytest.param(True, True, "strides", marks=pytest.mark.slow)])
+def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thin: bool, interval: Any) -> None:
     """The frame's origin may lie anywhere: the mass is where `centre` says. A hollow ball is a shell."""
     start = np.array([0.11, 0.01, 0.005])
     lever = np.array([0.0, 0.02, 0.01]) if off_centre else np.zeros(3)
@@ -34,7 +38,8 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
         hollow.apply_translation(-lever)
         sdf = mpm.Shell.from_mesh(hollow, 0.002)
     pose = mpm.Pose(start + lever, np.array([1.0, 0, 0, 0]))
-    solver, W = ball_and_blob(mpm.Collider(sdf, friction=0.3, mobile=True, pose=pose), 0.5)
+    solver, W = ball_and_blob(mpm.Collider(sdf, friction=0.3, mobile=True, pose=pose), 0.5, transfer_interval=interval)
+    assert solver.features.strides == (interval == "strides")
     twist, centre = np.array([-1.0, 0, 0, 0, 0, 8.0]), start
     first = np.concatenate([0.5 * twist[:3], 5e-4 * twist[3:] + np.cross(centre, 0.5 * twist[:3])])
     solver.set_collider_mobility(0, W, twist, twist=twist, centre=centre)

@@ -21,7 +21,7 @@ from robosim.envs.policies import NAMES, learnt_with, policy  # noqa: E402
 from robosim.envs.task import load_task  # noqa: E402
 from robosim.errors import ConfigError, UnknownName  # noqa: E402
 from robosim.materials import load_material  # noqa: E402
-from robosim.output import OutputFolder  # noqa: E402
+from robosim.output import OutputFolder, aligned  # noqa: E402
 from robosim.reports.processes import pin, worked_off  # noqa: E402
 from robosim.reports.provenance import version_of  # noqa: E402
 from robosim.resources import trained  # noqa: E402
@@ -163,8 +163,7 @@ def as_text(tasks: list[str], found: dict[str, dict[str, dict[str, Any]]]) -> st
 
     lines = [["score (TD [mm])", *tasks]]
     lines += [[material, *(cell(found[task][material]) for task in tasks)] for material in MATERIALS]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return "\n".join("  ".join(word.ljust(width) for word, width in zip(line, widths)) for line in lines)
+    return aligned(lines)
 
 
 def draw(path: Path, tasks: list[str], found: dict[str, dict[str, dict[str, Any]]]) -> None:
