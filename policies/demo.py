@@ -14,7 +14,7 @@ import gymnasium
 import numpy as np
 
 import mpm
-from policies.files import write_json
+from policies.files import claim, write_json
 from policies.hold import Hold
 from policies.learning_curve import draw
 from policies.maker import FLUID, METHODS, STAND_INS, Maker, Wanted, make_some, played
@@ -83,14 +83,28 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     kept = 0 if until is None else int(np.sum(ends <= until + 1e-9))
     if until is not None and not 0 < kept < len(first):
         raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --hold {hold}")
-    out.mkdir(parents=True, exist_ok=True)
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
     wanted = Wanted(task, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,
                     nominal)
-    if jobs > 1:
-        shares = [range(i, n, jobs) for i in range(min(jobs, n))]
-        with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
-            list(pool.map(make_some, [wanted] * len(shares), shares))
+    lock = claim(out)
+    try:
+        if jobs > 1:
+            shares = [range(i, n, jobs) for i in range(min(jobs, n))]
+            with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
+                list(pool.map(make_some, [wanted] * len(shares), shares))
+        tabulate(wanted, n, sand, arm=arm)
+        draw(out, task, n)
+        for k in range(n if film else 0):
+            filmed(wanted, k)
+    finally:
+        lock.release()
+    print(out / "demonstrations.json")
+    return 0
+
+
+def tabulate(wanted: Wanted, n: int, sand: Any, *, arm: bool) -> None:
+    """Write demonstrations.json: what each of the first n, made where it is not yet, does in its own material, in the
+    environment `sand` and, if asked, with the arm."""
     maker, rows = Maker(wanted), []
     carried = wanted.environment(arm=True) if arm else None
     for k in range(n):
@@ -98,7 +112,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
         reset = wanted.start(k)
         row = {"demonstration": wanted.path(k).name, "start": reset, "loss": float(found["losses"].min()),
                "iterations": len(found["losses"]), "check": found["check"].tolist()}
-        readings = {f"in {stand_in}": played(maker.env, found["actions"], reset),
+        readings = {f"in {wanted.material}": played(maker.env, found["actions"], reset),
                     f"among grains of {sand.task.material}": played(sand, found["actions"], reset)}
         if carried is not None:
             try:
@@ -107,14 +121,9 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
             except ValueError as error:  # its start is out of reach
                 row["asked of the arm"] = str(error)
         rows.append(row | readings)
-        write_json(out / "demonstrations.json", {"task": task, "material": stand_in, "method": method,
-                                                 "demonstrations": rows})
+        write_json(wanted.out / "demonstrations.json", {"task": wanted.task, "material": wanted.material,
+                                                        "method": wanted.method, "demonstrations": rows})
         tell(row, readings)
-    draw(out, task, n)
-    for k in range(n if film else 0):
-        filmed(wanted, k)
-    print(out / "demonstrations.json")
-    return 0
 
 
 def asked_of_the_arm(maker: Maker, start: dict[str, Any], actions: np.ndarray) -> dict[str, float]:

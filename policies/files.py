@@ -1,9 +1,26 @@
-"""Files written beside their place and renamed, so that what is there is always whole."""
+"""Files written beside their place and renamed, so that what is there is always whole, in folders of one process."""
 
 import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+import mpm
+
+
+def claim(folder: Path) -> FileLock:
+    """Make a folder and keep other processes out until the lock is released, or this process ends, however it ends;
+    raises mpm.InvalidValue where one is at work there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(folder / ".lock")
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise mpm.InvalidValue(f"--out {folder}: another process is at work there; wait for it, or give another folder"
+                               ) from None
+    return lock
 
 
 def write(path: Path, writer: Callable[[Path], object]) -> None:

@@ -2,6 +2,7 @@
 
 import copy
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -40,7 +41,9 @@ class GraphModel:
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=sizes.learning_rate)
         self.tool = next(solid.points for solid in solids if solid.moves)
         self.standing = np.concatenate([np.zeros((0, 3)), *(s.points for s in solids if not s.moves)])
-        self.updates, self.losses = 0, []
+        self.updates = 0
+        self.losses: deque[float] = deque(maxlen=100)
+        """Of the last updates."""
         self._rng = np.random.default_rng(seed)
         self._places = [self._rested(places.astype(float)) for places in rollouts.grains]
         self._tools = [self._rested(np.stack([Pose(row[:3], row[3:]).apply(self.tool) for row in rows]))
@@ -66,7 +69,7 @@ class GraphModel:
             self.optimiser.step()
             self.updates += 1
             self.losses.append(loss.item())
-            progress.set_postfix(loss=f"{np.mean(self.losses[-100:]):.3f}", refresh=False)
+            progress.set_postfix(loss=f"{np.mean(self.losses):.3f}", refresh=False)
             progress.update()
             if self.updates % EVERY == 0 or self.updates == sizes.updates:
                 keep()
@@ -92,15 +95,16 @@ class GraphModel:
     def state(self) -> dict[str, Any]:
         """What the next update depends on."""
         return {"weights": arrays(self.network), "optimiser": copy.deepcopy(self.optimiser.state_dict()),
-                "updates": self.updates,
-                "losses": list(self.losses), "rng": self._rng.bit_generator.state}
+                "updates": self.updates, "losses": list(self.losses), "rng": self._rng.bit_generator.state}
 
     def load(self, state: dict[str, Any]) -> None:
         """Return to a state."""
         self.network = filled(self.sizes, state["weights"])
         self.optimiser = torch.optim.Adam(self.network.parameters(), lr=self.sizes.learning_rate)
         self.optimiser.load_state_dict(state["optimiser"])
-        self.updates, self.losses = state["updates"], list(state["losses"])
+        self.updates = state["updates"]
+        self.losses.clear()
+        self.losses.extend(state["losses"])
         self._rng.bit_generator.state = state["rng"]
 
     # foreseeing ------------------------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ def foresee(training: Training) -> None:
         write(training.folder.path / "network.npz", lambda path: np.savez(path, **arrays(model.network)))  # pyright: ignore[reportArgumentType]
         write_json(training.folder.path / "network.json", {
             "sizes": preset.graph.model_dump(), "roll_outs": len(rollouts.grains), "updates": model.updates,
-            "loss": float(np.mean(model.losses[-100:])), "errors": model.errors()})
+            "loss": float(np.mean(model.losses)), "errors": model.errors()})
     search(training, model, state.get("search"))
 
 

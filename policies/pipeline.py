@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from filelock import FileLock, Timeout
 from tqdm import tqdm
 
 import mpm
-from policies.files import write, write_json
+from policies.files import claim, write, write_json
 from policies.presets import folder, load_preset
 from policies.tables import aligned
 
@@ -101,11 +100,7 @@ class Pipeline:
 
     def run(self) -> int:
         """Everything; returns 0, or 1 where a command failed."""
-        lock = FileLock(self.out / ".lock")
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            raise mpm.InvalidValue(f"--out {self.out}: another pipeline is at work there") from None
+        lock = claim(self.out)
         self._progress = tqdm(total=2 * len(self.tasks) + 2, unit="command", file=sys.stderr)
         pool = ThreadPoolExecutor(self.options.jobs)  # the commands after them, too: Ctrl-C reaches this thread alone
         try:

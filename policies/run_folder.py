@@ -16,7 +16,7 @@ from filelock import FileLock, Timeout
 
 import mpm
 from policies.episodes import Episode
-from policies.files import write, write_json
+from policies.files import claim, write, write_json
 from policies.presets import known
 
 IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "hold", "fingerprint", "demonstrations", "commit")
@@ -55,13 +55,7 @@ class RunFolder:
         self.path, self.rows, self.best = path, [], -np.inf
         self.manifest = {**manifest, "versions": {name: version(name) for name in (
             "robosim", "numpy", "torch", "stable_baselines3", "gymnasium", "taichi")}, "machine": platform.machine()}
-        path.mkdir(parents=True, exist_ok=True)
-        self._lock = FileLock(path / ".lock")  # let go by the system when the process ends, however it ends
-        try:
-            self._lock.acquire(timeout=0)
-        except Timeout:
-            raise mpm.InvalidValue(f"{path}: another process is at work here; wait for it, or give another --out"
-                                   ) from None
+        self._lock = claim(path)
         try:
             self._recognise(force)
         except mpm.InvalidValue:

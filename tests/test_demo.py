@@ -11,6 +11,7 @@ from mpm.motion import rotation_matrix
 from policies import demo
 from policies.demo import demonstrate
 from policies.descent import Descent
+from policies.files import claim
 from policies.gradients import gradients
 from policies.hold import Hold
 from policies.maker import Maker
@@ -171,7 +172,7 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
     assert len(found["losses"]) == 3
     assert found["losses"][2] < found["losses"][0]
     assert np.isfinite(found["check"]).all()
-    assert {p.name for p in whole.iterdir()} == {"demonstration_0.npz", "demonstrations.json", "learning_curve.png"}
+    assert {p.name for p in whole.glob("[!.]*")} == {"demonstration_0.npz", "demonstrations.json", "learning_curve.png"}
     told = json.loads((whole / "demonstrations.json").read_text())["demonstrations"][0]
     file = str(whole / "demonstration_0.npz")
     assert evaluate("SpoonTranslate", file, tmp_path / "again", episodes=1, film=False) == 0
@@ -192,7 +193,7 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
     assert (cut / "demonstration_0.unfinished.npz").is_file()
     calls.extend([1] * 10)
     assert demonstrate("SpoonTranslate", cut, n=1, iterations=3, film=False) == 0
-    assert {p.name for p in cut.iterdir()} == {p.name for p in whole.iterdir()}
+    assert {p.name for p in cut.glob("[!.]*")} == {p.name for p in whole.glob("[!.]*")}
     with np.load(cut / "demonstration_0.npz", allow_pickle=False) as stored:
         assert np.array_equal(stored["actions"], found["actions"])
         assert np.array_equal(stored["losses"], found["losses"])
@@ -209,6 +210,25 @@ def test_what_is_refused_before_any_work(tmp_path, given, told):
     with pytest.raises(mpm.InvalidValue, match=told):
         demonstrate("SpoonTranslate", tmp_path / "out", **given)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_has_one_maker(tmp_path):
+    lock = claim(tmp_path)
+    with pytest.raises(mpm.InvalidValue, match="another process is at work"):
+        demonstrate("SpoonTranslate", tmp_path, n=1, iterations=1, film=False)
+    lock.release()
+
+
+@pytest.mark.slow
+def test_side_by_side_is_one_after_the_other(tmp_path):
+    """Two processes make what one does, to the bit."""
+    for jobs in (1, 2):
+        assert demonstrate("SpoonTranslate", tmp_path / str(jobs), n=2, iterations=2, jobs=jobs, film=False) == 0
+    for k in range(2):
+        name = f"demonstration_{k}.npz"
+        with np.load(tmp_path / "1" / name) as one, np.load(tmp_path / "2" / name) as two:
+            assert all(np.array_equal(one[what], two[what]) for what in ("actions", "losses", "check"))
+    assert {p.name for p in (tmp_path / "1").glob("[!.]*")} == {p.name for p in (tmp_path / "2").glob("[!.]*")}
 
 
 def test_an_arm_has_no_roll_out():

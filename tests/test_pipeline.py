@@ -101,7 +101,7 @@ def test_ctrl_c_ends_what_runs_and_begins_nothing(tmp_path):
     try:
         while not (log.is_file() and "demonstration_0" in log.read_text()) and process.poll() is None:
             time.sleep(0.1)
-        with pytest.raises(mpm.InvalidValue, match="another pipeline is at work there"):
+        with pytest.raises(mpm.InvalidValue, match="another process is at work there"):
             pipeline.Pipeline(parser().parse_args(words)).run()
     finally:
         process.send_signal(signal.SIGINT)
