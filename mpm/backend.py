@@ -11,14 +11,13 @@ import numpy as np
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti  # noqa: E402  (the variable above must be set before)
 
-from mpm.errors import BackendError, UnknownName  # noqa: E402
+from mpm.errors import BackendError, InvalidValue, UnknownName  # noqa: E402
 from mpm.tracing import remember_sources  # noqa: E402
 
-__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "later", "put", "real_type", "session_precision",
-           "ti"]
+__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "is_concurrent", "is_shared", "later", "put",
+           "real_type", "session_precision", "thread_count", "ti"]
 
-ARCHITECTURES = {"cpu": ti.cpu}
-"""The fused kernel is serial and adds without atomics: right on a CPU core, and so far written for that alone."""
+ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
 PRECISIONS = ("f32", "f64")
 GROUPS = 500
 """Groups of fields that a process may lay out. Taichi 1.7.4 has room for 512, and ends the process at one more."""
@@ -41,6 +40,8 @@ def init(
 ) -> None:
     """Start the field's backend; the only `ti.init` of the process.
 
+    arch: "cpu", or "cuda" for a graphics card; raises BackendError where there is none. threads: of the CPU, see
+    `phases`; one is fastest for fewer than some ten thousand grains.
     A second identical call does nothing, a different one raises BackendError: it would invalidate every field
     that exists. `fast_math=False` keeps IEEE order, for tests that compare bits.
     """
@@ -49,6 +50,8 @@ def init(
         raise UnknownName("arch", arch, ARCHITECTURES)
     if precision not in PRECISIONS:
         raise UnknownName("precision", precision, PRECISIONS)
+    if threads < 1:
+        raise InvalidValue(f"mpm.init: threads = {threads}; accepted: 1 or more")
     wanted = Session(arch, precision, int(threads), bool(fast_math))
     if _session is not None:
         if wanted != _session:
@@ -57,6 +60,9 @@ def init(
     # taichi announces its architecture on standard output, where a command's own lines belong
     with contextlib.redirect_stdout(io.StringIO()):
         _start(wanted)
+    if wanted.arch != "cpu" and ti.lang.impl.current_cfg().arch != ARCHITECTURES[wanted.arch]:
+        ti.reset()
+        raise BackendError(f"mpm.init: arch = {wanted.arch!r}, and this machine has none; accepted here: 'cpu'")
     _session = wanted
 
 
@@ -83,6 +89,21 @@ def session_precision() -> str:
         init()
     assert _session is not None
     return _session.precision
+
+
+def thread_count() -> int:
+    """Threads given to `init`."""
+    return 1 if _session is None else _session.threads
+
+
+def is_shared() -> bool:
+    """Whether threads without number add to the same nodes, as on a graphics card."""
+    return _session is not None and _session.arch != "cpu"
+
+
+def is_concurrent() -> bool:
+    """Whether more than one thread adds to the same sums."""
+    return is_shared() or thread_count() > 1
 
 
 def real_type(precision: str):  # noqa: ANN201  (a taichi type object)

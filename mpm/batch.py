@@ -73,7 +73,7 @@ class BatchSubsteps(Substeps):
                 else:
                     self.mark_blocks(self.particles, stamp)
                 self.advance(substeps, stamp, dt, motion, row, mobile, out, done, interval, ranks, e * looks, stay)
-                self.take_status(out)
+                self.take_status(out, 0, self.particles.pack_count[None])
                 if ti.static(self.samples):
                     self.sample.take(seen, e * ti.static(self.rows_of_sample))
                 self.store(e)
@@ -139,6 +139,8 @@ class Batch:
     def __init__(self, solver, n: int, looks: int = 1) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
         if n < 1 or not 1 <= looks <= MAX_LOOKS:
             raise InvalidValue(f"Batch: n = {n}, looks = {looks}; accepted: 1 or more, 1 to {MAX_LOOKS}")
+        if solver.shares is not None:
+            raise InvalidValue("Batch: the solver has several threads; accepted: one of mpm.init(threads=1)")
         if solver.features.mobile:
             raise InvalidValue(f"Batch: colliders {solver.features.mobile} are mobile; accepted: moved ones")
         self.solver, self.n, self.looks = solver, n, looks

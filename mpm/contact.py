@@ -2,7 +2,7 @@
 
 from mpm.backend import ti
 from mpm.grid import BLOCK, in_first_layer, mark_place
-from mpm.ledger import GRAVITY_ROW, credit, position
+from mpm.ledger import GRAVITY_ROW, add, credit, position
 from mpm.mobility import list_node, shared
 from mpm.strain import keep
 from mpm.surface import coulomb, surface_velocity, tool_axes, tool_origin
@@ -39,14 +39,15 @@ def cache_static(node_contact: ti.template(), node_owner: ti.template(), shape: 
 
 @ti.func
 def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
-                 dt, gravity, origin, cell, out: ti.template()):
-    """Momentum to velocity, gravity, then contact with static and with moving colliders."""
+                 dt, gravity, origin, cell, out: ti.template(), first, last):
+    """Momentum to velocity, gravity, then contact with static and with moving colliders, at the nodes of the active
+    blocks first .. last - 1."""
     weight = ti.cast(0.0, ti.f64)
     first_moment = ti.Vector.zero(ti.f64, 3)
     # once a substep: the compiler cannot tell that nodes are not motion
     places = [keep(tool_origin(motion, k, s)) for k in range(len(scene.features.moving_solids))]
     axes = [keep(tool_axes(motion, k, s)) for k in range(len(scene.features.moving_solids))]
-    for n in range(grid.count[None]):
+    for n in range(first, last):
         block = grid.active[n] * BLOCK
         # summed per block about its corner, in the field's precision: 64 numbers of one size
         mass = ti.cast(0.0, grid.nodes.dtype)
@@ -68,8 +69,8 @@ def update_nodes(grid: ti.template(), scene: ti.template(), motion: ti.template(
     p = weight * dt * ti.cast(gravity, ti.f64)
     moment = first_moment.cross(ti.cast(gravity, ti.f64)) * dt
     for d in ti.static(range(3)):
-        out[GRAVITY_ROW, d] = out[GRAVITY_ROW, d] + p[d]
-        out[GRAVITY_ROW, 3 + d] = out[GRAVITY_ROW, 3 + d] + moment[d]
+        add(out, GRAVITY_ROW, d, p[d])
+        add(out, GRAVITY_ROW, 3 + d, moment[d])
 
 
 @ti.func
@@ -147,16 +148,17 @@ def lanes_near(shape: ti.template(), particles: ti.template(), q, R, place, orig
 
 @ti.func
 def backstop(particles: ti.template(), grid: ti.template(), scene: ti.template(), motion: ti.template(), s: ti.i32,
-             mobile: ti.template(), dt, origin, body: ti.template(), next_stamp: ti.i32, out: ti.template()):
+             mobile: ti.template(), dt, origin, body: ti.template(), next_stamp: ti.i32, out: ti.template(),
+             first, last):
     """Take from every grain whose cube (half an edge from its centre) a moving collider has entered what carries it
-    deeper; credit the collider.
+    deeper, in the packs first .. last - 1; credit the collider.
 
     Grid nodes cannot stop the last few grains at a curved or thin wall, and would let a fluid pile up at its face: this
     keeps the material's edge there. No more is taken than the approach and what brings it back gently.
     """
     places = [keep(tool_origin(motion, k, s)) for k in range(len(scene.features.moving_solids))]
     axes = [keep(tool_axes(motion, k, s)) for k in range(len(scene.features.moving_solids))]
-    for q in range(particles.ranges[body][0], particles.ranges[body][1]):
+    for q in range(first, last):
         for k, index in ti.static(enumerate(scene.features.moving_solids)):
             c_t = places[k]
             d2 = (particles.x[0][q] + origin[0] - c_t[0]) ** 2 + (particles.x[1][q] + origin[1] - c_t[1]) ** 2 \

@@ -67,10 +67,12 @@ class GridFields:
     shell cuts off from a node meets the shell there, in a field of its own (see `sides`).
     """
 
-    def __init__(self, grid: Grid, precision: str, layers: int = 1) -> None:
+    def __init__(self, grid: Grid, precision: str, layers: int = 1, lists: bool = True) -> None:
         real = real_type(precision)
         nx, ny, nz = grid.shape
         self.layers, self.width, self.cell = layers, nx, grid.cell
+        self.lists = lists
+        """Whether marking a block lists it, too: one thread can, several leave that to `Phases`."""
         self.cells = tuple(int(n) for n in grid.cells)
         self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
         """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
@@ -140,7 +142,10 @@ def mark(grid: ti.template(), node, last: ti.i32, stamp: ti.i32):
     reach = (node + 2) // BLOCK - b
     way = reach[0] * 4 + reach[1] * 2 + reach[2]
     key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 + way
-    if key != last:  # neighbours in memory are mostly neighbours in space
+    if ti.static(not grid.lists):
+        if key != last:
+            stamp_blocks(grid, b, reach, stamp)
+    elif key != last:  # neighbours in memory are mostly neighbours in space
         if grid.seed[b][0] != stamp:
             grid.seed[b] = ti.Vector([stamp, 0])
         ways = grid.seed[b][1]
@@ -151,6 +156,15 @@ def mark(grid: ti.template(), node, last: ti.i32, stamp: ti.i32):
                     for k in range(b[2], b[2] + reach[2] + 1):
                         activate(grid, ti.Vector([i, j, k]), stamp)
     return key
+
+
+@ti.func
+def stamp_blocks(grid: ti.template(), b, reach, stamp: ti.i32):
+    """Stamp the blocks of a stencil, whoever else does: all write the same number."""
+    for i in range(b[0], b[0] + reach[0] + 1):
+        for j in range(b[1], b[1] + reach[1] + 1):
+            for k in range(b[2], b[2] + reach[2] + 1):
+                grid.stamp[i, j, k] = stamp
 
 
 @ti.func

@@ -9,7 +9,7 @@ come first and leave last: their outer nodes are images of inner ones.
 
 from mpm.backend import ti
 from mpm.grid import BLOCK, GHOST, activate, clear, in_first_layer
-from mpm.ledger import WALL_ROW, position
+from mpm.ledger import WALL_ROW, add, position
 from mpm.walls import FRICTION, PERIODIC, ROLLER, SLIP, STICK
 
 TINY = 1e-37
@@ -143,33 +143,39 @@ def unfold_periodic(grid: ti.template(), periodic: ti.template(), cells: ti.temp
 def fold(grid: ti.template(), table: ti.template(), stamp, dt, gravity):
     """Add ghost momentum and mass to the mirror nodes; a folded ghost keeps its raw values, its mass negated."""
     for w in range(6):
-        axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
-        n = normal4(axis, inward, grid.nodes.dtype)
-        fall = dt * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
-        for active in range(grid.count[None]):
-            block = grid.active[active]
-            if condition != PERIODIC and on_plane(grid, block, axis, node):
-                for a, b in ti.ndrange(BLOCK, BLOCK):
-                    W = column(grid, block, a, b, axis, node)
-                    at_wall = grid.nodes[W]
-                    # a stencil that reaches a ghost reaches the wall's node too; in the second layer the mirror node
-                    # may hold the other side's material, and the shell stops what is there
-                    if at_wall[3] > 0 and W[0] < grid.width:
-                        ghost = W - unit(axis) * inward
-                        m_g = ghost_mass(grid, ghost, stamp)
-                        if m_g > 0 and not folded_earlier(grid, table, W, axis):
-                            mirror = W + unit(axis) * inward
-                            raw = grid.nodes[ghost]
-                            image = mirrored(raw, n, condition)
-                            image[3] = m_g
-                            sum = grid.nodes[mirror] + image
-                            # the impulse that would hold the column; a pull means that it is leaving
-                            pushed = -(at_wall.dot(n) + at_wall[3] * fall) \
-                                - 2.0 * (m_g * (sum.dot(n) / sum[3] + fall) + raw.dot(n))
-                            if condition == ROLLER or condition == STICK or pushed > 0:
-                                grid.nodes[mirror] = sum
-                                raw[3] = -m_g
-                                grid.nodes[ghost] = raw
+        fold_wall(grid, table, w, stamp, dt, gravity, 0, grid.count[None])
+
+
+@ti.func
+def fold_wall(grid: ti.template(), table: ti.template(), w, stamp, dt, gravity, first, last):
+    """`fold` of one wall, in the active blocks first .. last - 1."""
+    axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
+    n = normal4(axis, inward, grid.nodes.dtype)
+    fall = dt * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
+    for active in range(first, last):
+        block = grid.active[active]
+        if condition != PERIODIC and on_plane(grid, block, axis, node):
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                W = column(grid, block, a, b, axis, node)
+                at_wall = grid.nodes[W]
+                # a stencil that reaches a ghost reaches the wall's node too; in the second layer the mirror node
+                # may hold the other side's material, and the shell stops what is there
+                if at_wall[3] > 0 and W[0] < grid.width:
+                    ghost = W - unit(axis) * inward
+                    m_g = ghost_mass(grid, ghost, stamp)
+                    if m_g > 0 and not folded_earlier(grid, table, W, axis):
+                        mirror = W + unit(axis) * inward
+                        raw = grid.nodes[ghost]
+                        image = mirrored(raw, n, condition)
+                        image[3] = m_g
+                        sum = grid.nodes[mirror] + image
+                        # the impulse that would hold the column; a pull means that it is leaving
+                        pushed = -(at_wall.dot(n) + at_wall[3] * fall) \
+                            - 2.0 * (m_g * (sum.dot(n) / sum[3] + fall) + raw.dot(n))
+                        if condition == ROLLER or condition == STICK or pushed > 0:
+                            grid.nodes[mirror] = sum
+                            raw[3] = -m_g
+                            grid.nodes[ghost] = raw
 
 
 @ti.func
@@ -178,25 +184,31 @@ def unfold(grid: ti.template(), table: ti.template(), stamp, friction, origin, c
     """Give ghosts the mirrored velocity, hold the wall's nodes, credit the impulses to the ledger's wall row. A tape
     that keeps is shown every column before it is unfolded."""
     for back in range(6):
-        w = 5 - back
-        axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
-        n = normal4(axis, inward, grid.nodes.dtype)
-        total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
-        for active in range(grid.count[None]):
-            block = grid.active[active]
-            if condition != PERIODIC and on_plane(grid, block, axis, node):
-                for a, b in ti.ndrange(BLOCK, BLOCK):
-                    W = column(grid, block, a, b, axis, node)
-                    if ti.static(tape.keeps):
-                        tape.keep(grid, w, W, axis, inward, stamp)
-                    if grid.nodes[W][3] != 0:
-                        impulse, across = unfold_column(grid, table, W, axis, inward, condition, n, stamp, friction)
-                        total += ti.cast(impulse, ti.f64)
-                        place = position(in_first_layer(grid, W), origin, cell)
-                        moment += place.cross(ti.cast(impulse, ti.f64)) + cell * ti.cast(across, ti.f64)
-        for d in ti.static(range(3)):
-            out[WALL_ROW, d] = out[WALL_ROW, d] + total[d]
-            out[WALL_ROW, 3 + d] = out[WALL_ROW, 3 + d] + moment[d]
+        unfold_wall(grid, table, 5 - back, stamp, friction, origin, cell, out, tape, 0, grid.count[None])
+
+
+@ti.func
+def unfold_wall(grid: ti.template(), table: ti.template(), w, stamp, friction, origin, cell, out: ti.template(),
+                tape: ti.template(), first, last):
+    """`unfold` of one wall, in the active blocks first .. last - 1."""
+    axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
+    n = normal4(axis, inward, grid.nodes.dtype)
+    total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
+    for active in range(first, last):
+        block = grid.active[active]
+        if condition != PERIODIC and on_plane(grid, block, axis, node):
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                W = column(grid, block, a, b, axis, node)
+                if ti.static(tape.keeps):
+                    tape.keep(grid, w, W, axis, inward, stamp)
+                if grid.nodes[W][3] != 0:
+                    impulse, across = unfold_column(grid, table, W, axis, inward, condition, n, stamp, friction)
+                    total += ti.cast(impulse, ti.f64)
+                    place = position(in_first_layer(grid, W), origin, cell)
+                    moment += place.cross(ti.cast(impulse, ti.f64)) + cell * ti.cast(across, ti.f64)
+    for d in ti.static(range(3)):
+        add(out, WALL_ROW, d, total[d])
+        add(out, WALL_ROW, 3 + d, moment[d])
 
 
 @ti.func

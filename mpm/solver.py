@@ -20,12 +20,13 @@ from mpm.motion import Pose, Twist, Wrench
 from mpm.motions import Motions
 from mpm.numbers import Numbers
 from mpm.particles import ParticleFields
+from mpm.phases import Shares, are_shared, substeps_of
 from mpm.sample import Sample
 from mpm.shell import Shell
 from mpm.sides import CutFields
 from mpm.strain import INTEGRATORS
 from mpm.stride import Interval, chosen_interval, launches, most_substeps
-from mpm.substep import SPEED_LIMIT, Substeps
+from mpm.substep import SPEED_LIMIT
 from mpm.tally import MAX_LOOKS, Tallied, Tally
 from mpm.tally import ROWS as TALLY_ROWS
 from mpm.timestep import chosen_step, material_bound
@@ -72,8 +73,7 @@ class Solver:
         self.asked_dt, self.asked_interval = dt, transfer_interval
         """What the user asked for, or None."""
         self.dt = chosen_step(dt, self.bound)
-        self.time, self.steps, self.substep = 0.0, 0, self.dt
-        self._stamp = 0
+        self.time, self.steps, self.substep, self._stamp = 0.0, 0, self.dt, 0
         self.tally: Tally | None = None
         self.sample: Sample | None = None
         self._ranks, self._unseen = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
@@ -91,15 +91,15 @@ class Solver:
         self._motions = Motions(self.colliders, self.features, self.mobility)
         with default_precision(self.precision), allocating():
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
-            self.fields = GridFields(self.grid, self.precision, layers=2 if self.features.shells else 1)
+            self.fields = GridFields(self.grid, self.precision, 2 if self.features.shells else 1,
+                                     lists=not are_shared(self.features))
+            self.shares = None if self.fields.lists else Shares(self.fields, self.particles.n_packs, self.precision)
             for i, collider in enumerate(self.colliders):
                 if isinstance(collider.sdf, Shell):
                     self.colliders[i] = replace(collider, sdf=collider.sdf.baked(self.grid.cell))
                 else:
                     collider.sdf.allocate()
-            self.cuts = None
-            if self.features.shells:
-                self.cuts = CutFields(self.grid, self.precision, self.particles.n_lanes)
+            self.cuts = CutFields(self.grid, self.precision, self.particles.n_lanes) if self.features.shells else None
             self.mobiles = None
             if self.features.mobile:
                 radii = [self.colliders[i].sdf.radius for i in self.features.mobile]
@@ -109,7 +109,7 @@ class Solver:
                 self.node_contact = ti.Vector.field(4, real_type(self.precision), self.grid.shape)
                 self.node_owner = ti.field(ti.i32, self.grid.shape)
             self.numbers = Numbers(self.bodies, self.colliders, self.gravity, self.walls, self.grid, self.precision)
-            self._substeps = Substeps(self)
+            self._substeps = substeps_of(self)
         with default_precision(self.precision):
             corner, cell = ti.Vector(self.grid.origin, ti.f64), self.grid.cell
             for i in self.features.static_colliders:
@@ -167,7 +167,7 @@ class Solver:
         if sample is not None and sample.particles is not self.particles:
             raise InvalidValue("attach: the sample is of another solver")
         self.tally, self.sample = tally, sample
-        self._substeps = Substeps(self)
+        self._substeps = substeps_of(self)
         self._out = np.zeros((self._substeps.rows + TALLY_ROWS * MAX_LOOKS, 6))
         self._ranks = np.zeros((MAX_LOOKS, *tally.ranks_shape), np.float32)
 

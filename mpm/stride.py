@@ -67,10 +67,23 @@ def most_substeps(interval: float, dt: float) -> int:
 def stride(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32):
     """Substeps of the stride that begins with s, 1 to `most`: at its present speed no grain travels more than `TRAVEL`
     cells, no tool more than it may in a substep."""
-    fastest = dt * dt * 0.0
-    for q in range(scene.particles.pack_count[None]):
-        v2 = scene.particles.v[0][q] ** 2 + scene.particles.v[1][q] ** 2 + scene.particles.v[2][q] ** 2
+    fastest = fastest_square(scene.particles, 0, scene.particles.pack_count[None])
+    return stride_of(scene, motion, s, mobile, dt, most, fastest)
+
+
+@ti.func
+def fastest_square(particles: ti.template(), first, last):
+    """Largest squared speed [m^2/s^2] of the packs first .. last - 1."""
+    fastest = particles.v[0][0][0] * 0.0
+    for q in range(first, last):
+        v2 = particles.v[0][q] ** 2 + particles.v[1][q] ** 2 + particles.v[2][q] ** 2
         fastest = ti.max(fastest, v2.max())
+    return fastest
+
+
+@ti.func
+def stride_of(scene: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32, fastest):
+    """`stride` where the grains' largest squared speed is known."""
     count = within(most, dt * ti.sqrt(fastest), ti.static(TRAVEL * scene.cell))
     for row, index in ti.static(enumerate(scene.features.moving_colliders)):
         radius, limit = ti.static(scene.colliders[index].sdf.radius, TRAVEL_FRACTION * scene.cell)
@@ -107,9 +120,9 @@ def drift_after(dt, span: ti.i32):
 
 
 @ti.func
-def hold(grid: ti.template()):
-    """Turn the velocities of the substep before back to momenta."""
-    for n in range(grid.count[None]):
+def hold(grid: ti.template(), first, last):
+    """Turn the velocities of the substep before back to momenta, in the active blocks first .. last - 1."""
+    for n in range(first, last):
         block = grid.active[n] * BLOCK
         for a, b in ti.ndrange(BLOCK, BLOCK):
             for c in ti.static(range(BLOCK)):

@@ -4,7 +4,7 @@ from mpm.backend import ti
 from mpm.constitutive import stress
 from mpm.contact import backstop, update_nodes
 from mpm.grid import GHOST, clear, first_nodes, mark_pack
-from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW
+from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW, add, lift
 from mpm.mirror import NoTape, fold, fold_periodic, unfold, unfold_periodic
 from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
@@ -26,6 +26,8 @@ class Substeps:
 
     def __init__(self, scene) -> None:  # noqa: ANN001  (a Solver; importing it here would be a cycle)
         self.particles, self.grid = scene.particles, scene.fields
+        self.target = scene.fields.nodes
+        """Where grains are scattered to."""
         self.numbers, self.cuts, self.mobiles = scene.numbers, scene.cuts, scene.mobiles
         self.features, self.colliders = scene.features, scene.colliders
         self.node_contact, self.node_owner = scene.node_contact, scene.node_owner
@@ -77,8 +79,9 @@ class Substeps:
                         self.tally.keep_flags()
             self.advance(substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, ranks, 0, stay)
             for body in ti.static(range(len(self.laws))):
-                self.take_momentum(self.particles, body, self.corner_of_grid(), out)
-            self.take_status(out)
+                first_pack, last_pack = ti.static(self.particles.ranges[body])
+                self.take_momentum(self.particles, body, self.corner_of_grid(), out, first_pack, last_pack)
+            self.take_status(out, 0, self.particles.pack_count[None])
             if ti.static(self.samples):
                 self.sample.take(seen, 0)
 
@@ -96,7 +99,7 @@ class Substeps:
                     most = ti.min(ti.min(stay, substeps - s), interval - (first + s) % interval)
                     span = stride(self, motion, first_row + s, mobile, dt, most)
                     if span > 1:
-                        self.drift(self.particles, drift_before(dt, span), stamp)
+                        self.drift(self.particles, drift_before(dt, span), stamp, 0, self.particles.pack_count[None])
                 left = span
             left -= 1
             self.substep(first_row + s, stamp, dt, motion, mobile, out, fresh, span * (left == 0))
@@ -120,7 +123,7 @@ class Substeps:
         if fresh:
             clear(self.grid, 0, self.grid.count[None])
         elif ti.static(self.features.strides):
-            hold(self.grid)
+            hold(self.grid, 0, self.grid.count[None])
         if ti.static(len(self.features.mobile) > 0):
             begin_mobiles(self, mobile, motion, s, dt)
         if ti.static(len(self.features.shells) > 0):
@@ -129,13 +132,14 @@ class Substeps:
                 label_grains(self, self.particles, motion, s)
             self.cuts.count[None] = 0
         for body in ti.static(range(len(self.laws))):
-            self.to_grid(self.particles, self.laws[body], body, dt, out, fresh)
+            first_pack, last_pack = ti.static(self.particles.ranges[body])
+            self.to_grid(self.particles, self.laws[body], body, dt, out, fresh, first_pack, last_pack, 0)
         if ti.static(len(self.features.shells) > 0):
             scatter_cut(self)
         if ti.static(self.is_periodic):
             fold_periodic(self.grid, self.features.periodic, self.cells, stamp)
         fold(self.grid, self.walls, stamp, dt, gravity)
-        update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out)
+        update_nodes(self.grid, self, motion, s, dt, gravity, corner, self.cell, out, 0, self.grid.count[None])
         if ti.static(len(self.features.mobile) > 0):
             meet(self, mobile, corner, out)
             move_mobiles(self, mobile, motion, s, dt)
@@ -145,13 +149,15 @@ class Substeps:
         if span > 0:
             self.grid.count[None] = 0
         for body in ti.static(range(len(self.laws))):
-            self.to_particles(self.particles, body, drift_after(dt, span), stamp + span)
+            first_pack, last_pack = ti.static(self.particles.ranges[body])
+            self.to_particles(self.particles, body, drift_after(dt, span), stamp + span, first_pack, last_pack)
         if ti.static(len(self.features.shells) > 0):
             gather_cut(self, motion, s, mobile, drift_after(dt, span), corner, stamp + span, out)
         if ti.static(len(self.features.moving_solids) > 0) and span > 0:
             for body in ti.static(range(len(self.laws))):
+                first_pack, last_pack = ti.static(self.particles.ranges[body])
                 backstop(self.particles, self.grid, self, motion, s, mobile, drift_after(dt, span), self.origin, body,
-                         stamp + span, out)
+                         stamp + span, out, first_pack, last_pack)
 
     @ti.func
     def look(self, motion: ti.template(), s: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template(),
@@ -174,21 +180,24 @@ class Substeps:
             last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, stamp)
 
     @ti.func
-    def drift(self, P: ti.template(), dt, stamp: ti.i32):
-        """Move all grains for dt [s], and list the blocks that their stencils reach now, besides those listed."""
+    def drift(self, P: ti.template(), dt, stamp: ti.i32, first_pack, last_pack):
+        """Move the grains of a stretch of packs for dt [s], and list the blocks that their stencils reach now, besides
+        those listed."""
         last = -1
-        for q in range(P.pack_count[None]):
+        for q in range(first_pack, last_pack):
             for r in ti.static(range(3)):
                 P.x[r][q] = self.moved(P.x[r][q] + dt * P.v[r][q], r)
             last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, stamp)
 
     @ti.func
-    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt, out: ti.template(), fresh):
-        """Strain, plastic flow, stress; then the stress's push to the grid, and momentum and mass where it is fresh."""
+    def to_grid(self, P: ti.template(), law: ti.template(), body: ti.template(), dt, out: ti.template(), fresh,
+                first_pack, last_pack, shift):
+        """Strain, plastic flow, stress of a stretch of a body's packs; then the stress's push to the grid (shift:
+        nodes along x from the target's beginning), and momentum and mass where it is fresh."""
         p = [keep(self.numbers.parameters[body, i]) for i in range(PARAMETERS)]
         density = self.numbers.densities[body]
         force = -dt * 4.0 / (self.cell * self.cell)
-        for q in range(P.ranges[body][0], P.ranges[body][1]):
+        for q in range(first_pack, last_pack):
             C = [keep(P.C[i][q]) for i in range(9)]
             tau = stress(self, P, law, q, dt, C, p)
             volume = P.volume[q]
@@ -199,7 +208,7 @@ class Substeps:
                 for d in ti.static(range(3)):
                     momentum[d] += dt * mass * P.acceleration[d][q]
                 self.credit_acceleration(P, q, dt * mass, out)
-            self.spread(P, q, momentum, brought, force * volume, C, tau, fresh)
+            self.spread(P, q, momentum, brought, force * volume, C, tau, fresh, shift)
 
     @ti.func
     def credit_acceleration(self, P: ti.template(), q, factor, out: ti.template()):
@@ -209,11 +218,12 @@ class Substeps:
             p = ti.cast(factor[l], ti.f64) * ti.Vector([ti.cast(P.acceleration[d][q][l], ti.f64) for d in range(3)])
             moment = x.cross(p)
             for d in ti.static(range(3)):
-                out[GRAVITY_ROW, d] = out[GRAVITY_ROW, d] + p[d]
-                out[GRAVITY_ROW, 3 + d] = out[GRAVITY_ROW, 3 + d] + moment[d]
+                add(out, GRAVITY_ROW, d, p[d])
+                add(out, GRAVITY_ROW, 3 + d, moment[d])
 
     @ti.func
-    def spread(self, P: ti.template(), q, p: ti.template(), mass, force, C: ti.template(), tau: ti.template(), fresh):
+    def spread(self, P: ti.template(), q, p: ti.template(), mass, force, C: ti.template(), tau: ti.template(), fresh,
+               shift):
         """Scatter a pack: momentum p (3), mass, and affine momentum Q = force tau + mass C, per cell."""
         Q = [keep((force * tau[FULL[i]] + mass * C[i]) * self.cell) for i in range(9)]
         base, f = first_nodes(self.grid, P.x, q, 1.0 / self.cell)
@@ -223,27 +233,27 @@ class Substeps:
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         zero = self.numbers.zero[None]
         for l in range(LANES):  # unrolled it is a fifth slower, and takes half as long again to compile
-            node = [keep(base[d][l]) for d in range(3)]
+            node = [keep(base[0][l] + shift), keep(base[1][l]), keep(base[2][l])]
             if ti.static(len(self.features.shells) > 0):
                 if P.side[q][l] != 0:
                     keep_for_cut(self.cuts, q, l, node, f, [px, py, pz], mass, Q, fresh)
                 else:
                     scatter_lane(
-                        self.grid.nodes, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
+                        self.target, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
                         ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]),
                         ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]), lane(wx, l), lane(wy, l), lane(wz, l))
             else:
                 scatter_lane(
-                    self.grid.nodes, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
+                    self.target, node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
                     ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]),
                     ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]), lane(wx, l), lane(wy, l), lane(wz, l))
 
     @ti.func
-    def to_particles(self, P: ti.template(), body: ti.template(), dt, next_stamp: ti.i32):
-        """Velocity and affine velocity of every pack of a body; where dt > 0, its grains move for that time [s], and
-        the blocks of the next substep are listed."""
+    def to_particles(self, P: ti.template(), body: ti.template(), dt, next_stamp: ti.i32, first_pack, last_pack):
+        """Velocity and affine velocity of a stretch of a body's packs; where dt > 0, its grains move for that time [s],
+        and the blocks of the next substep are listed."""
         last = -1
-        for q in range(P.ranges[body][0], P.ranges[body][1]):
+        for q in range(first_pack, last_pack):
             v, B, f = self.gathered(P, q)
             gradient = 4.0 / self.cell
             for r in ti.static(range(3)):
@@ -254,8 +264,9 @@ class Substeps:
                 for r in ti.static(range(3)):
                     P.x[r][q] = self.moved(P.x[r][q] + dt * v[r], r)
                 last = mark_pack(self.grid, P.x, q, 1.0 / self.cell, last, next_stamp)
-        if ti.static(P.counts[body] % LANES > 0):
-            self.still(P, P.ranges[body][1] - 1, ti.static(P.counts[body] % LANES))
+        if ti.static(P.counts[body] % LANES > 0):  # noqa: SIM102  (decided when compiling)
+            if first_pack < last_pack and last_pack == P.ranges[body][1]:
+                self.still(P, last_pack - 1, ti.static(P.counts[body] % LANES))
 
     @ti.func
     def gathered(self, P: ti.template(), q):
@@ -296,30 +307,32 @@ class Substeps:
         return result
 
     @ti.func
-    def take_momentum(self, P: ti.template(), body: ti.template(), corner, out: ti.template()):
-        """Momentum of a body's grains about the world's origin, affine part included."""
+    def take_momentum(self, P: ti.template(), body: ti.template(), corner, out: ti.template(), first_pack, last_pack):
+        """Momentum of a stretch of a body's packs about the world's origin, affine part included."""
         density = self.numbers.densities[body]
         quarter = 0.25 * self.cell * self.cell
-        for q in range(P.ranges[body][0], P.ranges[body][1]):
+        total, turning = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
+        for q in range(first_pack, last_pack):
             spin = [keep(quarter * (P.C[7][q] - P.C[5][q])), keep(quarter * (P.C[2][q] - P.C[6][q])),
                     keep(quarter * (P.C[3][q] - P.C[1][q]))]
             for l in ti.static(range(4)):
                 m = ti.cast(density * P.volume[q][l], ti.f64)
                 x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) for d in range(3)]) + corner
                 p = m * ti.Vector([ti.cast(P.v[d][q][l], ti.f64) for d in range(3)])
-                moment = x.cross(p) + m * ti.Vector([ti.cast(spin[d][l], ti.f64) for d in range(3)])
-                for d in ti.static(range(3)):
-                    out[self.momentum, d] = out[self.momentum, d] + p[d]
-                    out[self.momentum, 3 + d] = out[self.momentum, 3 + d] + moment[d]
+                total += p
+                turning += x.cross(p) + m * ti.Vector([ti.cast(spin[d][l], ti.f64) for d in range(3)])
+        for d in ti.static(range(3)):
+            add(out, self.momentum, d, total[d])
+            add(out, self.momentum, 3 + d, turning[d])
 
     @ti.func
-    def take_status(self, out: ti.template()):
-        """Sum of squared velocities (not finite if anything is not) and the largest speed."""
+    def take_status(self, out: ti.template(), first_pack, last_pack):
+        """Sum of squared velocities (not finite if anything is not) and the largest speed of a stretch of packs."""
         total = ti.cast(0.0, ti.f64)
         fastest = ti.cast(0.0, ti.f64)
-        for q in range(self.particles.pack_count[None]):
+        for q in range(first_pack, last_pack):
             v2 = self.particles.v[0][q] ** 2 + self.particles.v[1][q] ** 2 + self.particles.v[2][q] ** 2
             total += ti.cast(v2.sum(), ti.f64)
             fastest = ti.max(fastest, ti.cast(v2.max(), ti.f64))
-        out[self.status, 0] = total
-        out[self.status, 1] = ti.sqrt(fastest)
+        add(out, self.status, 0, total)
+        lift(out, self.status, 1, ti.sqrt(fastest))

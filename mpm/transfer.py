@@ -4,7 +4,7 @@ A pack's particles are spread one lane at a time, with a node's momentum and mas
 q0 + a0 i + a1 j + a2 k over the 27 nodes, where the columns a are the affine momentum per cell.
 """
 
-from mpm.backend import ti
+from mpm.backend import is_shared, ti
 from mpm.strain import keep
 
 
@@ -27,7 +27,7 @@ def lane(packs: ti.template(), l):
 @ti.func
 def scatter_lane(nodes: ti.template(), base: ti.template(), q0, a0, a1, a2,
                  wx: ti.template(), wy: ti.template(), wz: ti.template()):
-    """Add one particle to its 27 nodes; a plain load and store, because one thread owns the grid."""
+    """Add one particle to its 27 nodes; on a CPU a plain load and store, because one thread owns the array."""
     q_i = q0
     for i in ti.static(range(3)):
         q_j = q_i
@@ -36,7 +36,10 @@ def scatter_lane(nodes: ti.template(), base: ti.template(), q0, a0, a1, a2,
             q_k = q_j
             for k in ti.static(range(3)):
                 I = (base[0] + i, base[1] + j, base[2] + k)
-                nodes[I] = nodes[I] + q_k * (w * wz[k])
+                if ti.static(is_shared()):
+                    ti.atomic_add(nodes[I], q_k * (w * wz[k]))
+                else:
+                    nodes[I] = nodes[I] + q_k * (w * wz[k])
                 q_k = q_k + a2
             q_j = q_j + a1
         q_i = q_i + a0

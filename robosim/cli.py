@@ -95,10 +95,12 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--sizes", type=int, nargs="+", default=list(SIZES), help="field: grains (default: %(default)s)")
     run.add_argument("--scenes", nargs="+", default=list(SCENES), help=f"field: of {', '.join(SCENES)} (default: all)")
     run.add_argument("--yardsticks", type=Path, help="field: folder with scripts to measure in the same run")
+    run.add_argument("--threads", type=int, default=1, help="field: of the CPU (default: 1)")
+    run.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: where it runs (default: cpu)")
     run.add_argument("--out", type=Path, help="folder for bench.json, or bench_field.json")
     run.add_argument("--readme", type=Path, help="file with <!-- bench --> marks, between which the table goes")
-    run.set_defaults(run=lambda a: bench_field(a.sizes, a.scenes, a.yardsticks, a.out) if a.what == ["field"]
-                     else bench(a.what, a.out, a.readme))
+    run.set_defaults(run=lambda a: bench_field(a.sizes, a.scenes, a.yardsticks, a.out, a.threads, a.arch)
+                     if a.what == ["field"] else bench(a.what, a.out, a.readme))
 
 
 def _add_report(commands: argparse._SubParsersAction) -> None:

@@ -6,6 +6,8 @@ from mpm.errors import InvalidValue
 def check_scene(solver) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
     """Raise InvalidValue for a scene with something that has no adjoint."""
     features = solver.features
+    if solver.shares is not None:
+        raise InvalidValue("Rollout: the solver has several threads; accepted: one of mpm.init(threads=1)")
     for name, present in (("a shell", features.shells), ("a mobile collider", features.mobile),
                           ("a periodic side", any(features.periodic)),
                           ("a body acceleration", features.body_acceleration)):

@@ -116,7 +116,7 @@ class Sweep:
                             self.measure(norms, (first + begin + k) // interval)
                 done += span
             if forward > 0:
-                self.scene.take_status(out)
+                self.scene.take_status(out, 0, self.particles.pack_count[None])
 
     @ti.func
     def drift(self, dt):
@@ -146,13 +146,14 @@ class Sweep:
             self.scene.mark_blocks(self.particles, stamp)
             clear(self.grid, 0, self.grid.count[None])
         elif ti.static(self.depth > 1):
-            hold(self.grid)
+            hold(self.grid, 0, self.grid.count[None])
         for body in ti.static(range(len(self.laws))):
-            self.scene.to_grid(self.particles, self.laws[body], body, dt, out, k == 0)
+            first_pack, last_pack = ti.static(self.particles.ranges[body])
+            self.scene.to_grid(self.particles, self.laws[body], body, dt, out, k == 0, first_pack, last_pack, 0)
         fold(self.grid, self.walls, stamp, dt, gravity)
         if forward == 0:
             self.nodes.keep(self.grid, self.nodes.folded, k)
-        update_nodes(self.grid, self.scene, motion, s, dt, gravity, corner, self.cell, out)
+        update_nodes(self.grid, self.scene, motion, s, dt, gravity, corner, self.cell, out, 0, self.grid.count[None])
         self.tape.at[None] = k
         unfold(self.grid, self.walls, stamp, self.scene.numbers.wall_friction[None], corner, self.cell, out, self.tape)
 
@@ -163,11 +164,13 @@ class Sweep:
         if span > 0:
             self.grid.count[None] = 0
         for body in ti.static(range(len(self.laws))):
-            self.scene.to_particles(self.particles, body, drift_after(dt, span), stamp)
+            first_pack, last_pack = ti.static(self.particles.ranges[body])
+            self.scene.to_particles(self.particles, body, drift_after(dt, span), stamp, first_pack, last_pack)
         if ti.static(len(self.tool) > 0) and span > 0:
             for body in ti.static(range(len(self.laws))):
+                first_pack, last_pack = ti.static(self.particles.ranges[body])
                 backstop(self.particles, self.grid, self.scene, motion, s, mobile, drift_after(dt, span), self.origin,
-                         body, stamp, out)
+                         body, stamp, out, first_pack, last_pack)
 
     @ti.func
     def back(self, motion: ti.template(), s: ti.i32, k: ti.i32, span: ti.i32, slot: ti.i32, dt, corner,

@@ -1,0 +1,58 @@
+"""Several threads, or a graphics card, come to what one thread comes to. A process has one backend, so others run."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import mpm
+from mpm.errors import BackendError
+
+SCRIPT = Path(__file__).with_name("several_threads.py")
+
+
+def compared(*words: str) -> Any:
+    """What `several_threads.py` has to say."""
+    done = subprocess.run([sys.executable, SCRIPT, *words], capture_output=True, text=True)
+    if "this machine has none" in done.stderr:
+        pytest.skip(f"no graphics card: {done.stderr.strip().splitlines()[-1]}")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("material", ["elastic", pytest.param("fluid", marks=pytest.mark.slow)])
+def test_two_threads_are_one(material: str) -> None:
+    """The same grains to rounding, the same bits in every run, and every impulse in the ledger; in strides and not."""
+    scene = compared(material)
+    assert scene["shared"] and scene["same_bits"]
+    assert scene["moved"] > 0.02 and scene["ball_pushed"] > 0.1 and scene["post_pushed"] > 0.1
+    assert scene["off_one_thread"] < 1e-12
+    assert scene["ledger_off"] < 1e-13 and scene["gap"] < 1e-13
+    assert scene["looks_off"] < 1e-12
+
+
+@pytest.mark.parametrize("material", ["elastic", "fluid"])
+def test_a_card_is_one_thread(material: str) -> None:
+    """The same grains and the same ledger to rounding; the card adds in any order."""
+    scene = compared("cuda", material)
+    assert scene["shared"] and scene["moved"] > 0.02 and scene["ball_pushed"] > 0.1
+    assert scene["off_one_thread"] < 1e-10
+    assert scene["gap"] < 1e-12
+
+
+def test_what_one_thread_alone_does_is_refused_by_name() -> None:
+    """A batch and a roll-out take a solver of one thread; a shell in a process of two threads has one."""
+    told = compared("refusals")
+    assert told == [True, "Batch: the solver has several threads; accepted: one of mpm.init(threads=1)",
+                    "Rollout: the solver has several threads; accepted: one of mpm.init(threads=1)"]
+
+
+def test_another_session_is_refused() -> None:
+    """A process has one backend; a number of threads below one is none."""
+    with pytest.raises(BackendError, match="a process has one backend"):
+        mpm.init(threads=2)
+    with pytest.raises(mpm.InvalidValue, match="threads = 0; accepted: 1 or more"):
+        mpm.init(threads=0)
