@@ -4,20 +4,19 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
-import gymnasium
 import numpy as np
 
 import mpm
+from policies.environments import made
 from policies.files import claim, write_json
 from policies.hold import Hold
 from policies.learning_curve import draw
 from policies.maker import FLUID, METHODS, STAND_INS, Maker, Wanted, make_some, played
+from policies.workers import pool
 
 RATE = 0.05
 """Step in actions of -1 to 1."""
@@ -74,10 +73,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     if seed < 0 or not 0 < rate <= 1 or not 0 <= arm_weight < np.inf:
         raise mpm.InvalidValue(f"--seed {seed}, --rate {rate}, --arm-weight {arm_weight}; accepted: 0 or more, above 0 "
                                f"up to 1, 0 or more")
-    try:
-        sand: Any = gymnasium.make(f"robosim:robosim/{task}-v0", action_repeat=hold).unwrapped
-    except gymnasium.error.Error as error:
-        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
+    sand: Any = made(task, action_repeat=hold).unwrapped
     first = first_actions(start, until, sand.task, Hold(sand.task, hold))
     ends = sand.task.step_dt * np.minimum(hold * np.arange(1, len(first) + 1), sand.task.steps)
     kept = 0 if until is None else int(np.sum(ends <= until + 1e-9))
@@ -90,8 +86,8 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     try:
         if jobs > 1:
             shares = [range(i, n, jobs) for i in range(min(jobs, n))]
-            with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
-                list(pool.map(make_some, [wanted] * len(shares), shares))
+            with pool(len(shares)) as workers:
+                list(workers.map(make_some, [wanted] * len(shares), shares))
         tabulate(wanted, n, sand, arm=arm)
         draw(out, task, n)
         for k in range(n if film else 0):
@@ -181,7 +177,7 @@ def actions_of(path: Path, hold: Hold) -> np.ndarray:
     try:
         with np.load(path, allow_pickle=False) as stored:
             actions = np.asarray(stored["actions"], float)
-    except (ValueError, KeyError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
     if actions.shape != hold.shape or not np.all(np.abs(actions) <= 1.0):
         raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {hold.shape}, from -1 to 1")

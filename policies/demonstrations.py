@@ -21,10 +21,10 @@ class Shown(NamedTuple):
     info: dict[str, Any]
 
 
-def read(folder: Path, decisions: int, hold: int, dimensions: int) -> dict[str, np.ndarray]:
+def read(folder: Path, decisions: int, hold: int, dimensions: int, task: str = "") -> dict[str, np.ndarray]:
     """Actions (decisions, dimensions) of every demonstration_*.npz of a folder, or of one file, by name; raises
     mpm.InvalidValue for none, or for one that does not belong to the task."""
-    return {path.name: actions_in(path, decisions, hold, dimensions) for path in paths_in(folder)}
+    return {path.name: actions_in(path, decisions, hold, dimensions, task) for path in paths_in(folder)}
 
 
 def paths_in(folder: Path) -> list[Path]:
@@ -37,14 +37,25 @@ def paths_in(folder: Path) -> list[Path]:
     return paths
 
 
-def actions_in(path: Path, decisions: int, hold: int, dimensions: int) -> np.ndarray:
+def start_in(path: Path) -> tuple[int, dict[str, bool]]:
+    """Seed and options of the reset that a demonstration begins with: the task's own start, where its file does not
+    say."""
+    with np.load(path, allow_pickle=False) as stored:
+        seed = int(stored.get("start", stored.get("seed", 0)))
+        return seed, {"nominal": bool(stored.get("nominal", True))}
+
+
+def actions_in(path: Path, decisions: int, hold: int, dimensions: int, task: str = "") -> np.ndarray:
     """Actions of one file, for decisions of `hold` steps."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             actions = np.asarray(stored["actions"], np.float32)
             held = int(stored["hold"]) if "hold" in stored else hold
+            made_for = str(stored["task"]) if "task" in stored else task
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
+    if task and made_for != task:
+        raise mpm.InvalidValue(f"{path}: made for {made_for}; accepted: one for {task}")
     if held % hold:
         raise mpm.InvalidValue(f"{path}: its actions are held for {held} steps; accepted: a multiple of {hold}")
     if actions.ndim != 2 or actions.shape[1] != dimensions or not np.all(np.abs(actions) <= 1.0):

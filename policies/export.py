@@ -2,16 +2,17 @@
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 from tqdm import tqdm
 
 import mpm
-from policies.demonstrations import Shown, acted, actions_in, paths_in
+from policies.demonstrations import Shown, acted, actions_in, paths_in, start_in
+from policies.environments import made
 from policies.files import write
 
 EXAMPLE = "example:\n  robosim export SpoonPour --demos out/demo --out out/spoon_pour.hdf5 --obs moments"
@@ -41,18 +42,16 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", hold: int = 
     except ImportError as error:
         raise mpm.InvalidValue('robosim export needs h5py: pip install ".[learn]"') from error
 
-    try:
-        env = gymnasium.make(f"robosim:robosim/{task}-v0", obs=obs, action_repeat=hold)
-    except gymnasium.error.Error as error:
-        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
+    env = made(task, obs=obs, action_repeat=hold)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if out.is_dir() or not os.access(out.parent, os.W_OK):  # before any work
+        raise mpm.InvalidValue(f"--out {out}: a folder, or in one that cannot be written; give another file")
     inner: Any = env.unwrapped
     decisions, dimensions = -(-inner.task.steps // hold), inner.task.action.dimensions
     episodes = []
     for path in tqdm(paths_in(demos), desc="acting out", file=sys.stderr):
-        with np.load(path, allow_pickle=False) as stored:
-            seed = int(stored["seed"]) if "seed" in stored else 0
-            start = {"nominal": bool(stored["nominal"])} if "nominal" in stored else None
-        actions = actions_in(path, decisions, hold, dimensions)
+        actions = actions_in(path, decisions, hold, dimensions, task)
+        seed, start = start_in(path)
         episodes.append((path.name, seed, list(acted(env, actions, start, seed))))
     spec = {"id": f"robosim/{task}-v0", "kwargs": {"obs": obs, "action_repeat": hold}}
 
@@ -64,7 +63,6 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", hold: int = 
             for k, (name, seed, shown) in enumerate(episodes):
                 put(file.create_group(f"episode_{k}"), k, name, seed, shown)
 
-    out.parent.mkdir(parents=True, exist_ok=True)
     write(out, written)
     env.close()
     scores = [shown[-1].info["tcs"] for _, _, shown in episodes]

@@ -13,11 +13,13 @@ import mpm
 def claim(folder: Path) -> FileLock:
     """Make a folder and keep other processes out until the lock is released, or this process ends, however it ends;
     raises mpm.InvalidValue where one is at work there."""
-    folder.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(folder / ".lock")
     try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / ".lock")
         lock.acquire(timeout=0)
-    except Timeout:
+    except OSError as error:
+        if not isinstance(error, Timeout):
+            raise mpm.InvalidValue(f"--out {folder}: cannot be written: {error}; give another folder") from error
         raise mpm.InvalidValue(f"--out {folder}: another process is at work there; wait for it, or give another folder"
                                ) from None
     return lock

@@ -3,22 +3,21 @@
 import argparse
 import json
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
-from multiprocessing import get_context
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
-import gymnasium
 import numpy as np
 from tqdm import tqdm
 
 import mpm
-from policies.files import write, write_json
+from policies.environments import made
+from policies.files import claim, write, write_json
 from policies.hold import Hold
 from policies.maker import fingerprint
 from policies.spline_search import motion
+from policies.workers import pool
 
 EXAMPLE = """example:
   robosim frames SpoonPour --episodes 200 --jobs 2 --out out/frames/SpoonPour
@@ -33,7 +32,7 @@ class Solid(NamedTuple):
     """What a network sees of something rigid."""
 
     points: np.ndarray
-    """(SOLIDS, 3) on its surface, in its frame [m]."""
+    """(n, 3), SOLIDS at most, near its surface [m]: in its own frame if it moves, in world axes if it stands."""
     moves: bool
 
 
@@ -60,8 +59,18 @@ def frames(task: str, out: Path, *, episodes: int = 200, material: str | None = 
     if min(episodes, hold, jobs) < 1 or seed < 0:
         raise mpm.InvalidValue(f"--episodes {episodes}, --hold {hold}, --jobs {jobs}, --seed {seed}; accepted: 1 or "
                                f"more, the seed 0 or more")
-    env = environment(task, material, hold)
-    out.mkdir(parents=True, exist_ok=True)
+    env: Any = made(task, material=material, action_repeat=hold).unwrapped
+    lock = claim(out)
+    try:
+        _fill(out, env, material, episodes=episodes, seed=seed, jobs=jobs)
+    finally:
+        lock.release()
+    print(f"{out}: {episodes} roll-outs of up to {-(-env.task.steps // hold) + 1} frames")
+    return 0
+
+
+def _fill(out: Path, env: Any, material: str | None, *, episodes: int, seed: int, jobs: int) -> None:
+    """Make what a folder lacks; see `frames`."""
     told, about = {**of(env), "seed": seed}, out / "frames.json"
     if about.is_file() and about.read_text() != json.dumps(told, indent=2) + "\n":
         raise mpm.InvalidValue(f"--out {out}: holds roll-outs of {' '.join(about.read_text().split())}; give another "
@@ -74,12 +83,10 @@ def frames(task: str, out: Path, *, episodes: int = 200, material: str | None = 
             make(env, out, seed, k)
             progress.update()
     else:
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            for _ in pool.map(partial(made_apart, task, material, hold, out, seed), waiting):
+        with pool(jobs) as workers:
+            for _ in workers.map(partial(made_apart, env.TASK, material, env.action_repeat, out, seed), waiting):
                 progress.update()
     progress.close()
-    print(f"{out}: {episodes} roll-outs of up to {-(-env.task.steps // hold) + 1} frames")
-    return 0
 
 
 def of(env: Any) -> dict[str, Any]:
@@ -92,23 +99,15 @@ def path_of(out: Path, k: int) -> Path:
     return out / f"rollout_{k:05d}.npz"
 
 
+@cache
 def environment(task: str, material: str | None, hold: int) -> Any:
-    """The sub-task; raises InvalidValue for one that does not exist."""
-    try:
-        options: dict[str, Any] = {} if material is None else {"material": material}
-        return gymnasium.make(f"robosim:robosim/{task}-v0", action_repeat=hold, **options).unwrapped
-    except gymnasium.error.Error as error:
-        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
-
-
-_kept: dict[str, Any] = {}
+    """The sub-task, made once in a process."""
+    return made(task, material=material, action_repeat=hold).unwrapped
 
 
 def made_apart(task: str, material: str | None, hold: int, out: Path, seed: int, k: int) -> None:
-    """A roll-out in a process of its own, which makes its environment once."""
-    if "env" not in _kept:
-        _kept["env"] = environment(task, material, hold)
-    make(_kept["env"], out, seed, k)
+    """A roll-out in a process of its own."""
+    make(environment(task, material, hold), out, seed, k)
 
 
 def make(env: Any, out: Path, seed: int, k: int) -> None:

@@ -3,14 +3,12 @@ arXiv 2406.09178), and how far back they mean anything."""
 
 import argparse
 import sys
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import matplotlib
 
 matplotlib.use("Agg")
@@ -19,9 +17,11 @@ import numpy as np  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
 import mpm  # noqa: E402
-from policies.files import write, write_json  # noqa: E402
+from policies.environments import made  # noqa: E402
+from policies.files import claim, write, write_json  # noqa: E402
 from policies.hold import Hold  # noqa: E402
 from policies.maker import FLUID, STAND_INS, fingerprint, stored_in  # noqa: E402
+from policies.workers import pool  # noqa: E402
 
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")
@@ -61,18 +61,11 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
             raise mpm.InvalidValue(f"unknown task {task!r}; valid: {', '.join(TASKS)}")
     if jobs < 1:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
-    out.mkdir(parents=True, exist_ok=True)
-    wanted = [(task, variant) for task in tasks for variant in VARIANTS]
-    found: dict[tuple[str, str], dict[str, np.ndarray]] = {}
-    with ThreadPoolExecutor(jobs) as pool:
-        started = [pool.submit(_apart, out, *both) for both in wanted]
-        try:
-            for ended in tqdm(as_completed(started), total=len(wanted), unit="roll-out", file=sys.stderr):
-                ended.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-    for both, ended in zip(wanted, started):
-        found[both] = ended.result()
+    lock = claim(out)
+    try:
+        found = _all_rolled_back(tasks, out, jobs)
+    finally:
+        lock.release()
     write_json(out / "gradients.json", [row(*key, values) for key, values in found.items()])
     draw(out, tasks, found)
     for told in (row(*key, values) for key, values in found.items()):
@@ -83,6 +76,19 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     return 0
 
 
+def _all_rolled_back(tasks: list[str], out: Path, jobs: int) -> dict[tuple[str, str], dict[str, np.ndarray]]:
+    """What every task's roll-out in every variant came to."""
+    wanted = [(task, variant) for task in tasks for variant in VARIANTS]
+    with ThreadPoolExecutor(jobs) as threads:
+        started = [threads.submit(_apart, out, *both) for both in wanted]
+        try:
+            for ended in tqdm(as_completed(started), total=len(wanted), unit="roll-out", file=sys.stderr):
+                ended.result()
+        finally:
+            threads.shutdown(cancel_futures=True)
+    return {both: ended.result() for both, ended in zip(wanted, started)}
+
+
 def place(task: str, variant: str, out: Path) -> Path:
     """File of a roll-out."""
     return out / f"{task}_{variant.replace(', ', '_').replace(' ', '_')}.npz"
@@ -90,7 +96,7 @@ def place(task: str, variant: str, out: Path) -> Path:
 
 def _apart(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
     """One roll-out, in a process of its own: it lays fields out that stay."""
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+    with pool(1) as process:
         try:
             return process.submit(_rolled_back, out, task, variant).result()
         except BrokenProcessPool as error:
@@ -99,9 +105,9 @@ def _apart(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
 
 def _rolled_back(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
     """A roll-out and its derivatives, or what an earlier run has left of them."""
-    own: Any = gymnasium.make(f"robosim:robosim/{task}-v0").unwrapped
+    own: Any = made(task).unwrapped
     material = STAND_INS.get(own.task.kind, FLUID) if variant == "fluid or clay" else own.task.material
-    env: Any = gymnasium.make(f"robosim:robosim/{task}-v0", material=material, action_repeat=HOLD).unwrapped
+    env: Any = made(task, material=material, action_repeat=HOLD).unwrapped
     mark = fingerprint(env, VARIANTS[variant], BACK, DIFFERENCE, SLOWER, ASIDE)
     stored = stored_in(place(task, variant, out), mark)
     if stored is not None:

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
-import gymnasium
 import numpy as np
 from tqdm import tqdm
 
 import mpm
 from policies.descent import Descent
+from policies.environments import made
 from policies.files import write
 from policies.hold import Hold
 from policies.spline_search import Evolution
@@ -64,7 +64,7 @@ class Wanted(NamedTuple):
 
     def environment(self, **options: Any) -> Any:
         """The sub-task, with decisions as long as the demonstrations'."""
-        return gymnasium.make(f"robosim:robosim/{self.task}-v0", action_repeat=self.hold, **options).unwrapped
+        return made(self.task, action_repeat=self.hold, **options).unwrapped
 
 
 def fingerprint(env: Any, *rest: object) -> str:
@@ -126,6 +126,9 @@ class Maker:
         found = stored_in(w.path(k), mark)
         if found is None:
             found = self._run(k, beside, mark)
+        elif len(found["losses"]) < w.iterations and not settled(list(found["losses"])):
+            print(f"{w.path(k)}: kept as it is after {len(found['losses'])} iterations; remove it for {w.iterations}",
+                  file=sys.stderr)
         beside.unlink(missing_ok=True)
         return found
 
@@ -171,8 +174,9 @@ class Maker:
                                    f"(--from), or take another --material")
         found = {"actions": search.best.astype(np.float32), "losses": np.array(losses), "norms": norms,
                  "check": self.check(search.best), "fingerprint": np.array(mark),
-                 "seed": np.array(start["seed"]), "nominal": np.array(start["options"]["nominal"]),
-                 "material": np.array(w.material), "hold": np.array(w.hold), "method": np.array(w.method)}
+                 "task": np.array(w.task), "seed": np.array(start["seed"]),
+                 "nominal": np.array(start["options"]["nominal"]), "material": np.array(w.material),
+                 "hold": np.array(w.hold), "method": np.array(w.method)}
         write(w.path(k), partial(np.savez, **found))
         return found
 
@@ -203,10 +207,18 @@ class Maker:
 
     def check(self, actions: np.ndarray) -> np.ndarray:
         """What vouches for the gradient: derivative and central difference along the gradient and along random
-        directions (1 + DIRECTIONS, 2), away from the bounds; nothing (0, 2) where none was used."""
+        directions (1 + DIRECTIONS, 2), away from the bounds; nothing (0, 2) where no gradient was used, or where a
+        motion so near to the best one diverges."""
         if self.wanted.method != "descent":
             return np.zeros((0, 2))
-        inner = 0.99 * actions
+        try:
+            return self._checked(0.99 * actions)
+        except (mpm.SimulationDiverged, mpm.GradientDiverged) as error:
+            print(f"the gradient of the best motion is not checked: {error}", file=sys.stderr)
+            return np.zeros((0, 2))
+
+    def _checked(self, inner: np.ndarray) -> np.ndarray:
+        """Derivatives and differences (1 + DIRECTIONS, 2) at a motion."""
         _, gradient = self.value_and_grad(inner)
         rng = np.random.default_rng(0)
         ways = [gradient, *(rng.standard_normal(gradient.shape) for _ in range(DIRECTIONS))]

@@ -81,22 +81,29 @@ class Pipeline:
         if preset.graph is not None:
             raise mpm.InvalidValue(f"--method {options.method}: learns from roll-outs; accepted: one that learns from "
                                    f"demonstrations or by itself")
-        self._shown = preset.demonstrations is not None or preset.residual is not None
+        self._shown = preset.shown
         self.options, self.out, self.tasks = options, options.out, known[options.rehearsal]
         self.out.mkdir(parents=True, exist_ok=True)
         self._file, self._lock = self.out / "pipeline.json", threading.Lock()
         self._running: set[subprocess.Popen] = set()
+        self._asked = {name: getattr(options, name) for name in ("seed", "n", "iterations", "episodes", "material")}
         self._stopped = False
         self.stages = self._earlier()
         self._progress: Any = None
 
     def _earlier(self) -> dict[str, dict[str, Any]]:
-        """What an earlier run of the same folder has finished; nothing where that cannot be read."""
+        """What an earlier run of the same folder has finished; nothing where that cannot be read. Raises
+        mpm.InvalidValue for one with options that its commands would refuse to go on with."""
         try:
-            return {name: stage for name, stage in json.loads(self._file.read_text())["stages"].items()
-                    if stage["state"] == "finished"}
+            told = json.loads(self._file.read_text())
+            stages = {name: stage for name, stage in told["stages"].items() if stage["state"] == "finished"}
+            other = [f"--{name} {told['options'][name]}, now {value}" for name, value in self._asked.items()
+                     if told["options"][name] != value]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return {}
+        if other:
+            raise mpm.InvalidValue(f"--out {self.out}: holds a pipeline with {'; '.join(other)}; give another folder")
+        return stages
 
     def run(self) -> int:
         """Everything; returns 0, or 1 where a command failed."""
@@ -122,9 +129,10 @@ class Pipeline:
 
     def _stop(self) -> None:
         """Begin nothing more, and let what runs end as after Ctrl-C, with its files whole."""
-        self._stopped = True
-        for process in list(self._running):
-            process.send_signal(signal.SIGINT)
+        with self._lock:
+            self._stopped = True
+            for process in self._running:
+                process.send_signal(signal.SIGINT)
 
     def _learn(self, task: str) -> bool:
         """Demonstrations and learning of a sub-task."""
@@ -168,18 +176,18 @@ class Pipeline:
         if self._stopped:
             return False
         if earlier is None or earlier["words"] != words:
-            for later in DOWNSTREAM.get(name.split(" of ")[0], ()):  # what was made of the old is no longer true
-                self.stages.pop(later.replace("{task}", name.split(" of ")[-1]), None)
+            with self._lock:  # what was made of the old is no longer true
+                for later in DOWNSTREAM.get(name.split(" of ")[0], ()):
+                    self.stages.pop(later.replace("{task}", name.split(" of ")[-1]), None)
             log = self.out / "logs" / f"{name.replace(' ', '_')}.txt"
             log.parent.mkdir(exist_ok=True)
             self._keep(name, state="running", words=words, reason="was cut short; the same command goes on")
             began = time.time()
             with log.open("a") as file:
-                process = subprocess.Popen([sys.executable, "-m", "robosim.cli", *words], stdout=file, stderr=file,
-                                           env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
-                self._running.add(process)
-                good = process.wait() == 0
-                self._running.discard(process)
+                process = self._begun(words, file)
+                good = process is not None and process.wait() == 0
+                with self._lock:
+                    self._running.discard(process)
             last = (log.read_text().strip().splitlines() or ["said nothing"])[-1]
             self._keep(name, state="finished" if good else "failed", words=words, reason="" if good else last,
                        seconds=time.time() - began)
@@ -187,12 +195,23 @@ class Pipeline:
             self._progress.update()
         return self.stages[name]["state"] == "finished"
 
+    def _begun(self, words: list[str], file: Any) -> subprocess.Popen | None:
+        """A command's process, unless nothing more is to begin."""
+        with self._lock:
+            if self._stopped:
+                return None
+            process = subprocess.Popen([sys.executable, "-m", "robosim.cli", *words], stdout=file, stderr=file,
+                                       env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
+            self._running.add(process)
+            return process
+
     def _keep(self, name: str | None = None, table: list[dict[str, Any]] | None = None, **stage: Any) -> None:
         """Write down how a stage stands."""
         with self._lock:
             if name is not None:
                 self.stages[name] = stage
             write_json(self._file, {"rehearsal": self.options.rehearsal, "method": self.options.method,
+                                    "options": self._asked,
                                     "stages": self.stages, "sub_tasks": table or []})
 
     def _table(self) -> list[dict[str, Any]]:

@@ -88,8 +88,23 @@ class Preset(pydantic.BaseModel):
     options: dict[str, Any] = {}  # noqa: RUF012
     """Arguments of the learner's class."""
 
+    @property
+    def shown(self) -> bool:
+        """Whether it needs demonstrations."""
+        return self.demonstrations is not None or self.residual is not None
+
     @pydantic.model_validator(mode="after")
     def _check(self) -> "Preset":
+        if self.encoder is not None and self.obs not in ("flat", "all"):
+            raise ValueError(f"encoder {self.encoder} with obs {self.obs}; accepted: flat or all, which "
+                             f"hold places and velocities")
+        if self.critic_layer_norm and (self.obs == "dict" or self.learner != "SAC"):
+            raise ValueError(f"critic_layer_norm with learner {self.learner} and obs {self.obs}; accepted: SAC, "
+                             f"any obs but dict")
+        needed = {"CMA-ES": ("population", "knots", "sigma")}.get(self.learner, ())
+        missing = [name for name in needed if name not in self.options]
+        if missing:
+            raise ValueError(f"learner {self.learner} without options {', '.join(missing)}")
         if (self.graph is not None) != (self.learner == "GNN-CMA-ES"):
             raise ValueError(f"learner {self.learner} with graph {self.graph}; accepted: GNN-CMA-ES with one, others "
                              f"without")

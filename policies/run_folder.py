@@ -28,21 +28,33 @@ LAST = 10
 def commit() -> str:
     """The commit of the code that runs, "-dirty" where it is not what was committed; its version outside a checkout."""
     here = Path(__file__).resolve().parent
-    told = subprocess.run(["git", "describe", "--always", "--dirty", "--exclude=*"], cwd=here, capture_output=True,
-                          text=True, check=False) if (here.parent / ".git").exists() else None
+    try:
+        told = subprocess.run(["git", "describe", "--always", "--dirty", "--exclude=*"], cwd=here, capture_output=True,
+                              text=True, check=False) if (here.parent / ".git").exists() else None
+    except OSError:  # a checkout without git
+        told = None
     return told.stdout.strip() if told is not None and told.returncode == 0 else version("robosim")
 
 
 def locked(path: Path) -> bool:
     """Whether a process is at work in a run's folder."""
-    lock = FileLock(path / ".lock")
+    if not path.is_dir():
+        return False
     try:
-        with lock.acquire(timeout=0):
+        with FileLock(path / ".lock").acquire(timeout=0):
             return False
     except Timeout:
         return True
-    except FileNotFoundError:
-        return False
+
+
+def differences(name: str, found: Any, now: Any) -> list[str]:
+    """Where two values of a manifest differ, in words."""
+    if json.dumps(found) == json.dumps(now):
+        return []
+    if isinstance(found, dict) and isinstance(now, dict):
+        return [words for key in {**found, **now} for words in differences(f"{name}.{key}", found.get(key),
+                                                                           now.get(key))]
+    return [f"{name} {found!r}, now {now!r}"]
 
 
 class RunFolder:
@@ -70,8 +82,7 @@ class RunFolder:
             return
         if isinstance(found.get("preset"), dict):
             found = {**found, "preset": known(found["preset"])}
-        other = [f"{key} {found.get(key)!r}, now {self.manifest.get(key)!r}" for key in IDENTITY
-                 if json.dumps(found.get(key)) != json.dumps(self.manifest.get(key))]
+        other = [words for key in IDENTITY for words in differences(key, found.get(key), self.manifest.get(key))]
         if other:
             raise mpm.InvalidValue(f"{self.path}: holds another run: {'; '.join(other)}; give another --out, or "
                                    f"--force to go on with it")
@@ -108,7 +119,8 @@ class RunFolder:
                 if key in episode.row}
         names = {key: np.array(self.manifest[key]) for key in ("task", "material", "method", "seed", "fingerprint")}
         write(self.path / "best.npz", partial(np.savez, actions=episode.actions.astype(np.float32),
-                                              hold=np.array(hold), **told, **names))
+                                              hold=np.array(hold), **told, **names,
+                                              nominal=np.array(self.manifest.get("starts") == "nominal")))
         return True
 
     def _table(self) -> None:

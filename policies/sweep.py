@@ -1,8 +1,10 @@
 """`robosim sweep`: tasks x methods x seeds, each a run in a folder and a process of its own."""
 
 import argparse
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -28,6 +30,10 @@ EXAMPLE = """example, with a file small.yaml of
 and then
   robosim sweep small.yaml --jobs 2
 a sweep that was cut short goes on with the same command; what is finished is not done again"""
+
+
+GRACE = 30.0
+"""Time [s] that a run has to end when the sweep is stopped."""
 
 
 class SweepFile(pydantic.BaseModel):
@@ -61,7 +67,10 @@ class Run(NamedTuple):
     def state(self) -> str:
         """finished, failed, or what else its folder says; "new" where there is none."""
         try:
-            if known(json.loads((self.out / "manifest.json").read_text())["preset"]) != self.preset:
+            manifest = json.loads((self.out / "manifest.json").read_text())
+            found = known(manifest["preset"])
+            given = {name: found.get(name) for name in ("obs", "episodes")}  # which words may say
+            if manifest["command"].split(" ", 1)[-1] != " ".join(self.words) or {**self.preset, **given} != found:
                 return "another"  # which `robosim train` refuses by name
             return str(json.loads((self.out / "status.json").read_text())["state"])
         except (OSError, ValueError, KeyError):
@@ -94,7 +103,7 @@ def planned(file: SweepFile) -> list[Run]:
         out = file.out / task / Path(method).stem / f"seed_{seed}"
         words = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options]
         preset = load_preset(method)
-        takes = (("demos", file.demos, preset.demonstrations), ("frames", file.frames, preset.graph))
+        takes = (("demos", file.demos, preset.shown or None), ("frames", file.frames, preset.graph))
         for name, given, needed in takes:
             if needed is not None:
                 if given is None:
@@ -152,9 +161,13 @@ def work_off(waiting: list[Run], jobs: int, total: int) -> list[tuple[Run, str]]
                 if process.returncode != 0 and run.state != "finished":
                     failed.append((run, last_words(run, process.returncode)))
     finally:
-        for _, process in active:
-            process.terminate()
         progress.close()
+        for _, process in active:  # as by Ctrl-C, so that each writes down that it was stopped
+            process.send_signal(signal.SIGINT)
+        for _, process in active:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(GRACE)
+            process.kill()
     return failed
 
 

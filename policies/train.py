@@ -6,8 +6,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import pydantic
+
 import mpm
-from policies.presets import load_preset, methods
+from policies.presets import Preset, load_preset, methods
 
 EXAMPLE = """examples:
   robosim train dg_sac SpoonPour --demos out/demo/SpoonPour --seed 0 --out out/runs/SpoonPour/dg_sac/seed_0
@@ -51,7 +53,10 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     if seed < 0:
         raise mpm.InvalidValue(f"--seed {seed}; accepted: 0 or more")
     given = {key: value for key, value in (("episodes", episodes), ("obs", obs)) if value is not None}
-    preset = preset.model_copy(update=given)
+    try:
+        preset = Preset(**{**preset.model_dump(), **given})
+    except pydantic.ValidationError as error:
+        raise mpm.InvalidValue(f"{method} with {given}: {error}") from error
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     import torch  # without learning nothing of it is loaded
 

@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 import mpm
 from policies import checkpoint, demonstrations, frames
+from policies.environments import any_made
 from policies.episodes import Episode, Episodes
 from policies.learner import Corrected, build, kind_of
 from policies.network import export
@@ -23,19 +24,9 @@ from policies.run_folder import RunFolder, commit
 from policies.scaled import Scaled
 
 EVERY = 10
-"""Episodes between checkpoints."""
-
-
-def made(task: str, obs: str, hold: int, **options: Any) -> gymnasium.Env:
-    """The environment of a sub-task, or of any other id of Gymnasium that has a version ("Pendulum-v1"); raises
-    mpm.InvalidValue for a task that does not exist."""
-    try:
-        if "-v" in task and not task.startswith("robosim"):
-            return gymnasium.make(task)
-        task = task.split("/")[-1].split("-v")[0]
-        return gymnasium.make(f"robosim:robosim/{task}-v0", obs=obs, action_repeat=hold, **options)
-    except gymnasium.error.Error as error:
-        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
+"""Episodes between checkpoints, which go between two."""
+LATEST = 30
+"""Episodes after which a checkpoint is written within one."""
 
 
 class Training:
@@ -49,7 +40,7 @@ class Training:
                  starts: str = "nominal", hold: int = 10, force: bool = False, roll_outs: Path | None = None,
                  **options: Any) -> None:
         self.preset, self.seed, self.hold = preset, seed, hold
-        self.base: Any = made(task, preset.obs, hold, **options)
+        self.base: Any = any_made(task, preset.obs, hold, **options)
         raw = self.base.unwrapped
         granular = hasattr(raw, "task")
         self.decisions = -(-raw.task.steps // hold) if granular else self.base.spec.max_episode_steps
@@ -58,7 +49,10 @@ class Training:
         self.cap = raw.reward.extremes()[1] if granular else None
         self.nominal = {"nominal": True} if granular else None
         self.reset_options = self.nominal if starts == "nominal" else None
-        self.sequences, self.rollouts = self._sequences(demos), self._rollouts(roll_outs)
+        self.sequences, self.rollouts = self._sequences(demos, task), self._rollouts(roll_outs)
+        self._begun = {path.name: demonstrations.start_in(path)
+                       for path in (demonstrations.paths_in(demos) if self.sequences and demos is not None else ())}
+        self._check_starts(starts)
         if granular and preset.scaled and preset.obs != "dict":
             self.base = Scaled(self.base, preset.obs)
         scene = [raw.task.model_dump(), raw.material.model_dump()] if granular else [task]
@@ -76,16 +70,25 @@ class Training:
         self.model: Any = None
         self._improved = False
 
-    def _sequences(self, demos: Path | None) -> dict[str, np.ndarray]:
+    def _sequences(self, demos: Path | None, task: str) -> dict[str, np.ndarray]:
         """Actions of the demonstrations, by file."""
-        asked = self.preset.demonstrations is not None or self.preset.residual is not None
+        asked = self.preset.shown
         if demos is not None and not asked and "CMA-ES" not in self.preset.learner:  # which may begin with one
             raise mpm.InvalidValue(f"--demos {demos}: this method takes no demonstrations; leave it out")
         if demos is None and not asked:
             return {}
         if demos is None:
             raise mpm.InvalidValue("this method learns from demonstrations; give their folder as --demos")
-        return demonstrations.read(demos, self.decisions, self.hold, self.base.action_space.shape[0])
+        return demonstrations.read(demos, self.decisions, self.hold, self.base.action_space.shape[0], task)
+
+    def _check_starts(self, starts: str) -> None:
+        """Raise mpm.InvalidValue where a motion is to be played from another start than it was made for."""
+        if starts == "nominal" and (self.preset.residual is not None or self.preset.learner == "replay"):
+            aside = [name for name, (_, options) in self._begun.items() if not options["nominal"]]
+            if aside:
+                raise mpm.InvalidValue(f"--demos: {', '.join(aside)} begin aside of the task's own start, from which "
+                                       f"this method plays them; accepted: those of `robosim demo --nominal`, the "
+                                       f"first alone")
 
     def _rollouts(self, folder: Path | None) -> frames.Rollouts | None:
         """The roll-outs of a folder, where the method takes some."""
@@ -133,9 +136,10 @@ class Training:
         self._improved = False
 
     def demonstrated(self) -> Any:
-        """Transitions of all demonstrations, acted out in the environment that is learnt in."""
-        for actions in self.sequences.values():
-            yield from demonstrations.acted(self.base, actions, self.nominal, self.seed)
+        """Transitions of all demonstrations, acted out where is learnt, each from its own start."""
+        for name, actions in self.sequences.items():
+            seed, options = self._begun[name]
+            yield from demonstrations.acted(self.base, actions, options if self.nominal else None, seed)
 
     def learn(self, venv: Any = None, part: Any = None) -> None:
         """Run a method of stable_baselines3 to its end; part: another callback, with its own `state` and `load`."""
@@ -190,7 +194,8 @@ class Keeper(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         count = self.training.env.count
-        if count >= self._kept + EVERY and not self.training.env.under_way:
+        # PPO's batches may end within episodes for good, once one has ended early: then the next begins anew
+        if count >= self._kept + EVERY and (not self.training.env.under_way or count >= self._kept + LATEST):
             self.training.keep(part=self._part.state() if self._part else None)
             self._kept = count
 

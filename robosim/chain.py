@@ -13,16 +13,17 @@ from tqdm import tqdm
 
 import robosim.envs  # noqa: F401  (registers the ids)
 from robosim.config import load_rehearsal
-from robosim.envs.evaluate import FRAME_RATE
 from robosim.envs.grain_env import GrainEnv
 from robosim.envs.handover import Load, taken
-from robosim.envs.policies import policy
+from robosim.envs.policies import learnt_with, policy
 from robosim.errors import ConfigError
 from robosim.learned import shipped
 from robosim.output import OutputFolder, aligned
 from robosim.rendering import RenderingUnavailable
 from robosim.video import Mp4Writer
 
+FRAME_RATE = 50
+"""Frames a second: one for each action of ten steps of 2 ms."""
 RESULTS = ("chain.json", "chain.mp4")
 
 
@@ -71,7 +72,7 @@ def played(task: str, path: Path, *, material: str | None = None, load: Load | N
            writer: Mp4Writer | None = None) -> tuple[dict[str, Any], Load | None]:
     """Figures of an episode, and what the tool holds after it; None where the field diverged, or nothing is held."""
     made = gymnasium.make(f"robosim/{task}-v0", material=material, load=load,
-                          render_mode="rgb_array" if writer else None)
+                          render_mode="rgb_array" if writer else None, **learnt_with(str(path)))
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
     env.reset(seed=0, options={"nominal": True})

@@ -9,9 +9,9 @@ import mpm
 from robosim.cases import NAMES
 from robosim.chain import chain
 from robosim.envs import TASKS
+from robosim.envs.among_materials import materials
 from robosim.envs.evaluate import evaluate
 from robosim.envs.policies import NAMES as POLICIES
-from robosim.envs.transfer import materials
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
 from robosim.reports.bench import PARTS, bench

@@ -264,4 +264,4 @@ class GranularPlugin:
         """MuJoCo resets a bad state by itself and goes on; only its warning counters tell."""
         bad = [w.name for w in BAD_STATES if self.data.warning[w].number > 0]
         if bad:
-            raise RobotDiverged(float(self.data.time), bad)
+            raise RobotDiverged(float(self.data.time), [f"MuJoCo reports {words}" for words in bad])

@@ -33,11 +33,11 @@ class UnreachableWaypoint(ConfigError):
 
 
 class RobotDiverged(RobosimError):
-    """MuJoCo found a position, speed or acceleration that is not finite or far too large."""
+    """A position, speed or acceleration of the robot is not finite or far too large, or there is none."""
 
     def __init__(self, time: float, warnings: list[str]) -> None:
         self.time, self.warnings = time, warnings
-        super().__init__(f"the robot diverged at t = {time:.6g} s: MuJoCo reports {', '.join(warnings)}")
+        super().__init__(f"the robot diverged at t = {time:.6g} s: {', '.join(warnings)}")
 
 
 class RobosimWarning(UserWarning):

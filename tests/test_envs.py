@@ -306,7 +306,7 @@ def test_shipped_motions_do_what_they_ship_for(name: str) -> None:
     take a few grains on another machine."""
     least, told = {"SpoonTranslate": (41.0, 41.0), "ScoopTranslate": (44.1, 44.1), "ShovelMove": (41.0, 41.1),
                    "SpoonPour": (18.57, 52.78), "ScoopPour": (44.13, 72.6), "BottlePickPour": (33.01, 46.55),
-                   "SpoonScoop": (25.9, 28.05), "ScoopScoop": (38.96, 50.79)}[name]
+                   "SpoonScoop": (25.9, 33.99), "ScoopScoop": (38.96, 50.79)}[name]
     env = GrainEnv(task=name)
     env.TASK = name
     env.reset(options={"nominal": True})

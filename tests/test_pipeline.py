@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def test_sub_tasks_are_those_of_the_rehearsals():
 
 def test_every_command_is_done_once_and_a_failed_one_again(tmp_path, monkeypatch, capsys):
     """The order is demonstrations, learning, a row, the arm; what failed is named with its last words, and done again;
-    other options do a command anew."""
+    another method does what depends on it anew; what its commands would refuse to go on with is refused at once."""
     ran, broken = [], {"SpoonPour"}
 
     def answers(words, stdout=None, **_):
@@ -48,7 +49,7 @@ def test_every_command_is_done_once_and_a_failed_one_again(tmp_path, monkeypatch
             pipeline.write_json(made(tmp_path, "demonstrations", words[1]) / "demonstrations.json", {
                 "demonstrations": [{"among grains of salt": {"tcs": 3.0}, "in clay": {"tcs": 9.0}}]})
         if words[0] == "train":
-            folder = made(tmp_path, "learning", "residual_0", words[2])
+            folder = made(Path(words[words.index("--out") + 1]))
             np.savez(folder / "best.npz", actions=np.zeros((2, 3)))
             pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
         return Ended(0)
@@ -70,8 +71,10 @@ def test_every_command_is_done_once_and_a_failed_one_again(tmp_path, monkeypatch
     pipeline.Pipeline(options(tmp_path, "--grasp", "weld")).run()
     assert [words[0] for words in ran] == ["rehearse"]
     ran.clear()
-    pipeline.Pipeline(options(tmp_path, "--grasp", "weld", "--n", "2")).run()  # all that follows is of the old ones
-    assert [words[0] for words in ran] == ["demo", "train"] * 3 + ["chain", "rehearse"]
+    pipeline.Pipeline(options(tmp_path, "--grasp", "weld", "--method", "rlpd")).run()  # what follows is of the old ones
+    assert [words[0] for words in ran] == ["train"] * 3 + ["chain", "rehearse"]
+    with pytest.raises(mpm.InvalidValue, match="holds a pipeline with --episodes None, now 5; give another folder"):
+        pipeline.Pipeline(options(tmp_path, "--episodes", "5"))
     stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
     assert len(stages) == 8 and all(stage["state"] == "finished" for stage in stages.values())
 

@@ -59,15 +59,16 @@ class Smoother:
     def restart(self, q: np.ndarray) -> None:
         """At rest at angles q [rad] (7,)."""
         self._q = np.array(q)
-        self._request.current_position = list(q)
+        self._now, self._request.current_position = 0.0, list(q)
         self._request.current_velocity = self._request.current_acceleration = [0.0] * 7
 
     def step(self, q: np.ndarray, qd: np.ndarray) -> JointState:
         """One step towards angles q [rad] that move with speeds qd [rad/s]."""
         wanted = qd + CATCH_UP * (np.clip(q, self._lower, self._upper) - self._q)
         self._request.target_velocity = list(np.clip(wanted, -self._speed, self._speed))
+        self._now += self._otg.delta_time
         if self._otg.update(self._request, self._output) not in (Result.Working, Result.Finished):
-            raise RobotDiverged(0.0, ["the smoother found no motion within the joints' limits"])
+            raise RobotDiverged(self._now, ["the smoother found no motion within the joints' limits"])
         self._output.pass_to_input(self._request)
         self._q = np.array(self._output.new_position)
         return JointState(self._q, np.array(self._output.new_velocity), np.array(self._output.new_acceleration))

@@ -16,8 +16,6 @@ from robosim.output import OutputFolder
 from robosim.rendering import RenderingUnavailable
 from robosim.video import Mp4Writer
 
-FRAME_RATE = 50
-
 
 def evaluate(task: str, name: str, out: Path | None, *, episodes: int = 5, seed: int = 0, film: bool = True,
              nominal: bool = False, **options: Any) -> int:
@@ -55,7 +53,7 @@ def _writer(folder: OutputFolder | None, env: GrainEnv) -> Mp4Writer | None:
     except RenderingUnavailable as error:
         print(f"no film: {error}", file=sys.stderr)
         return None
-    return Mp4Writer(folder.path / "episode.mp4", fps=FRAME_RATE)
+    return Mp4Writer(folder.path / "episode.mp4", fps=env.metadata["render_fps"])
 
 
 def _episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Policies that need no learning: do nothing, act at random, follow the task's script, replay recorded actions."""
+"""What acts in an environment: nothing, chance, the task's script, recorded actions, a learned network."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -40,13 +40,13 @@ def policy(name: str, env: GrainEnv, seed: int) -> Policy:
 
 
 def learnt_with(name: str) -> dict[str, Any]:
-    """Options of the environment that the network in a file was learnt in; none for any other policy."""
+    """Options of the environment that the network or the motion in a file was learnt in; none for any other policy."""
     if not Path(name).is_file():
         return {}
     stored = _stored(Path(name))
-    if "weight_0" not in stored:
-        return {}
-    kinds = {"obs": ("obs", str), "hold": ("action_repeat", int)}
+    kinds: dict[str, tuple[str, type]] = {"hold": ("action_repeat", int)}
+    if "weight_0" in stored:
+        kinds["obs"] = ("obs", str)
     return {option: kind(stored[key]) for key, (option, kind) in kinds.items() if key in stored}
 
 
@@ -89,6 +89,9 @@ class Replay:
         hold = int(stored.get("hold", env.action_repeat))
         if actions.ndim != 2 or actions.shape[1] != dimensions:
             raise ConfigError(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions})")
+        made_for = str(stored.get("task", env.TASK))
+        if env.TASK and made_for != env.TASK:
+            raise ConfigError(f"{path}: actions for {made_for}; accepted: for {env.TASK}")
         if hold % env.action_repeat:
             raise ConfigError(f"{path}: each action is held for {hold} steps; the environment acts every "
                               f"{env.action_repeat}; accepted: an action_repeat that divides it")

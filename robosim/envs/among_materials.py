@@ -81,9 +81,15 @@ def checked(task: str, name: str) -> None:
         if name == "learned" and trained(task) is None:
             raise ConfigError(f"policy 'learned': none ships for {task}")
         return
-    learnt_with(name)
     if not Path(name).is_file():
         raise UnknownName("policy", name, NAMES, "or the path of a .npz file with `actions`, or with a network")
+    learnt_with(name)  # which complains of what cannot be read
+    wanted = load_task(task).action.dimensions
+    with np.load(name, allow_pickle=False) as stored:
+        layers = [key for key in stored if key.startswith("bias_")]
+        given = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()
+    if given != (wanted,):
+        raise ConfigError(f"policy {name}: gives {given} numbers; accepted: {wanted}, as {task} takes")
 
 
 def fingerprint(task: str, name: str) -> str:

@@ -1,0 +1,27 @@
+"""The environments that learning happens in, by name: policies know robosim through gymnasium alone."""
+
+from typing import Any
+
+import gymnasium
+
+import mpm
+
+
+def made(task: str, **options: Any) -> gymnasium.Env:
+    """The environment of a sub-task ("SpoonPour"); raises mpm.InvalidValue for one that does not exist. options: see
+    `robosim.envs.GrainEnv`; None for the task's own material."""
+    given = {key: value for key, value in options.items() if key != "material" or value is not None}
+    try:
+        return gymnasium.make(f"robosim:robosim/{task.split('/')[-1].split('-v')[0]}-v0", **given)
+    except gymnasium.error.Error as error:
+        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
+
+
+def any_made(task: str, obs: str, hold: int, **options: Any) -> gymnasium.Env:
+    """The same, or, for an id with a version that is not ours ("Pendulum-v1"), what Gymnasium has under it."""
+    if "-v" not in task or task.startswith("robosim"):
+        return made(task, obs=obs, action_repeat=hold, **options)
+    try:
+        return gymnasium.make(task)
+    except gymnasium.error.Error as error:
+        raise mpm.InvalidValue(f"task {task!r}: {error}") from error
