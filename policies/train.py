@@ -56,7 +56,7 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     try:
         preset = Preset(**{**preset.model_dump(), **given})
     except pydantic.ValidationError as error:
-        raise mpm.InvalidValue(f"{method} with {given}: {error}") from error
+        raise mpm.InvalidValue(f"method {method} with {given}: {error.errors()[0]['msg']}") from error
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     import torch  # without learning nothing of it is loaded
 

@@ -19,11 +19,12 @@ from stable_baselines3 import DDPG, SAC, TD3  # noqa: E402
 
 from policies import checkpoint  # noqa: E402
 from policies.buffers import DemoReplayBuffer  # noqa: E402
-from policies.demonstrations import acted, guide, read  # noqa: E402
+from policies.demonstrations import acted, guide, read, start_in  # noqa: E402
 from policies.episodes import Episode, Episodes  # noqa: E402
 from policies.network import export  # noqa: E402
 from policies.presets import Preset, load_preset, methods  # noqa: E402
 from policies.run_folder import RunFolder  # noqa: E402
+from policies.sweep import SweepFile, planned  # noqa: E402
 from policies.train import train  # noqa: E402
 from policies.training import Training  # noqa: E402
 from robosim.envs.policies import Network  # noqa: E402
@@ -202,7 +203,51 @@ def test_what_does_not_fit_is_refused(tmp_path):
     RunFolder(tmp_path / "a", told).close()
     with pytest.raises(mpm.InvalidValue, match="seed 0, now 1"):
         RunFolder(tmp_path / "a", {**told, "seed": 1})
-    RunFolder(tmp_path / "a", {**told, "seed": 1}, force=True)
+    RunFolder(tmp_path / "a", {**told, "seed": 1}, force=True).close()
+    with pytest.raises(mpm.InvalidValue, match=r"preset.options.gamma 0.9, now 0.8; give") as refused:
+        RunFolder(tmp_path / "b", {**told, "preset": {"options": {"gamma": 0.9, "tau": 0.1}}}).close()
+        RunFolder(tmp_path / "b", {**told, "preset": {"options": {"gamma": 0.8, "tau": 0.1}}})
+    assert "tau" not in str(refused.value)
+
+
+def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
+    """A motion says what it was made for; one that is corrected has to begin where it was made."""
+    file = tmp_path / "demonstration_0.npz"
+    np.savez(file, actions=np.zeros((100, 3)), task=np.array("SpoonTranslate"), seed=np.array(7),
+             nominal=np.array(False))
+    assert start_in(file) == (7, {"nominal": False})
+    with pytest.raises(mpm.InvalidValue, match="made for SpoonTranslate; accepted: one for SpoonPour"):
+        read(tmp_path, 100, 10, 3, "SpoonPour")
+    with pytest.raises(mpm.InvalidValue, match="demonstration_0.npz begin aside"):
+        train("residual", "SpoonTranslate", tmp_path / "run", demos=tmp_path)
+    assert not (tmp_path / "run").exists()
+    np.savez(file, actions=np.zeros((100, 3)))
+    assert start_in(file) == (0, {"nominal": True}) and list(read(tmp_path, 100, 10, 3, "SpoonPour")) == [file.name]
+
+
+@pytest.mark.parametrize(("method", "obs"), [("pointnet_sac", "positions"), ("sets_sac", "moments"), ("rlpd", "dict")])
+def test_what_a_method_cannot_see_is_refused(tmp_path, method, obs):
+    with pytest.raises(mpm.InvalidValue, match=f"obs {obs}; accepted"):
+        train(method, "SpoonTranslate", tmp_path / "run", obs=obs)
+
+
+def test_a_sweep_sees_other_options(tmp_path):
+    """A run that is finished with other words, such as another material, is not the one that is asked for."""
+    def state(*options: str) -> str:
+        return planned(SweepFile(tasks=["SpoonPour"], methods=["sac"], seeds=[0], options=list(options),
+                                 out=tmp_path))[0].state
+
+    folder = tmp_path / "SpoonPour" / "sac" / "seed_0"
+    words = f"train sac SpoonPour --seed 0 --out {folder}"
+    assert state() == "new"
+    folder.mkdir(parents=True)
+    (folder / "status.json").write_text('{"state": "finished"}')
+    (folder / "manifest.json").write_text(json.dumps({"preset": load_preset("sac").model_dump(),
+                                                      "command": f"robosim {words}"}))
+    assert state() == "finished" and state("--material", "sugar") == "another"
+    preset = {**load_preset("sac").model_dump(), "obs": "moments"}
+    (folder / "manifest.json").write_text(json.dumps({"preset": preset, "command": f"robosim {words} --obs moments"}))
+    assert state("--obs", "moments") == "finished" and state() == "another"
 
 
 @pytest.mark.parametrize("name", methods())
