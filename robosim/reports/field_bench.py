@@ -2,9 +2,11 @@
 
 import json
 import re
+import shutil
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -31,6 +33,8 @@ YARDSTICKS = {
     "lane_fused.py": ("prototype", r"ns/particle-substep ([0-9.]+)"),
 }
 """File in the folder given by --yardsticks -> (name, where its output states the figure)."""
+PROBE, PROBE_SPEED = "limit_probe.cpp", r"total ([0-9.]+) Mp/s"
+"""A program of that folder, built where there is a compiler, and where it states millions of grains a second."""
 
 
 def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float]:
@@ -127,6 +131,24 @@ def _yardsticks(folder: Path, grains: int) -> dict[str, float]:
             match = re.search(pattern, done.stdout)
             if match:
                 found[name] = float(match.group(1))
-                print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": found[name]}),
-                      flush=True)
+    limit = _probe(folder / PROBE, grains)
+    if limit is not None:
+        found["limit"] = limit
+    for name, ns in found.items():
+        print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": ns}), flush=True)
     return found
+
+
+def _probe(source: Path, grains: int) -> float | None:
+    """ns per grain and substep of a hand-written loop for this processor; None where it cannot be built."""
+    compiler = shutil.which("g++") or shutil.which("clang++")
+    if not source.is_file() or compiler is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        built = Path(folder) / "probe"
+        options = ["-O3", "-march=native", "-ffast-math", "-std=c++17", str(source), "-o", str(built)]
+        if subprocess.run([compiler, *options], capture_output=True).returncode != 0:
+            return None
+        done = subprocess.run([str(built), str(grains)], capture_output=True, text=True)
+    match = re.search(PROBE_SPEED, done.stdout)
+    return 1e3 / float(match.group(1)) if match else None
