@@ -1,7 +1,7 @@
 """A scene advanced by several threads and by one, in a process of its own: a line of JSON on standard output.
 
-`python several_threads.py elastic|fluid`: two threads of the CPU, elastic in strides; with `cuda`: a graphics card;
-`refusals`: what is one thread's alone.
+`python several_threads.py elastic|fluid`: two threads of the CPU, elastic in strides; with `cuda`: a graphics card; with
+`atomics`: what is compiled for a card, on the CPU; `refusals`: what is one thread's alone.
 """
 
 import json
@@ -10,6 +10,7 @@ import sys
 import numpy as np
 
 import mpm
+from mpm import backend
 from mpm.substep import Substeps
 
 CELL = 0.02
@@ -112,5 +113,7 @@ def refusals() -> list[bool | str]:
 if __name__ == "__main__":
     card = "cuda" in sys.argv
     mpm.init(arch="cuda" if card else "cpu", threads=1 if card else 2, fast_math=False)
+    if "atomics" in sys.argv:
+        backend._session = backend._session._replace(arch="cuda")
     print(json.dumps(refusals() if "refusals" in sys.argv else
                      compared(0.0, "fluid") if "fluid" in sys.argv else compared(None, "elastic")))

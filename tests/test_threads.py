@@ -34,12 +34,14 @@ def test_two_threads_are_one(material: str) -> None:
     assert scene["looks_off"] < 1e-12
 
 
-@pytest.mark.parametrize("material", ["elastic", "fluid"])
-def test_a_card_is_one_thread(material: str) -> None:
-    """The same grains and the same ledger to rounding; the card adds in any order."""
-    scene = compared("cuda", material)
+@pytest.mark.parametrize("material", ["elastic", pytest.param("fluid", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("where", ["cuda", "atomics"])
+def test_a_card_is_one_thread(where: str, material: str) -> None:
+    """The same grains and the same ledger to rounding; a card adds in any order. What is compiled for it runs on the
+    CPU, too, where it can be looked at without one."""
+    scene = compared(where, material)
     assert scene["shared"] and scene["moved"] > 0.02 and scene["ball_pushed"] > 0.1
-    assert scene["off_one_thread"] < 1e-10
+    assert scene["off_one_thread"] < 1e-10 and scene["looks_off"] < 1e-10
     assert scene["gap"] < 1e-12
 
 
