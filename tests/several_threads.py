@@ -1,7 +1,7 @@
 """A scene advanced by several threads and by one, in a process of its own: a line of JSON on standard output.
 
-`python several_threads.py elastic|fluid`: two threads of the CPU, elastic in strides; with `cuda`: a graphics card, with
-`atomics`: what is compiled for one, on the CPU; `refusals`: what is one thread's alone.
+`python several_threads.py elastic|fluid`: two threads of the CPU, elastic in strides; with `cuda`: a graphics card;
+with `atomics`: what is compiled for one, on the CPU; `refusals`: what is one thread's alone.
 """
 
 import json
