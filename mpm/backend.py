@@ -32,20 +32,25 @@ class Session(NamedTuple):
     fast_math: bool
 
 
+DEFAULT = Session("cpu", "f32", 1, True)
 _session: Session | None = None
 
 
-def init(
-    *, arch: str = "cpu", precision: str = "f32", threads: int = 1, fast_math: bool = True
-) -> None:
+def init(*, arch: str | None = None, precision: str | None = None, threads: int | None = None,
+         fast_math: bool | None = None) -> None:
     """Start the field's backend; the only `ti.init` of the process.
 
-    arch: "cpu", or "cuda" for a graphics card; raises BackendError where there is none. threads: of the CPU, see
-    `phases`; one is fastest for fewer than some ten thousand grains.
-    A second identical call does nothing, a different one raises BackendError: it would invalidate every field
-    that exists. `fast_math=False` keeps IEEE order, for tests that compare bits.
+    arch: "cpu" (default), or "cuda" for a graphics card; raises BackendError where there is none. precision: "f32"
+    (default) or "f64", of solvers that ask for none. threads: of the CPU, see `phases`; one, the default, is fastest
+    for fewer than some ten thousand grains. `fast_math=False` (default: True) keeps IEEE order, for tests that compare
+    bits. A second call does nothing, unless it asks for something else: that raises BackendError, as it would invalidate
+    every field that exists.
     """
     global _session
+    found = _session or DEFAULT
+    arch, precision = arch or found.arch, precision or found.precision
+    threads = found.threads if threads is None else threads
+    fast_math = found.fast_math if fast_math is None else fast_math
     if arch not in ARCHITECTURES:
         raise UnknownName("arch", arch, ARCHITECTURES)
     if precision not in PRECISIONS:

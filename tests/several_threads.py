@@ -105,6 +105,7 @@ def refused(make) -> str:  # noqa: ANN001  (a callable)
 def refusals() -> list[bool | str]:
     """Whether periodic sides have one thread, and what a batch and a roll-out say of several."""
     solver = scene(None, "elastic")
+    mpm.init()  # as robosim's environments do: what there is will do
     around = mpm.Solver(grid=solver.grid, bodies=solver.bodies,
                         walls=mpm.Walls(lower=("periodic",) * 2 + ("slip",), upper=("periodic",) * 2 + ("slip",)))
     return [around.shares is None, refused(lambda: mpm.Batch(solver, 2)), refused(lambda: mpm.Rollout(solver, 3))]

@@ -53,7 +53,9 @@ def test_what_one_thread_alone_does_is_refused_by_name() -> None:
 
 
 def test_another_session_is_refused() -> None:
-    """A process has one backend; a number of threads below one is none."""
+    """A process has one backend, and who asks for nothing takes it; a number of threads below one is none."""
+    mpm.init()
+    mpm.init(threads=1)
     with pytest.raises(BackendError, match="a process has one backend"):
         mpm.init(threads=2)
     with pytest.raises(mpm.InvalidValue, match="threads = 0; accepted: 1 or more"):
