@@ -43,8 +43,8 @@ def init(*, arch: str | None = None, precision: str | None = None, threads: int 
     arch: "cpu" (default), or "cuda" for a graphics card; raises BackendError where there is none. precision: "f32"
     (default) or "f64", of solvers that ask for none. threads: of the CPU, see `phases`; one, the default, is fastest
     for fewer than some ten thousand grains. `fast_math=False` (default: True) keeps IEEE order, for tests that compare
-    bits. A second call does nothing, unless it asks for something else: that raises BackendError, as it would invalidate
-    every field that exists.
+    bits. A second call does nothing, unless it asks for something else: that raises BackendError, as it would
+    invalidate every field that exists.
     """
     global _session
     found = _session or DEFAULT
