@@ -35,7 +35,7 @@ def test_two_threads_are_one(material: str) -> None:
 
 
 @pytest.mark.parametrize("material", ["elastic", pytest.param("fluid", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("where", ["cuda", "atomics"])
+@pytest.mark.parametrize("where", ["cuda", pytest.param("atomics", marks=pytest.mark.slow)])
 def test_a_card_is_one_thread(where: str, material: str) -> None:
     """The same grains and the same ledger to rounding; a card adds in any order. What is compiled for it runs on the
     CPU, too, where it can be looked at without one."""
