@@ -23,7 +23,7 @@ from policies.presets import folder, load_preset
 from policies.tables import aligned
 
 EXAMPLE = """examples:
-  robosim pipeline spoon --jobs 2 --out out/spoon
+  robosim pipeline spoon --jobs 2 --out out/pipeline
   robosim pipeline shovel --method rlpd --episodes 50 --material sugar --out out/shovel
 a pipeline that was cut short goes on with the same command; what is finished is not done again"""
 METHOD = "residual"

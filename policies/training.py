@@ -83,12 +83,14 @@ class Training:
 
     def _check_starts(self, starts: str) -> None:
         """Raise mpm.InvalidValue where a motion is to be played from another start than it was made for."""
-        if starts == "nominal" and (self.preset.residual is not None or self.preset.learner == "replay"):
-            aside = [name for name, (_, options) in self._begun.items() if not options["nominal"]]
-            if aside:
-                raise mpm.InvalidValue(f"--demos: {', '.join(aside)} begin aside of the task's own start, from which "
-                                       f"this method plays them; accepted: those of `robosim demo --nominal`, the "
-                                       f"first alone")
+        count = len(self._begun) if self.preset.learner == "replay" else int(self.preset.residual is not None)
+        played = list(self._begun)[:count]
+        aside = [name for name in played if not self._begun[name][1]["nominal"]] if starts == "nominal" else []
+        if aside and len(aside) == len(played):
+            raise mpm.InvalidValue(f"--demos: {', '.join(aside)}: made for a start aside of the task's own, from which "
+                                   f"this method plays; accepted: the first of `robosim demo --nominal`")
+        if self.preset.learner == "replay":
+            self.sequences = {name: actions for name, actions in self.sequences.items() if name not in aside}
 
     def _rollouts(self, folder: Path | None) -> frames.Rollouts | None:
         """The roll-outs of a folder, where the method takes some."""

@@ -6,8 +6,16 @@ choose_graphics()
 
 from robosim.coupling import GranularPlugin  # noqa: E402
 from robosim.envs import register  # noqa: E402
-from robosim.errors import ConfigError, RobosimError, UnknownName, UnreachableWaypoint  # noqa: E402
+from robosim.errors import (  # noqa: E402
+    BodyLeftGrid,
+    ConfigError,
+    RobosimError,
+    RobotDiverged,
+    UnknownName,
+    UnreachableWaypoint,
+)
 
 register()
 
-__all__ = ["ConfigError", "GranularPlugin", "RobosimError", "UnknownName", "UnreachableWaypoint"]
+__all__ = ["BodyLeftGrid", "ConfigError", "GranularPlugin", "RobosimError", "RobotDiverged", "UnknownName",
+           "UnreachableWaypoint"]

@@ -127,3 +127,12 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
         policy(str(tmp_path / "wrong.npz"), env, 0)
     with pytest.raises(robosim.UnknownName, match="random, scripted, zero"):
         policy("clever", env, 0)
+
+
+def test_a_stiffer_material_takes_the_step_that_it_needs() -> None:
+    """Paper is too stiff for the sub-tasks' own step; their numbers of its solver say so, and it acts as any other."""
+    env = GrainEnv(task="SpoonPour", material="paper")
+    assert env.task.field.dt is not None and env.task.field.dt > env.solver.bound > env.solver.dt
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(np.zeros(6, np.float32))
+    assert np.isfinite(info["tcs"]) and not info.get("diverged") and info["readings"]["retained"] > 0.9

@@ -218,9 +218,14 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
     assert start_in(file) == (7, {"nominal": False})
     with pytest.raises(mpm.InvalidValue, match="made for SpoonTranslate; accepted: one for SpoonPour"):
         read(tmp_path, 100, 10, 3, "SpoonPour")
-    with pytest.raises(mpm.InvalidValue, match="demonstration_0.npz begin aside"):
+    with pytest.raises(mpm.InvalidValue, match="demonstration_0.npz: made for a start aside"):
         train("residual", "SpoonTranslate", tmp_path / "run", demos=tmp_path)
     assert not (tmp_path / "run").exists()
+    np.savez(tmp_path / "demonstration_1.npz", actions=np.zeros((100, 3)), seed=np.array(8), nominal=np.array(True))
+    again = Training("demo", load_preset("demo"), "SpoonTranslate", tmp_path / "run", demos=tmp_path)
+    assert list(again.sequences) == ["demonstration_1.npz"]  # the one that begins where episodes do
+    again.folder.close()
+    (tmp_path / "demonstration_1.npz").unlink()
     np.savez(file, actions=np.zeros((100, 3)))
     assert start_in(file) == (0, {"nominal": True}) and list(read(tmp_path, 100, 10, 3, "SpoonPour")) == [file.name]
 

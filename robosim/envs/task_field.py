@@ -5,6 +5,7 @@ import trimesh
 
 import mpm
 from mpm.lattice import Lattice
+from mpm.timestep import chosen_step, material_bound
 from robosim.envs.task import TaskConfig
 from robosim.frames import container_pose
 from robosim.grains import container_colliders, places_in_tool
@@ -57,6 +58,12 @@ def filling(task: TaskConfig, sdf: Lattice) -> np.ndarray:
     return places[np.argsort(keys, kind="stable")[: task.grains.count]]
 
 
+def substep(task: TaskConfig, law: Law) -> float:
+    """Largest substep [s]: the task's, or what a law that is too stiff for that needs."""
+    bound, asked = material_bound(task.field.cell, law), task.field.dt
+    return chosen_step(None if asked is None or asked > bound else asked, bound)
+
+
 def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, places: np.ndarray | None = None,
                  volume: float | None = None) -> mpm.Solver:
     """The solver with its grains as filled, not yet settled, or at places [m] (n, 3) with a grain's volume [m^3].
@@ -67,7 +74,8 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, places: np
     colliders += container_colliders(task.containers, field)
     body = mpm.Body(law, filling(task, sdf) if places is None else places, volume=volume or grain_volume(task))
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
-                      colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=field.dt,
+                      colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
+                      dt=substep(task, law),
                       transfer_interval=field.transfer_interval)
 
 

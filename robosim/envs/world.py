@@ -12,7 +12,7 @@ from robosim.envs.handover import Load, loaded, placed, state_of
 from robosim.envs.observation import Layout, Observer
 from robosim.envs.start import settled
 from robosim.envs.task import TaskConfig, load_task
-from robosim.envs.task_field import TOOL, build_solver, build_tally
+from robosim.envs.task_field import TOOL, build_solver, build_tally, substep
 from robosim.errors import ConfigError, UnknownName
 from robosim.materials import Law, law_of, load_material, overridden
 
@@ -58,13 +58,13 @@ class World:
             low, high = given if np.ndim(given) == 1 and len(given) == 2 else (math.nan, math.nan)
             if not low <= high:
                 raise ConfigError(f"randomize: {name} = {given!r}; accepted: (lowest, highest)")
-        dt = self.task.field.dt
+        dt = substep(self.task, law_of(self.material))
         for corner in itertools.product(*randomize.values()):
             numbers = dict(zip(randomize, corner))
             bound = material_bound(self.task.field.cell, law_of(overridden(self.material, numbers)))
-            if dt is not None and dt > bound:
-                raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; field.dt is {dt} s: take "
-                                  f"a softer or a heavier material")
+            if dt > bound:
+                raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; this has {dt:.3g} s: "
+                                  f"take a softer or a heavier material")
         return dict(randomize)
 
     def drawn_law(self, rng: np.random.Generator) -> Law | None:
