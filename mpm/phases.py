@@ -21,9 +21,9 @@ from mpm.substep import Substeps
 
 SIDES = 6
 CARD_PARTS = 4096
-"""Parts of the list of blocks on a graphics card, about as many as it has lanes."""
+"""Parts of the list of blocks on a graphics card; not measured, for want of one."""
 CARD_GROUP = 64
-"""Parts that a group of a card's threads takes."""
+"""Parts that a group of a card's threads takes; not measured either."""
 PARTS = 2
 """Parts for each thread of a CPU: one that wakes late leaves some to the others."""
 TURNS = 512
@@ -127,17 +127,16 @@ class Phases(Substeps):
         for turn in range(parts * self.turns):
             if turn % self.turns == 0:
                 self.scatter(turn // self.turns, dt, out, fresh)
-        if ti.static(not self.shared):
-            for turn in range(block_parts * self.turns):
-                if turn % self.turns == 0:
-                    self.gather_parts(turn // self.turns, fresh)
         if ti.static(self.shared):
             for w in ti.static(range(SIDES)):
                 ti.loop_config(block_dim=CARD_GROUP)
                 for part in range(block_parts):
                     self.fold_part(part, w, stamp, dt)
-        else:  # waking a thread takes longer than a wall
-            ti.loop_config(serialize=True)
+        else:
+            for turn in range(block_parts * self.turns):
+                if turn % self.turns == 0:
+                    self.gather_parts(turn // self.turns, fresh)
+            ti.loop_config(serialize=True)  # waking a thread takes longer than a wall
             for _ in range(ti.min(parts, 1)):
                 fold(self.grid, self.walls, stamp, dt, self.numbers.gravity[None])
         ti.loop_config(block_dim=CARD_GROUP)

@@ -191,7 +191,8 @@ def started(run: Run) -> tuple[Run, subprocess.Popen]:
     run.out.mkdir(parents=True, exist_ok=True)
     with (run.out / "log.txt").open("a") as log:
         return run, subprocess.Popen([sys.executable, "-m", "robosim.cli", *run.words], stdout=log, stderr=log,
-                                     env={**os.environ, "OMP_NUM_THREADS": "1"})
+                                     env={**os.environ, "OMP_NUM_THREADS": "1"},
+                                     start_new_session=True)  # a Ctrl-C reaches it once, through the sweep
 
 
 def submit(waiting: list[Run], partition: str, path: Path) -> int:

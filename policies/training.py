@@ -49,7 +49,7 @@ class Training:
         self.cap = raw.reward.extremes()[1] if granular else None
         self.nominal = {"nominal": True} if granular else None
         self.reset_options = self.nominal if starts == "nominal" else None
-        self.sequences, self.rollouts = self._sequences(demos, task), self._rollouts(roll_outs)
+        self.sequences, self.rollouts = self._sequences(demos, getattr(raw, "TASK", "")), self._rollouts(roll_outs)
         self._begun = {path.name: demonstrations.start_in(path)
                        for path in (demonstrations.paths_in(demos) if self.sequences and demos is not None else ())}
         self._check_starts(starts)

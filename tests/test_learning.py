@@ -221,8 +221,9 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
     with pytest.raises(mpm.InvalidValue, match="demonstration_0.npz: made for a start aside"):
         train("residual", "SpoonTranslate", tmp_path / "run", demos=tmp_path)
     assert not (tmp_path / "run").exists()
-    np.savez(tmp_path / "demonstration_1.npz", actions=np.zeros((100, 3)), seed=np.array(8), nominal=np.array(True))
-    again = Training("demo", load_preset("demo"), "SpoonTranslate", tmp_path / "run", demos=tmp_path)
+    np.savez(tmp_path / "demonstration_1.npz", actions=np.zeros((100, 3)), seed=np.array(8), nominal=np.array(True),
+             task=np.array("SpoonTranslate"))
+    again = Training("demo", load_preset("demo"), "robosim/SpoonTranslate-v0", tmp_path / "run", demos=tmp_path)
     assert list(again.sequences) == ["demonstration_1.npz"]  # the one that begins where episodes do
     again.folder.close()
     (tmp_path / "demonstration_1.npz").unlink()
