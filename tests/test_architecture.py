@@ -45,6 +45,10 @@ def test_file_keeps_the_rules(path: Path) -> None:
     assert "from __future__ import annotations" not in path.read_text()
 
 
+def test_tests_are_short_too() -> None:
+    assert not [path.name for path in (ROOT / "tests").glob("*.py") if len(path.read_text().splitlines()) > 350]
+
+
 @pytest.mark.parametrize("package", ["mpm", "robosim"])
 def test_public_names_exist(package: str) -> None:
     module = importlib.import_module(package)
