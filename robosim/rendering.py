@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robosim.config import RegionConfig
+from robosim.errors import RobosimError
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ FACES = np.array(
 GRAIN_VERTICES = FACES.size  # no vertex is shared between faces, so that every facet keeps its own normal
 
 
-class RenderingUnavailable(RuntimeError):
+class RenderingUnavailable(RobosimError, RuntimeError):
     """No OpenGL context can be made on this machine; the message says how to get one."""
 
     def __init__(self, cause: object) -> None:

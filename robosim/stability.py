@@ -138,8 +138,7 @@ def shell_thickness(cells: float) -> Verdict:
     except mpm.MpmError as error:
         refused = not isinstance(error, mpm.SimulationDiverged)
         return Verdict("shell_thickness", cells, "refused" if refused else "unstable", str(error))
-    wrong = [f"{name} off by {errors[name]:.2%}" for name, bound in lock_gate.BANDS.items()
-             if not abs(errors[name]) <= bound]
+    wrong = [f"{name} off by {error:.2%}" for name, error in errors.items() if not abs(error) <= lock_gate.BANDS[name]]
     return verdict_of("shell_thickness", cells, ", ".join(wrong), {name: float(v) for name, v in errors.items()})
 
 

@@ -1,11 +1,13 @@
 """Stiff and extreme cases behave or refuse, as defined in `robosim.stability`."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import mpm
+from robosim.cases import lock_gate
 from robosim.errors import ConfigError
 from robosim.reports import matrix
 from robosim.reports.matrix import stability
@@ -28,6 +30,16 @@ def test_extreme_cell_is_stable(axis: str, value: float | str) -> None:
 def test_steps_above_the_bound_are_refused_with_both_numbers(number: float) -> None:
     verdict = judged("courant", number)
     assert verdict.verdict == "refused" and "above the bound 0.0003873 s" in verdict.reason
+
+
+def test_a_plate_is_judged_by_the_bands_of_its_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    for errors, verdict in (({"force": 0.01, "torque": 0.02, "crossed": 0.0}, "stable"),
+                            ({"force": -0.05, "torque": 0.02, "crossed": 0.1}, "unstable")):
+        record = SimpleNamespace(errors=errors)
+        monkeypatch.setattr(lock_gate, "measure", lambda record=record, **choices: record)
+        found = judged("shell_thickness", 0.5)
+        assert found.verdict == verdict
+    assert found.reason == "force off by -5.00%, crossed off by 10.00%"
 
 
 @pytest.mark.slow
