@@ -4,6 +4,9 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
+MOTION = ("task", "material", "score", "td_mm", "delivered")
+"""What is told of a motion in a material."""
+
 
 class Table(NamedTuple):
     """A table of words."""
@@ -29,11 +32,12 @@ def further(found: dict[str, dict[str, dict]], folders: list[Path], published: d
                             [[method, task, f"{off:.1f}", f"{off / abs(asked):.1%}", f"{asked:g}", theirs]
                              for method, task, off, asked, theirs in turned]))
     if among:
-        tasks = sorted({row["task"] for row in among})
+        motions = sorted({(row["task"], row["policy"]) for row in among})
         names = list(dict.fromkeys(row["material"] for row in among))
-        by = {(row["task"], row["material"]): row for row in among}
-        tables.append(Table("score of one motion among other materials, in brackets TD [mm]", ["material", *tasks],
-                            [[name, *(cell(by.get((task, name))) for task in tasks)] for name in names]))
+        by = {(row["task"], row["policy"], row["material"]): row for row in among}
+        tables.append(Table("score of one motion among other materials, in brackets TD [mm]",
+                            ["material", *(f"{task}, {policy}" for task, policy in motions)],
+                            [[name, *(cell(by.get((*motion, name))) for motion in motions)] for name in names]))
     return {"gain_of_down_sampling": saved, "materials": among,
             "turns": [dict(zip(("method", "task", "off_deg", "asked_deg"), row)) for row in turned]}, tables
 
@@ -62,8 +66,8 @@ def materials(folders: list[Path]) -> list[dict[str, Any]]:
     rows = []
     for path in sorted(path for top in folders if top.is_dir() for path in top.rglob("materials.json")):
         try:
-            rows += [{key: row[key] for key in ("task", "material", "score", "td_mm", "delivered")}
-                     for row in json.loads(path.read_text())["rows"]]
+            told = json.loads(path.read_text())
+            rows += [{"policy": told["policy"], **{key: row[key] for key in MOTION}} for row in told["rows"]]
         except (OSError, ValueError, KeyError, TypeError):
             continue
     return rows

@@ -92,17 +92,19 @@ def test_further_tables(tmp_path: Path) -> None:
         told = json.loads(path.read_text())
         told["replayed"]["turn_error_deg"] = 2.2
         path.write_text(json.dumps(told | {"seconds": seconds}))
-    (tmp_path / "m").mkdir()
-    (tmp_path / "m" / "materials.json").write_text(json.dumps({"rows": [
-        {"task": "SpoonPour", "material": "sugar", "score": 52.0, "td_mm": 3.0, "delivered": 1.0},
-        {"task": "SpoonPour", "material": "flour", "score": 12.0, "td_mm": None, "delivered": 0.2}]}))
+    for policy, score in (("learned", 52.0), ("scripted", 42.0)):  # neither takes the other's place
+        (tmp_path / policy).mkdir()
+        (tmp_path / policy / "materials.json").write_text(json.dumps({"policy": policy, "rows": [
+            {"task": "SpoonPour", "material": "sugar", "score": score, "td_mm": 3.0, "delivered": 1.0},
+            {"task": "SpoonPour", "material": "flour", "score": 12.0, "td_mm": None, "delivered": 0.2}]}))
     made(tmp_path)
     told = json.loads((tmp_path / "tables" / "tables.json").read_text())
     assert told["gain_of_down_sampling"] == {"SpoonScoop": pytest.approx(3.0)}
     assert {(row["method"], row["task"], row["off_deg"]) for row in told["turns"]} == {
         ("all", "SpoonScoop", 2.2), ("dg_sac", "SpoonScoop", 2.2)}
     page = (tmp_path / "tables" / "index.html").read_text()
-    for words in ("3.00</td><td>4.67", "2.0%</td><td>-110</td><td>3.0 (2.8%)", "52.0 (3.0)", "12.0 (-)"):
+    for words in ("3.00</td><td>4.67", "2.0%</td><td>-110</td><td>3.0 (2.8%)", "52.0 (3.0)", "42.0 (3.0)",
+                  "12.0 (-)", "SpoonPour, scripted"):
         assert words in page, words
     before = {**told["runs"][0]}
     del before["turn_error_deg"]  # as a file of an earlier version
