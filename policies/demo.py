@@ -79,6 +79,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     kept = 0 if until is None else int(np.sum(ends <= until + 1e-9))
     if until is not None and not 0 < kept < len(first):
         raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --hold {hold}")
+    task = sand.TASK  # as files name it, also where it was given as it is registered
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
     wanted = Wanted(task, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,
                     nominal)

@@ -47,6 +47,7 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", hold: int = 
     if out.is_dir() or not os.access(out.parent, os.W_OK):  # before any work
         raise mpm.InvalidValue(f"--out {out}: a folder, or in one that cannot be written; give another file")
     inner: Any = env.unwrapped
+    task = inner.TASK
     decisions, dimensions = -(-inner.task.steps // hold), inner.task.action.dimensions
     episodes = []
     for path in tqdm(paths_in(demos), desc="acting out", file=sys.stderr):

@@ -1,11 +1,15 @@
 """Tables beside those of scores: what down-sampling saves, how far tools have turned, other materials."""
 
 import json
+from collections import defaultdict
 from pathlib import Path
+from statistics import fmean
 from typing import Any, NamedTuple
 
 MOTION = ("task", "material", "score", "td_mm", "delivered")
 """What is told of a motion in a material."""
+SETTING = ("material", "starts", "hold", "wanted")
+"""What two runs must share for their seconds to be compared."""
 
 
 class Table(NamedTuple):
@@ -16,9 +20,11 @@ class Table(NamedTuple):
     rows: list[list[str]]
 
 
-def further(found: dict[str, dict[str, dict]], folders: list[Path], published: dict) -> tuple[dict, list[Table]]:
-    """What there is of them, as numbers and as words. found: summaries by method, task and reading."""
-    saved, turned, among = gain(found), turns(found, published), materials(folders)
+def further(found: dict[str, dict[str, dict]], runs: list[dict[str, Any]], folders: list[Path],
+            published: dict) -> tuple[dict, list[Table]]:
+    """What there is of them, as numbers and as words. found: summaries by method, task and reading; runs: the rows
+    that they are made of."""
+    saved, turned, among = gain(runs), turns(found, published), materials(folders)
     tables = []
     if saved:
         theirs = published["gain_of_down_sampling"]
@@ -42,10 +48,17 @@ def further(found: dict[str, dict[str, dict]], folders: list[Path], published: d
             "turns": [dict(zip(("method", "task", "off_deg", "asked_deg"), row)) for row in turned]}, tables
 
 
-def gain(found: dict[str, dict[str, dict]]) -> dict[str, float]:
-    """Seconds of an episode of `dg_sac` with all grains seen over those with some, by task."""
-    every, some = found.get("all", {}), found.get("dg_sac", {})
-    return {task: every[task]["seconds"]["mean"] / some[task]["seconds"]["mean"] for task in every if task in some}
+def gain(runs: list[dict[str, Any]]) -> dict[str, float]:
+    """Seconds of an episode of `dg_sac` with all grains seen over those with some, by task: mean over the settings that
+    both were run with."""
+    seconds, ratios = defaultdict(list), defaultdict(list)
+    for one in runs:
+        seconds[one["method"], one["task"], tuple(one[key] for key in SETTING)].append(one["seconds"])
+    for (method, task, setting), values in seconds.items():
+        some = seconds.get(("dg_sac", task, setting))
+        if method == "all" and some:
+            ratios[task].append(fmean(values) / fmean(some))
+    return {task: fmean(values) for task, values in ratios.items()}
 
 
 def turns(found: dict[str, dict[str, dict]], published: dict) -> list[tuple[str, str, float, float, str]]:

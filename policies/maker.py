@@ -126,7 +126,7 @@ class Maker:
         found = stored_in(w.path(k), mark)
         if found is None:
             found = self._run(k, beside, mark)
-        elif len(found["losses"]) < w.iterations and not settled(list(found["losses"])):
+        elif len(found["losses"]) < w.iterations and not found.get("settled", settled(list(found["losses"]))):
             print(f"{w.path(k)}: kept as it is after {len(found['losses'])} iterations; remove it for {w.iterations}",
                   file=sys.stderr)
         beside.unlink(missing_ok=True)
@@ -176,7 +176,8 @@ class Maker:
                  "check": self.check(search.best), "fingerprint": np.array(mark),
                  "task": np.array(w.task), "seed": np.array(start["seed"]),
                  "nominal": np.array(start["options"]["nominal"]), "material": np.array(w.material),
-                 "hold": np.array(w.hold), "method": np.array(w.method)}
+                 "hold": np.array(w.hold), "method": np.array(w.method),
+                 "settled": np.array(settled(search.course(losses)))}
         write(w.path(k), partial(np.savez, **found))
         return found
 

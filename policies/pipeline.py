@@ -107,6 +107,9 @@ class Pipeline:
 
     def run(self) -> int:
         """Everything; returns 0, or 1 where a command failed."""
+        for name in ("SIGTERM", "SIGHUP"):  # told to go it stops what it began, as after Ctrl-C
+            if signal.getsignal(getattr(signal, name, signal.SIGTERM)) == signal.SIG_DFL:
+                signal.signal(getattr(signal, name), signal.default_int_handler)
         lock = claim(self.out)
         self._progress = tqdm(total=2 * len(self.tasks) + 2, unit="command", file=sys.stderr)
         pool = ThreadPoolExecutor(self.options.jobs)  # the commands after them, too: Ctrl-C reaches this thread alone

@@ -98,6 +98,8 @@ class Preset(pydantic.BaseModel):
         if self.encoder is not None and self.obs not in ("flat", "all"):
             raise ValueError(f"encoder {self.encoder} with obs {self.obs}; accepted: flat or all, which "
                              f"hold places and velocities")
+        if self.learner in ("BC", "GAIL") and self.obs == "dict":
+            raise ValueError(f"learner {self.learner} with obs dict; accepted: any other, it sees one row of numbers")
         if self.critic_layer_norm and (self.obs == "dict" or self.learner != "SAC"):
             raise ValueError(f"critic_layer_norm with learner {self.learner} and obs {self.obs}; accepted: SAC, "
                              f"any obs but dict")

@@ -108,13 +108,13 @@ def told_apart(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def summary(values: list[float], rng: np.random.Generator) -> dict[str, float]:
-    """Mean, standard deviation, and the interquartile mean with the 95 % interval of its resamples (Agarwal et al.
-    2021)."""
+    """Mean, standard deviation (of the sample; 0 of one), and the interquartile mean with the 95 % interval of its
+    resamples (Agarwal et al. 2021), which with two or three values is but the smallest and the largest."""
     data = np.array(values)
     again = [middle(rng.choice(data, len(data))) for _ in range(RESAMPLED)] if len(data) > 1 else [middle(data)]
     low, high = np.percentile(again, (2.5, 97.5))
-    return {"n": len(data), "mean": float(data.mean()), "std": float(data.std()), "iqm": middle(data),
-            "low": float(low), "high": float(high)}
+    return {"n": len(data), "mean": float(data.mean()), "std": float(data.std(ddof=min(1, len(data) - 1))),
+            "iqm": middle(data), "low": float(low), "high": float(high)}
 
 
 def middle(data: np.ndarray) -> float:
@@ -140,7 +140,7 @@ def tables(runs: list[Path], out: Path) -> int:
         found[label][task] = {
             key: {**summary(values, rng), "published": theirs(published, key, members[0]["method"], task)}
             for key in READINGS if (values := [m[key] for m in members if m[key] is not None])}
-    numbers, beside = further(found, runs, published)
+    numbers, beside = further(found, rows, runs, published)
     write_json(out / "tables.json", {"tables": found, "runs": rows, "not_finished": others, "published": published,
                                      **numbers})
     write(out / "tables.csv", lambda path: as_csv(path, rows))
@@ -182,7 +182,8 @@ def cells(found: dict, published: dict, key: str, form: Callable[[dict], str]) -
 def as_text(found: dict, published: dict) -> str:
     """The scores, for a terminal."""
     def form(own: dict) -> str:
-        return f"{own['mean']:.1f}±{own['std']:.1f}" + (f" ({own['published'][0]:.1f})" if own["published"] else "")
+        spread = f"±{own['std']:.1f}" if own["n"] > 1 else ""
+        return f"{own['mean']:.1f}{spread} n={own['n']}" + (f" ({own['published'][0]:.1f})" if own["published"] else "")
 
     return f"{READINGS['best']}, in brackets {published['source']}:\n" + aligned(cells(found, published, "best", form))
 
@@ -196,8 +197,9 @@ def aligned(table: list[list[str]]) -> str:
 def page(found: dict, published: dict, others: list[str], runs: list[Path], beside: list[Table]) -> str:
     """All tables as one page that needs nothing else."""
     def form(own: dict) -> str:
-        words = f"{own['mean']:.2f} ± {own['std']:.2f}<br><small>{own['n']} runs, IQM {own['iqm']:.2f} " \
-                f"[{own['low']:.2f}, {own['high']:.2f}]</small>"
+        words = f"{own['mean']:.2f}<br><small>1 run</small>" if own["n"] == 1 else \
+            f"{own['mean']:.2f} ± {own['std']:.2f}<br><small>{own['n']} runs, IQM {own['iqm']:.2f} " \
+            f"[{own['low']:.2f}, {own['high']:.2f}]</small>"
         return words + ("<br><i>{:.2f} ± {:.2f}</i>".format(*own["published"]) if own["published"] else "")
 
     parts = [f"<h1>What runs came to</h1><p>robosim {html.escape(version('robosim'))}; runs below "

@@ -89,5 +89,9 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
         training.folder.close()
     found = training.folder.read("status.json")
     print(f"{method} on {task}: best return {found['best_return']}, replayed {found['replayed']}")
-    print(f"to see it: robosim evaluate {task} --policy {out / 'best.npz'} --nominal --episodes 1 --out FOLDER")
+    if training.cap is not None:  # of our own sub-tasks
+        seen = [f"robosim evaluate {training.task} --policy {out / 'best.npz'} --episodes 1"]
+        seen += ["--nominal"] if starts == "nominal" else []
+        seen += [f"--material {material}"] if material else []
+        print("to see it:", *seen, "--out FOLDER")
     return 0

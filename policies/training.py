@@ -46,10 +46,12 @@ class Training:
         self.decisions = -(-raw.task.steps // hold) if granular else self.base.spec.max_episode_steps
         if self.decisions is None or not isinstance(self.base.action_space, gymnasium.spaces.Box):
             raise mpm.InvalidValue(f"task {task!r}: accepted: continuous actions and episodes of a fixed length")
-        self.cap = raw.reward.extremes()[1] if granular else None
+        self.cap: float | None = raw.reward.extremes()[1] if granular else None
         self.nominal = {"nominal": True} if granular else None
         self.reset_options = self.nominal if starts == "nominal" else None
-        self.sequences, self.rollouts = self._sequences(demos, getattr(raw, "TASK", "")), self._rollouts(roll_outs)
+        task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
+        self.sequences, self.rollouts = self._sequences(demos, task if granular else ""), self._rollouts(roll_outs)
+        self.task = task
         self._begun = {path.name: demonstrations.start_in(path)
                        for path in (demonstrations.paths_in(demos) if self.sequences and demos is not None else ())}
         self._check_starts(starts)

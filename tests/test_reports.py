@@ -19,12 +19,13 @@ from robosim.cases import NAMES, bar, closed_system, find, slope
 from robosim.cases.checks import Order, Power, Rising, Within
 from robosim.cases.record import Record
 from robosim.errors import ConfigError, UnknownName
+from robosim.reports import provenance
 from robosim.reports import runs as module
 from robosim.reports.analysis import findings, finite, front, seconds_to
 from robosim.reports.compare import compared
 from robosim.reports.explain import explain, judged
 from robosim.reports.page import Page
-from robosim.reports.provenance import version_of
+from robosim.reports.provenance import files_of, version_of
 from robosim.reports.work_precision import peers, report
 
 
@@ -118,11 +119,27 @@ def test_a_report_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert (tmp_path / "report.jsonl").read_text().splitlines() == first
 
 
-def test_other_code_is_run_again() -> None:
-    """The version of a case changes with what it imports, and with nothing else."""
-    assert version_of("robosim.cases.free_fall") != version_of("robosim.cases.spin")
-    assert version_of("robosim.cases.bar") == version_of("robosim.cases.bar")
-    assert len(version_of("robosim.cases.ik_poses")) == 12
+def test_other_code_is_run_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The version of a case changes with what it imports at any remove, and with nothing else."""
+    for name, text in {"__init__": "", "case": "import mpm.a", "a": "from mpm import b", "b": "", "c": ""}.items():
+        (tmp_path / "mpm").mkdir(exist_ok=True)
+        (tmp_path / "mpm" / f"{name}.py").write_text(text)
+    monkeypatch.setattr(provenance, "ROOT", tmp_path)
+
+    def version(changed: str) -> str:
+        with (tmp_path / "mpm" / f"{changed}.py").open("a") as file:
+            file.write("\n")
+        version_of.cache_clear()
+        return version_of("mpm.case")
+
+    seen = [version("c"), version("c"), version("b"), version("case")]
+    version_of.cache_clear()
+    assert seen[0] == seen[1] and len(set(seen)) == 3
+
+
+def test_shapes_of_tools_are_code_that_counts() -> None:
+    for name in ("robosim.reports.settings", "robosim.envs.among_materials", "robosim.cases.arm_limits"):
+        assert {"spoon.py", "scoop.py", "bottle.py", "shovel.py"} <= {path.name for path in files_of(name)}
 
 
 @pytest.mark.parametrize("content", ["{", '{"case": "bar"}\n', "[1, 2]\n"])

@@ -120,13 +120,15 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
              task=np.array("SpoonTranslate"))
     again = Training("demo", load_preset("demo"), "robosim/SpoonTranslate-v0", tmp_path / "run", demos=tmp_path)
     assert list(again.sequences) == ["demonstration_1.npz"]  # the one that begins where episodes do
+    assert again.folder.manifest["task"] == "SpoonTranslate"
     again.folder.close()
     (tmp_path / "demonstration_1.npz").unlink()
     np.savez(file, actions=np.zeros((100, 3)))
     assert start_in(file) == (0, {"nominal": True}) and list(read(tmp_path, 100, 10, 3, "SpoonPour")) == [file.name]
 
 
-@pytest.mark.parametrize(("method", "obs"), [("pointnet_sac", "positions"), ("sets_sac", "moments"), ("rlpd", "dict")])
+@pytest.mark.parametrize(("method", "obs"), [("bc", "dict"), ("gail", "dict"), ("pointnet_sac", "positions"),
+                                             ("sets_sac", "moments"), ("rlpd", "dict")])
 def test_what_a_method_cannot_see_is_refused(tmp_path, method, obs):
     with pytest.raises(mpm.InvalidValue, match=f"obs {obs}; accepted"):
         train(method, "SpoonTranslate", tmp_path / "run", obs=obs)

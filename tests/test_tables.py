@@ -3,11 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mpm
 from policies.presets import load_preset
-from policies.tables import tables
+from policies.tables import summary, tables
 
 
 def finished(folder: Path, seed: int, score: float, *, method: str = "dg_sac", task: str = "SpoonPour",
@@ -92,6 +93,7 @@ def test_further_tables(tmp_path: Path) -> None:
         told = json.loads(path.read_text())
         told["replayed"]["turn_error_deg"] = 2.2
         path.write_text(json.dumps(told | {"seconds": seconds}))
+    finished(tmp_path / "c", 0, 10.0, material="sugar")  # of another material, which the gain is not about
     for policy, score in (("learned", 52.0), ("scripted", 42.0)):  # neither takes the other's place
         (tmp_path / policy).mkdir()
         (tmp_path / policy / "materials.json").write_text(json.dumps({"policy": policy, "rows": [
@@ -101,7 +103,7 @@ def test_further_tables(tmp_path: Path) -> None:
     told = json.loads((tmp_path / "tables" / "tables.json").read_text())
     assert told["gain_of_down_sampling"] == {"SpoonScoop": pytest.approx(3.0)}
     assert {(row["method"], row["task"], row["off_deg"]) for row in told["turns"]} == {
-        ("all", "SpoonScoop", 2.2), ("dg_sac", "SpoonScoop", 2.2)}
+        ("all", "SpoonScoop", 2.2), ("dg_sac, salt", "SpoonScoop", 2.2)}
     page = (tmp_path / "tables" / "index.html").read_text()
     for words in ("3.00</td><td>4.67", "2.0%</td><td>-110</td><td>3.0 (2.8%)", "52.0 (3.0)", "42.0 (3.0)",
                   "12.0 (-)", "SpoonPour, scripted"):
@@ -111,3 +113,12 @@ def test_further_tables(tmp_path: Path) -> None:
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "tables.json").write_text(json.dumps({"runs": [before]}))
     assert tables([tmp_path / "old" / "tables.json"], tmp_path / "again") == 0
+
+
+def test_summaries_are_those_of_the_definition() -> None:
+    """Mean, deviation of a sample, mean of the middle half; of one run neither spread nor interval."""
+    found = summary([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0], np.random.default_rng(0))
+    assert (found["n"], found["mean"], found["iqm"]) == (8, 16.0, 4.5)
+    assert found["std"] == pytest.approx((8092.0 / 7.0) ** 0.5) and 2.0 <= found["low"] < 4.5 < found["high"]
+    one = summary([3.0], np.random.default_rng(0))
+    assert (one["std"], one["low"], one["high"]) == (0.0, 3.0, 3.0)

@@ -122,4 +122,3 @@ class Power:
         return Finding(claim, float(np.polyfit(x, y, 1)[0]), self.low, self.high)
 
 
-Check = Within | Order | Rising | Power

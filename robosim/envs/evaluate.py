@@ -29,6 +29,8 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int = 5, seed:
     assert isinstance(env, GrainEnv)
     policy(name, env, seed)  # complain before any work
     folder = OutputFolder(out) if out else None
+    if folder:
+        folder.clear(("episode.mp4",))
     rows = []
     try:
         for k in tqdm(range(episodes), desc=f"{task}, {name}", file=sys.stderr):

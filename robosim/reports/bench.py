@@ -120,22 +120,23 @@ def bench(parts: list[str], out: Path | None, readme: Path | None) -> int:
     its marks. Returns 0, or 1 where a part could not be measured."""
     for part in parts:
         if part not in PARTS:
-            raise UnknownName("part", part, ["field", *PARTS])
+            also = "field by itself" if part != "field" else "field is measured by itself, without other parts"
+            raise UnknownName("part", part, PARTS, also)
     if readme is not None and not all(mark in readme.read_text() for mark in MARKS):
         raise ConfigError(f"{readme}: has no {' ... '.join(MARKS)}, between which the table goes")
     folder = OutputFolder(out) if out else None
     names, figures, failures = parts or list(PARTS), {}, {}
+    result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
     for place, found, failed in worked_off([("robosim.reports.bench", (name,)) for name in names], 1):
         figures |= found or {}
         if found is None:
             failures[names[place]] = failed
         for name, figure in (found or {}).items():
             print(f"{name:52} {figure:10.3g}", flush=True)
+        if folder is not None:
+            folder.write_json("bench.json", result)
     for name, reason in failures.items():
         print(f"{name}: not measured: {reason}", file=sys.stderr)
-    result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
-    if folder is not None:
-        folder.write_json("bench.json", result)
     if readme is not None:
         put_table(readme, result)
     return int(bool(failures))

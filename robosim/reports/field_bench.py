@@ -105,8 +105,8 @@ def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, ou
                 line["refused"] = str(error)
             lines.append(line)
             print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in line.items()}), flush=True)
-    if folder:
-        folder.write_json("bench_field.json", lines)
+            if folder:
+                folder.write_json("bench_field.json", lines)
     return 0
 
 

@@ -14,6 +14,8 @@ from robosim.resources import folder
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = ("mpm", "robosim")
+LIBRARIES = ("taichi", "mujoco", "numpy", "scipy", "trimesh", "pin", "ruckig")
+"""Those that compute."""
 
 
 def commit() -> str:
@@ -59,20 +61,25 @@ def file_of(module: str) -> Path | None:
     return next((p for p in (path.with_suffix(".py"), path / "__init__.py") if p.is_file()), None)
 
 
+def files_of(module: str) -> list[Path]:
+    """A module's file, and those of all that it imports of ours, at any remove."""
+    todo, seen = [module], set()
+    while todo:
+        path = file_of(todo.pop())
+        if path is not None and path not in seen:
+            seen.add(path)
+            todo += sorted(imported(path))
+    return sorted(seen)
+
+
 @lru_cache
 def version_of(module: str) -> str:
     """Twelve letters that change with a module's code or that of anything it imports of ours, with configurations and
     models, and with the libraries that compute."""
-    todo, seen = [module], {}
-    while todo:
-        path = file_of(todo.pop())
-        if path is None or path in seen:
-            continue
-        seen[path] = path.read_bytes()
-        todo += sorted(imported(path))
-    told = hashlib.sha256(" ".join(version(name) for name in ("taichi", "mujoco", "numpy", "pin", "ruckig")).encode())
-    for path in sorted([*folder("configs").rglob("*.yaml"), *folder("models").rglob("*.xml")]):
+    told = hashlib.sha256(" ".join(version(name) for name in LIBRARIES).encode())
+    models = [path for kind in ("xml", "stl") for path in folder("models").rglob(f"*.{kind}")]
+    for path in sorted([*folder("configs").rglob("*.yaml"), *models]):
         told.update(path.read_bytes())
-    for path in sorted(seen):
-        told.update(path.relative_to(ROOT).as_posix().encode() + seen[path])
+    for path in files_of(module):
+        told.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return told.hexdigest()[:12]
