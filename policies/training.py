@@ -85,6 +85,9 @@ class Training:
 
     def _check_starts(self, starts: str) -> None:
         """Raise mpm.InvalidValue where a motion is to be played from another start than it was made for."""
+        if self.preset.graph is not None and starts != "nominal":
+            raise mpm.InvalidValue(f"--starts {starts}: this method plans one motion, from the task's own start; "
+                                   f"accepted: nominal")
         count = len(self._begun) if self.preset.learner == "replay" else int(self.preset.residual is not None)
         played = list(self._begun)[:count]
         aside = [name for name in played if not self._begun[name][1]["nominal"]] if starts == "nominal" else []

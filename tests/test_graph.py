@@ -159,6 +159,8 @@ def test_roll_outs_are_kept_and_recognised(tmp_path):
         frames.read(tmp_path, env)
     with pytest.raises(mpm.InvalidValue, match="give their folder as --frames"):
         train("gnn_cmaes", "SpoonTranslate", tmp_path / "run")
+    with pytest.raises(mpm.InvalidValue, match="plans one motion"):
+        train("gnn_cmaes", "SpoonTranslate", tmp_path / "run", frames=tmp_path, hold=100, starts="random")
     with pytest.raises(mpm.InvalidValue, match="this method takes no roll-outs"):
         train("sac", "Pendulum-v1", tmp_path / "run", frames=tmp_path)
 
