@@ -1,6 +1,7 @@
 """Tables over runs: what is pooled, and what is told apart."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +123,17 @@ def test_summaries_are_those_of_the_definition() -> None:
     assert found["std"] == pytest.approx((8092.0 / 7.0) ** 0.5) and 2.0 <= found["low"] < 4.5 < found["high"]
     one = summary([3.0], np.random.default_rng(0))
     assert (one["std"], one["low"], one["high"]) == (0.0, 3.0, 3.0)
+
+
+def test_the_comparison_in_the_readme_is_that_of_the_runs_that_ship() -> None:
+    """Mean of the best motions, in brackets that of the last ten episodes, of every cell that holds runs."""
+    root = Path(__file__).resolve().parent.parent
+    runs = json.loads((root / "policies" / "trained" / "tables.json").read_text())["runs"]
+    block = (root / "README.md").read_text().split("<!-- comparison -->")[1]
+    head, _, *lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in block.strip().splitlines()]
+    for method, *cells in lines:
+        for task, told in zip(head[1:], cells, strict=True):
+            own = [run for run in runs if (run["method"], run["task"]) == (method.strip("`"), task)]
+            wanted = [np.mean([run[key] for run in own]) for key in ("best", "tcs")] if own else []
+            found = [float(number) for number in re.findall(r"-?\d+\.\d", re.sub(r"\*.*\*", "", told))]
+            assert found == pytest.approx(wanted, abs=0.051), (method, task)
