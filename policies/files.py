@@ -1,13 +1,20 @@
 """Files written beside their place and renamed, so that what is there is always whole, in folders of one process."""
 
+import hashlib
 import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
 import mpm
+
+
+def digest(value: Any) -> str:
+    """Twelve letters that change with a value."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:12]
 
 
 def claim(folder: Path) -> FileLock:

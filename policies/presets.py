@@ -10,10 +10,14 @@ from pydantic import ConfigDict, Field, NonNegativeFloat, NonNegativeInt, Positi
 import mpm
 
 Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "GNN-CMA-ES", "replay"]
+OFF_POLICY = ("SAC", "TD3", "DDPG", "TQC", "CrossQ")
+"""Learners with a buffer that demonstrations can join."""
+IMITATE = ("BC", "GAIL", "replay")
+"""Learners that have nothing but demonstrations."""
 
 
 class Demonstrations(pydantic.BaseModel):
-    """How demonstrations take part."""
+    """How demonstrations take part in batches."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -65,7 +69,7 @@ class Preset(pydantic.BaseModel):
     description: str
     learner: Learner
     demonstrations: Demonstrations | None = None
-    """Needs demonstrations; null: takes none."""
+    """Null: no batch holds any."""
     obs: str = "flat"
     """Layout of the observation."""
     scaled: bool = True
@@ -91,13 +95,21 @@ class Preset(pydantic.BaseModel):
     @property
     def shown(self) -> bool:
         """Whether it needs demonstrations."""
-        return self.demonstrations is not None or self.residual is not None
+        return self.demonstrations is not None or self.residual is not None or self.learner in IMITATE
+
+    @property
+    def joins(self) -> bool:
+        """Whether demonstrations can take part in its batches."""
+        return self.learner in OFF_POLICY and self.residual is None
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "Preset":
         if self.encoder is not None and self.obs not in ("flat", "all"):
             raise ValueError(f"encoder {self.encoder} with obs {self.obs}; accepted: flat or all, which "
                              f"hold places and velocities")
+        if self.demonstrations is not None and not self.joins:
+            raise ValueError(f"demonstrations with learner {self.learner} and residual {self.residual}; accepted: with "
+                             f"{', '.join(OFF_POLICY)}, without residual; others learn from them as they are, or not")
         if self.learner in ("BC", "GAIL") and self.obs == "dict":
             raise ValueError(f"learner {self.learner} with obs dict; accepted: any other, it sees one row of numbers")
         if self.critic_layer_norm and (self.obs == "dict" or self.learner != "SAC"):
@@ -116,9 +128,11 @@ class Preset(pydantic.BaseModel):
 
 
 def known(preset: dict[str, Any]) -> dict[str, Any]:
-    """A preset that an earlier version wrote down, with what it lacks as it was then; as it is where it is none."""
+    """A preset that an earlier version wrote down, with what it lacks as it was then and without numbers that did
+    nothing; as it is where it is none."""
     try:
-        return Preset(**preset).model_dump()
+        idle = preset.get("residual") is not None or preset.get("learner") not in OFF_POLICY
+        return Preset(**{**preset, **({"demonstrations": None} if idle else {})}).model_dump()
     except pydantic.ValidationError:
         return preset
 

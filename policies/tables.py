@@ -4,7 +4,7 @@ import argparse
 import csv
 import html
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -14,9 +14,9 @@ import numpy as np
 import yaml
 
 import mpm
-from policies.files import write, write_json
+from policies.files import digest, write, write_json
 from policies.further_tables import Table, further
-from policies.presets import folder
+from policies.presets import folder, known
 
 EXAMPLE = "example:\n  robosim tables out/runs --out out/tables"
 READINGS = {"best": "score of the best motion, replayed", "tcs": "score, mean of the last ten episodes",
@@ -60,13 +60,18 @@ def runs_below(folders: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
                 rows.append(row(manifest, status))
             except (OSError, ValueError, KeyError) as error:
                 others.append(f"{path.parent}: cannot be read: {type(error).__name__}: {error}")
-    return [one for k, one in enumerate(rows) if one not in rows[:k]], others
+    return [one for k, one in enumerate(rows) if not any(same(one, other) for other in rows[:k])], others
+
+
+def same(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether two rows are of one run; what an earlier file does not tell says nothing against it."""
+    return all(one[key] == other[key] or (key in NEWER and None in (one[key], other[key])) for key in COLUMNS)
 
 
 COLUMNS = ("task", "method", "material", "seed", "starts", "hold", "obs", "wanted", "commit", "episodes", "best", "tcs",
-           "return", "seconds", "delivered", "spilled", "collisions", "turn_error_deg")
+           "return", "seconds", "delivered", "spilled", "collisions", "turn_error_deg", "preset", "demonstrations")
 """Of a run in tables.json."""
-NEWER = ("turn_error_deg",)
+NEWER = ("turn_error_deg", "preset", "demonstrations")
 """Of these, what earlier files do not have."""
 
 
@@ -85,6 +90,7 @@ def earlier(path: Path) -> list[dict[str, Any]]:
 def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
     """A run's numbers."""
     replayed, last = status["replayed"], status["last"]
+    preset = {**known(manifest["preset"]), "obs": None, "episodes": None}  # which the row tells by themselves
     label = manifest["method"]
     if label == "dg_sac" and manifest["preset"]["obs"] != "flat":
         label = manifest["preset"]["obs"]  # the ablations are named after what is seen
@@ -93,7 +99,8 @@ def row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
             "wanted": manifest["preset"]["episodes"], "commit": manifest["commit"], "episodes": status["episodes"],
             "best": replayed.get("tcs"), "tcs": last.get("tcs"), "return": last["return"],
             "seconds": status["seconds"] / status["episodes"],
-            **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")}}
+            **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")},
+            "preset": digest(preset), "demonstrations": digest(manifest.get("demonstrations", {}))}
 
 
 def told_apart(rows: list[dict[str, Any]]) -> list[str]:
@@ -105,6 +112,16 @@ def told_apart(rows: list[dict[str, Any]]) -> list[str]:
             seen[one["method"], key].add(one[key])
     return [", ".join([one["method"], *(words.format(one[key]) for key, words in SETTINGS.items()
                                         if len(seen[one["method"], key]) > 1)]) for one in rows]
+
+
+def mixed(label: str, task: str, members: list[dict[str, Any]]) -> list[str]:
+    """Words on what a mean hides: runs of one line that share a seed, or differ by what no line tells."""
+    seeds = [str(seed) for seed, count in Counter(one["seed"] for one in members).items() if count > 1]
+    words = [f"{label}, {task}: seed {', '.join(seeds)} more than once"] if seeds else []
+    for key, what in (("preset", "settings of the method"), ("demonstrations", "demonstrations")):
+        kinds = len({one[key] for one in members} - {None})
+        words += [f"{label}, {task}: {kinds} different {what}"] if kinds > 1 else []
+    return words
 
 
 def summary(values: list[float], rng: np.random.Generator) -> dict[str, float]:
@@ -132,22 +149,26 @@ def tables(runs: list[Path], out: Path) -> int:
                                f"{'; '.join(others) or 'none at all'}")
     out.mkdir(parents=True, exist_ok=True)
     published = yaml.safe_load((folder().parent / "published" / "arxiv_2406_09178.yaml").read_text())
-    rng, found = np.random.default_rng(0), defaultdict(dict)
+    rng, found, notes = np.random.default_rng(0), defaultdict(dict), []
     groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
     for label, one in zip(told_apart(rows), rows):
         groups[label, one["task"]].append(one)
     for (label, task), members in groups.items():
+        notes += mixed(label, task, members)
         found[label][task] = {
             key: {**summary(values, rng), "published": theirs(published, key, members[0]["method"], task)}
             for key in READINGS if (values := [m[key] for m in members if m[key] is not None])}
     numbers, beside = further(found, rows, runs, published)
-    write_json(out / "tables.json", {"tables": found, "runs": rows, "not_finished": others, "published": published,
-                                     **numbers})
+    told = {"Not finished": others, "Means over what differs": notes}
+    write_json(out / "tables.json", {"tables": found, "runs": rows, "mixed": notes, "not_finished": others,
+                                     "published": published, **numbers})
     write(out / "tables.csv", lambda path: as_csv(path, rows))
-    write(out / "index.html", lambda path: path.write_text(page(found, published, others, runs, beside)))
+    write(out / "index.html", lambda path: path.write_text(page(found, published, told, runs, beside)))
     print(as_text(found, published))
     for table in beside:
         print(f"\n{table.title}:\n{aligned([table.head, *table.rows])}")
+    for words in notes:
+        print(f"mean over what differs: {words}")
     for words in others:
         print(f"not finished: {words}")
     print(f"{out / 'index.html'}")
@@ -194,7 +215,7 @@ def aligned(table: list[list[str]]) -> str:
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in table)
 
 
-def page(found: dict, published: dict, others: list[str], runs: list[Path], beside: list[Table]) -> str:
+def page(found: dict, published: dict, notes: dict[str, list[str]], runs: list[Path], beside: list[Table]) -> str:
     """All tables as one page that needs nothing else."""
     def form(own: dict) -> str:
         words = f"{own['mean']:.2f}<br><small>1 run</small>" if own["n"] == 1 else \
@@ -213,8 +234,9 @@ def page(found: dict, published: dict, others: list[str], runs: list[Path], besi
         parts += [f"<tr><th>{html.escape(line[0])}</th>{''.join(f'<td>{w}</td>' for w in line[1:])}</tr>"
                   for line in body]
         parts.append("</table>")
-    if others:
-        parts.append("<h2>Not finished</h2><ul>" + "".join(f"<li>{html.escape(w)}</li>" for w in others) + "</ul>")
+    for title, lines in notes.items():
+        if lines:
+            parts.append(f"<h2>{title}</h2><ul>" + "".join(f"<li>{html.escape(w)}</li>" for w in lines) + "</ul>")
     style = "body{font:15px sans-serif;margin:2em}table{border-collapse:collapse}td,th{border:1px solid #bbb;" \
             "padding:.3em .6em;text-align:right}small{color:#666}"
     return f"<!doctype html><meta charset=utf-8><title>runs</title><style>{style}</style>{''.join(parts)}"

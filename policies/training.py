@@ -1,7 +1,5 @@
 """A run: the environment it learns in, its folder, and what happens at the end of every episode."""
 
-import hashlib
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ import mpm
 from policies import checkpoint, demonstrations, frames
 from policies.environments import any_made
 from policies.episodes import Episode, Episodes
+from policies.files import digest
 from policies.learner import Corrected, build, kind_of
 from policies.network import export
 from policies.presets import Preset
@@ -163,7 +162,7 @@ class Training:
             self.model = build(self.preset, venv, self.seed, getattr(self.base.unwrapped, "observation_slices", None))
             self.model.set_logger(logger)
             wanted = self.preset.demonstrations
-            if wanted is not None and hasattr(self.model, "replay_buffer") and self.preset.residual is None:
+            if wanted is not None:
                 demonstrations.guide(self.model, self.demonstrated(), wanted.updates)
         first = self.env.count == 0
         keeper = Keeper(self, part)
@@ -209,8 +208,3 @@ class Keeper(BaseCallback):
     def _on_step(self) -> bool:
         self.training.keep_best(self.model.policy)
         return not self.training.over
-
-
-def digest(value: Any) -> str:
-    """Twelve letters that change with a value."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:12]

@@ -157,7 +157,7 @@ def test_every_method_runs_on_grains(tmp_path, method):
     """A few episodes; the best actions, replayed, give the return that was trained with; the policy's file acts."""
     rng = np.random.default_rng(0)
     np.savez(tmp_path / "demonstration_0.npz", actions=rng.uniform(-0.3, 0.3, (50, 3)), hold=20)
-    takes = load_preset(method).demonstrations is not None
+    takes = load_preset(method).shown
     out = tmp_path / "run"
     episodes = 10 if method == "cmaes" else 3  # a generation
     assert train(method, "SpoonTranslate", out, demos=tmp_path if takes else None, episodes=episodes, hold=20) == 0

@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch")
 from policies import checkpoint  # noqa: E402
 from policies.demonstrations import read, start_in  # noqa: E402
 from policies.episodes import Episode, Episodes  # noqa: E402
-from policies.presets import Preset, load_preset  # noqa: E402
+from policies.presets import Preset, known, load_preset  # noqa: E402
 from policies.run_folder import RunFolder  # noqa: E402
 from policies.sweep import SweepFile, planned  # noqa: E402
 from policies.train import train  # noqa: E402
@@ -132,6 +132,17 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
 def test_what_a_method_cannot_see_is_refused(tmp_path, method, obs):
     with pytest.raises(mpm.InvalidValue, match=f"obs {obs}; accepted"):
         train(method, "SpoonTranslate", tmp_path / "run", obs=obs)
+
+
+@pytest.mark.parametrize("method", ["ppo", "bc", "gail", "residual", "cmaes", "demo"])
+def test_numbers_that_would_do_nothing_are_refused(method):
+    """Shares of batches where no batch holds demonstrations; a run that an earlier version wrote them down for is still
+    the same run."""
+    right = load_preset(method).model_dump()
+    wrong = {**right, "demonstrations": {"size": 50, "fraction": 0.5, "updates": 1}}
+    with pytest.raises(ValueError, match="accepted: with SAC"):
+        Preset(**wrong)
+    assert known(wrong) == right
 
 
 def test_a_sweep_sees_other_options(tmp_path):

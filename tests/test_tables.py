@@ -13,13 +13,14 @@ from policies.tables import summary, tables
 
 
 def finished(folder: Path, seed: int, score: float, *, method: str = "dg_sac", task: str = "SpoonPour",
-             material: str = "salt", starts: str = "nominal", hold: int = 10, **preset) -> None:
+             material: str = "salt", starts: str = "nominal", hold: int = 10, shown: dict[str, str] | None = None,
+             **preset) -> None:
     """The two files of a run that its tables are made of."""
     folder.mkdir(parents=True)
     told = load_preset(method).model_copy(update=preset).model_dump()
     (folder / "manifest.json").write_text(json.dumps({
         "method": method, "task": task, "seed": seed, "material": material, "starts": starts, "hold": hold,
-        "preset": told, "commit": "c"}))
+        "preset": told, "demonstrations": shown or {}, "commit": "c"}))
     (folder / "status.json").write_text(json.dumps({
         "state": "finished", "episodes": 10, "seconds": 20.0, "last": {"return": score}, "replayed": {"tcs": score}}))
 
@@ -62,6 +63,20 @@ def test_what_differs_is_a_line_of_its_own(tmp_path: Path, setting: dict, lines:
     cell = told["tables"][f"{method}, {lines[1]}"]["SpoonPour"]["best"]
     place = told["published"]["tasks"].index("SpoonPour")
     assert cell["published"] == told["published"]["tcs"].get(method, {place: None})[place]
+
+
+def test_what_a_mean_hides_is_told(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A seed that counts twice, other numbers in a method's file, other demonstrations; nothing where all is well."""
+    finished(tmp_path / "a", 0, 10.0)
+    finished(tmp_path / "b", 1, 20.0)
+    made(tmp_path)
+    assert "differs" not in capsys.readouterr().out
+    finished(tmp_path / "c", 1, 30.0, shown={"demonstration_0.npz": "a"})
+    finished(tmp_path / "d", 2, 30.0, options={"gamma": 0.5})
+    assert made(tmp_path) == {"dg_sac": {"SpoonPour": (4, 22.5)}}
+    told = [line for line in capsys.readouterr().out.splitlines() if "differs" in line]
+    assert told == [f"mean over what differs: dg_sac, SpoonPour: {words}" for words in (
+        "seed 1 more than once", "2 different settings of the method", "2 different demonstrations")]
 
 
 def test_ablations_keep_their_name(tmp_path: Path) -> None:
