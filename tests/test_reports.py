@@ -182,6 +182,10 @@ def test_two_reports_are_compared() -> None:
     rows = compared(Page("x"), one(0.02, 1.0), one(0.01, 1.0))
     assert rows[0][5] == pytest.approx(0.5)
     assert compared(Page("x"), one(0.02, 1.0), one(0.0201, 1.01)) == []
+    lost = {**one(0.0, 0.0), "runs": [{"case": "bar", "choices": {}, "record": None, "failed": "too long"}]}
+    assert [row[2::3] for row in compared(Page("x"), one(0.02, 1.0), lost)] == [["no result: too long", np.inf, None]]
+    assert [row[2::3] for row in compared(Page("x"), lost, one(0.02, 1.0))] == \
+        [["a result where there was none: too long", 0.0, None]]
     with pytest.raises(ConfigError, match=r"report\.json"):
         compared(Page("x"), {}, one(0.01, 1.0))
 
