@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import yaml
+from filelock import FileLock, Timeout
 
 from robosim.errors import ConfigError
 
@@ -16,28 +17,36 @@ def aligned(lines: list[list[str]]) -> str:
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 
 
+def replaced(final: Path, writer: Callable[[Path], object]) -> None:
+    """Let `writer` write a file beside its place, then rename it; a failure leaves the old file as it was."""
+    beside = final.with_name(f".{final.stem}.part{final.suffix}")
+    try:
+        writer(beside)
+        os.replace(beside, final)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
 class OutputFolder:
-    """The folder given as `--out`, checked before any work."""
+    """The folder given as `--out`, checked before any work and kept from other processes as long as this lives; raises
+    ConfigError where it cannot be written or one is at work there."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
             path.mkdir(parents=True, exist_ok=True)
-            probe = path / ".writable"
-            probe.write_text("")
-            probe.unlink()
+            self._lock = FileLock(path / ".lock", is_singleton=True)  # a notebook may come back after an error
+            self._lock.acquire(timeout=0)
+        except Timeout:
+            raise ConfigError(f"--out {path}: another process is at work there; wait for it, or give another folder"
+                              ) from None
         except OSError as error:
             raise ConfigError(f"--out {path}: cannot be written ({error.strerror}); give another folder") from None
 
     def write(self, name: str, writer: Callable[[Path], object]) -> Path:
-        """Let `writer` write a file beside its place, then rename it; a failure leaves the old file as it was."""
+        """As `replaced` does; returns where it lies."""
         final = self.path / name
-        beside = final.with_name(f".{final.stem}.part{final.suffix}")
-        try:
-            writer(beside)
-            os.replace(beside, final)
-        finally:
-            beside.unlink(missing_ok=True)
+        replaced(final, writer)
         return final
 
     def clear(self, names: tuple[str, ...]) -> None:

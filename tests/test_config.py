@@ -1,5 +1,7 @@
 """Wrong input: the message names what was given, where, and what would be accepted, before any work."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -107,6 +109,21 @@ def test_output_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.Cap
     assert "--out" in capsys.readouterr().err
 
 
+def test_a_folder_belongs_to_one_process_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Until it has ended, however it ended; the same process comes back as it likes."""
+    words = (f"import sys, pathlib; from robosim.output import OutputFolder; "
+             f"folder = OutputFolder(pathlib.Path({str(tmp_path)!r})); print(1, flush=True); sys.stdin.read()")
+    with subprocess.Popen([sys.executable, "-c", words], text=True,
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None and other.stdout.readline() == "1\n"
+        assert main(["rehearse", "spoon", "--out", str(tmp_path)]) == 2
+        assert f"--out {tmp_path}: another process is at work there" in capsys.readouterr().err
+        other.kill()
+    first = OutputFolder(tmp_path)
+    OutputFolder(tmp_path).write_json("report.json", {})
+    first.clear(("report.json",))
+
+
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     folder = OutputFolder(tmp_path)
     folder.write_json("report.json", {"a": 1})
@@ -118,7 +135,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No space"):
         folder.write("report.json", full)
     assert (tmp_path / "report.json").read_text() == '{\n  "a": 1\n}\n'
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".lock", "report.json"]
 
 
 def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFixture,

@@ -16,7 +16,7 @@ from typing import Any
 
 from robosim.envs import TASKS
 from robosim.errors import ConfigError, UnknownName
-from robosim.output import OutputFolder
+from robosim.output import OutputFolder, replaced
 from robosim.reports.processes import pin, worked_off
 from robosim.reports.provenance import provenance
 
@@ -148,7 +148,7 @@ def put_table(readme: Path, result: dict[str, Any]) -> None:
     rows = "\n".join(f"| {name} | {figure:.3g} |" for name, figure in result["figures"].items())
     table = f"{MARKS[0]}\n| on one core of {told['machine']} | |\n|---|---|\n{rows}\n{MARKS[1]}"
     text = re.sub(f"{MARKS[0]}.*?{MARKS[1]}", lambda _: table, readme.read_text(), flags=re.DOTALL)
-    OutputFolder(readme.parent).write(readme.name, lambda path: path.write_text(text))
+    replaced(readme, lambda path: path.write_text(text))
 
 
 def main() -> None:
