@@ -9,6 +9,7 @@ from mpm.diagnostics import Diagnostics
 from mpm.elasticity import Elastic
 from mpm.errors import (
     BackendError,
+    ColliderTooFast,
     GradientDiverged,
     InvalidValue,
     MpmError,
@@ -39,6 +40,7 @@ __all__ = [
     "Batch",
     "Body",
     "Collider",
+    "ColliderTooFast",
     "Diagnostics",
     "DruckerPrager",
     "Elastic",

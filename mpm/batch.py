@@ -157,7 +157,7 @@ class Batch:
         for e in range(n):
             for body, material in enumerate(self._materials[e]):
                 self.set_material(e, body, material)
-        self._motions = [Motions(solver.colliders, solver.features, solver.mobility) for _ in range(n)]
+        self._motions = [Motions(solver.colliders, solver.features, solver.mobility, solver.grid) for _ in range(n)]
         self.time, self.steps = np.zeros(n), np.zeros(n, int)
         """Of every future: [s], substeps."""
         state = solver.state()
@@ -190,13 +190,13 @@ class Batch:
 
     def collider_pose(self, e: int, index: int) -> Pose:
         """Where a future's last advance left a collider."""
-        return self._motions[e].poses[index]
+        return self._motions[e].pose(index)
 
     def load(self, e: int, state: dict[str, np.ndarray]) -> Tallied | None:
         """Put a future into a state (see `Solver.state`); what the tally reads there, where nothing was lost before."""
         particles = self.solver.particles
         packed = [particles.packed(particles.checked(state, name)) for name in particles.named_fields()]
-        self._motions[e].poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
+        self._motions[e].poses = self._motions[e].stored_in(state)
         self._motions[e].pending.clear()
         self.time[e], self.steps[e] = float(state["time"]), int(state["steps"])
         with default_precision(self.solver.precision):
@@ -206,7 +206,7 @@ class Batch:
 
     def _read(self, e: int) -> Tallied | None:
         """What the tally reads in a future as it is."""
-        _, table = self._motions[e].take(1.0, 1, np.inf, self.solver.grid.cell, self.solver._dtype)
+        _, table = self._motions[e].take(1.0, 1, np.inf, self.solver._dtype)
         turns = [Turn()] * self.n
         turns[e] = Turn(READ_ONLY)
         self._launch(turns, table)
@@ -218,8 +218,7 @@ class Batch:
         self._check(durations, looks)
         solver, tables, plans, rows = self.solver, [], [Turn()] * self.n, 0
         for e in np.flatnonzero(durations):
-            total, table = self._motions[e].take(float(durations[e]), int(looks[e]), solver.dt, solver.grid.cell,
-                                                 solver._dtype)
+            total, table = self._motions[e].take(float(durations[e]), int(looks[e]), solver.dt, solver._dtype)
             self._dts[e] = durations[e] / total
             plans[e] = Turn(total, rows, total // int(looks[e]),
                             stay=most_substeps(self._interval(e), self._dts[e]))

@@ -1,19 +1,38 @@
 """What is suspicious about a scene, said before it runs: typed warnings with the value and the remedy."""
 
 import warnings
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from mpm.body import Body
 from mpm.collider import Collider
-from mpm.errors import NarrowPassage, OverlappingBodies, StrongCompression
+from mpm.errors import InvalidValue, NarrowPassage, OverlappingBodies, StrongCompression
 from mpm.grid import Grid
 
 CELLS_IN_A_PASSAGE = 4
 """Cells that grains need between two walls to flow."""
 STRONG = 0.1
 """Strain at the base of a heap from which its height is visibly less than in reality."""
+
+
+def finite(what: str, values: object, shape: tuple[int, ...]) -> np.ndarray:
+    """A copy in double precision; raises InvalidValue for another shape, or numbers that are not finite."""
+    array = np.array(values, float)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InvalidValue(f"{what} = {values}; accepted: finite numbers, shape {shape}")
+    return array
+
+
+def stored(state: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """One of a snapshot's arrays; raises InvalidValue where the snapshot is of another scene."""
+    if name not in state:
+        raise InvalidValue(f"load: the state has {', '.join(state)}; the scene also needs {name}")
+    array = np.asarray(state[name])
+    if array.shape != shape:
+        raise InvalidValue(f"load: {name} has shape {array.shape}; the scene has {shape}")
+    return array
 
 
 def check_scene(grid: Grid, bodies: list[Body], colliders: list[Collider], gravity: np.ndarray) -> None:

@@ -24,7 +24,7 @@ class Collider:
     """Contact with grains moves it too; `Solver.set_collider_mobility` says how it answers."""
 
     def __post_init__(self) -> None:
-        if self.friction < 0:
+        if not self.friction >= 0:
             raise InvalidValue(f"Collider: friction = {self.friction}; accepted: 0 or more")
         if self.static and self.mobile:
             raise InvalidValue("Collider: static and mobile; a collider is one or the other")

@@ -123,9 +123,11 @@ def divergence_of(solver: "Solver", dt: float) -> SimulationDiverged:
     """The error of a state that is not finite, or too fast for substeps of dt [s]."""
     speeds = np.linalg.norm(solver.velocities(), axis=1)
     worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
+    lost = [index for index, row in zip(solver.mobility.indices, solver.mobility.table) if not np.isfinite(row).all()]
     error = SimulationDiverged(
         time=solver.time, step=solver.steps, particle=worst, position=tuple(solver.positions()[worst].tolist()),
         speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / solver.grid.cell),
+        collider=lost[0] if lost else None,
     )
     error.diagnostics = diagnostics_of(solver)
     return error

@@ -43,6 +43,15 @@ class TimeStepTooLarge(InvalidValue):
         )
 
 
+class ColliderTooFast(InvalidValue):
+    """A collider that no affordable substep can follow."""
+
+    def __init__(self, collider: int, speed: float, accepted: float) -> None:
+        self.collider, self.speed, self.accepted = collider, speed, accepted
+        super().__init__(f"collider {collider} moves at {speed:.4g} m/s; accepted: up to {accepted:.4g} m/s with this "
+                         f"grid and dt (metres and seconds?)")
+
+
 class MpmWarning(UserWarning):
     """Base of the warnings that `mpm` gives: the run goes on, its result is suspect."""
 
@@ -62,19 +71,22 @@ class NarrowPassage(MpmWarning):
 class SimulationDiverged(MpmError):
     """A non-finite or absurd state, with where and when it was found.
 
-    Attributes: time [s], step (substeps since the start), particle (index), position [m] (3,), speed [m/s],
-    cfl (speed * dt / cell), diagnostics (of the whole field, see `mpm.diagnostics`).
+    Attributes: time [s], step (substeps since the start), particle (index of the fastest, or of one that is not
+    finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile one that moves
+    by no finite number, or None), diagnostics (of the whole field, see `mpm.diagnostics`).
     """
 
     diagnostics: object = None
 
     def __init__(
-        self, *, time: float, step: int, particle: int, position: tuple[float, ...], speed: float, cfl: float
+        self, *, time: float, step: int, particle: int, position: tuple[float, ...], speed: float, cfl: float,
+        collider: int | None = None,
     ) -> None:
         self.time, self.step, self.particle = time, step, particle
-        self.position, self.speed, self.cfl = position, speed, cfl
+        self.position, self.speed, self.cfl, self.collider = position, speed, cfl, collider
+        whose = "" if collider is None else f"the motion of collider {collider} is not finite; fastest grain: "
         super().__init__(
-            f"diverged at t = {time:.6g} s, substep {step}: particle {particle} at {position} m, "
+            f"diverged at t = {time:.6g} s, substep {step}: {whose}particle {particle} at {position} m, "
             f"speed {speed:.4g} m/s, CFL number {cfl:.3g}"
         )
 

@@ -26,10 +26,10 @@ class Grid:
     """dx [m]"""
 
     def __post_init__(self) -> None:
-        if self.cell <= 0:
+        if not 0 < self.cell < np.inf:
             raise InvalidValue(f"Grid: cell = {self.cell} m; accepted: a positive length")
         span = np.subtract(self.upper, self.lower)
-        if span.shape != (3,) or np.any(span < (1 - 1e-9) * self.cell):
+        if span.shape != (3,) or not np.isfinite(span).all() or np.any(span < (1 - 1e-9) * self.cell):
             raise InvalidValue(f"Grid: {self.lower} .. {self.upper} m is no box of a cell of {self.cell} m or more")
 
     @property

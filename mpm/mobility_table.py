@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mpm.checks import finite, stored
 from mpm.errors import InvalidValue
 from mpm.mobility import AXES, CENTRE, IMPULSE, LEVER, RATE, RESPONSE, TWIST
 from mpm.motion import Pose, Twist, Wrench
@@ -37,14 +38,16 @@ class MobilityTable:
             if other not in self.indices or other == index:
                 raise InvalidValue(f"mobility of collider {index}: others names collider {other}; accepted: "
                                    f"{tuple(i for i in self.indices if i != index)}")
-            self._responses[b, :, self.indices.index(other)] = _finite(index, "others", response, (6, 6))
-        self._free[b] = _finite(index, "free_twist", free_twist, (6,))
+            given = finite(f"mobility of collider {index}: others", response, (6, 6))
+            self._responses[b, :, self.indices.index(other)] = given
+        self._free[b] = finite(f"mobility of collider {index}: free_twist", free_twist, (6,))
         if twist is not None:
-            self.twists[b] = _finite(index, "twist", twist, (6,))
+            self.twists[b] = finite(f"mobility of collider {index}: twist", twist, (6,))
         if centre is None:
             self._levers[b] = 0.0
         else:
-            self._levers[b] = pose.matrix.T @ (pose.position - _finite(index, "centre", centre, (3,)))
+            lever = pose.position - finite(f"mobility of collider {index}: centre", centre, (3,))
+            self._levers[b] = pose.matrix.T @ lever
 
     def kept(self) -> dict[str, np.ndarray]:
         """What the next advance depends on besides the poses."""
@@ -52,9 +55,11 @@ class MobilityTable:
                 "responses": self._responses.copy()}
 
     def restore(self, kept: Mapping[str, np.ndarray]) -> None:
-        """Return to what `kept` gave."""
-        self.twists[:], self._free[:] = kept["twists"], kept["free_twists"]
-        self._levers[:], self._responses[:] = kept["levers"], kept["responses"]
+        """Return to what `kept` gave; raises InvalidValue, and changes nothing, where that is of another scene."""
+        mine = {"twists": self.twists, "free_twists": self._free, "levers": self._levers, "responses": self._responses}
+        given = {name: stored(kept, name, values.shape) for name, values in mine.items()}
+        for name, values in mine.items():
+            values[:] = given[name]
 
     def fastest(self, index: int, radius: float) -> float:
         """Speed [m/s] that a collider's surface has now or would have at the end without contact."""
@@ -91,20 +96,16 @@ class MobilityTable:
         return Wrench(values[:3].copy(), values[3:].copy())
 
     def twist(self, index: int) -> Twist:
+        """About the centre, at the end of the last advance."""
+        if index not in self.indices:
+            raise InvalidValue(f"collider {index} is not mobile; mobile: {self.indices}")
         values = self.twists[self.indices.index(index)]
         return Twist(values[:3].copy(), values[3:].copy())
 
 
-def _finite(index: int, name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.asarray(values, float)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise InvalidValue(f"mobility of collider {index}: {name} = {values}; accepted: finite numbers, shape {shape}")
-    return array.copy()
-
-
 def checked_mobility(index: int, W: np.ndarray) -> np.ndarray:
     """The mobility made exactly symmetric; raises InvalidValue when it is not symmetric or not positive."""
-    W = _finite(index, "W", W, (6, 6))
+    W = finite(f"mobility of collider {index}: W", W, (6, 6))
     scale = np.linalg.norm(W)
     if np.abs(W - W.T).max() > SYMMETRY * scale:
         raise InvalidValue(f"mobility of collider {index}: W is not symmetric: {np.abs(W - W.T).max():.3g} of "

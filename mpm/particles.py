@@ -4,7 +4,7 @@ import numpy as np
 
 from mpm.backend import put, real_type, ti
 from mpm.body import Body
-from mpm.errors import InvalidValue
+from mpm.checks import stored
 from mpm.features import Features
 from mpm.grid import Grid
 from mpm.packs import LANES, Packs, Snapshot
@@ -96,13 +96,7 @@ class ParticleFields:
 
     def checked(self, state: dict[str, np.ndarray], name: str) -> np.ndarray:
         """One of a snapshot's arrays; raises InvalidValue where the snapshot is of another scene."""
-        named = self.named_fields()
-        if name not in state:
-            raise InvalidValue(f"load: the state has {', '.join(state)}; the scene also needs {name}")
-        shape = (sum(self.counts), len(named[name]))
-        if state[name].shape != shape:
-            raise InvalidValue(f"load: {name} has shape {state[name].shape}; the scene has {shape}")
-        return state[name]
+        return stored(state, name, (sum(self.counts), len(self.named_fields()[name])))
 
     def read(self, fields: list) -> np.ndarray:
         """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from mpm.backend import PRECISIONS, allocating, default_precision, real_type, session_precision, ti
 from mpm.body import Body, Material
-from mpm.checks import check_passage, check_scene
+from mpm.checks import check_passage, check_scene, finite, stored
 from mpm.collider import Collider
 from mpm.contact import cache_static
 from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, divergence_of, energy_of, momentum_of
@@ -21,6 +21,7 @@ from mpm.motions import Motions
 from mpm.numbers import Numbers
 from mpm.particles import ParticleFields
 from mpm.phases import Shares, are_shared, substeps_of
+from mpm.readings import Readings
 from mpm.sample import Sample
 from mpm.shell import Shell
 from mpm.sides import CutFields
@@ -34,7 +35,7 @@ from mpm.walls import Walls
 from mpm.way_back import WayBack
 
 
-class Solver:
+class Solver(Readings):
     """Advances grains; see the package's README for the conventions.
 
     dt: substep [s], or None for `COURANT_FRACTION` of the bound; a dt above the bound raises TimeStepTooLarge.
@@ -67,7 +68,7 @@ class Solver:
         self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
         self.walls = walls or Walls()
         self.walls.check(grid)
-        self.gravity = np.asarray(gravity, float)
+        self.gravity = finite("Solver: gravity", gravity, (3,))
         check_scene(grid, self.bodies, self.colliders, self.gravity)
         self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
         self.asked_dt, self.asked_interval = dt, transfer_interval
@@ -88,7 +89,7 @@ class Solver:
         self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self._integrator,
                                     self._accelerated, self.transfer_interval > 0)
         self.mobility = MobilityTable(self.features.mobile)
-        self._motions = Motions(self.colliders, self.features, self.mobility)
+        self._motions = Motions(self.colliders, self.features, self.mobility, self.grid)
         with default_precision(self.precision), allocating():
             self.particles = ParticleFields(self.bodies, self.grid, self.features)
             self.fields = GridFields(self.grid, self.precision, 2 if self.features.shells else 1,
@@ -117,7 +118,7 @@ class Solver:
                 numbers = np.concatenate([pose.position, pose.matrix.ravel()])
                 cache_static(self.node_contact, self.node_owner, self.colliders[i].sdf, i, numbers, corner, cell)
         self._out = np.zeros((self._substeps.rows, 6))
-        self.ledger = np.zeros((self._substeps.rows, 6))
+        self.ledger = np.zeros((self._substeps.momentum, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()
         self.way_back = WayBack(self)
@@ -133,7 +134,7 @@ class Solver:
         """Replace the scene's colliders before the first advance; the grains stay as they are."""
         if self.steps > 0 or self.tally is not None:
             raise InvalidValue("the scene is fixed by the first advance or an attached tally; set its colliders before")
-        before, gravity = self.state(), self.numbers.gravity[None]
+        before = self.state()
         self.colliders = list(colliders)
         for k, collider in enumerate(self.colliders):
             check_passage(self.grid, k, collider)
@@ -141,15 +142,21 @@ class Solver:
         for name, fields in self.particles.named_fields().items():
             if name in before:
                 self.particles.write(fields, before[name])
-        self.numbers.gravity[None] = gravity
         self._momentum = self.momentum()
+
+    def set_gravity(self, gravity: np.ndarray) -> None:
+        """Gravity [m/s^2] (3,) from now on."""
+        self.gravity = finite("set_gravity", gravity, (3,))
+        self.numbers.gravity[None] = self.gravity
 
     def set_material(self, index: int, material: Material) -> None:
         """Give a body other numbers of its law from now on; raises TimeStepTooLarge where they need a smaller dt."""
         self.check_material(index, material)
+        heavier = material.density != self.bodies[index].material.density
         self.bodies[index] = replace(self.bodies[index], material=material)
         self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
         self.numbers.set_law(index, material)
+        self._momentum = self.momentum() if heavier else self._momentum
 
     def check_material(self, index: int, material: Material) -> None:
         """Raise where a body cannot be given this material."""
@@ -162,8 +169,8 @@ class Solver:
 
     def attach(self, tally: Tally, sample: Sample | None = None) -> None:
         """Let a tally of this solver read within advances, and a sample at their ends; its kernel is compiled anew."""
-        if tally.solver is not self or tally.index not in self.features.moving_colliders:
-            raise InvalidValue("attach: the tally is of another solver, or its tool cannot move")
+        if tally.particles is not self.particles or tally.index not in self.features.moving_colliders:
+            raise InvalidValue("attach: the tally is of another solver or of other colliders, or its tool cannot move")
         if sample is not None and sample.particles is not self.particles:
             raise InvalidValue("attach: the sample is of another solver")
         self.tally, self.sample = tally, sample
@@ -208,7 +215,7 @@ class Solver:
 
     def collider_pose(self, index: int) -> Pose:
         """Where the last advance left a collider."""
-        return self._motions.poses[index]
+        return self._motions.pose(index)
 
     def collider_twist(self, index: int) -> Twist:
         """Twist of a mobile collider about its centre, where the last advance ended."""
@@ -225,13 +232,14 @@ class Solver:
         """Advance by `duration` [s] in equal substeps of at most `dt`; returns what the attached tally read after each
         of `looks` equal intervals, nothing without one.
 
-        Raises SimulationDiverged when a state is not finite or faster than `SPEED_LIMIT` cells a substep.
+        Raises SimulationDiverged when a state is not finite or faster than `SPEED_LIMIT` cells a substep, and
+        ColliderTooFast, before anything moves, where no substep could follow a collider.
         """
-        if duration <= 0:
+        if not 0 < duration < math.inf:
             raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
         if not 1 <= looks <= MAX_LOOKS:
             raise InvalidValue(f"advance: looks = {looks}; accepted: 1 to {MAX_LOOKS}")
-        total, table = self._motions.take(duration, looks, self.dt, self.grid.cell, self._dtype)
+        total, table = self._motions.take(duration, looks, self.dt, self._dtype)
         dt, interval, read = duration / total, total // looks, []
         self.substep = dt
         self.mobility.begin(self._motions.poses, duration)
@@ -246,7 +254,7 @@ class Solver:
                 self._listed = False  # an interrupted launch leaves no list
                 self._launch(n, dt, motion, first, interval)
                 self._listed = True
-            self.ledger += self._out[: self._substeps.rows]
+            self.ledger += self._out[: self._substeps.momentum]
             if self.tally is not None:
                 begin = self._substeps.rows
                 for look in range(first // interval, (first + n) // interval):
@@ -277,26 +285,14 @@ class Solver:
         self.way_back.due = self.way_back.due and substeps == 0
 
     # readings ------------------------------------------------------------------------------------------------------
-    def positions(self) -> np.ndarray:
-        """[m], shape (n_particles, 3), float64, in the order of the bodies."""
-        return self.particles.read(self.particles.x).astype(float) + self.grid.origin
-
-    def velocities(self) -> np.ndarray:
-        """[m/s], shape (n_particles, 3), float64."""
-        return self.particles.read(self.particles.v).astype(float)
-
-    def masses(self) -> np.ndarray:
-        """[kg], shape (n_particles,)."""
-        volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
-        return volume * np.repeat([b.material.density for b in self.bodies], self.particles.counts)
-
     def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
         """Impulse [N s], [N m s] that the collider received during the last advance, about a point [m] (3,), or None:
         a mobile collider's centre as it moved, another's origin at the end of that advance."""
+        here = self._motions.pose(index).position
         if about is None and index in self.features.mobile:
             return self.mobility.impulse(index)
         linear, angular = -self.ledger[self._substeps.first_collider_row + index].reshape(2, 3)
-        point = self._motions.poses[index].position if about is None else np.asarray(about)
+        point = here if about is None else np.asarray(about)
         return Wrench(linear, angular - np.cross(point, linear))
 
     def momentum_after_advance(self) -> Momentum:
@@ -334,13 +330,16 @@ class Solver:
                          **self.mobility.kept()}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
-        """Return to a state of this solver or of one built from the same scene."""
-        self.way_back.copy_now()
-        for name, fields in self.particles.named_fields().items():
-            self.particles.write(fields, self.particles.checked(state, name))
+        """Return to a state of this solver or of one built from the same scene; raises InvalidValue, and changes
+        nothing, for one of another scene."""
+        named, poses = self.particles.named_fields(), self._motions.stored_in(state)
+        arrays = [self.particles.checked(state, name) for name in named]
+        time, steps = float(stored(state, "time", ())), int(stored(state, "steps", ()))
         self.mobility.restore(state)
-        poses = [Pose(row[:3].copy(), row[3:].copy()) for row in state["poses"]]
-        self.taken_over(poses, float(state["time"]), int(state["steps"]))
+        self.way_back.copy_now()
+        for fields, values in zip(named.values(), arrays):
+            self.particles.write(fields, values)
+        self.taken_over(poses, time, steps)
 
     def taken_over(self, poses: list[Pose], time: float, steps: int, momentum: Momentum | None = None) -> None:
         """The grains' fields hold another state: poses of its colliders, time [s], substeps, momentum if known."""

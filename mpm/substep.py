@@ -5,7 +5,7 @@ from mpm.constitutive import stress
 from mpm.contact import backstop, update_nodes
 from mpm.grid import GHOST, clear, first_nodes, mark_pack
 from mpm.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW, add, lift
-from mpm.mirror import NoTape, fold, fold_periodic, unfold, unfold_periodic
+from mpm.mirror import NoTape, fold, fold_periodic, open_homes, unfold, unfold_periodic
 from mpm.mobility import begin_mobiles, meet, move_mobiles
 from mpm.numbers import PARAMETERS
 from mpm.packs import LANES
@@ -128,6 +128,8 @@ class Substeps:
             begin_mobiles(self, mobile, motion, s, dt)
         if ti.static(len(self.features.shells) > 0):
             if fresh:
+                if ti.static(self.is_periodic):
+                    open_homes(self.grid, self.features.periodic, self.cells, stamp)
                 label_nodes(self, motion, s, stamp, corner)
                 label_grains(self, self.particles, motion, s)
             self.cuts.count[None] = 0

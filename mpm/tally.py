@@ -5,9 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.backend import allocating, put, ti
+from mpm.errors import InvalidValue
 from mpm.motion import Pose
 from mpm.packs import LANES
 from mpm.region import Region
+from mpm.shell import Shell
 
 ROW = 7
 """Numbers of a region as the kernel reads it."""
@@ -66,6 +68,8 @@ class Tally:
                  target: Region, bounds: Region, interior: Region, tool: int, reach: float | None = None,
                  points: np.ndarray | None = None, probe=None, margin: float = 0.0,
                  ranks: bool = False, losing: np.ndarray | None = None) -> None:  # noqa: ANN001
+        if reach is not None and isinstance(solver.colliders[tool].sdf, Shell):
+            raise InvalidValue("Tally: reach with a shell as tool; accepted: a solid, or reach=None")
         self.particles, self.tool, self.solver = solver.particles, solver.colliders[tool].sdf, solver
         self.reach, self.margin, self.index = reach or 0.0, margin, tool
         self.touches, self.looks, self.ranks = reach is not None, points is not None, ranks

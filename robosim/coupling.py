@@ -25,8 +25,8 @@ TOLERANCE = 0.1
 NEGLIGIBLE = 1e-3
 """[m/s] by which a body may miss what was foreseen in any case."""
 MAX_REPEATS = 4
-_coupled: "weakref.WeakValueDictionary[tuple[int, str], GranularPlugin]" = weakref.WeakValueDictionary()
-"""Who has coupled which body of which MjData."""
+_coupled: "weakref.WeakValueDictionary[int, GranularPlugin]" = weakref.WeakValueDictionary()
+"""Who steps which MjData."""
 
 
 class GranularPlugin:
@@ -67,8 +67,7 @@ class GranularPlugin:
             self._check_reach(name, colliders[c])
         if any(c is not old for c, old in zip_longest(colliders, solver.colliders)):
             solver.set_colliders(colliders)
-        for name in bodies:
-            _coupled[id(data), name] = self
+        _coupled[id(data)] = self
         self._twin = Twin(model, data, [self._ids[name] for name in self._dynamic])
         self._fresh, self._last_time = True, float(data.time)
         self._applied = np.zeros((model.nbody, 6))
@@ -91,7 +90,7 @@ class GranularPlugin:
         3. Advance the grains; every change of their momentum is credited to somebody.
         4. Apply the impulse to the bodies as a wrench; step MuJoCo.
         5. Compare with what was foreseen; repeat the step if it missed.
-        6. Close the ledger; raise RobotDiverged when MuJoCo's state went bad.
+        6. Close the ledger; raise RobotDiverged when MuJoCo's state went bad, or a body is too fast to be followed.
         """
         self._twin.begin()
         before = self.solver.momentum_after_advance()
@@ -100,7 +99,7 @@ class GranularPlugin:
             self._step_together()
         else:
             self._move_as_foreseen()
-            self.read = self.solver.advance(self.model.opt.timestep)
+            self._advance()
             self._apply_and_step()
         self.ledger = close_ledger(self.solver, before, self._colliders)
         self._watch_grid()
@@ -147,7 +146,7 @@ class GranularPlugin:
             self.solver.keep()
         for self.repeats in range(MAX_REPEATS + 1):
             self._hand_over(foresight, free)
-            self.read = self.solver.advance(self.model.opt.timestep)
+            self._advance()
             solved = np.array([np.concatenate(self.solver.collider_twist(self._colliders[n])) for n in self._dynamic])
             self._apply_and_step()
             ends = {i: self.solver.collider_pose(self._colliders[name]) for i, name in enumerate(self._dynamic)
@@ -164,6 +163,12 @@ class GranularPlugin:
             free, last = free + weight * self.miss, self.miss
             self.solver.rewind()
             self._twin.restart()
+
+    def _advance(self) -> None:
+        try:
+            self.read = self.solver.advance(self.model.opt.timestep)
+        except mpm.ColliderTooFast as error:
+            raise RobotDiverged(float(self.data.time), [str(error)]) from error
 
     def _hand_over(self, foresight: Foresight, free: np.ndarray) -> None:
         """Give the solver the bodies' places, velocities and answers to impulses."""
@@ -203,6 +208,9 @@ class GranularPlugin:
     # checks --------------------------------------------------------------------------------------------------------
     def _check_names(self, bodies: dict[str, int | None]) -> None:
         """Raise on bodies and colliders that are not there, or not free to be coupled."""
+        if id(self.data) in _coupled:
+            raise ConfigError("another plugin steps this MjData already, and each would take a step of its own; give "
+                              "all grains to one solver as bodies, and all coupled bodies to one plugin")
         names = [self.model.body(i).name for i in range(self.model.nbody)]
         for name in bodies:
             if name not in names:
@@ -214,9 +222,6 @@ class GranularPlugin:
         for name, collider in bodies.items():
             if collider is not None and collider not in movable:
                 raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")
-            if (id(self.data), name) in _coupled:
-                raise ConfigError(f"body {name!r} is coupled by another plugin already; a body's grains are in one "
-                                  f"solver: give both fields to that solver as bodies")
 
     def _made_colliders(self, bodies: dict[str, int | None]) -> tuple[dict[str, int], list[mpm.Collider]]:
         """Index of each body's collider, and the scene's colliders with those that are made of geoms."""

@@ -1,5 +1,7 @@
 """A MuJoCo step that is tried out before it is taken."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import mujoco
@@ -21,6 +23,17 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """All that a step depends on. A copy of the whole MjData would take longer than the probing."""
 
 
+@contextmanager
+def uncontrolled() -> Iterator[None]:
+    """Without the user's control callback: what it does and counts belongs to steps that are taken."""
+    callback = mujoco.get_mjcb_control()
+    mujoco.set_mjcb_control(None)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_control(callback)
+
+
 class Foresight(NamedTuple):
     """How the coupled bodies would move over the coming step, all in world axes about their centres of mass."""
 
@@ -36,6 +49,8 @@ class Twin:
     """Tries steps of a MuJoCo scene and takes them back.
 
     A step is `begin` (positions and velocities), any number of trials, and `finish`; together they are one `mj_step`.
+    A Runge-Kutta step calls the user's control callback in `finish`, as often as `mj_step` does, and holds its last
+    controls in trials.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, bodies: list[int]) -> None:
@@ -52,7 +67,8 @@ class Twin:
     def begin(self) -> None:
         """Evaluate positions and velocities, fresh even after the user changed qpos, and remember the state."""
         if self._whole:
-            mujoco.mj_forward(self.model, self.data)
+            with uncontrolled():
+                mujoco.mj_forward(self.model, self.data)
         else:
             mujoco.mj_step1(self.model, self.data)
         mujoco.mj_getState(self.model, self.data, self._start, STATE)
@@ -103,7 +119,11 @@ class Twin:
     def poses_after(self, load: np.ndarray) -> list[mpm.Pose]:
         """Frames of the bodies after the step under wrenches (nbody, 6) besides the scene's own forces."""
         self._wrenches += load
-        self.finish()
+        if self._whole:
+            with uncontrolled():
+                self.finish()
+        else:
+            self.finish()
         ends = [body_pose(self.data, body) for body in self.bodies]
         self.restart()
         return ends
@@ -168,7 +188,8 @@ class Twin:
     def _integrate_trial(self) -> None:
         """The rest of the trial's step, from its wrenches to its velocities."""
         if self._whole:
-            mujoco.mj_step(self.model, self.data)
+            with uncontrolled():
+                mujoco.mj_step(self.model, self.data)
         else:
             mujoco.mj_fwdAcceleration(self.model, self.data)
             mujoco.mj_fwdConstraint(self.model, self.data)

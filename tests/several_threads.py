@@ -50,11 +50,11 @@ def with_tally(solver: mpm.Solver) -> mpm.Solver:
 def run(solver: mpm.Solver, advances: int = 20) -> dict[str, np.ndarray]:
     """Its state after some advances of 2 ms, what the tally read, and the ledger's sum with what the grains' momentum
     lacks to it."""
-    before, ledger, read = solver.momentum(), np.zeros((len(solver.ledger) - 2, 6)), []
+    before, ledger, read = solver.momentum(), np.zeros(solver.ledger.shape), []
     for k in range(advances):
         solver.set_collider_motion(1, at(0.02 + 0.002 * k, 0.08, 0.06), at(0.02 + 0.002 * (k + 1), 0.08, 0.06))
         read += [seen[:6] for seen in solver.advance(2e-3, looks=2)]
-        ledger += solver.ledger[:-2]
+        ledger += solver.ledger
     after = solver.momentum_after_advance()
     gap = np.concatenate([after.linear - before.linear, after.angular - before.angular]) - ledger.sum(0)
     return {**solver.state(), "ledger": ledger, "gap": gap, "read": np.array(read, float)}

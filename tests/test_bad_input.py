@@ -102,3 +102,90 @@ def test_diagnostics_of_a_resting_block() -> None:
     on_floor = mpm.Body(mpm.DruckerPrager(**SAND), np.array([[0.05, 0.05, 0.0], [0.05, 0.05, 0.05]]), volume=1e-7)
     assert solver([on_floor], gravity=(0, 0, 0)).diagnostics().escaped == 1
     assert seen.compaction == pytest.approx(0, abs=1e-12) and seen.first_non_finite is None
+
+
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+SAMPLED = {"goal": np.zeros(3), "weights": np.ones(3), "tool": 0, "target": mpm.Region((0, 0, 0), (1, 1, 1)),
+           "interior": mpm.Region((0, 0, 0), (1, 1, 1)), "bounds": mpm.Region((0, 0, 0), (1, 1, 1))}
+
+
+def ball(place: float = 0.12) -> mpm.Collider:
+    return mpm.Collider(mpm.Sdf.sphere(0.03), pose=mpm.Pose(np.array([0.075, 0.075, place]), LEVEL))
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    field, nan = solver([block()], [ball()]), float("nan")
+    with pytest.raises(mpm.InvalidValue, match="collider 0: .* accepted: finite"):
+        field.set_collider_motion(0, field.collider_pose(0), mpm.Pose(np.array([nan, 0, 0]), LEVEL))
+    for duration in (nan, np.inf, 0.0):
+        with pytest.raises(mpm.InvalidValue, match="accepted: a positive time"):
+            field.advance(duration)
+    with pytest.raises(mpm.InvalidValue, match="cell = nan"):
+        mpm.Grid((0, 0, 0), (1, 1, 1), nan)
+    with pytest.raises(mpm.InvalidValue, match="friction = nan"):
+        mpm.Collider(mpm.Sdf.sphere(0.03), friction=nan)
+    for gravity in ((0.0, 0.0), (0.0, 0.0, nan)):
+        with pytest.raises(mpm.InvalidValue, match="gravity"):
+            solver([block()], gravity=gravity)
+    for index in (-1, 1):
+        for read in (field.collider_pose, field.collider_impulse, lambda i: field.collider_impulse(i, np.zeros(3))):
+            with pytest.raises(mpm.InvalidValue, match=f"collider {index}; accepted: 0 to 0"):
+                read(index)
+    with pytest.raises(mpm.InvalidValue, match="collider 0 is not mobile"):
+        field.collider_twist(0)
+
+
+def test_what_no_substep_can_follow_is_refused_before_anything_moves() -> None:
+    field = solver([block()], [ball()])
+    here, before = field.collider_pose(0), field.positions()
+    field.set_collider_motion(0, here, mpm.Pose(here.position + [1e6, 0, 0], LEVEL))
+    with pytest.raises(mpm.ColliderTooFast, match=r"collider 0 moves at 5e\+08 m/s; accepted: up to") as caught:
+        field.advance(2e-3)
+    assert field.time == 0 and (field.positions() == before).all() and field.collider_pose(0) is here
+    end = mpm.Pose(here.position + [0, 0, 0.9 * 2e-3 * caught.value.accepted], LEVEL)
+    field.set_collider_motion(0, here, end)
+    assert field._motions.take(2e-3, 1, field.dt, np.float32)[0] > 1000  # what is accepted can be followed
+
+
+def test_a_plane_reaches_no_farther_than_the_grid() -> None:
+    """Turning, it needs the substeps of a plate of the grid's size: here 0.1 rad/s on 0.35 m, far below the bound."""
+    floor = mpm.Collider(mpm.Sdf.plane(), pose=mpm.Pose(np.array([0.1, 0.1, 0.02]), LEVEL))
+    field = solver([block()], [floor])
+    half = 0.5 * 0.1 * 2e-3
+    turned = mpm.Pose(floor.pose.position, np.array([np.cos(half), 0, np.sin(half), 0]))
+    field.set_collider_motion(0, floor.pose, turned)
+    field.advance(2e-3)
+    assert field.steps == np.ceil(2e-3 / field.dt)
+
+
+def test_a_state_of_another_scene_changes_nothing() -> None:
+    field, other = solver([block()], [ball()]), solver([block()])
+    field.advance(2e-3)
+    before, foreign = field.state(), other.state()
+    for state, words in ((foreign, r"poses has shape \(0, 7\); the scene has \(1, 7\)"),
+                         ({k: v for k, v in before.items() if k != "time"}, "also needs time"),
+                         ({**before, "twists": np.zeros((1, 6))}, "twists has shape")):
+        with pytest.raises(mpm.InvalidValue, match=words):
+            field.load(state)
+        after = field.state()
+        assert all((after[name] == before[name]).all() for name in before)
+
+
+def test_a_tally_of_the_fields_before_is_refused() -> None:
+    field = solver([block()], [ball()])
+    tally = mpm.Tally(field, np.arange(5), **SAMPLED)
+    field.set_colliders([ball()])
+    with pytest.raises(mpm.InvalidValue, match="of other colliders"):
+        field.attach(tally)
+    sheet = mpm.Shell.from_mesh(trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]]), 1e-3)
+    with pytest.raises(mpm.InvalidValue, match="reach with a shell"):
+        mpm.Tally(solver([block()], [mpm.Collider(sheet)]), np.arange(5), reach=0.01, **SAMPLED)
+
+
+def test_a_collider_that_is_lost_is_named() -> None:
+    """Its grains are well: the message does not blame one of them alone."""
+    field = solver([block()], [mpm.Collider(mpm.Sdf.sphere(0.03), mobile=True, pose=ball().pose)])
+    field.mobility.twists[0, 0] = np.nan
+    with pytest.raises(mpm.SimulationDiverged, match="the motion of collider 0 is not finite") as caught:
+        field.advance(2e-3)
+    assert caught.value.collider == 0

@@ -136,3 +136,12 @@ def test_a_stiffer_material_takes_the_step_that_it_needs() -> None:
     env.reset(seed=0)
     _, _, _, _, info = env.step(np.zeros(6, np.float32))
     assert np.isfinite(info["tcs"]) and not info.get("diverged") and info["readings"]["retained"] > 0.9
+
+
+@pytest.mark.slow
+def test_the_arm_carries_a_stiffer_material_too() -> None:
+    """The plugin refuses substeps that do not divide its own step, where somebody asked for them; here nobody did."""
+    env = GrainEnv(task="SpoonTranslate", material="paper", arm=True)
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(np.zeros(3, np.float32))
+    assert np.isfinite(info["tcs"]) and not info.get("diverged")

@@ -55,7 +55,7 @@ def measure(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, 
     times, speeds = [], []
     while solver.time - begin < END - WINDOW / 2:
         risen = min((solver.time - begin + WINDOW / 2) / RAMP, 1.0)
-        solver.numbers.gravity[None] = [risen * along, 0.0, -across]
+        solver.set_gravity(np.array([risen * along, 0.0, -across]))
         clock.advance(WINDOW)
         times.append(solver.time - begin)
         speeds.append(solver.momentum_after_advance().linear[0] / mass)

@@ -58,10 +58,15 @@ def filling(task: TaskConfig, sdf: Lattice) -> np.ndarray:
     return places[np.argsort(keys, kind="stable")[: task.grains.count]]
 
 
+def asked_step(task: TaskConfig, law: Law) -> float | None:
+    """The task's substep [s], None where a law is too stiff for it: the solver then chooses its own."""
+    asked = task.field.dt
+    return None if asked is None or asked > material_bound(task.field.cell, law) else asked
+
+
 def substep(task: TaskConfig, law: Law) -> float:
-    """Largest substep [s]: the task's, or what a law that is too stiff for that needs."""
-    bound, asked = material_bound(task.field.cell, law), task.field.dt
-    return chosen_step(None if asked is None or asked > bound else asked, bound)
+    """Largest substep [s] that a task's field takes with a law."""
+    return chosen_step(asked_step(task, law), material_bound(task.field.cell, law))
 
 
 def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, places: np.ndarray | None = None,
@@ -75,8 +80,7 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, places: np
     body = mpm.Body(law, filling(task, sdf) if places is None else places, volume=volume or grain_volume(task))
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
                       colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
-                      dt=substep(task, law),
-                      transfer_interval=field.transfer_interval)
+                      dt=asked_step(task, law), transfer_interval=field.transfer_interval)
 
 
 def observed(task: TaskConfig) -> np.ndarray:
