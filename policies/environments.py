@@ -5,14 +5,19 @@ from typing import Any
 import gymnasium
 
 import mpm
+from policies.presets import tasks
 
 
 def made(task: str, **options: Any) -> gymnasium.Env:
     """The environment of a sub-task ("SpoonPour"); raises mpm.InvalidValue for one that does not exist. options: see
     `robosim.envs.GrainEnv`; None for the task's own material."""
     given = {key: value for key, value in options.items() if key != "material" or value is not None}
+    name = task.split("/")[-1].split("-v")[0]
+    if name not in tasks():
+        raise mpm.InvalidValue(f"task {task!r}; accepted: {', '.join(tasks())}; for training also an id of Gymnasium "
+                               f"such as Pendulum-v1")
     try:
-        return gymnasium.make(f"robosim:robosim/{task.split('/')[-1].split('-v')[0]}-v0", **given)
+        return gymnasium.make(f"robosim:robosim/{name}-v0", **given)
     except gymnasium.error.Error as error:
         raise mpm.InvalidValue(f"task {task!r}: {error}") from error
 

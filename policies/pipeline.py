@@ -21,6 +21,7 @@ import mpm
 from policies.files import claim, write, write_json
 from policies.presets import folder, load_preset
 from policies.tables import aligned
+from policies.train import check_installed
 
 EXAMPLE = """examples:
   robosim pipeline spoon --jobs 2 --out out/pipeline
@@ -72,6 +73,7 @@ class Pipeline:
     """Runs what is not finished yet; pipeline.json says of every command how it went."""
 
     def __init__(self, options: argparse.Namespace) -> None:
+        check_installed()  # now, and not after the first demonstrations
         known = rehearsals()
         if options.rehearsal not in known:
             raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(known)}")

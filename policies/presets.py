@@ -127,6 +127,27 @@ class Preset(pydantic.BaseModel):
         return self
 
 
+def in_words(error: Exception, kind: type[pydantic.BaseModel]) -> str:
+    """What is wrong with a file, in a line."""
+    if not isinstance(error, pydantic.ValidationError):
+        return str(error)
+    lines = []
+    for one in error.errors():
+        place = ".".join(map(str, one["loc"]))
+        if one["type"] == "extra_forbidden":
+            also = f"; accepted: {', '.join(kind.model_fields)}" if len(one["loc"]) == 1 else ""
+            lines.append(f"unknown key {place!r}{also}")
+        else:
+            given = f" (given: {one['input']!r})" if one["type"] not in ("missing", "value_error") else ""
+            lines.append(f"{place or 'file'}: {one['msg']}{given}")
+    return "; ".join(lines)
+
+
+def tasks() -> list[str]:
+    """Names of the sub-tasks that ship."""
+    return sorted(path.stem for path in (folder().parent / "tasks").glob("*.yaml"))
+
+
 def known(preset: dict[str, Any]) -> dict[str, Any]:
     """A preset that an earlier version wrote down, with what it lacks as it was then and without numbers that did
     nothing; as it is where it is none."""
@@ -157,4 +178,4 @@ def load_preset(name: str) -> Preset:
     try:
         return Preset(**yaml.safe_load(path.read_text()))
     except (pydantic.ValidationError, yaml.YAMLError, TypeError) as error:
-        raise mpm.InvalidValue(f"{path}: {error}") from error
+        raise mpm.InvalidValue(f"{path}: {in_words(error, Preset)}") from error

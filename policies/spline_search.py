@@ -37,7 +37,7 @@ class Evolution:
         try:
             import cma  # belongs to the extra of learning, and other commands do without it
         except ImportError as error:
-            raise mpm.InvalidValue(f'--method cmaes: {error}; `pip install "robosim[learn]"` brings it') from error
+            raise mpm.InvalidValue(f"--method cmaes: {error}; pip install '.[learn]' in the checkout") from error
         rng = np.random.default_rng(seed)  # the library would take numpy's own, which belongs to everybody
         self._search: Any = cma.CMAEvolutionStrategy(fitted(first[kept:], KNOTS).ravel(), SIGMA, {
             "seed": np.nan, "randn": lambda *size: rng.standard_normal(size), "popsize": POPULATION, "verbose": -9})

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 import mpm
 from policies.files import write_json
-from policies.presets import known, load_preset
+from policies.presets import in_words, known, load_preset, tasks
 
 EXAMPLE = """example, with a file small.yaml of
   tasks: [SpoonPour, ShovelMove]
@@ -93,12 +93,15 @@ def load(path: Path) -> SweepFile:
     try:
         return SweepFile(**yaml.safe_load(path.read_text()))
     except (OSError, yaml.YAMLError, pydantic.ValidationError, TypeError) as error:
-        raise mpm.InvalidValue(f"{path}: {error}") from error
+        raise mpm.InvalidValue(f"{path}: {in_words(error, SweepFile)}") from error
 
 
 def planned(file: SweepFile) -> list[Run]:
     """All runs of a sweep, seeds outermost, so that a sweep that is stopped has whole rows."""
-    runs = []
+    runs, strange = [], [task for task in file.tasks if "-v" not in task and task not in tasks()]
+    if strange:
+        raise mpm.InvalidValue(f"tasks {', '.join(strange)}; accepted: {', '.join(tasks())}, or an id of "
+                               f"Gymnasium such as Pendulum-v1")
     for seed, task, method in product(file.seeds, file.tasks, file.methods):
         out = file.out / task / Path(method).stem / f"seed_{seed}"
         words = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options]

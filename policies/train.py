@@ -13,7 +13,7 @@ from policies.presets import Preset, load_preset, methods
 
 EXAMPLE = """examples:
   robosim train dg_sac SpoonPour --demos out/demo/SpoonPour --seed 0 --out out/runs/SpoonPour/dg_sac/seed_0
-  robosim evaluate SpoonPour --policy out/runs/SpoonPour/dg_sac/seed_0/best.npz --out out/pour"""
+  robosim evaluate SpoonPour --policy out/runs/SpoonPour/dg_sac/seed_0/best.npz --nominal --out out/pour"""
 NEEDED = ("torch", "stable_baselines3", "sb3_contrib", "tensorboard", "cma")
 
 
@@ -39,13 +39,18 @@ def command(commands: argparse._SubParsersAction) -> None:
         hold=a.action_repeat, obs=a.obs, force=a.force, frames=a.frames))
 
 
+def check_installed() -> None:
+    """Raise mpm.InvalidValue where what learning needs is not installed."""
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        raise mpm.InvalidValue(f"learning needs {', '.join(missing)}: pip install '.[learn]' in the checkout")
+
+
 def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | None = None, episodes: int | None = None,
           material: str | None = None, starts: str = "nominal", hold: int = 10, obs: str | None = None,
           force: bool = False, frames: Path | None = None) -> int:
     """Run a method in a folder to its end; returns 0. A finished run is left alone."""
-    missing = [name for name in NEEDED if find_spec(name) is None]
-    if missing:
-        raise mpm.InvalidValue(f"learning needs {', '.join(missing)}: pip install 'robosim[learn]'")
+    check_installed()
     preset = load_preset(method)
     for name, number in (("--episodes", episodes), ("--action-repeat", hold)):
         if number is not None and number < 1:

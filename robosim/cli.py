@@ -145,7 +145,8 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     run.add_argument("task", help=f"one of: {', '.join(TASKS)}")
     run.add_argument("--policy", default="scripted", help=f"one of: {', '.join(POLICIES)}; or a .npz file with an "
                      "array `actions` (default: scripted)")
-    run.add_argument("--episodes", type=_positive, default=5, help="with seeds from --seed on (default: 5)")
+    run.add_argument("--episodes", type=_positive, help="with seeds from --seed on (default: 5; 1 with "
+                     "--nominal)")
     run.add_argument("--seed", type=_seed, default=0, help="of the first episode (default: 0)")
     run.add_argument("--material", help=f"one of: {', '.join(config_names('materials'))}; or a .yaml file of your own")
     run.add_argument("--nominal", action="store_true", help="start at the task's own place, not within its ranges")

@@ -3,7 +3,7 @@
 from importlib.resources import files
 from pathlib import Path
 
-from robosim.errors import UnknownName
+from robosim.errors import ConfigError, UnknownName
 
 
 def folder(name: str) -> Path:
@@ -32,6 +32,9 @@ def config_path(kind: str, name: str, what: str) -> Path:
     """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
     if name.endswith((".yaml", ".yml")) and Path(name).is_file():
         return Path(name)
+    if name.endswith((".yaml", ".yml")):
+        raise ConfigError(f"{what} {name}: no such file; accepted: a .yaml file of your own, or one of "
+                          f"{', '.join(config_names(kind))}")
     if name not in config_names(kind):
         raise UnknownName(what, name, config_names(kind), "or the path of a .yaml file of your own")
     return folder("configs") / kind / f"{name}.yaml"

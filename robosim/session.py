@@ -63,9 +63,10 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         if run.recording.steps:
             folder.write("trajectory.csv", run.recording.write_csv)
     values = figures(run)
-    folder.write_json("report.json", values)
+    beyond = missed(values, config)
+    folder.write_json("report.json", values | {"missed": beyond})
     folder.write("report.png", lambda path: plot_report(run, path))
-    _tell(values, missed(values, config), folder)
+    _tell(values, beyond, folder)
     return 0
 
 

@@ -60,6 +60,11 @@ def test_actions_are_checked(env: GrainEnv) -> None:
     env.actions.clip = False
 
 
+def test_a_name_keeps_its_kind_of_task() -> None:
+    with pytest.raises(robosim.ConfigError, match="pour with the scoop; accepted for .*SpoonPour-v0: pour with the spoon"):
+        gymnasium.make("robosim/SpoonPour-v0", task="ScoopPour")
+
+
 def test_steps_belong_to_an_episode(env: GrainEnv) -> None:
     env.reset(seed=0)
     for _ in range(100):

@@ -145,6 +145,20 @@ def test_numbers_that_would_do_nothing_are_refused(method):
     assert known(wrong) == right
 
 
+def test_files_with_mistakes_are_told_in_a_line(tmp_path):
+    """The key, and those that there are; a sub-task that does not exist, before anything runs."""
+    file = tmp_path / "mine.yaml"
+    file.write_text("description: mine\nlearner: SAC\nepisods: 3\n")
+    with pytest.raises(mpm.InvalidValue, match="unknown key 'episods'; accepted: description, .*episodes") as told:
+        load_preset(str(file))
+    assert "pydantic" not in str(told.value) and "\n" not in str(told.value)
+    whole = {"methods": ["sac"], "seeds": [0], "out": tmp_path}
+    for task in ("SpoonPuor", "shovel"):
+        with pytest.raises(mpm.InvalidValue, match=f"tasks {task}; accepted: BottlePickPour, .*Pendulum-v1"):
+            planned(SweepFile(tasks=["SpoonPour", task], **whole))
+    assert len(planned(SweepFile(tasks=["SpoonPour", "Pendulum-v1"], **whole))) == 2
+
+
 def test_a_sweep_sees_other_options(tmp_path):
     """A run that is finished with other words, such as another material, is not the one that is asked for."""
     def state(*options: str) -> str:

@@ -17,10 +17,11 @@ from robosim.rendering import RenderingUnavailable
 from robosim.video import Mp4Writer
 
 
-def evaluate(task: str, name: str, out: Path | None, *, episodes: int = 5, seed: int = 0, film: bool = True,
+def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = None, seed: int = 0, film: bool = True,
              nominal: bool = False, **options: Any) -> int:
-    """Run episodes with seeds from `seed` on, or from the task's own start; options go to the environment, which sees
-    and holds as a policy's file says. Returns 0."""
+    """Run episodes with seeds from `seed` on, or from the task's own start (None: five, or the one of them all that
+    begin alike); options go to the environment, which sees and holds as a policy's file says. Returns 0."""
+    episodes = episodes or (1 if nominal else 5)
     if task not in TASKS:
         raise UnknownName("task", task, TASKS)
     options |= learnt_with(name)

@@ -15,10 +15,10 @@ from robosim.envs.handover import Load
 from robosim.envs.objective import objective
 from robosim.envs.observation import Layout
 from robosim.envs.reward import Reward
-from robosim.envs.task import TaskConfig
+from robosim.envs.task import TaskConfig, load_task
 from robosim.envs.task_field import TOOL
 from robosim.envs.world import World, checked_options
-from robosim.errors import RobotDiverged, UnknownName
+from robosim.errors import ConfigError, RobotDiverged, UnknownName
 
 CAMERAS = ("task", "side", "overview", "close")
 
@@ -47,6 +47,8 @@ class GrainEnv(gymnasium.Env):
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
                            randomize=randomize, mobile=arm, load=load)
         self.task, self.material = self.world.task, self.world.material
+        if self.TASK and task is not None:
+            self._check_kind()
         self.solver, self.tally = self.world.solver, self.world.tally
         self.render_mode, self.camera, self.arm = render_mode, camera, arm
         rate = max(1, round(1.0 / (action_repeat * self.task.step_dt)))
@@ -59,6 +61,14 @@ class GrainEnv(gymnasium.Env):
         self.observation: Any = None
         """What `reset` or `step` returned last."""
         self._renderer = None
+
+    def _check_kind(self) -> None:
+        """A registered sub-task stays what its name says, whatever numbers it is given."""
+        own = load_task(self.TASK)
+        given, wanted = (f"{task.kind} with the {task.tool}" for task in (self.task, own))
+        if given != wanted:
+            raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {wanted}; any other as "
+                              f"robosim.envs.GrainEnv(task=...)")
 
     @property
     def reward(self) -> Reward:

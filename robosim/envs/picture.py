@@ -91,8 +91,8 @@ class _Window:
         try:
             import pygame  # pyright: ignore[reportMissingImports]
         except ImportError as error:
-            raise ConfigError('render_mode = "human" needs pygame: pip install "robosim[human]"; without a display '
-                              'use "rgb_array"') from error
+            raise ConfigError('render_mode = "human" needs pygame: pip install ".[human]" in the checkout; without a '
+                              'display use "rgb_array"') from error
         self._pygame = pygame
         self._screen = None
 

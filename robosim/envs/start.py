@@ -43,8 +43,7 @@ def settled(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.S
                       "shapes": shapes, "interior": tool_shape(task.tool).interior,
                       "transfer_interval": solver.transfer_interval,
                       "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
-    # other tasks and materials have files of their own; a changed configuration finds its old file stale
-    path = cache_folder() / f"{name}-{_digest(numbers)[:12]}{mobile}.npz"
+    path = cache_folder() / f"{name}-{digest[:16]}.npz"
     state = _read(path, digest, solver)
     if state is None:
         state = _settle(task, solver)
@@ -68,7 +67,7 @@ def _checksum(state: dict[str, np.ndarray]) -> str:
 
 
 def _read(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.ndarray] | None:
-    """The state kept in a file, or None where there is none or it is stale; says so."""
+    """The state kept in a file, or None where there is none or it is damaged; says so."""
     if not path.is_file():
         return None
     try:
@@ -83,8 +82,7 @@ def _read(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.ndarray] 
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         fits, state = False, {}
     if not fits:
-        print(f"robosim: the settled start {path} is of another configuration or damaged; it is made anew",
-              file=sys.stderr)
+        print(f"robosim: the settled start {path} is damaged; it is made anew", file=sys.stderr)
     return state if fits else None
 
 
