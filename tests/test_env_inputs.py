@@ -61,7 +61,7 @@ def test_actions_are_checked(env: GrainEnv) -> None:
 
 
 def test_a_name_keeps_its_kind_of_task() -> None:
-    with pytest.raises(robosim.ConfigError, match="pour with the scoop; accepted for .*SpoonPour-v0: pour with the spoon"):
+    with pytest.raises(robosim.ConfigError, match="pour with the scoop; accepted for .*Pour-v0: pour with the spoon"):
         gymnasium.make("robosim/SpoonPour-v0", task="ScoopPour")
 
 
