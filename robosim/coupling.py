@@ -208,9 +208,6 @@ class GranularPlugin:
     # checks --------------------------------------------------------------------------------------------------------
     def _check_names(self, bodies: dict[str, int | None]) -> None:
         """Raise on bodies and colliders that are not there, or not free to be coupled."""
-        if id(self.data) in _coupled:
-            raise ConfigError("another plugin steps this MjData already, and each would take a step of its own; give "
-                              "all grains to one solver as bodies, and all coupled bodies to one plugin")
         names = [self.model.body(i).name for i in range(self.model.nbody)]
         for name in bodies:
             if name not in names:
@@ -222,6 +219,9 @@ class GranularPlugin:
         for name, collider in bodies.items():
             if collider is not None and collider not in movable:
                 raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")
+        if id(self.data) in _coupled:
+            raise ConfigError("another plugin steps this MjData already, and each would take a step of its own; give "
+                              "all grains to one solver as bodies, and all coupled bodies to one plugin")
 
     def _made_colliders(self, bodies: dict[str, int | None]) -> tuple[dict[str, int], list[mpm.Collider]]:
         """Index of each body's collider, and the scene's colliders with those that are made of geoms."""
