@@ -6,12 +6,13 @@ import pytest
 
 import mpm.errors
 import robosim.errors
-from mpm.errors import GradientDiverged, Picklable, SimulationDiverged, TimeStepTooLarge
+from mpm.errors import ColliderTooFast, GradientDiverged, Picklable, SimulationDiverged, TimeStepTooLarge
 from robosim.errors import RobotDiverged, UnreachableWaypoint
 
 GIVEN = {
     mpm.errors.UnknownName: (("cone", "flat", ("compression", "plane_strain")), {}),
     robosim.errors.UnknownName: (("tool", "fork", ("spoon", "scoop"), "or a file"), {}),
+    ColliderTooFast: ((1, 4e5, 2e3), {}),
     TimeStepTooLarge: ((2e-4, 1e-4, "isolated particle"), {}),
     SimulationDiverged: ((), {"time": 0.1, "step": 3, "particle": 7, "position": (0.0, 0.1, 0.2), "speed": 9.0,
                               "cfl": 2.0}),
