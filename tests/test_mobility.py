@@ -58,12 +58,14 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
 
 
 @pytest.mark.slow
-def test_infinite_mass_is_a_driven_collider() -> None:
-    """W = 0: the grains feel what a collider with the same screw does to them."""
+@pytest.mark.parametrize("interval", [0.0, "strides"])
+def test_infinite_mass_is_a_driven_collider(interval: Any) -> None:
+    """W = 0: the grains feel what a collider with the same screw does to them, transferred alike."""
     ends = []
     for mobile in (True, False):
         pose = mpm.Pose(np.array([0.105, 0.0, 0.0]), np.array([1.0, 0, 0, 0]))
-        solver, _ = ball_and_blob(mpm.Collider(mpm.Sdf.sphere(0.05), friction=0.3, mobile=mobile, pose=pose), 1.0)
+        solver, _ = ball_and_blob(mpm.Collider(mpm.Sdf.sphere(0.05), friction=0.3, mobile=mobile, pose=pose), 1.0,
+                                  transfer_interval=interval)
         for _ in range(20):
             if mobile:
                 twist = np.array([-0.5, 0, 0, 0, 0, 0])
