@@ -31,7 +31,7 @@ def command(commands: argparse._SubParsersAction) -> None:
     """Add `demo` to the command line."""
     run = commands.add_parser("demo", help="make demonstrations by gradient through the field", epilog=EXAMPLE,
                               formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("task", help="a sub-task, such as SpoonScoop")
+    run.add_argument("task", help="a sub-task, such as SpoonScoop; or a task's .yaml file")
     run.add_argument("--out", type=Path, required=True, help="folder for demonstrations, pictures and the table; a run "
                      "that was killed goes on where it was")
     run.add_argument("--n", type=int, default=10, help="demonstrations, from different starts (default: 10)")
@@ -79,9 +79,8 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     kept = 0 if until is None else int(np.sum(ends <= until + 1e-9))
     if until is not None and not 0 < kept < len(first):
         raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --hold {hold}")
-    task = sand.TASK  # as files name it, also where it was given as it is registered
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
-    wanted = Wanted(task, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,
+    wanted = Wanted(sand.source, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,
                     nominal)
     lock = claim(out)
     try:
@@ -90,7 +89,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
             with pool(len(shares)) as workers:
                 list(workers.map(make_some, [wanted] * len(shares), shares))
         tabulate(wanted, n, sand, arm=arm)
-        draw(out, task, n)
+        draw(out, wanted.name, n)
         for k in range(n if film else 0):
             filmed(wanted, k)
     finally:
@@ -118,7 +117,7 @@ def tabulate(wanted: Wanted, n: int, sand: Any, *, arm: bool) -> None:
             except ValueError as error:  # its start is out of reach
                 row["asked of the arm"] = str(error)
         rows.append(row | readings)
-        write_json(wanted.out / "demonstrations.json", {"task": wanted.task, "material": wanted.material,
+        write_json(wanted.out / "demonstrations.json", {"task": wanted.name, "material": wanted.material,
                                                         "method": wanted.method, "demonstrations": rows})
         tell(row, readings)
 

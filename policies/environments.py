@@ -5,17 +5,19 @@ from typing import Any
 import gymnasium
 
 import mpm
-from policies.presets import tasks
+from policies.presets import in_file, tasks
 
 
 def made(task: str, **options: Any) -> gymnasium.Env:
-    """The environment of a sub-task ("SpoonPour"); raises mpm.InvalidValue for one that does not exist. options: see
-    `robosim.envs.GrainEnv`; None for the task's own material."""
+    """The environment of a sub-task ("SpoonPour"), or of a task's .yaml file; raises mpm.InvalidValue for one that does
+    not exist. options: see `robosim.envs.grain_env.GrainEnv`; None for the task's own material."""
     given = {key: value for key, value in options.items() if key != "material" or value is not None}
+    if in_file(task):
+        return gymnasium.make("robosim:robosim/Task-v0", task=task, **given)
     name = task.split("/")[-1].split("-v")[0]
     if name not in tasks():
-        raise mpm.InvalidValue(f"task {task!r}; accepted: {', '.join(tasks())}; for training also an id of Gymnasium "
-                               f"such as Pendulum-v1")
+        raise mpm.InvalidValue(f"task {task!r}; accepted: {', '.join(tasks())}, or a task's .yaml file; for training "
+                               f"also an id of Gymnasium such as Pendulum-v1")
     try:
         return gymnasium.make(f"robosim:robosim/{name}-v0", **given)
     except gymnasium.error.Error as error:
@@ -24,7 +26,7 @@ def made(task: str, **options: Any) -> gymnasium.Env:
 
 def any_made(task: str, obs: str, hold: int, **options: Any) -> gymnasium.Env:
     """The same, or, for an id with a version that is not ours ("Pendulum-v1"), what Gymnasium has under it."""
-    if "-v" not in task or task.startswith("robosim"):
+    if "-v" not in task or task.startswith("robosim") or in_file(task):
         return made(task, obs=obs, action_repeat=hold, **options)
     try:
         return gymnasium.make(task)

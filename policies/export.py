@@ -14,6 +14,7 @@ import mpm
 from policies.demonstrations import Shown, acted, actions_in, paths_in, start_in
 from policies.environments import made
 from policies.files import write
+from policies.presets import in_file
 
 EXAMPLE = "example:\n  robosim export SpoonPour --demos out/demo --out out/spoon_pour.hdf5 --obs moments"
 
@@ -22,7 +23,7 @@ def command(commands: argparse._SubParsersAction) -> None:
     """Add `export` to the command line."""
     run = commands.add_parser("export", help="write demonstrations as transitions, for other libraries", epilog=EXAMPLE,
                               formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("task", help="a sub-task, such as SpoonPour")
+    run.add_argument("task", help="a sub-task, such as SpoonPour; or a task's .yaml file")
     run.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
     run.add_argument("--out", type=Path, required=True, help="the .hdf5 file")
     run.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
@@ -54,7 +55,11 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", hold: int = 
         actions = actions_in(path, decisions, hold, dimensions, task)
         seed, start = start_in(path)
         episodes.append((path.name, seed, list(acted(env, actions, start, seed))))
-    spec = {"id": f"robosim/{task}-v0", "kwargs": {"obs": obs, "action_repeat": hold}}
+    kwargs = {"obs": obs, "action_repeat": hold}
+    if in_file(inner.source):
+        spec: dict[str, Any] = {"id": "robosim/Task-v0", "kwargs": {"task": inner.source, **kwargs}}
+    else:
+        spec = {"id": f"robosim/{task}-v0", "kwargs": kwargs}
 
     def written(place: Path) -> None:
         with h5py.File(place, "w") as file:

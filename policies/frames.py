@@ -40,7 +40,7 @@ def command(commands: argparse._SubParsersAction) -> None:
     """Add `frames` to the command line."""
     run = commands.add_parser("frames", help="make roll-outs for a network to learn from", epilog=EXAMPLE,
                               formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("task", help="a sub-task, such as SpoonPour")
+    run.add_argument("task", help="a sub-task, such as SpoonPour; or a task's .yaml file")
     run.add_argument("--out", type=Path, required=True, help="folder of the roll-outs; what is there is not made again")
     run.add_argument("--episodes", type=int, default=200, help="(default: 200)")
     run.add_argument("--material", help="of the grains (default: the task's)")
@@ -84,7 +84,7 @@ def _fill(out: Path, env: Any, material: str | None, *, episodes: int, seed: int
             progress.update()
     else:
         with pool(jobs) as workers:
-            for _ in workers.map(partial(made_apart, env.TASK, material, env.action_repeat, out, seed), waiting):
+            for _ in workers.map(partial(made_apart, env.source, material, env.action_repeat, out, seed), waiting):
                 progress.update()
     progress.close()
 
@@ -177,7 +177,7 @@ def read(folder: Path, env: Any) -> Rollouts:
                 if len(stored["grains"]) > 1:  # one that diverged at once has nothing to learn from
                     found.append((stored["grains"], stored["tool"]))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise mpm.InvalidValue(f"--frames {folder}: {error}; `robosim frames {env.TASK} --out {folder}` makes "
+        raise mpm.InvalidValue(f"--frames {folder}: {error}; `robosim frames {env.source} --out {folder}` makes "
                                f"them") from error
     if len(found) < 2:
         raise mpm.InvalidValue(f"--frames {folder}: {len(found)} roll-outs; accepted: 2 or more, of which some are "

@@ -35,6 +35,7 @@ class Wanted(NamedTuple):
     """What demonstrations are to be made, apart from their starts."""
 
     task: str
+    """What commands call it: a name or a file."""
     out: Path
     material: str
     """That the search goes through."""
@@ -53,6 +54,11 @@ class Wanted(NamedTuple):
     """Of the first start."""
     nominal: bool
     """Whether the first start is the task's own instead."""
+
+    @property
+    def name(self) -> str:
+        """What files call the task."""
+        return Path(self.task).stem
 
     def path(self, k: int) -> Path:
         """File of a demonstration."""
@@ -174,7 +180,7 @@ class Maker:
                                    f"(--from), or take another --material")
         found = {"actions": search.best.astype(np.float32), "losses": np.array(losses), "norms": norms,
                  "check": self.check(search.best), "fingerprint": np.array(mark),
-                 "task": np.array(w.task), "seed": np.array(start["seed"]),
+                 "task": np.array(w.name), "seed": np.array(start["seed"]),
                  "nominal": np.array(start["options"]["nominal"]), "material": np.array(w.material),
                  "hold": np.array(w.hold), "method": np.array(w.method),
                  "settled": np.array(settled(search.course(losses)))}

@@ -148,6 +148,16 @@ def tasks() -> list[str]:
     return sorted(path.stem for path in (folder().parent / "tasks").glob("*.yaml"))
 
 
+def in_file(task: str) -> bool:
+    """Whether a task is a file of the user's own, and no name."""
+    return task.endswith((".yaml", ".yml"))
+
+
+def strange(task: str) -> bool:
+    """Whether a task is neither a sub-task, nor a file that is there, nor an id of Gymnasium such as Pendulum-v1."""
+    return not Path(task).is_file() if in_file(task) else "-v" not in task and task not in tasks()
+
+
 def known(preset: dict[str, Any]) -> dict[str, Any]:
     """A preset that an earlier version wrote down, with what it lacks as it was then and without numbers that did
     nothing; as it is where it is none."""

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 import mpm
 from policies.files import write_json
-from policies.presets import in_words, known, load_preset, tasks
+from policies.presets import in_file, in_words, known, load_preset, strange, tasks
 
 EXAMPLE = """example, with a file small.yaml of
   tasks: [SpoonPour, ShovelMove]
@@ -98,20 +98,21 @@ def load(path: Path) -> SweepFile:
 
 def planned(file: SweepFile) -> list[Run]:
     """All runs of a sweep, seeds outermost, so that a sweep that is stopped has whole rows."""
-    runs, strange = [], [task for task in file.tasks if "-v" not in task and task not in tasks()]
-    if strange:
-        raise mpm.InvalidValue(f"tasks {', '.join(strange)}; accepted: {', '.join(tasks())}, or an id of "
-                               f"Gymnasium such as Pendulum-v1")
+    runs, unknown = [], [task for task in file.tasks if strange(task)]
+    if unknown:
+        raise mpm.InvalidValue(f"tasks {', '.join(unknown)}; accepted: {', '.join(tasks())}, a task's .yaml file, or "
+                               f"an id of Gymnasium such as Pendulum-v1")
     for seed, task, method in product(file.seeds, file.tasks, file.methods):
-        out = file.out / task / Path(method).stem / f"seed_{seed}"
+        name = Path(task).stem if in_file(task) else task
+        out = file.out / name / Path(method).stem / f"seed_{seed}"
         words = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options]
         preset = load_preset(method)
         takes = (("demos", file.demos, preset.shown or None), ("frames", file.frames, preset.graph))
-        for name, given, needed in takes:
+        for what, given, needed in takes:
             if needed is not None:
                 if given is None:
-                    raise mpm.InvalidValue(f"method {method} learns from {name}; give their folder as `{name}`")
-                words += [f"--{name}", given.replace("{task}", task)]
+                    raise mpm.InvalidValue(f"method {method} learns from {what}; give their folder as `{what}`")
+                words += [f"--{what}", given.replace("{task}", name)]
         changes = {} if file.episodes is None else {"episodes": file.episodes}
         if file.episodes is not None:
             words += ["--episodes", str(file.episodes)]

@@ -22,7 +22,8 @@ def command(commands: argparse._SubParsersAction) -> None:
     run = commands.add_parser("train", help="learn a sub-task", epilog=EXAMPLE,
                               formatter_class=argparse.RawDescriptionHelpFormatter)
     run.add_argument("method", help=f"one of: {', '.join(methods())}; or a .yaml file of your own")
-    run.add_argument("task", help="a sub-task, such as SpoonPour; or an id of Gymnasium, such as Pendulum-v1")
+    run.add_argument("task", help="a sub-task, such as SpoonPour; a task's .yaml file; or an id of Gymnasium, such as "
+                     "Pendulum-v1")
     run.add_argument("--out", type=Path, required=True, help="folder of the run; one that was cut short goes on")
     run.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
     run.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
@@ -95,7 +96,7 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     found = training.folder.read("status.json")
     print(f"{method} on {task}: best return {found['best_return']}, replayed {found['replayed']}")
     if training.cap is not None:  # of our own sub-tasks
-        seen = [f"robosim evaluate {training.task} --policy {out / 'best.npz'} --episodes 1"]
+        seen = [f"robosim evaluate {training.source} --policy {out / 'best.npz'} --episodes 1"]
         seen += ["--nominal"] if starts == "nominal" else []
         seen += [f"--material {material}"] if material else []
         print("to see it:", *seen, "--out FOLDER")

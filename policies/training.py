@@ -50,7 +50,7 @@ class Training:
         self.reset_options = self.nominal if starts == "nominal" else None
         task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
         self.sequences, self.rollouts = self._sequences(demos, task if granular else ""), self._rollouts(roll_outs)
-        self.task = task
+        self.task, self.source = task, getattr(raw, "source", "") or task
         self._begun = {path.name: demonstrations.start_in(path)
                        for path in (demonstrations.paths_in(demos) if self.sequences and demos is not None else ())}
         self._check_starts(starts)

@@ -127,7 +127,8 @@ def _add_explain(commands: argparse._SubParsersAction) -> None:
     run = commands.add_parser("explain", help="what a scene is made of, and its cheapest setting",
                               epilog="example:\n  robosim explain SpoonPour --tolerance 0.02 --out out/explain",
                               formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("scene", help=f"one of: {', '.join([*TASKS, *config_names('rehearsals')])}; or a rehearsal's file")
+    run.add_argument("scene", help=f"one of: {', '.join([*TASKS, *config_names('rehearsals')])}; or the .yaml file "
+                     "of a task or a rehearsal")
     run.add_argument("--tolerance", type=float, help="run the scene coarse to fine as well, and find the cheapest "
                      "setting whose readings lie within this of the scene's own: shares by their difference, masses "
                      "and forces relative")
@@ -142,7 +143,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     run = commands.add_parser("evaluate", help="score a policy on a sub-task",
                               epilog="example:\n  robosim evaluate SpoonPour --policy scripted --out out/pour",
                               formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("task", help=f"one of: {', '.join(TASKS)}")
+    run.add_argument("task", help=f"one of: {', '.join(TASKS)}; or a task's .yaml file")
     run.add_argument("--policy", default="scripted", help=f"one of: {', '.join(POLICIES)}; or a .npz file with an "
                      "array `actions` (default: scripted)")
     run.add_argument("--episodes", type=_positive, help="with seeds from --seed on (default: 5; 1 with "
@@ -165,7 +166,7 @@ def _add_materials(commands: argparse._SubParsersAction) -> None:
                               epilog="example:\n  robosim materials SpoonTranslate ShovelMove --jobs 2 --out "
                               "out/materials", formatter_class=argparse.RawDescriptionHelpFormatter)
     run.add_argument("tasks", nargs="*", metavar="TASK",
-                     help=f"of: {', '.join(TASKS)} (default: all)")
+                     help=f"of: {', '.join(TASKS)}; or a task's .yaml file (default: all that ship)")
     run.add_argument("--policy", default="learned", help=f"one of: {', '.join(POLICIES)}; or a .npz file with an array "
                      "`actions` (default: learned, the motions that ship)")
     run.add_argument("--jobs", type=_positive, default=1, help="tasks at a time, a core each (default: 1)")

@@ -240,12 +240,17 @@ class RehearsalConfig(Table):
         return self
 
 
-def load(path: Path, kind: type[Kind], overrides: dict | None = None) -> Kind:
-    """Read a YAML file into a configuration; raises ConfigError with file, key, value and what is accepted."""
+def read(path: Path) -> object:
+    """What a YAML file holds; raises ConfigError for one that cannot be read."""
     try:
-        data = yaml.safe_load(path.read_text())
+        return yaml.safe_load(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigError(f"{path}: cannot be read as YAML: {error}") from error
+
+
+def load(path: Path, kind: type[Kind], overrides: dict | None = None) -> Kind:
+    """Read a YAML file into a configuration; raises ConfigError with file, key, value and what is accepted."""
+    data = read(path)
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of {', '.join(kind.model_fields)}")
     try:

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import matplotlib
 
 matplotlib.use("Agg")
@@ -15,7 +14,7 @@ import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first
 import numpy as np  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
-import robosim.envs  # noqa: E402
+from robosim.envs import in_file, make, task_name  # noqa: E402
 from robosim.envs.grain_env import GrainEnv  # noqa: E402
 from robosim.envs.policies import NAMES, learnt_with, policy  # noqa: E402
 from robosim.envs.task import load_task  # noqa: E402
@@ -49,11 +48,12 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
     """
     tasks = list(dict.fromkeys(tasks))
     for task in tasks:
-        if task not in robosim.envs.TASKS:
-            raise UnknownName("task", task, robosim.envs.TASKS)
+        in_file(task)  # complains of a task that does not exist
         checked(task, name)
+    if len({task_name(task) for task in tasks}) < len(tasks):
+        raise ConfigError(f"tasks {', '.join(tasks)}: two of one name; accepted: files of different names")
     folder, keys = OutputFolder(out), {task: fingerprint(task, name) for task in tasks}
-    found = {task: earlier(out / f"{task}.json", keys[task]) for task in tasks}
+    found = {task: earlier(out / f"{task_name(task)}.json", keys[task]) for task in tasks}
     waiting = [(task, called) for task in tasks for called in [OWN, *MATERIALS] if called not in found[task]]
     progress = tqdm(total=len(tasks) * (1 + len(MATERIALS)), unit="episode", file=sys.stderr)
     progress.update(progress.total - len(waiting))
@@ -64,12 +64,13 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
             failed.append(f"{task} in {called}: {words}")
         else:
             found[task][called] = value
-            folder.write_json(f"{task}.json", {"key": keys[task], "played": found[task]})
+            folder.write_json(f"{task_name(task)}.json", {"key": keys[task], "played": found[task]})
         progress.update()
     progress.close()
     whole = [task for task in tasks if len(found[task]) == 1 + len(MATERIALS)]
     if whole:
-        tell(folder, whole, name, {task: rows_of(found[task]) for task in whole})
+        tell(folder, [task_name(task) for task in whole], name,
+             {task_name(task): rows_of(found[task]) for task in whole})
     for words in failed:
         print(f"failed: {words}; what was played is kept, the same command goes on", file=sys.stderr)
     return 1 if failed else 0
@@ -78,7 +79,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
 def checked(task: str, name: str) -> None:
     """Raise ConfigError, or UnknownName, where a policy is none or does not fit a task."""
     if name in NAMES:
-        if name == "learned" and trained(task) is None:
+        if name == "learned" and trained(task_name(task)) is None:
             raise ConfigError(f"policy 'learned': none ships for {task}")
         return
     if not Path(name).is_file():
@@ -94,7 +95,7 @@ def checked(task: str, name: str) -> None:
 
 def fingerprint(task: str, name: str) -> str:
     """Twelve letters that change with the task, the materials, the motion and the code."""
-    path = trained(task) if name == "learned" else Path(name)
+    path = trained(task_name(task)) if name == "learned" else Path(name)
     motion = path.read_bytes().hex() if path is not None and name not in NAMES[:-1] else name
     laws = [[load_material(base).model_dump(), numbers] for base, numbers in MATERIALS.values()]
     told = json.dumps([load_task(task).model_dump(), laws, motion, version_of(__name__)], sort_keys=True, default=str)
@@ -128,7 +129,7 @@ def episode(task: str, name: str, called: str) -> dict[str, Any]:
     as the field held (n, 3) [m]."""
     base, numbers = MATERIALS[called] if called != OWN else (load_task(task).material, {})
     options: dict[str, Any] = {"material": base, **numbers, **learnt_with(name)}
-    made = gymnasium.make(f"robosim/{task}-v0", **options)
+    made = make(task, **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
     env.reset(seed=0, options={"nominal": True})

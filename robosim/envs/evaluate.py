@@ -4,14 +4,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 from tqdm import tqdm
 
-from robosim.envs import TASKS
+from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
 from robosim.envs.policies import learnt_with, policy
-from robosim.errors import UnknownName
 from robosim.output import OutputFolder
 from robosim.rendering import RenderingUnavailable
 from robosim.video import Mp4Writer
@@ -22,10 +20,8 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     """Run episodes with seeds from `seed` on, or from the task's own start (None: five, or the one of them all that
     begin alike); options go to the environment, which sees and holds as a policy's file says. Returns 0."""
     episodes = episodes or (1 if nominal else 5)
-    if task not in TASKS:
-        raise UnknownName("task", task, TASKS)
     options |= learnt_with(name)
-    made = gymnasium.make(f"robosim/{task}-v0", render_mode="rgb_array" if film and out else None, **options)
+    made = make(task, render_mode="rgb_array" if film and out else None, **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
     policy(name, env, seed)  # complain before any work

@@ -1,13 +1,14 @@
 """The Gymnasium environment that all eight sub-tasks share."""
 
 import copy
-from typing import Any, ClassVar, get_args
+from typing import Any, get_args
 
 import gymnasium
 import numpy as np
 
 import mpm
 from robosim.config import Grip
+from robosim.envs import task_name
 from robosim.envs.actions import Actions, checked_repeat
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, Horizon, checked_horizon
@@ -27,8 +28,8 @@ class GrainEnv(gymnasium.Env):
     """A tool and grains; see the classes of the sub-tasks."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
-    TASK: ClassVar[str] = ""
-    """Name of the configuration below configs/tasks."""
+    TASK: str = ""
+    """Name of the configuration below configs/tasks, or of the task's file without folder and ending."""
 
     def __init__(
         self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
@@ -44,10 +45,15 @@ class GrainEnv(gymnasium.Env):
             raise UnknownName("camera", camera, CAMERAS)
         self.action_repeat = checked_repeat(action_repeat)
         checked_horizon(horizon)
+        if not (task or self.TASK):
+            raise ConfigError(f"task {task!r}; accepted: a task's .yaml file, or a TaskConfig")
+        self.source = task if isinstance(task, str) else self.TASK
+        """What commands call this task: a sub-task's name or a file; empty for a TaskConfig."""
+        self.TASK = self.TASK or task_name(self.source)
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
                            randomize=randomize, mobile=arm, load=load)
         self.task, self.material = self.world.task, self.world.material
-        if self.TASK and task is not None:
+        if type(self).TASK and task is not None:
             self._check_kind()
         self.solver, self.tally = self.world.solver, self.world.tally
         self.render_mode, self.camera, self.arm = render_mode, camera, arm

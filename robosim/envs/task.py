@@ -1,6 +1,7 @@
 """Configuration of a sub-task: the scene, what the agent may do, and what it is rewarded for."""
 
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -9,7 +10,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.config import ContainerConfig, FieldConfig, RegionConfig, Table, Vector3, load
+from robosim.config import ContainerConfig, FieldConfig, RegionConfig, Table, Vector3, load, read
 from robosim.resources import config_names, config_path
 from robosim.shapes import tool_shape
 
@@ -207,6 +208,14 @@ class Way:
 def task_names() -> list[str]:
     """Names of the sub-tasks: SpoonScoop and so on."""
     return config_names("tasks")
+
+
+def is_task(scene: str) -> bool:
+    """Whether a scene is a sub-task or the file of one, told from a rehearsal's by its `kind`."""
+    if scene in task_names() or not Path(scene).is_file():
+        return scene in task_names()
+    data = read(Path(scene))
+    return isinstance(data, dict) and "kind" in data
 
 
 def load_task(name: str) -> TaskConfig:

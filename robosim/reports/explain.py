@@ -10,6 +10,7 @@ import yaml
 from tqdm import tqdm
 
 from robosim.envs import TASKS
+from robosim.envs.task import is_task
 from robosim.errors import ConfigError, UnknownName
 from robosim.output import OutputFolder
 from robosim.reports.page import Page
@@ -37,12 +38,12 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
     """Tell what a sub-task or rehearsal is made of; with a tolerance, run it coarse to fine as well. Returns 0, or 1
     where nothing cheaper than the scene's own keeps within the tolerance of the finest."""
     if scene not in TASKS and scene not in config_names("rehearsals") and not Path(scene).is_file():
-        raise UnknownName("scene", scene, [*TASKS, *config_names("rehearsals")], "or a rehearsal's .yaml file")
+        raise UnknownName("scene", scene, [*TASKS, *config_names("rehearsals")], "or the .yaml file of one")
     if tolerance is not None and not 0 < tolerance < 1:
         raise ConfigError(f"--tolerance {tolerance}; accepted: above 0, below 1")
     if apply and (tolerance is None or out is None):
         raise ConfigError("--apply writes the setting that --tolerance finds into --out; give both")
-    kind = "task" if scene in TASKS else "rehearsal"
+    kind = "task" if is_task(scene) else "rehearsal"
     settings = [OWN, *(SETTINGS[kind] if tolerance is not None else ())]
     folder = OutputFolder(out) if out else None
     results = ran(scene, settings, folder, jobs)

@@ -10,7 +10,7 @@ import numpy as np
 
 import mpm
 from robosim.config import load_rehearsal
-from robosim.envs import TASKS
+from robosim.envs.task import is_task, load_task
 from robosim.materials import MaterialConfig, load_material, overridden
 from robosim.reports.anatomy import parts
 from robosim.reports.processes import pin
@@ -24,7 +24,7 @@ def measured(scene: str, setting: dict[str, float]) -> dict[str, Any]:
     """Readings, seconds, simulated seconds, parts and costs of a sub-task or a rehearsal; setting: factors on "cell",
     "grains_per_cell", "E" and "dt" of the scene's own."""
     mpm.init()
-    return of_task(scene, setting) if scene in TASKS else of_rehearsal(scene, setting)
+    return of_task(scene, setting) if is_task(scene) else of_rehearsal(scene, setting)
 
 
 def told(solver: mpm.Solver, watch: Stopwatch, seconds: float, simulated: float, readings: dict[str, float]) -> dict:
@@ -45,7 +45,6 @@ def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """An episode of the scripted policy, the tool alone."""
     from robosim.envs.grain_env import GrainEnv
     from robosim.envs.policies import Script
-    from robosim.envs.task import load_task
 
     task = load_task(name)
     dt = task.field.dt and task.step_dt / max(1, round(task.step_dt / (task.field.dt * setting.get("dt", 1.0))))
