@@ -14,6 +14,8 @@ from robosim.envs.evaluate import evaluate
 from robosim.envs.policies import NAMES as POLICIES
 from robosim.errors import RobosimError, RobotDiverged
 from robosim.film import CAMERAS
+from robosim.keys import KINDS as FILES
+from robosim.keys import keys
 from robosim.reports.bench import PARTS, bench
 from robosim.reports.explain import explain
 from robosim.reports.field_bench import SCENES, SIZES, bench_field
@@ -66,6 +68,7 @@ def parser() -> argparse.ArgumentParser:
     _add_explain(commands)
     _add_evaluate(commands)
     _add_materials(commands)
+    _add_keys(commands)
     for entry in entry_points(group="robosim.commands"):
         entry.load()(commands)
     return top
@@ -158,6 +161,16 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     run.set_defaults(run=lambda a: evaluate(
         a.task, a.policy, a.out, episodes=a.episodes, seed=a.seed, film=not a.no_video, nominal=a.nominal,
         material=a.material, arm=a.arm, grasp=a.grasp))
+
+
+def _add_keys(commands: argparse._SubParsersAction) -> None:
+    """The command `keys`."""
+    run = commands.add_parser("keys", help="what may stand in a file of your own",
+                              epilog="examples:\n  robosim keys rehearsal\n  robosim keys task --schema > task.json",
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    run.add_argument("kind", help=f"one of: {', '.join(FILES)}")
+    run.add_argument("--schema", action="store_true", help="as JSON Schema, which editors complete and check by")
+    run.set_defaults(run=lambda a: keys(a.kind, schema=a.schema))
 
 
 def _add_materials(commands: argparse._SubParsersAction) -> None:

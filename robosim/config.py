@@ -19,7 +19,7 @@ Vector7 = Annotated[tuple[PositiveFloat, ...], Field(min_length=7, max_length=7)
 class Table(BaseModel):
     """Base of all configuration tables."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
 
 class Quantity(Table):
@@ -27,6 +27,7 @@ class Quantity(Table):
 
     value: float
     unit: str
+    """As the law has it: kg/m^3, Pa, Pa s, deg, 1."""
     source: str
     """Literature, or "assumed: ..." with the reason."""
 
@@ -38,9 +39,11 @@ class RegionConfig(Table):
     """A region of the world: a box, or an upright cylinder."""
 
     centre: Vector3
+    """[m]"""
     half: Vector3
     """Half sizes [m]."""
     round: bool = False
+    """Whether it is an upright cylinder."""
 
     @property
     def region(self) -> mpm.Region:
@@ -53,6 +56,7 @@ class ContainerConfig(Table):
     position: Vector3
     """Centre of the inner floor [m]."""
     yaw_deg: float = 0.0
+    """About the vertical."""
     fill_height: float = Field(0.0, ge=0.0)
     """Height of the material in it at the start [m]."""
 
@@ -63,12 +67,17 @@ class FieldConfig(Table):
     cell: PositiveFloat
     """[m]"""
     grains_per_cell: PositiveFloat
+    """Where they are packed as at the start."""
     tool_friction: float = Field(ge=0.0)
+    """Coefficient between grains and tool."""
     container_friction: float = Field(ge=0.0)
+    """Between grains and containers."""
     floor_friction: float = Field(ge=0.0)
+    """Between grains and table."""
     region_lower: Vector3
     """Corner of the region that the material can reach [m]."""
     region_upper: Vector3
+    """The corner opposite [m]."""
     dt: PositiveFloat | None = None
     """Substep [s]; null: from the stability bound."""
     transfer_interval: NonNegativeFloat | Literal["strides"] | None = "strides"
@@ -80,6 +89,7 @@ class LimitsConfig(Table):
     """Joint limits of the smoothed motion; speeds are the data sheet's, scaled."""
 
     velocity_fraction: float = Field(gt=0.0, le=1.0)
+    """Share of the data sheet's speeds."""
     acceleration: Vector7
     """[rad/s^2]"""
     jerk: Vector7
@@ -110,6 +120,7 @@ class RobotConfig(Table):
     """How the arm carries a tool that is commanded step by step."""
 
     description: str
+    """What it is."""
     limits: LimitsConfig
     servo: ServoConfig
     grasp_time: PositiveFloat
@@ -120,17 +131,19 @@ class WaypointConfig(Table):
     """A pose of the tool, reached along a screw from the one before."""
 
     name: str
+    """What reports and errors call it."""
     frame: str
     """"world" or a container: where position and rotation are given."""
     position: Vector3
     """Of the tool's frame [m]."""
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
-    """Rotations about the frame's x, then y, then z axis."""
+    """Rotations about the frame's x, then y, then z axis [deg]."""
     speed: PositiveFloat
     """[m/s] on the way to this waypoint."""
     angular_speed: PositiveFloat = 1.5
     """[rad/s] on the way to this waypoint; the slower of the two decides."""
     stop: bool = False
+    """Whether the tool comes to rest there."""
     dwell: float = Field(0.0, ge=0.0)
     """Time at rest [s] after a stop."""
     acceleration: PositiveFloat | None = None
@@ -141,8 +154,10 @@ class RehearsalConfig(Table):
     """A whole-arm rehearsal."""
 
     description: str
+    """What it is, for reports."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
     material: str
+    """Of configs/materials, or a .yaml file."""
     grasp: Grip
     """Fixed in the hand, or held by the fingers alone."""
     tool_container: list[Literal["contact", "sdf"]] = ["contact", "sdf"]
@@ -151,6 +166,7 @@ class RehearsalConfig(Table):
     host_dt: float = Field(gt=0.0, le=1e-3)
     """MuJoCo step [s]."""
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
+    """Grains push nothing back; with the forces of the step before; with the arm's answer within the step."""
     collision_thickness: PositiveFloat
     """Thickness [m] of the tool's wall as the grains see it, grown outward with the bowl's volume kept."""
     grasp_time: PositiveFloat
@@ -168,6 +184,7 @@ class RehearsalConfig(Table):
     servo: ServoConfig
     path: PathConfig
     waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2)]
+    """The tool's way, from the first on."""
     weigh_at: str | None = None
     """Waypoint with a dwell at which the load is weighed with the wrist sensor: it counts as scooped there. None: no
     tool that holds, all the material counts."""

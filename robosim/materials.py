@@ -3,10 +3,9 @@
 from typing import ClassVar, Literal
 
 import pydantic
-import yaml
 
 import mpm
-from robosim.config import Quantity, Table, load
+from robosim.config import Quantity, Table, load, read
 from robosim.errors import ConfigError, UnknownName
 from robosim.resources import config_path
 
@@ -19,8 +18,11 @@ class MaterialConfig(Table):
     """What all materials have."""
 
     description: str
+    """What it is."""
     density: Quantity
+    """Of the bulk."""
     colour: tuple[float, float, float, float] = (0.95, 0.95, 0.93, 1.0)
+    """Red, green, blue and opacity, 0 to 1."""
 
     UNITS: ClassVar[dict[str, str]] = {
         "density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa", "bulk_modulus": "Pa",
@@ -73,10 +75,7 @@ KINDS: dict[str, type[MaterialConfig]] = {"granular": GranularConfig, "fluid": F
 def load_material(name: str) -> MaterialConfig:
     """Material by name (configs/materials) or by path."""
     path = config_path("materials", name, "material")
-    try:
-        data = yaml.safe_load(path.read_text())
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read as YAML: {error}") from error
+    data = read(path)
     law = data.get("law") if isinstance(data, dict) else None
     if law not in KINDS:
         raise ConfigError(f"{path}: law = {law!r}; accepted: {', '.join(KINDS)}")

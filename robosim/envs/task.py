@@ -37,6 +37,7 @@ class StartConfig(Table):
     """The tool's pose at the start: R = Rz(yaw) Ry(pitch)."""
 
     position: Vector3
+    """Of the tool's frame [m]."""
     yaw_deg: float
     pitch_deg: float = 0.0
     spread: Vector3 = (0.0, 0.0, 0.0)
@@ -56,14 +57,15 @@ class ActionConfig(Table):
     """What an action of 1 means."""
 
     dimensions: Literal[3, 6]
-    """Translation, or translation and rotation, in world axes."""
+    """3: translation; 6: translation and rotation; in world axes."""
     speed: PositiveFloat
     """[m/s]"""
     angular_speed: PositiveFloat = 1.0
     """[rad/s]"""
     lower: Vector3
+    """Of the box that the tool's origin stays in [m]."""
     upper: Vector3
-    """The tool's origin stays within this box [m]."""
+    """Its corner opposite [m]."""
 
 
 class DistanceConfig(Table):
@@ -71,17 +73,22 @@ class DistanceConfig(Table):
     beta = total / (steps gamma): an episode in which nothing moves earns total (1 - start's distance / reference)."""
 
     weights: Vector3
+    """Of the distances along x, y and z."""
     total: PositiveFloat
+    """What an episode on the goal earns."""
     reference: PositiveFloat
-    """[m]"""
+    """Weighted distance [m] at which nothing is earned."""
 
 
 class TurnConfig(Table):
     """J = scale (margin - |turned - angle|), angles in rad, about the tool's lateral axis."""
 
     scale: PositiveFloat
+    """Score per rad."""
     margin: PositiveFloat
+    """Error [rad] at which nothing is earned."""
     angle_deg: float
+    """What is asked."""
 
 
 class RewardConfig(Table):
@@ -99,6 +106,7 @@ class RewardConfig(Table):
     collision: float = Field(0.0, le=0.0)
     """beta^i: every step in which the tool collides with the container."""
     turn: TurnConfig | None = None
+    """Of the tool, at the end."""
 
 
 class SuccessConfig(Table):
@@ -115,33 +123,40 @@ class ScriptConfig(Table):
     time: float = Field(ge=0.0)
     """[s]"""
     position: Vector3
+    """Of the tool's frame [m]."""
     pitch_deg: float = 0.0
 
 
 class TaskConfig(Table):
-    """One of the eight sub-tasks."""
+    """A sub-task."""
 
     description: str
+    """What it is, for its page."""
     kind: Kind
+    """What is rewarded."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
     material: str
+    """Of configs/materials, or a .yaml file."""
     grains: GrainsConfig
     steps: PositiveInt
-    """T_s"""
+    """T_s: of an episode."""
     step_dt: PositiveFloat
-    """[s]"""
+    """Of one of them [s]."""
     field: FieldConfig
     tool_wall: PositiveFloat
     """Wall [m] of the tool as the grains see it, grown outward."""
-    container: Annotated[str | None, Field(description="model below models/containers")] = None
+    container: str | None = None
+    """That the tool scoops from: a model below models/containers."""
     container_place: ContainerConfig | None = None
+    """Where it stands."""
     stand: RegionConfig | None = None
     """A block under the tool at the start: seen, not met by grains."""
     start: StartConfig
     action: ActionConfig
     goal: Vector3
-    """[m]"""
+    """That distances are measured from [m]."""
     target: RegionConfig
+    """Where grains count as delivered."""
     bounds: RegionConfig
     """A grain outside, and not in the tool, is lost (poured out, where pouring is the task)."""
     reward: RewardConfig
