@@ -1,4 +1,9 @@
-"""One backend for the whole suite: double precision is asked for per solver."""
+"""One backend for the whole suite: double precision is asked for per solver. One folder of settled starts, too."""
+
+import os
+from collections.abc import Iterator
+
+import pytest
 
 import mpm
 from robosim.graphics import choose_graphics
@@ -6,3 +11,13 @@ from robosim.graphics import choose_graphics
 choose_graphics()
 
 mpm.init(arch="cpu", precision="f32", threads=1)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def starts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Settled starts are made once in a run of the suite, whichever process needs them first, and not the user's."""
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROBOSIM_CACHE", str(base / "starts"))
+        yield

@@ -1,8 +1,6 @@
 """The environments: Gymnasium's rules, the paper's scores at their extremes, determinism, one physics everywhere."""
 
 import warnings
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -25,15 +23,6 @@ EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10)
             "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
 """TCS of no motion and of a perfect one: the tables of arXiv 2406.09178, and for what they lack its equations."""
 MOST = [pytest.param(name, marks=() if name == "SpoonPour" else pytest.mark.slow) for name in TASKS]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Settled starts of the tests lie in a folder of their own."""
-    folder = tmp_path_factory.mktemp("cache")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROBOSIM_CACHE", str(folder))
-        yield folder
 
 
 def made(name: str, **options: Any) -> GrainEnv:

@@ -14,9 +14,8 @@ h5py = pytest.importorskip("h5py")
 HOLD = 250
 
 
-def test_a_file_holds_what_the_environment_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_holds_what_the_environment_says(tmp_path: Path) -> None:
     """Two demonstrations from two starts, episode by episode, against the environment stepped by hand."""
-    monkeypatch.setenv("ROBOSIM_CACHE", str(tmp_path / "cache"))
     rng, given = np.random.default_rng(0), []
     for k in range(2):
         given.append(rng.uniform(-0.2, 0.2, (4, 3)).astype(np.float32))

@@ -1,7 +1,6 @@
 """Stable-Baselines3 in every sub-task: its checks, and its methods for a few episodes, without a warning."""
 
 import warnings
-from collections.abc import Iterator
 
 import gymnasium
 import numpy as np
@@ -16,14 +15,6 @@ from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.monitor import Monitor
 
 EPISODES, DECISIONS = 5, 20
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Settled starts of the tests lie in a folder of their own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROBOSIM_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 @pytest.mark.slow

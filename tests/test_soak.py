@@ -22,9 +22,8 @@ def resident() -> int:
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="memory is read from /proc")
 @pytest.mark.parametrize("name", TASKS)
-def test_ten_thousand_random_steps(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ten_thousand_random_steps(name: str) -> None:
     """Ten episodes in two environments side by side."""
-    monkeypatch.setenv("ROBOSIM_CACHE", str(tmp_path))
     both, rng = GrainBatch(name, 2), np.random.default_rng(0)
     both.reset([0, 1], None, np.ones(2, bool))
     solver = both.world.solver

@@ -24,8 +24,7 @@ ACTION = np.array([0.1, 0.2, -0.1], np.float32)
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ROBOSIM_CACHE", str(tmp_path / "cache"))
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 

@@ -17,13 +17,11 @@ from policies.vec_env import VectorFace
 
 
 @pytest.fixture(scope="module")
-def face(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VectorFace]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROBOSIM_CACHE", str(tmp_path_factory.mktemp("cache")))
-        face = VectorFace(gymnasium.make_vec("robosim:robosim/SpoonTranslate-v0", num_envs=2, workers=1,
-                                             obs="moments", action_repeat=250, horizon="truncate"))
-        yield face
-        face.close()
+def face() -> Iterator[VectorFace]:
+    face = VectorFace(gymnasium.make_vec("robosim:robosim/SpoonTranslate-v0", num_envs=2, workers=1,
+                                         obs="moments", action_repeat=250, horizon="truncate"))
+    yield face
+    face.close()
 
 
 def test_an_episode_says_the_same_as_gymnasiums(face: VectorFace) -> None:

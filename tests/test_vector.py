@@ -3,7 +3,6 @@
 import os
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -13,15 +12,6 @@ import pytest
 import robosim  # noqa: F401  (registers the environments)
 from robosim.envs.vector import GrainVectorEnv
 from robosim.errors import ConfigError, RobosimError, UnknownName
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Settled starts of the tests lie in a folder of their own."""
-    folder = tmp_path_factory.mktemp("cache")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROBOSIM_CACHE", str(folder))
-        yield folder
 
 
 @pytest.fixture(scope="module")
