@@ -20,8 +20,9 @@ Info = dict[str, Any]
 
 
 class GrainBatch:
-    """n environments in step; what each does is what it would do alone, to the bit. Options as of `GrainEnv`, which
-    has the arm and pictures, too. One that ends begins anew in the same step (Gymnasium's SAME_STEP)."""
+    """n environments in step; what each does is what it would do alone: to the bit after `mpm.init(fast_math=
+    False)`, else to rounding, which two kernels may do in another order. Options as of `GrainEnv`, which has the arm and
+    pictures, too. One that ends begins anew in the same step (Gymnasium's SAME_STEP)."""
 
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
                  action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate",
