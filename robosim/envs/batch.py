@@ -20,8 +20,8 @@ Info = dict[str, Any]
 
 
 class GrainBatch:
-    """n environments in step; what each does is what it would do alone: to the bit after `mpm.init(fast_math=
-    False)`, else to rounding, which two kernels may do in another order. Options as of `GrainEnv`, which has the arm and
+    """n environments in step; what each does is what it would do alone: to the bit after `mpm.init(fast_math=False)`,
+    else to rounding, which two kernels may do in another order. Options as of `GrainEnv`, which has the arm and
     pictures, too. One that ends begins anew in the same step (Gymnasium's SAME_STEP)."""
 
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
