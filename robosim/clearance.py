@@ -1,5 +1,7 @@
 """What touches what must not touch: the tool and the containers, the robot and its surroundings."""
 
+from collections.abc import Collection
+
 import mujoco
 import numpy as np
 import trimesh
@@ -52,28 +54,53 @@ class RigidParticles:
             self.depth = max(self.depth, float(-distance.min()))
 
 
+class Touches:
+    """Counts, over all steps since `restart`, of MuJoCo's contacts between tool and containers, and between robot (or
+    the tool) and surroundings."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, tool: str, containers: Collection[str]) -> None:
+        self.tool_container = self.robot_surroundings = 0
+        self._model, self._data = model, data
+        self._tool = model.body(tool).id
+        names = [model.body(i).name for i in range(model.nbody)]
+        self._robot = np.array([n.startswith(ROBOT) for n in names])
+        self._table = np.array([n == "table" for n in names])
+        self._is_container = np.array([n in containers for n in names])
+
+    def restart(self) -> None:
+        """From zero."""
+        self.tool_container = self.robot_surroundings = 0
+
+    def count(self) -> None:
+        """Add this step's contacts."""
+        bodies = self._model.geom_bodyid[self._data.contact.geom]
+        pairs = np.concatenate([bodies, bodies[:, ::-1]])
+        tool, robot = pairs[:, 0] == self._tool, self._robot[pairs[:, 0]]
+        table, container = self._table[pairs[:, 1]], self._is_container[pairs[:, 1]]
+        self.tool_container += int(np.sum(tool & container))
+        self.robot_surroundings += int(np.sum(robot & (table | container) | tool & table))
+
+
 class Contacts:
-    """Counts, over all steps, of contacts between tool and containers and between robot and surroundings.
+    """A rehearsal's counts over all steps: those of `Touches`, and container particles inside the tool.
 
     What a scene does not ask for (`tool_container`) is neither made nor looked up.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, config: RehearsalConfig) -> None:
-        self._touching, self.robot_surroundings = 0, 0
-        self._model, self._data = model, data
-        self._tool = model.body(config.tool).id
+        self._data, self._touches = data, Touches(model, data, config.tool, config.containers)
         looked_up = config.containers and "sdf" in config.tool_container
         self._particles = RigidParticles(model, data, config) if looked_up else None
-        names = [model.body(i).name for i in range(model.nbody)]
-        self._robot = np.array([n.startswith(ROBOT) for n in names])
-        self._table = np.array([n == "table" for n in names])
-        self._scenery = np.array([n == "table" or n in config.containers for n in names])
-        self._is_container = np.array([n in config.containers for n in names])
+
+    @property
+    def robot_surroundings(self) -> int:
+        """Contacts of the robot with table and containers, and of the tool with the table."""
+        return self._touches.robot_surroundings
 
     @property
     def tool_container(self) -> int:
         """Contacts of tool and containers: MuJoCo's own, and container particles inside the tool."""
-        return self._touching + (self._particles.count if self._particles else 0)
+        return self._touches.tool_container + (self._particles.count if self._particles else 0)
 
     @property
     def tool_container_depth(self) -> float:
@@ -82,10 +109,6 @@ class Contacts:
 
     def count(self) -> None:
         """Add this step's contacts."""
-        bodies = self._model.geom_bodyid[self._data.contact.geom]
-        pairs = np.concatenate([bodies, bodies[:, ::-1]])
-        self._touching += int(np.sum((pairs[:, 0] == self._tool) & self._is_container[pairs[:, 1]]))
-        tool_on_table = (pairs[:, 0] == self._tool) & self._table[pairs[:, 1]]
-        self.robot_surroundings += int(np.sum(self._robot[pairs[:, 0]] & self._scenery[pairs[:, 1]] | tool_on_table))
+        self._touches.count()
         if self._particles:
             self._particles.look(self._data)

@@ -244,8 +244,10 @@ def test_the_arm_scores_as_the_tool_alone(name: str) -> None:
     for arm in (False, True):
         env = made(name, arm=arm)
         _, info, _ = episode(env, "scripted", 0)
-        assert info["is_success"]
+        assert info["is_success"] and ("arm" in info) == arm
         scores[arm] = info["tcs"]
+        if arm:
+            assert info["arm"]["surroundings_contacts"] == 0 and 0.1 < info["arm"]["torque_limit_ratio_max"] < 1.0
         spaces.append((env.observation_space, env.action_space))
         low, high = env.reward.extremes()
     assert spaces[0] == spaces[1]

@@ -89,3 +89,34 @@ def test_container_in_the_tool_is_counted_with_its_depth(monkeypatch: pytest.Mon
     model = compiled(rehearsal_spec(bare))
     assert model.nexclude == scene.model.nexclude + 2
     assert clearance.Contacts(model, mujoco.MjData(model), bare).tool_container_depth == 0.0
+
+
+TOUCHING = """
+<mujoco>
+  <worldbody>
+    <body name="table"><geom type="box" size="1 1 0.01"/></body>
+    <body name="bowl" pos="0.5 0 0.03"><geom type="box" size="0.05 0.05 0.02"/></body>
+    <body name="link0"><geom type="sphere" size="0.02"/></body>
+    <body name="link6" pos="0 0 {link}"><freejoint/><geom type="sphere" size="0.01"/></body>
+    <body name="spoon" pos="{x} 0 {spoon}"><freejoint/><geom type="sphere" size="0.01"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("link", "x", "spoon", "container", "surroundings"), [
+    (0.2, 0.3, 0.2, 0, 0), (0.019, 0.3, 0.2, 0, 1), (0.2, 0.3, 0.019, 0, 1), (0.2, 0.5, 0.059, 1, 0),
+    (0.019, 0.5, 0.059, 1, 1),
+])
+def test_who_touches_whom_is_counted(link: float, x: float, spoon: float, container: int, surroundings: int) -> None:
+    """The arm's foot stands on the table; any other of its parts, and the tool, must not touch it; a tool in a
+    container is another matter."""
+    model = mujoco.MjModel.from_xml_string(TOUCHING.format(link=link, x=x, spoon=spoon))
+    data = mujoco.MjData(model)
+    touches = clearance.Touches(model, data, "spoon", {"bowl"})
+    mujoco.mj_forward(model, data)
+    for times in (1, 2):
+        touches.count()
+        assert (touches.tool_container, touches.robot_surroundings) == (times * container, times * surroundings)
+    touches.restart()
+    assert touches.tool_container == touches.robot_surroundings == 0

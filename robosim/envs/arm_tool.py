@@ -9,6 +9,7 @@ from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ru
 
 import mpm
 from robosim.arm import SPEED_LIMITS, Arm
+from robosim.clearance import Touches
 from robosim.config import Grip, RobotConfig, load_robot
 from robosim.coupling import GranularPlugin
 from robosim.envs.carrier import Carrier, Step
@@ -94,9 +95,8 @@ class ArmTool(Carrier):
         self.servo, self._smoother = Servo(self._arm, self._robot.servo), Smoother(self._robot, task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check(self.model, self.data, self.scene.arm_dofs)
-        self.strain = {"torque_limit_ratio_max": 0.0, "tool_lag_max": 0.0}
-        """Of the episode so far: largest torque asked for as a share of its limit, and the tool's largest distance [m]
-        from where it was commanded to be."""
+        self._touches = Touches(self.model, self.data, task.tool, task.containers)
+        self._torque = self._lag = 0.0
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
 
@@ -139,7 +139,8 @@ class ArmTool(Carrier):
             self.data.qpos[place : place + 7] = np.concatenate(held)
         mujoco.mj_forward(self.model, self.data)
         self._smoother.restart(self._q)
-        self.strain = dict.fromkeys(self.strain, 0.0)
+        self._torque = self._lag = 0.0
+        self._touches.restart()
         self.grasp.restart()
         self.plugin.restart()
         super().restart(pose)
@@ -160,8 +161,16 @@ class ArmTool(Carrier):
     def _watch(self) -> None:
         torque = np.abs(self.servo.demand / self._arm.torque_limits).max()
         lag = np.linalg.norm(self.data.xpos[self.scene.tool] - self.commanded.position)
-        for name, value in (("torque_limit_ratio_max", torque), ("tool_lag_max", lag)):
-            self.strain[name] = max(self.strain[name], float(value))
+        self._torque, self._lag = max(self._torque, float(torque)), max(self._lag, float(lag))
+        self._touches.count()
+
+    @property
+    def strain(self) -> dict[str, float]:
+        """Of the episode so far: largest torque asked for as a share of its limit, the tool's largest distance [m] from
+        where it was commanded to be, and contacts of robot and table or containers, or tool and table, over all
+        steps."""
+        return {"torque_limit_ratio_max": self._torque, "tool_lag_max": self._lag,
+                "surroundings_contacts": float(self._touches.robot_surroundings)}
 
     def _drive(self, wanted: JointState) -> None:
         """Motor torques for a joint state."""

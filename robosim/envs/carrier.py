@@ -27,6 +27,11 @@ class Carrier:
     robot: Any = None
     """MuJoCo's data of the scene with the arm, where there is one."""
 
+    @property
+    def strain(self) -> dict[str, float]:
+        """What the episode so far has asked of the arm; nothing without one."""
+        return {}
+
     def spec(self) -> Any:
         """Specification of that scene."""
         return None

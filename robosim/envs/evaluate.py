@@ -38,7 +38,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     finally:
         made.close()
     values = summary(task, name, rows)
-    for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith("readings."))):
+    for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):
         print(f"{key:28s} {values[key]}")
     return 0
 
@@ -71,7 +71,8 @@ def _episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nomi
         if writer is not None:
             writer.close()
     return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],
-            "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged")}
+            "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged"),
+            **({"arm": info["arm"]} if "arm" in info else {})}
 
 
 def summary(task: str, name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -83,4 +84,6 @@ def summary(task: str, name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     values["success_rate"] = float(np.mean([row["is_success"] for row in rows]))
     for key in rows[0]["readings"]:
         values[f"readings.{key}"] = float(np.mean([row["readings"][key] for row in rows]))
+    for key in rows[0].get("arm", ()):  # what one episode alone asks of the arm is asked
+        values[f"arm.{key}"] = max(row["arm"][key] for row in rows)
     return values

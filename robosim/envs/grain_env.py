@@ -125,6 +125,8 @@ class GrainEnv(gymnasium.Env):
             grains = world.sample.values if world.sample is not None else world.grains()
             self.observation = world.observer.read(grains, episode.pose, episode.now, episode.progress)
         reward, ended, cut, info = episode.outcome()
+        if self.carrier.strain:
+            info["arm"] = dict(self.carrier.strain)
         if self.render_mode == "human":
             self.render()
         return copy.deepcopy(self.observation), reward, ended, cut, info
