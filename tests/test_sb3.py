@@ -51,7 +51,10 @@ def test_the_arm_passes_the_check_too(name: str) -> None:
 
 @pytest.mark.slow
 def test_carrying_is_learnt_beyond_standing_still() -> None:
-    """SAC as SB3 ships it, thirty episodes of SpoonTranslate: the best return is above that of no motion."""
+    """SAC as SB3 ships it, sixty episodes of SpoonTranslate: the best return is above that of no motion.
+
+    Thirty end within one point of it, on whichever side rounding puts them; sixty are clear of it by forty.
+    """
     env = Monitor(gymnasium.make("robosim/SpoonTranslate-v0", obs="moments"))
     env.reset(seed=0)
     still, over = 0.0, False
@@ -59,6 +62,6 @@ def test_carrying_is_learnt_beyond_standing_still() -> None:
         _, reward, over, _, _ = env.step(np.zeros(3, np.float32))
         still += float(reward)
     before = len(env.get_episode_rewards())
-    SAC("MlpPolicy", env, seed=0).learn(30 * 100)
+    SAC("MlpPolicy", env, seed=0).learn(60 * 100)
     assert max(env.get_episode_rewards()[before:]) > still
     env.close()
