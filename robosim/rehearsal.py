@@ -23,7 +23,7 @@ from robosim.learned import LearnedPath
 from robosim.materials import MaterialConfig, law_of, load_material
 from robosim.path import CommandedPath
 from robosim.recording import EnergySample, Recording, Sample, Step
-from robosim.scene import ARM_JOINTS, FINGERS_CLOSED, FINGERS_OPEN, Scene, compile_scene, rehearsal_spec
+from robosim.scene import ARM_JOINTS, Scene, compile_scene, rehearsal_spec
 from robosim.servo import Servo
 from robosim.smoothing import JointState, SmoothMotion, excess
 from robosim.torque_sensors import TorqueSensors
@@ -155,8 +155,8 @@ class Rehearsal:
 
     def _command(self, wanted: JointState) -> np.ndarray:
         """Set the motor torques and finger commands; returns the torques [N m] (7,)."""
-        closing = min(self.time / (0.6 * self.config.grasp_time), 1.0)
-        self.data.ctrl[self.scene.finger_actuators] = FINGERS_OPEN + closing * (FINGERS_CLOSED - FINGERS_OPEN)
+        if self.time < self.config.grasp_time:
+            self.grasp.close(min(self.time / (0.6 * self.config.grasp_time), 1.0))
         q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
         torque = self.servo.torque(wanted, q, qd)
         self.data.ctrl[self.scene.arm_actuators] = torque

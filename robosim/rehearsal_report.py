@@ -166,8 +166,7 @@ def wrist_payload(run: Rehearsal) -> float | None:
         return None
     begin, end = weighing(run, run.config.weigh_at)
     window = run.recording.between(begin, end)
-    tool = 0.0 if run.config.grasp == "weld" else run.model.body(run.config.tool).mass[0]
-    hand = run.model.body("palm").subtreemass[0] + tool
+    hand = run.model.body("palm").subtreemass[0]  # the tool's, too, whatever holds it
     # the sensor's sign is that of the child on the parent; at rest only its magnitude along gravity matters
     return float(abs(run.recording.array("wrist")[window, 2].mean()) / G - hand)
 

@@ -16,9 +16,6 @@ from robosim.grasp import make_loose
 from robosim.resources import folder
 
 ARM_JOINTS = tuple(f"A{i}" for i in range(1, 8))
-FINGERS = ("f1", "f2", "fm")
-FINGERS_OPEN, FINGERS_CLOSED = 0.0, 0.9
-"""Finger commands [rad]: closed presses the pads on a handle of 11 mm radius with 28 N a finger, 56 N the thumb."""
 
 
 def load_spec(*parts: str) -> mujoco.MjSpec:
@@ -74,7 +71,6 @@ class Scene(NamedTuple):
     arm_dofs: np.ndarray
     """Places of A1..A7 in qvel (7,)."""
     arm_actuators: np.ndarray
-    finger_actuators: np.ndarray
     tool: int
     """Body of the tool."""
 
@@ -93,11 +89,11 @@ def scene_spec(tool: str, grasp: Grip, containers: dict[str, ContainerConfig], h
     """Work cell, robot with its tool, and containers by the names of their models; contact: of tool and containers."""
     spec = load_spec("workcell", "workcell.xml")
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    robot = robot_spec(tool if grasp == "weld" else None)
+    robot = robot_spec(tool)
     with quiet_prefixes():
         spec.worldbody.add_frame().attach_body(robot.body("link0"), "", "")
         if grasp == "friction":
-            make_loose(spec, compiled(robot_spec(tool)), tool, load_spec("tools", tool, f"{tool}.xml"))
+            make_loose(spec, tool)
         for name, container in containers.items():
             add_container(spec, name, container)
             if not contact:
@@ -149,6 +145,5 @@ def compile_scene(spec: mujoco.MjSpec, tool: str) -> Scene:
         model,
         np.array([j.qposadr[0] for j in joints]), np.array([j.dofadr[0] for j in joints]),
         np.array([model.actuator(name).id for name in ARM_JOINTS]),
-        np.array([model.actuator(name).id for name in FINGERS]),
         model.body(tool).id,
     )

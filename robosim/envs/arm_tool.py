@@ -19,7 +19,7 @@ from robosim.errors import RobotDiverged, UnreachableWaypoint
 from robosim.frames import body_pose
 from robosim.grasp import Grasp
 from robosim.kinematics import solve, solve_path, step_towards
-from robosim.scene import FINGERS_CLOSED, FINGERS_OPEN, compile_scene, scene_spec
+from robosim.scene import compile_scene, scene_spec
 from robosim.servo import Servo
 from robosim.smoothing import JointState
 from robosim.twin import STATE
@@ -109,8 +109,8 @@ class ArmTool(Carrier):
         still = JointState(self._start_q, np.zeros(7), np.zeros(7))
         steps = round(self._robot.grasp_time / self._dt)
         for k in range(2 * steps):
-            closing = min(k / (0.6 * steps), 1.0)
-            self.data.ctrl[self.scene.finger_actuators] = FINGERS_OPEN + closing * (FINGERS_CLOSED - FINGERS_OPEN)
+            if k < steps:
+                self.grasp.close(min(k / (0.6 * steps), 1.0))
             self._drive(still)
             if k == steps:
                 self.grasp.release()
@@ -119,8 +119,6 @@ class ArmTool(Carrier):
         self.data.time = 0.0
         mujoco.mj_getState(self.model, self.data, self._held, STATE)
         mujoco.mj_kinematics(self.model, self.data)
-        palm = body_pose(self.data, self.model.body("palm").id)
-        self._in_palm = palm.inverse() @ body_pose(self.data, self.scene.tool)
 
     def restart(self, pose: mpm.Pose) -> mpm.Pose:
         """Put the arm where it holds the tool at a pose; returns where it holds it really."""
@@ -133,10 +131,6 @@ class ArmTool(Carrier):
         self.data.qpos[self.scene.arm_qpos] = self._q + offset
         self.data.qvel[:] = 0.0
         mujoco.mj_kinematics(self.model, self.data)
-        if self.grasp.by_friction:
-            place = self.model.jnt_qposadr[self.model.body_jntadr[self.scene.tool]]
-            held = body_pose(self.data, self.model.body("palm").id) @ self._in_palm
-            self.data.qpos[place : place + 7] = np.concatenate(held)
         mujoco.mj_forward(self.model, self.data)
         self._smoother.restart(self._q)
         self._torque = self._lag = 0.0
