@@ -2,6 +2,8 @@
 
 Each begins where the one before has ended, turned level and raised or lowered to its own start. Learnt motions jump
 from speed to speed every 20 ms; here they are rounded by a moving average, and played slower where the arm needs it.
+Learning knew a container that it scooped from and none that it poured into: where the tool comes too close to one, it
+is moved away.
 """
 
 from pathlib import Path
@@ -9,10 +11,11 @@ from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.motion import Pose
+from robosim.clearance import RigidParticles
 from robosim.config import RehearsalConfig
 from robosim.envs.actions import Actions
 from robosim.envs.carrier import Carrier
@@ -30,6 +33,16 @@ REST = 0.5
 """[s] at rest where the load is weighed."""
 WIDE = 0.1
 """[s] about a moment that is too fast which are slowed down with it."""
+CLEAR = {"weld": 0.002, "friction": 0.003}
+"""Least distance [m] of tool and containers: as much as the arm may be off its path there; a load turns a handle that
+is held by friction in the fingers, which takes the tool another millimetre off."""
+FARTHEST = 0.01
+"""[m] by which the tool is moved away from a container; what would need more is played as it was learnt."""
+EASED = 0.2
+"""[s] over which it is moved away, and back."""
+CLEARINGS, LOOK_EVERY, ENOUGH = 8, 10, 1e-4
+"""How often a path is moved away from containers at most, samples from one look at them to the next, and what may be
+missing [m] in the end."""
 NEARBY = 0.5
 """[s] before and after a moment within which the nearest point of a path is looked for."""
 
@@ -172,8 +185,30 @@ class LearnedPath:
         weigh(True)
         self._marks["end"] = count - 1
         self._raw = np.concatenate(places), alike(np.concatenate(turns))
+        self.kept_clear_by = 0.0
+        """Largest distance [m] by which the tool was moved away from a container."""
+        if config.containers:
+            self._keep_clear(RigidParticles(config), CLEAR[config.grasp])
         self._lengths = np.full(count - 1, SAMPLING)
         self._lay()
+
+    def _keep_clear(self, particles: RigidParticles, margin: float) -> None:
+        """Move the tool a margin [m] away from containers, both as learnt and as rounded: played slower it is in
+        between."""
+        learnt, turns = self._raw
+        places, averaged = learnt, rounded(turns)
+        for _ in range(CLEARINGS):
+            push = pushes(particles, places, turns, margin)
+            other = pushes(particles, rounded(places), averaged, margin)
+            longer = np.linalg.norm(other, axis=1) > np.linalg.norm(push, axis=1)
+            push[longer] = other[longer]
+            moved = float(np.linalg.norm(places - learnt, axis=1).max())
+            if moved > FARTHEST:
+                return
+            if np.linalg.norm(push, axis=1).max() < ENOUGH:
+                self._raw, self.kept_clear_by = (places, turns), moved
+                return
+            places = places + eased(push)
 
     def _lay(self) -> None:
         """Sample the motion anew, its steps as long as they are now, and round it."""
@@ -218,6 +253,21 @@ def joined(place: np.ndarray, turn: np.ndarray, to: np.ndarray, to_turn: np.ndar
     n = max(2, round(max(float(np.linalg.norm(to - place)) / JOINING, angle / JOINING_TURN) / SAMPLING))
     share = np.linspace(0.0, 1.0, n)
     return place + share[:, None] * (to - place), Slerp([0.0, 1.0], ends)(share).as_quat(scalar_first=True)
+
+
+def pushes(particles: RigidParticles, places: np.ndarray, turns: np.ndarray, margin: float) -> np.ndarray:
+    """Displacements (n, 3) [m] of a tool at poses (n, 3), (n, 4) that lead a margin [m] away from the containers."""
+    push = np.zeros_like(places)
+    for k in range(0, len(places), LOOK_EVERY):
+        push[k] = particles.push(Pose(places[k], turns[k] / np.linalg.norm(turns[k])), margin)
+    return push
+
+
+def eased(push: np.ndarray) -> np.ndarray:
+    """Displacements (n, 3) that begin and end gently, nowhere smaller than those asked for."""
+    size = 2 * round(0.5 * EASED / SAMPLING) + 1
+    most = maximum_filter1d(push.clip(min=0.0), size, axis=0) + minimum_filter1d(push.clip(max=0.0), size, axis=0)
+    return uniform_filter1d(most, size, axis=0, mode="nearest")
 
 
 def alike(turns: np.ndarray) -> np.ndarray:

@@ -95,7 +95,8 @@ def learned_figures(run: Rehearsal) -> dict[str, object]:
     path = run.plan.path
     if isinstance(path, CommandedPath):
         return {}
-    return {"learned": list(run.config.learned), "played_slower_by": path.slower_by, "path_rounded_by": path.rounded_by}
+    return {"learned": list(run.config.learned), "played_slower_by": path.slower_by,
+            "path_rounded_by": path.rounded_by, "path_kept_clear_by": path.kept_clear_by}
 
 
 def missed(values: dict[str, object], config: RehearsalConfig) -> list[str]:

@@ -107,16 +107,15 @@ def test_external_torque_is_that_of_the_load() -> None:
 def test_container_in_the_tool_is_counted_with_its_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball in the spoon's place is pushed 1 mm into the source's floor; clear of it nothing is counted; unasked,
     nothing is made."""
-    monkeypatch.setattr(clearance, "tool_sdf", lambda tool, wall: mpm.Sdf.sphere(0.03))
+    monkeypatch.setattr(clearance, "tool_distance", lambda tool: mpm.Sdf.sphere(0.03))
     config = load_rehearsal("spoon")
     scene = compile_scene(rehearsal_spec(config), config.tool)
     data = mujoco.MjData(scene.model)
     mujoco.mj_forward(scene.model, data)
-    particles = clearance.RigidParticles(scene.model, data, config)
+    particles = clearance.RigidParticles(config)
     floor = container_pose(config.containers["source"])
     for height, touched in ((0.0301, False), (0.029, True)):
-        data.xpos[scene.tool] = floor.position + [0.0, 0.0, height]
-        particles.look(data)
+        particles.look(mpm.Pose(floor.position + [0.0, 0.0, height], np.array([1.0, 0.0, 0.0, 0.0])))
         assert (particles.count > 0) == touched
     assert particles.depth == pytest.approx(0.001, abs=1e-4)
     bare = config.model_copy(update={"tool_container": []})

@@ -11,14 +11,18 @@ from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim import grains, learned
-from robosim.config import load_rehearsal
+from robosim.clearance import tool_distance
+from robosim.config import RehearsalConfig, load_rehearsal
 from robosim.envs.task import load_task
 from robosim.errors import ConfigError
+from robosim.frames import container_pose
 from robosim.joint_trajectory import joint_trajectory
 from robosim.materials import law_of, load_material
 from robosim.rehearsal import plan
 from robosim.rehearsal_report import fates
+from robosim.scene import inner_size
 from robosim.shapes import tool_shape
+from robosim.shapes.container import container_shell
 from robosim.smoothing import excess
 
 
@@ -88,6 +92,42 @@ def test_slowing_down_keeps_the_way(chained):
     faster = learned.LearnedPath(chained)
     faster.slow_down(times, np.full(200, 0.3))
     assert faster.duration == pytest.approx(path.duration)
+
+
+SOURCE = container_shell(inner_size("source")).subdivide_to_size(0.003).vertices
+
+
+def gap(config: RehearsalConfig, pose: mpm.Pose) -> float:
+    """Least distance [m] of the tool at a pose and the source's corners, edges and faces."""
+    points = container_pose(config.containers["source"]).apply(SOURCE)
+    return float(tool_distance(config.tool).distance(pose.inverse().apply(points)).min())
+
+
+def test_a_tool_is_kept_clear_of_containers(chained, tmp_path):
+    """A scoop that goes down and up again: well above the floor it stays as it was learnt, 1 mm into the floor it is
+    moved by what is missing, there and nowhere else; where the floor goes through it nothing helps."""
+    action = load_task("SpoonScoop").action
+    head = np.concatenate([part.vertices for part in tool_shape("spoon").solid()])
+    room = learned.LearnedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]
+
+    def dipping(depth: float) -> learned.LearnedPath:
+        rows = np.outer(np.repeat([-1.0, 1.0], 50), [0.0, 0.0, depth / action.speed, 0.0, 0.0, 0.0])
+        np.savez(tmp_path / "SpoonScoop.npz", actions=rows, hold=10)
+        return learned.LearnedPath(chained)
+
+    def lowest(path: learned.LearnedPath) -> float:
+        return min(gap(chained, path.pose(t)) for t in np.arange(0.0, path.times["SpoonTranslate"], 0.02))
+
+    above, into, through = dipping(room - 0.01), dipping(room + 0.001), dipping(room + 0.04)
+    assert above.kept_clear_by == 0.0
+    assert 0.009 < lowest(above) < 0.015  # rounding cuts the turning point
+    wanted = learned.CLEAR[chained.grasp]
+    assert wanted + 0.0005 < into.kept_clear_by < 1.5 * (0.001 + wanted)
+    assert lowest(into) > wanted - 2.0 * learned.ENOUGH
+    for t in (0.3, into.times["SpoonTranslate"] - 0.3, into.duration):
+        assert np.array_equal(into.pose(t).matrix, above.pose(t).matrix)
+    assert into.pose(into.duration).position == pytest.approx(above.pose(above.duration).position, abs=1e-12)
+    assert through.kept_clear_by == 0.0 and lowest(through) < 0.0
 
 
 def test_excess_is_the_time_that_is_missing():
