@@ -33,9 +33,8 @@ REST = 0.5
 """[s] at rest where the load is weighed."""
 WIDE = 0.1
 """[s] about a moment that is too fast which are slowed down with it."""
-CLEAR = {"weld": 0.002, "friction": 0.003}
-"""Least distance [m] of tool and containers: as much as the arm may be off its path there; a load turns a handle that
-is held by friction in the fingers, which takes the tool another millimetre off."""
+CLEAR = 0.002
+"""Least distance [m] of tool and containers: as much as the arm may be off its path there."""
 FARTHEST = 0.01
 """[m] by which the tool is moved away from a container; what would need more is played as it was learnt."""
 EASED = 0.2
@@ -188,18 +187,16 @@ class LearnedPath:
         self.kept_clear_by = 0.0
         """Largest distance [m] by which the tool was moved away from a container."""
         if config.containers:
-            self._keep_clear(RigidParticles(config), CLEAR[config.grasp])
+            self._keep_clear(RigidParticles(config))
         self._lengths = np.full(count - 1, SAMPLING)
         self._lay()
 
-    def _keep_clear(self, particles: RigidParticles, margin: float) -> None:
-        """Move the tool a margin [m] away from containers, both as learnt and as rounded: played slower it is in
-        between."""
+    def _keep_clear(self, particles: RigidParticles) -> None:
+        """Move the tool away from containers, both as learnt and as rounded: played slower it is in between."""
         learnt, turns = self._raw
         places, averaged = learnt, rounded(turns)
         for _ in range(CLEARINGS):
-            push = pushes(particles, places, turns, margin)
-            other = pushes(particles, rounded(places), averaged, margin)
+            push, other = pushes(particles, places, turns), pushes(particles, rounded(places), averaged)
             longer = np.linalg.norm(other, axis=1) > np.linalg.norm(push, axis=1)
             push[longer] = other[longer]
             moved = float(np.linalg.norm(places - learnt, axis=1).max())
@@ -255,11 +252,11 @@ def joined(place: np.ndarray, turn: np.ndarray, to: np.ndarray, to_turn: np.ndar
     return place + share[:, None] * (to - place), Slerp([0.0, 1.0], ends)(share).as_quat(scalar_first=True)
 
 
-def pushes(particles: RigidParticles, places: np.ndarray, turns: np.ndarray, margin: float) -> np.ndarray:
-    """Displacements (n, 3) [m] of a tool at poses (n, 3), (n, 4) that lead a margin [m] away from the containers."""
+def pushes(particles: RigidParticles, places: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Displacements (n, 3) [m] of a tool at poses (n, 3), (n, 4) that lead away from the containers."""
     push = np.zeros_like(places)
     for k in range(0, len(places), LOOK_EVERY):
-        push[k] = particles.push(Pose(places[k], turns[k] / np.linalg.norm(turns[k])), margin)
+        push[k] = particles.push(Pose(places[k], turns[k] / np.linalg.norm(turns[k])), CLEAR)
     return push
 
 
