@@ -19,7 +19,7 @@ from robosim.errors import ConfigError
 from robosim.frames import body_pose
 from robosim.grasp import Grasp
 from robosim.kinematics import PathSolution, solve_path
-from robosim.learned import LearnedPath
+from robosim.learned_path import LearnedPath
 from robosim.materials import MaterialConfig, law_of, load_material
 from robosim.path import CommandedPath
 from robosim.recording import EnergySample, Recording, Sample, Step

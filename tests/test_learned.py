@@ -17,7 +17,10 @@ from robosim.envs.task import load_task
 from robosim.errors import ConfigError
 from robosim.frames import container_pose
 from robosim.joint_trajectory import joint_trajectory
+from robosim.keep_clear import CLEAR, ENOUGH
+from robosim.learned_path import REST, LearnedPath
 from robosim.materials import law_of, load_material
+from robosim.pose_sequences import JOINING, ROUNDING, SAMPLING
 from robosim.rehearsal import plan
 from robosim.rehearsal_report import fates
 from robosim.scene import inner_size
@@ -46,7 +49,7 @@ def test_a_motion_begins_where_the_last_has_ended(chained):
     """In the plane: 4 cm each along y from the place over the container on; at its own height and attitude; the target
     stands where the last one pours."""
     tasks = [load_task(name) for name in chained.learned]
-    path = learned.LearnedPath(chained)
+    path = LearnedPath(chained)
     offset = np.array(chained.containers["source"].position) - tasks[0].container_place.position
     begin = np.array(tasks[0].start.position) + offset
     for k, task in enumerate(tasks):
@@ -61,17 +64,17 @@ def test_a_motion_begins_where_the_last_has_ended(chained):
     begin, end = path.rests[chained.weigh_at]
     assert path.times["SpoonScoop"] + 2.0 < begin < end < path.times["SpoonTranslate"]
     assert path.pose(begin).position == pytest.approx(path.pose(end).position, abs=1e-9)
-    assert end - begin == pytest.approx(learned.REST)
+    assert end - begin == pytest.approx(REST)
 
 
 def test_a_path_has_no_jumps(chained):
     """Speeds change by 2 v / ROUNDING per second at most, where a motion jumps from v to -v; rounding cuts little."""
-    path = learned.LearnedPath(chained)
+    path = LearnedPath(chained)
     times = np.arange(0.0, path.duration, 0.01)
     places = np.array([path.pose(t).position for t in times])
     speed = np.diff(places, axis=0) / 0.01
-    assert np.abs(np.diff(speed, axis=0)).max() / 0.01 < 2.0 * learned.JOINING / learned.ROUNDING
-    assert path.rounded_by < 0.25 * learned.JOINING * learned.ROUNDING
+    assert np.abs(np.diff(speed, axis=0)).max() / 0.01 < 2.0 * JOINING / ROUNDING
+    assert path.rounded_by < 0.25 * JOINING * ROUNDING
     tip = np.array([0.03, 0.0, 0.0])
     for t in (0.5, 0.5 * path.duration):
         pose = path.pose(t)
@@ -81,7 +84,7 @@ def test_a_path_has_no_jumps(chained):
 
 def test_slowing_down_keeps_the_way(chained):
     """Twice as long at all times: the same places at twice the time, but for what rounding cuts."""
-    path, slow = learned.LearnedPath(chained), learned.LearnedPath(chained)
+    path, slow = LearnedPath(chained), LearnedPath(chained)
     times = np.linspace(0.0, path.duration, 200)
     slow.slow_down(times, np.full(200, 2.0))
     assert slow.duration == pytest.approx(2.0 * path.duration, rel=1e-3)
@@ -89,7 +92,7 @@ def test_slowing_down_keeps_the_way(chained):
     for t in times[::20]:
         assert slow.pose(2.0 * t).position == pytest.approx(path.pose(t).position, abs=2.0 * path.rounded_by + 1e-6)
     assert slow.rounded_by < 0.7 * path.rounded_by
-    faster = learned.LearnedPath(chained)
+    faster = LearnedPath(chained)
     faster.slow_down(times, np.full(200, 0.3))
     assert faster.duration == pytest.approx(path.duration)
 
@@ -108,21 +111,21 @@ def test_a_tool_is_kept_clear_of_containers(chained, tmp_path):
     moved by what is missing, there and nowhere else; where the floor goes through it nothing helps."""
     action = load_task("SpoonScoop").action
     head = np.concatenate([part.vertices for part in tool_shape("spoon").solid()])
-    room = learned.LearnedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]
+    room = LearnedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]
 
-    def dipping(depth: float) -> learned.LearnedPath:
+    def dipping(depth: float) -> LearnedPath:
         rows = np.outer(np.repeat([-1.0, 1.0], 50), [0.0, 0.0, depth / action.speed, 0.0, 0.0, 0.0])
         np.savez(tmp_path / "SpoonScoop.npz", actions=rows, hold=10)
-        return learned.LearnedPath(chained)
+        return LearnedPath(chained)
 
-    def lowest(path: learned.LearnedPath) -> float:
+    def lowest(path: LearnedPath) -> float:
         return min(gap(chained, path.pose(t)) for t in np.arange(0.0, path.times["SpoonTranslate"], 0.02))
 
     above, into, through = dipping(room - 0.01), dipping(room + 0.001), dipping(room + 0.04)
     assert above.kept_clear_by == 0.0
     assert 0.009 < lowest(above) < 0.015  # rounding cuts the turning point
-    assert learned.CLEAR + 0.0005 < into.kept_clear_by < 1.5 * (0.001 + learned.CLEAR)
-    assert lowest(into) > learned.CLEAR - 2.0 * learned.ENOUGH
+    assert CLEAR + 0.0005 < into.kept_clear_by < 1.5 * (0.001 + CLEAR)
+    assert lowest(into) > CLEAR - 2.0 * ENOUGH
     for t in (0.3, into.times["SpoonTranslate"] - 0.3, into.duration):
         assert np.array_equal(into.pose(t).matrix, above.pose(t).matrix)
     assert into.pose(into.duration).position == pytest.approx(above.pose(above.duration).position, abs=1e-12)
@@ -224,7 +227,7 @@ def test_a_rehearsal_knows_what_its_motions_need():
                                        "pile": {"centre": [0.70, -0.08, 0.0075], "half": [0.02, 0.02, 0.0075]}})
     task, moved = load_task("ShovelMove"), learned.placed(shovel)
     assert moved.area.centre[:2] == pytest.approx(np.array(task.target.centre[:2]) + [-0.08, 0.02])
-    path = learned.LearnedPath(moved)
+    path = LearnedPath(moved)
     begin = path.pose(0.0).position - task.start.position
     assert begin == pytest.approx([-0.08, 0.02, 0.0], abs=1e-9)
     assert learned.placed(load_rehearsal("shovel")) == load_rehearsal("shovel")
@@ -237,7 +240,7 @@ def test_a_motion_ends_where_its_work_is_done(tmp_path):
         with np.load(tmp_path / f"{name}.npz") as stored:
             np.savez(tmp_path / f"{name}.npz", **stored, needed=30)
         found = learned.motion_of(tmp_path / f"{name}.npz", name, load_task(name))
-        assert len(found.places) - 1 == round(seconds / learned.SAMPLING)
+        assert len(found.places) - 1 == round(seconds / SAMPLING)
         assert found.places[-1, 1] - found.places[0, 1] == pytest.approx(0.02 * seconds, abs=1e-9)
     np.savez(tmp_path / "SpoonPour.npz", actions=np.zeros((100, 3)), hold=10)
     with pytest.raises(ConfigError, match=r"SpoonPour.npz: not a motion of SpoonPour: .*shape \(3,\)"):
