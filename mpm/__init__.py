@@ -1,12 +1,6 @@
 """The field: grains as a continuum, by the material point method. Knows no robot, no file, no learning."""
 
-from mpm.adjoint.rollout import Rollout
 from mpm.backend import init
-from mpm.batch import Batch
-from mpm.body import Body
-from mpm.collider import Collider
-from mpm.diagnostics import Diagnostics
-from mpm.elasticity import Elastic
 from mpm.errors import (
     BackendError,
     ColliderTooFast,
@@ -21,19 +15,25 @@ from mpm.errors import (
     TimeStepTooLarge,
     UnknownName,
 )
-from mpm.features import Features
-from mpm.fluid import NewtonianFluid
-from mpm.grid import Grid
-from mpm.motion import Pose, Twist, Wrench
-from mpm.plasticity import DruckerPrager, VonMises
-from mpm.region import Region
-from mpm.sample import Sample
-from mpm.sampling import sample_box, sample_cylinder, sample_mesh
-from mpm.sdf import Sdf
-from mpm.shell import Shell
+from mpm.geometry.region import Region
+from mpm.geometry.rigid_motion import Pose, Twist, Wrench
+from mpm.geometry.sdf import Sdf
+from mpm.geometry.shell import Shell
+from mpm.materials.elasticity import Elastic
+from mpm.materials.newtonian_fluid import NewtonianFluid
+from mpm.materials.plasticity import DruckerPrager, VonMises
+from mpm.observers.diagnostics import Diagnostics
+from mpm.observers.sample import Sample
+from mpm.observers.tally import Tallied, Tally
+from mpm.rollout.rollout import Rollout
+from mpm.scene.body import Body
+from mpm.scene.collider import Collider
+from mpm.scene.features import Features
+from mpm.scene.grid import Grid
+from mpm.scene.sampling import sample_box, sample_cylinder, sample_mesh
+from mpm.scene.walls import Walls
 from mpm.solver import Solver
-from mpm.tally import Tallied, Tally
-from mpm.walls import Walls
+from mpm.stepping.batch import Batch
 
 __all__ = [
     "BackendError",

@@ -73,7 +73,7 @@ class SimulationDiverged(MpmError):
 
     Attributes: time [s], step (substeps since the start), particle (index of the fastest, or of one that is not
     finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile one that moves
-    by no finite number, or None), diagnostics (of the whole field, see `mpm.diagnostics`).
+    by no finite number, or None), diagnostics (of the whole field, see `mpm.observers.diagnostics`).
     """
 
     diagnostics: object = None

@@ -6,33 +6,34 @@ from dataclasses import replace
 import numpy as np
 
 from mpm.backend import PRECISIONS, allocating, default_precision, real_type, session_precision, ti
-from mpm.body import Body, Material
-from mpm.checks import check_passage, check_scene, finite, stored
-from mpm.collider import Collider
-from mpm.contact import cache_static
-from mpm.diagnostics import Diagnostics, Energy, Momentum, diagnostics_of, divergence_of, energy_of, momentum_of
+from mpm.boundaries.mobile_contact import MobileFields
+from mpm.boundaries.mobility_table import MobilityTable
+from mpm.boundaries.node_contact import cache_static
+from mpm.boundaries.shell_sides import CutFields
 from mpm.errors import InvalidValue, TimeStepTooLarge, UnknownName
-from mpm.features import features_of
-from mpm.grid import Grid, GridFields, wrapped
-from mpm.mobility import MobileFields
-from mpm.mobility_table import MobilityTable
-from mpm.motion import Pose, Twist, Wrench
-from mpm.motions import Motions
-from mpm.numbers import Numbers
-from mpm.particles import ParticleFields
-from mpm.phases import Shares, are_shared, substeps_of
-from mpm.readings import Readings
-from mpm.sample import Sample
-from mpm.shell import Shell
-from mpm.sides import CutFields
-from mpm.strain import INTEGRATORS
-from mpm.stride import Interval, chosen_interval, launches, most_substeps
-from mpm.substep import SPEED_LIMIT
-from mpm.tally import MAX_LOOKS, Tallied, Tally
-from mpm.tally import ROWS as TALLY_ROWS
-from mpm.timestep import chosen_step, material_bound
-from mpm.walls import Walls
-from mpm.way_back import WayBack
+from mpm.geometry.rigid_motion import Pose, Twist, Wrench
+from mpm.geometry.shell import Shell
+from mpm.materials.hencky_strain import INTEGRATORS
+from mpm.materials.stable_step import chosen_step, material_bound
+from mpm.observers import diagnostics
+from mpm.observers.diagnostics import Diagnostics, Energy, Momentum
+from mpm.observers.readings import Readings
+from mpm.observers.sample import Sample
+from mpm.observers.tally import MAX_LOOKS, Tallied, Tally
+from mpm.observers.tally import ROWS as TALLY_ROWS
+from mpm.scene.body import Body, Material
+from mpm.scene.collider import Collider
+from mpm.scene.features import features_of
+from mpm.scene.grid import Grid, GridFields, wrapped
+from mpm.scene.validation import check_passage, check_scene, finite, stored
+from mpm.scene.walls import Walls
+from mpm.state.parameters import Numbers
+from mpm.state.particles import ParticleFields
+from mpm.stepping.collider_paths import Motions
+from mpm.stepping.parallel import Shares, are_shared, substeps_of
+from mpm.stepping.rollback import WayBack
+from mpm.stepping.stride import Interval, chosen_interval, launches, most_substeps
+from mpm.stepping.substep import SPEED_LIMIT
 
 
 class Solver(Readings):
@@ -266,7 +267,7 @@ class Solver(Readings):
             self._momentum = Momentum(*self._out[self._substeps.momentum].reshape(2, 3).copy())
             squares, fastest = self._out[self._substeps.status, :2]
             if not math.isfinite(squares + self.mobility.table.sum()) or fastest * dt > SPEED_LIMIT * self.grid.cell:
-                raise divergence_of(self, dt)
+                raise diagnostics.divergence_of(self, dt)
             self.mobility.end(self._motions.poses)
         return read
 
@@ -301,15 +302,15 @@ class Solver(Readings):
 
     def momentum(self) -> Momentum:
         """Momentum of all grains, summed in float64."""
-        return momentum_of(self)
+        return diagnostics.momentum_of(self)
 
     def energy(self) -> Energy:
         """Energy of all grains, summed in float64; the elastic part is each law's own."""
-        return energy_of(self)
+        return diagnostics.energy_of(self)
 
     def diagnostics(self) -> Diagnostics:
         """Mass, momentum, energy, CFL number, compaction, escaped and non-finite grains."""
-        return diagnostics_of(self)
+        return diagnostics.diagnostics_of(self)
 
     # going back ------------------------------------------------------------------------------------------------------
     def keep(self) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 import mpm
-from robosim.graphics import choose_graphics
+from robosim.rendering.opengl import choose_graphics
 
 choose_graphics()
 

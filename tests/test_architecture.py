@@ -58,11 +58,11 @@ def test_public_names_exist(package: str) -> None:
 
 def test_the_command_line_needs_the_core_dependencies_alone() -> None:
     """`pip install .` brings no extras, and every command loads all commands."""
-    code = ("import sys, robosim.cli; robosim.cli.parser(); "
+    code = ("import sys, robosim.commands.main; robosim.commands.main.parser(); "
             "print(*{m.__file__ for m in list(sys.modules.values()) if getattr(m, '__file__', None)}, sep=chr(10))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = [path for path in FILES if str(path) in done.stdout.splitlines()]
-    assert ROOT / "policies" / "train.py" in loaded
+    assert ROOT / "policies" / "methods" / "train.py" in loaded
     core = [words for words in requires("robosim") or () if "extra" not in words]
     names = {plain(re.split(r"[^A-Za-z0-9_.-]", words)[0]) for words in core}
     owners = {"pinocchio": ["pin"], **packages_distributions()}  # pin's folder is not a site's own

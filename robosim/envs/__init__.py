@@ -1,4 +1,7 @@
-"""Gymnasium environments of the paper's eight sub-tasks and of tasks in files; `import robosim` registers them."""
+"""Gymnasium environments of the eight sub-tasks and of tasks in files; `import robosim` registers them.
+
+Imports: config, coupling, errors, rendering, robot, scene, shapes, tasks, mpm.
+"""
 
 from functools import partial
 from pathlib import Path

@@ -8,21 +8,21 @@ import numpy as np
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
 import mpm
-from robosim.arm import SPEED_LIMITS, Arm
-from robosim.clearance import Touches
-from robosim.config import Grip, RobotConfig, load_robot
-from robosim.coupling import GranularPlugin
+from robosim.config.schema import Grip, RobotConfig, load_robot
+from robosim.coupling.plugin import GranularPlugin
+from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
-from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import TOOL
 from robosim.errors import RobotDiverged, UnreachableWaypoint
-from robosim.frames import body_pose
-from robosim.grasp import Grasp
-from robosim.kinematics import solve, solve_path, step_towards
-from robosim.scene import compile_scene, scene_spec
-from robosim.servo import Servo
-from robosim.smoothing import JointState
-from robosim.twin import STATE
+from robosim.robot.inverse_kinematics import solve, solve_path, step_towards
+from robosim.robot.model import SPEED_LIMITS, Arm
+from robosim.robot.servo import Servo
+from robosim.robot.timing import JointState
+from robosim.scene.build import compile_scene, scene_spec
+from robosim.scene.clearance import Touches
+from robosim.scene.frames import body_pose
+from robosim.scene.grasp import Grasp
+from robosim.tasks.task import TaskConfig
+from robosim.tasks.task_field import TOOL
 
 PATH_POSES = 61
 """Poses of the task's script through which the arm must be able to go."""

@@ -6,15 +6,15 @@ import numpy as np
 from gymnasium.utils import seeding
 
 import mpm
-from mpm.tally import MAX_LOOKS
-from robosim.envs.actions import Actions, checked_repeat
+from mpm.observers.tally import MAX_LOOKS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode, Horizon, checked_horizon
-from robosim.envs.observation import Layout
-from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import TOOL
 from robosim.envs.world import Ranges, World, checked_options
 from robosim.errors import ConfigError
+from robosim.tasks.actions import Actions, checked_repeat
+from robosim.tasks.observation import Layout
+from robosim.tasks.task import TaskConfig
+from robosim.tasks.task_field import TOOL
 
 Info = dict[str, Any]
 

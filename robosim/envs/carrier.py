@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 import mpm
-from mpm.motion import turned
-from mpm.tally import MAX_LOOKS
-from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import TOOL
+from mpm.geometry.rigid_motion import turned
+from mpm.observers.tally import MAX_LOOKS
+from robosim.tasks.task import TaskConfig
+from robosim.tasks.task_field import TOOL
 
 Step = tuple[mpm.Tallied, mpm.Pose]
 """What was read after a step of `step_dt`, and where the tool was then."""

@@ -4,9 +4,9 @@ import math
 from typing import Any, Literal, get_args
 
 import mpm
-from robosim.envs.reward import Reward
-from robosim.envs.task import TaskConfig
 from robosim.errors import ConfigError, UnknownName
+from robosim.tasks.reward import Reward
+from robosim.tasks.task import TaskConfig
 
 Horizon = Literal["terminate", "truncate"]
 

@@ -7,19 +7,19 @@ import gymnasium
 import numpy as np
 
 import mpm
-from robosim.config import Grip
+from robosim.config.schema import Grip
 from robosim.envs import task_name
-from robosim.envs.actions import Actions, checked_repeat
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, Horizon, checked_horizon
 from robosim.envs.handover import Load
-from robosim.envs.objective import objective
-from robosim.envs.observation import Layout
-from robosim.envs.reward import Reward
-from robosim.envs.task import TaskConfig, load_task
-from robosim.envs.task_field import TOOL
 from robosim.envs.world import World, checked_options
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
+from robosim.tasks.actions import Actions, checked_repeat
+from robosim.tasks.objective import objective
+from robosim.tasks.observation import Layout
+from robosim.tasks.reward import Reward
+from robosim.tasks.task import TaskConfig, load_task
+from robosim.tasks.task_field import TOOL
 
 CAMERAS = ("task", "side", "overview", "close")
 

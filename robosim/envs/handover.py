@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mpm
-from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import TOOL, grain_volume
 from robosim.errors import ConfigError
 from robosim.shapes import tool_shape
+from robosim.tasks.task import TaskConfig
+from robosim.tasks.task_field import TOOL, grain_volume
 
 PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """Entry of a symmetric tensor's list for each place of its matrix."""

@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 
 import mpm
-from robosim.envs.task import RegionConfig, TaskConfig
-from robosim.envs.task_field import TOOL, grain_volume
+from robosim.config.materials import MaterialConfig
 from robosim.errors import ConfigError
-from robosim.materials import MaterialConfig
-from robosim.rendering import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
-from robosim.scene import add_container, compiled, load_spec, quiet_prefixes
+from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
+from robosim.scene.build import add_container, compiled, load_spec, quiet_prefixes
+from robosim.tasks.task import RegionConfig, TaskConfig
+from robosim.tasks.task_field import TOOL, grain_volume
 
 WIDTH, HEIGHT = 640, 480
 

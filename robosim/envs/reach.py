@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm import Pose
-from robosim.arm import SPEED_LIMITS, Arm
 from robosim.envs.arm_tool import start_posture
-from robosim.envs.task import TaskConfig
 from robosim.errors import UnreachableWaypoint
-from robosim.kinematics import solve
+from robosim.robot.inverse_kinematics import solve
+from robosim.robot.model import SPEED_LIMITS, Arm
+from robosim.tasks.task import TaskConfig
 
 DAMPING = 1e-6
 """Added to J J^T: speeds stay finite in singular postures."""

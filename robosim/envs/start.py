@@ -12,12 +12,12 @@ import numpy as np
 import platformdirs
 
 import mpm
-from mpm.lattice import Lattice
-from robosim.envs.task import TaskConfig
-from robosim.envs.task_field import TOOL
-from robosim.materials import MaterialConfig
-from robosim.settling import settle
+from mpm.geometry.sampled_sdf import Lattice
+from robosim.config.materials import MaterialConfig
+from robosim.scene.settle import settle
 from robosim.shapes import tool_shape
+from robosim.tasks.task import TaskConfig
+from robosim.tasks.task_field import TOOL
 
 FORMAT = 2
 """Raised when a change of the code makes other starts out of the same configuration."""

@@ -1,7 +1,7 @@
 """The eight sub-tasks as Gymnasium environments; their pages are made from configs/tasks."""
 
 from robosim.envs.grain_env import GrainEnv
-from robosim.envs.page import page
+from robosim.tasks.page import page
 
 
 class SubTask(GrainEnv):

@@ -7,14 +7,14 @@ from typing import Any, get_args
 import numpy as np
 
 import mpm
-from mpm.timestep import material_bound
+from mpm.materials.stable_step import material_bound
+from robosim.config.materials import Law, law_of, load_material, overridden
 from robosim.envs.handover import Load, loaded, placed, state_of
-from robosim.envs.observation import Layout, Observer
 from robosim.envs.start import settled
-from robosim.envs.task import TaskConfig, load_task
-from robosim.envs.task_field import TOOL, build_solver, build_tally, substep
 from robosim.errors import ConfigError, UnknownName
-from robosim.materials import Law, law_of, load_material, overridden
+from robosim.tasks.observation import Layout, Observer
+from robosim.tasks.task import TaskConfig, load_task
+from robosim.tasks.task_field import TOOL, build_solver, build_tally, substep
 
 Ranges = dict[str, tuple[float, float]]
 

@@ -1,1 +1,4 @@
-"""Reports that a laboratory decides by: error against run time, stability, speed, and what a scene needs."""
+"""Building blocks of reports: pages, plots, jobs in processes of their own, provenance.
+
+Imports: config.
+"""

@@ -10,7 +10,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
-from robosim.resources import folder
+from robosim.config.resources import folder
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = ("mpm", "robosim")

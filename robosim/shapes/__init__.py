@@ -1,4 +1,8 @@
-"""Shapes of tools and containers: one source for the pictures, the signed distances and the counting of grains."""
+"""Shapes of bundled tools and containers: curves to closed meshes.
+
+Imports: errors, mpm.
+"""
+
 
 from robosim.errors import UnknownName
 from robosim.shapes import bottle, scoop, shovel, spoon

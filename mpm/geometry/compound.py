@@ -1,0 +1,97 @@
+"""Signed distance of ground given by heights, and of unions of solids that are placed in one frame."""
+
+import numpy as np
+
+from mpm.backend import put, ti
+from mpm.geometry.primitives import Box, Capsule, Cylinder, Ellipsoid, Plane, Shape, Sphere
+from mpm.geometry.rigid_motion import Pose
+from mpm.geometry.sampled_sdf import Lattice
+
+
+class HeightField(Shape):
+    """Ground below heights [m] (rows along y, columns along x) over |x| <= half[0], |y| <= half[1]; 1 m outside.
+
+    Bilinear between its points; distances are of first order, exact at the surface.
+    """
+
+    def __init__(self, heights: np.ndarray, half: tuple[float, float]) -> None:
+        self.host = np.asarray(heights, np.float32)
+        self.half = tuple(float(c) for c in half)
+        rows, columns = self.host.shape
+        self.spacing = (2.0 * self.half[0] / (columns - 1), 2.0 * self.half[1] / (rows - 1))
+        self.radius = float(np.linalg.norm([*self.half, np.abs(self.host).max()]))
+        self.values = None
+
+    def allocate(self) -> None:
+        """Copy the heights to a field; needs a running backend."""
+        if self.values is None:
+            self.values = ti.field(ti.f32, self.host.shape)
+            put(self.values, self.host)
+
+    @ti.func
+    def at(self, y):
+        u, w = (y[0] + self.half[0]) / self.spacing[0], (y[1] + self.half[1]) / self.spacing[1]
+        n = 0.0 * y
+        phi = 0.0 * y[0] + 1.0
+        rows, columns = ti.static(self.host.shape[0] - 1), ti.static(self.host.shape[1] - 1)
+        if u >= 0 and w >= 0 and u <= columns and w <= rows:
+            i, j = ti.min(ti.cast(u, ti.i32), columns - 1), ti.min(ti.cast(w, ti.i32), rows - 1)
+            f, g = u - i, w - j
+            low = self.values[j, i] + f * (self.values[j, i + 1] - self.values[j, i])
+            high = self.values[j + 1, i] + f * (self.values[j + 1, i + 1] - self.values[j + 1, i])
+            n[0] = -((1 - g) * (self.values[j, i + 1] - self.values[j, i])
+                     + g * (self.values[j + 1, i + 1] - self.values[j + 1, i])) / self.spacing[0]
+            n[1] = -(high - low) / self.spacing[1]
+            n[2] = n[2] + 1.0
+            steep = n.norm()
+            n = n / steep
+            phi = (y[2] - low - g * (high - low)) / steep
+        return n, phi
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        inside = np.all(np.abs(points[..., :2]) <= self.half, axis=-1)
+        u, w = ((np.clip(points[..., d], -self.half[d], self.half[d]) + self.half[d]) / self.spacing[d] for d in (0, 1))
+        i = np.minimum(u.astype(int), self.host.shape[1] - 2)
+        j = np.minimum(w.astype(int), self.host.shape[0] - 2)
+        corners = [[self.host[j + b, i + a].astype(float) for a in (0, 1)] for b in (0, 1)]
+        low, high = (row[0] + (u - i) * (row[1] - row[0]) for row in corners)
+        across = ((1 - w + j) * (corners[0][1] - corners[0][0]) + (w - j) * (corners[1][1] - corners[1][0]))
+        steep = np.sqrt(1.0 + (across / self.spacing[0]) ** 2 + ((high - low) / self.spacing[1]) ** 2)
+        return np.where(inside, (points[..., 2] - low - (w - j) * (high - low)) / steep, 1.0)
+
+
+Solid = Box | Capsule | Cylinder | Ellipsoid | HeightField | Lattice | Plane | Sphere
+
+
+class Union(Shape):
+    """Several solids, each with its pose in a common frame: the distance is that of the closest."""
+
+    def __init__(self, parts: list[tuple[Solid, Pose]]) -> None:
+        self.solids = [solid for solid, _ in parts]
+        self._inverse = [pose.inverse() for _, pose in parts]
+        self.places = [tuple(float(c) for c in pose.position) for pose in self._inverse]
+        self.axes = [tuple(float(c) for c in pose.matrix.ravel()) for pose in self._inverse]
+        self.radius = max(float(np.linalg.norm(pose.position)) + solid.radius for solid, pose in parts)
+        self.passage = min(getattr(solid, "passage", np.inf) for solid in self.solids)
+
+    def allocate(self) -> None:
+        """Copy lattices to fields; needs a running backend."""
+        for solid in self.solids:
+            solid.allocate()
+
+    @ti.func
+    def at(self, y):
+        n = 0.0 * y
+        phi = 0.0 * y[0] + 1e6
+        for k in ti.static(range(len(self.solids))):
+            a, c = ti.static(self.axes[k]), ti.static(self.places[k])
+            R = ti.Matrix([[a[0], a[1], a[2]], [a[3], a[4], a[5]], [a[6], a[7], a[8]]])
+            n_k, phi_k = self.solids[k].at(R @ y + ti.Vector([c[0], c[1], c[2]]))
+            if phi_k < phi:
+                phi = phi_k
+                n = R.transpose() @ n_k
+        return n, phi
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        each = [solid.distance(inverse.apply(points)) for solid, inverse in zip(self.solids, self._inverse)]
+        return np.min(each, axis=0)

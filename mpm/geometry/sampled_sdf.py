@@ -1,0 +1,109 @@
+"""Signed distances sampled on a lattice."""
+
+import numpy as np
+
+from mpm.backend import put, ti
+from mpm.geometry.primitives import Shape
+from mpm.materials.hencky_strain import keep
+
+
+class Lattice(Shape):
+    """Distances sampled on a lattice, trilinear between its points; outside it, the distance from it is added."""
+
+    def __init__(self, values: np.ndarray, lower: np.ndarray, spacing: float) -> None:
+        self.host = np.asarray(values, np.float32)
+        self.lower = tuple(float(c) for c in lower)
+        self.spacing = float(spacing)
+        corners = np.array([lower, np.asarray(lower) + (np.array(values.shape) - 1) * spacing])
+        self.radius = float(np.linalg.norm(np.abs(corners).max(0)))
+        ends = [np.take(self.host, place, axis) for axis in range(3) for place in (0, -1)]
+        self.margin = float(min(end.min() for end in ends))
+        """Distance [m] from the solid at the lattice's faces, at least."""
+        self.passage = np.inf
+        """Narrowest gap [m] between its own walls, where it was made from a mesh."""
+        self.values = None
+
+    def allocate(self) -> None:
+        """Copy the lattice to a field; needs a running backend."""
+        if self.values is None:
+            self.values = ti.field(ti.f32, self.host.shape)
+            put(self.values, self.host)
+
+    @ti.func
+    def cell_at(self, y):
+        """Values at the eight corners of the lattice's cell at y, the place in it, and how far y lies outside, in
+        spacings."""
+        u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
+        last = ti.Vector([self.host.shape[d] - 1.0 for d in range(3)])
+        held = ti.max(ti.min(u, last), 0.0 * u)
+        c = ti.min(ti.cast(held, ti.i32), ti.cast(last, ti.i32) - 1)
+        f = held - c
+        s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        return s, f, u - held
+
+    @ti.func
+    def at(self, y):
+        s, f, away = self.cell_at(y)
+        z = [[keep(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
+        y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
+        y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
+        phi = y0 + f[0] * (y1 - y0) + away.norm() * self.spacing
+        n = 0.0 * y
+        n[0] = y1 - y0
+        n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
+        low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
+        high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
+        n[2] = (1 - f[0]) * low + f[0] * high
+        return n / n.norm(1e-12), phi
+
+    @ti.func
+    def beyond(self, y, reach):
+        """A look at the nearest point alone, instead of eight. Outside, the lattice's faces are as near as `margin`."""
+        c = ti.Vector([ti.cast((y[d] - self.lower[d]) * (1.0 / self.spacing) + 0.5, ti.i32) for d in range(3)])
+        shape = ti.static(self.host.shape)
+        far = self.margin > reach
+        if c.min() >= 0 and c[0] < shape[0] and c[1] < shape[1] and c[2] < shape[2]:
+            far = self.values[c[0], c[1], c[2]] > reach + 0.87 * self.spacing
+        return far
+
+    @ti.func
+    def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
+        """Exact, with the slopes of trilinear interpolation that hold within a cell."""
+        s, f, away = self.cell_at(y)
+        x = [[keep(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
+        xy = [keep(x[1][k] - x[0][k]) for k in range(2)]
+        xz = [keep(x[j][1] - x[j][0]) for j in range(2)]
+        yz = [keep(s[i][1][1] - s[i][1][0] - s[i][0][1] + s[i][0][0]) for i in range(2)]
+        mixed = ti.Vector([xy[0] + f[2] * (xy[1] - xy[0]), xz[0] + f[1] * (xz[1] - xz[0]),
+                           yz[0] + f[0] * (yz[1] - yz[0])])
+        slope = 0.0 * y
+        slope[0] = (1 - f[1]) * (x[0][0] + f[2] * xz[0]) + f[1] * (x[1][0] + f[2] * xz[1])
+        low, high = s[0][1][0] - s[0][0][0], s[1][1][0] - s[1][0][0]
+        slope[1] = (1 - f[0]) * (low + f[2] * yz[0]) + f[0] * (high + f[2] * yz[1])
+        low, high = s[0][0][1] - s[0][0][0], s[1][0][1] - s[1][0][0]
+        slope[2] = (1 - f[0]) * (low + f[1] * yz[0]) + f[0] * (high + f[1] * yz[1])
+        length = slope.norm(1e-12)
+        slope_bar = (normal_bar - slope * (slope.dot(normal_bar) / (length * length))) / length
+        bar = slope * phi_bar
+        bar[0] += mixed[0] * slope_bar[1] + mixed[1] * slope_bar[2]
+        bar[1] += mixed[0] * slope_bar[0] + mixed[2] * slope_bar[2]
+        bar[2] += mixed[1] * slope_bar[0] + mixed[2] * slope_bar[1]
+        far = away.norm()
+        for d in ti.static(range(3)):
+            bar[d] = bar[d] / self.spacing if away[d] == 0 else away[d] / far * phi_bar
+        return bar
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner [m] (3,) of the lattice in the frame, which hold the solid."""
+        lower = np.asarray(self.lower, float)
+        return lower, lower + self.spacing * (np.array(self.host.shape) - 1)
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Distances [m] (n,) at points (n, 3) in the frame."""
+        from scipy.ndimage import map_coordinates
+
+        u = (np.asarray(points) - self.lower) / self.spacing
+        held = np.clip(u, 0.0, np.array(self.host.shape) - 1.0)
+        inside = map_coordinates(self.host, held.T, order=1, mode="nearest")
+        return inside + self.spacing * np.linalg.norm(u - held, axis=-1)

@@ -1,0 +1,40 @@
+"""Where signed distances come from: one name for each kind of solid."""
+
+import numpy as np
+import trimesh
+
+from mpm.errors import InvalidValue
+from mpm.geometry.compound import HeightField, Union
+from mpm.geometry.mesh_distance import passage_width, signed_distances
+from mpm.geometry.primitives import Box, Capsule, Cylinder, Ellipsoid, Plane, Sphere
+from mpm.geometry.sampled_sdf import Lattice
+
+MAX_LATTICE = 40_000_000
+"""Lattice points beyond which a spacing is refused: 160 MB."""
+
+
+class Sdf:
+    """Constructors of signed-distance shapes."""
+
+    plane, sphere, box, capsule, cylinder, ellipsoid = Plane, Sphere, Box, Capsule, Cylinder, Ellipsoid
+    height_field, union = HeightField, Union
+
+    @staticmethod
+    def from_mesh(
+        mesh: trimesh.Trimesh | list[trimesh.Trimesh], spacing: float = 1e-3, margin: float = 4e-3
+    ) -> Lattice:
+        """Lattice of the union of closed meshes, with `spacing` [m] between its points and `margin` [m] around them."""
+        parts = mesh if isinstance(mesh, list) else [mesh]
+        for part in parts:
+            if not part.is_watertight:
+                raise InvalidValue("Sdf.from_mesh: the mesh has open edges, and a solid is closed; close it, or make "
+                                   "it a thin shell with Shell.from_mesh(mesh, thickness)")
+        bounds = np.array([part.bounds for part in parts])
+        lower = bounds[:, 0].min(0) - margin
+        shape = np.ceil((bounds[:, 1].max(0) + margin - lower) / spacing).astype(int) + 1
+        if np.prod(shape.astype(float)) > MAX_LATTICE:
+            raise InvalidValue(f"Sdf.from_mesh: {tuple(shape)} lattice points; give a spacing above {spacing} m")
+        values = np.min([signed_distances(part, lower, spacing, tuple(shape)) for part in parts], axis=0)
+        lattice = Lattice(values, lower, spacing)
+        lattice.passage = min(passage_width(part) for part in parts)
+        return lattice

@@ -1,0 +1,98 @@
+"""Thin shells: a mid-surface with a thickness, grains on both sides, far thinner than a cell."""
+
+import copy
+
+import numpy as np
+import trimesh
+
+from mpm.backend import put, ti
+from mpm.errors import InvalidValue
+from mpm.geometry.mesh_distance import passage_width, sheet_distances
+from mpm.geometry.sdf import MAX_LATTICE
+from mpm.materials.hencky_strain import keep
+
+BAND = 2.7
+"""Cells from the mid-surface within which a node can share a stencil with a grain on the other side: 1.5 sqrt(3)."""
+LATTICE_STEP = 0.2
+"""Cells between the points of the lattice, where the user names no distance."""
+FAR = 1.0
+"""Distance [m] outside the lattice."""
+
+
+class Shell:
+    """Signed distance to a mid-surface, with the place where it ends (the rim) marked: beyond it there are no sides."""
+
+    def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float | None) -> None:
+        self.mesh, self.thickness, self.wanted_spacing = mesh, float(thickness), spacing
+        self.extent = float(np.linalg.norm(mesh.vertices, axis=1).max())
+        """Radius [m] of the ball about the frame's origin that holds the surface."""
+        self.radius = self.extent
+        self.passage = passage_width(mesh) - self.thickness
+        """Narrowest gap [m] between its own walls."""
+        self.values = self.sided = None
+
+    @classmethod
+    def from_mesh(cls, mid_surface: trimesh.Trimesh, thickness: float, spacing: float | None = None) -> "Shell":
+        """Shell of `thickness` [m] about a surface, open or closed; `spacing` [m] of the lattice of its distances, or
+        None: a fifth of the grid's cell, which places a smooth surface to a thousandth of the cell.
+
+        Raises InvalidValue for a thickness that is not positive or a surface whose faces do not agree on their sides.
+        """
+        if not thickness > 0 or (spacing is not None and not spacing > 0):
+            raise InvalidValue(f"Shell: thickness = {thickness} m, spacing = {spacing} m; accepted: positive lengths")
+        if len(mid_surface.faces) == 0:
+            raise InvalidValue("Shell: the mid-surface has no faces")
+        surface = trimesh.Trimesh(mid_surface.vertices, mid_surface.faces, process=True)
+        shared = np.unique(surface.edges_sorted, axis=0, return_counts=True)[1]
+        if not surface.is_winding_consistent or shared.max() > 2:
+            raise InvalidValue("Shell: neighbouring faces of the mid-surface wind in opposite ways, or three share "
+                               "an edge; a sheet has two sides: turn faces over, or make several shells")
+        return cls(surface, thickness, spacing)
+
+    def baked(self, cell: float) -> "Shell":
+        """The shell with distances within the band that cells of `cell` [m] need; needs a running backend."""
+        ready = copy.copy(self)
+        ready._bake(cell)
+        return ready
+
+    def _bake(self, cell: float) -> None:
+        band = BAND * cell
+        self.spacing = self.wanted_spacing or LATTICE_STEP * cell
+        self.radius = self.extent + band
+        lower = self.mesh.bounds[0] - band
+        shape = np.ceil((self.mesh.bounds[1] + band - lower) / self.spacing).astype(int) + 1
+        if np.prod(shape.astype(float)) > MAX_LATTICE:
+            raise InvalidValue(f"Shell: {tuple(shape)} lattice points; give a spacing above {self.spacing} m")
+        self.lower, self.shape = tuple(float(c) for c in lower), tuple(int(n) for n in shape)
+        self.host, sided = sheet_distances(self.mesh, lower, self.spacing, self.shape, band)
+        self.values = ti.field(ti.f32, self.shape)
+        put(self.values, self.host.astype(np.float32))
+        self.sided = ti.field(ti.i8, self.shape)
+        put(self.sided, sided.astype(np.int8))
+
+    @ti.func
+    def at(self, y):
+        """Normal towards the positive side, signed distance [m], and whether there are sides at y (3,)."""
+        u = ti.Vector([(y[d] - self.lower[d]) / self.spacing for d in range(3)])
+        n = y * 0.0
+        phi = y[0] * 0.0 + FAR
+        sided = 0
+        shape = ti.static(self.shape)
+        if u.min() >= 0 and u[0] < shape[0] - 1 and u[1] < shape[1] - 1 and u[2] < shape[2] - 1:
+            c = ti.cast(u, ti.i32)
+            f = u - c
+            s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)]
+                 for i in range(2)]
+            z = [[keep(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
+            y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
+            y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
+            phi = y0 + f[0] * (y1 - y0)
+            n[0] = y1 - y0
+            n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
+            low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
+            high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
+            n[2] = (1 - f[0]) * low + f[0] * high
+            n = n / n.norm(1e-12)
+            nearest = ti.cast(u + 0.5, ti.i32)
+            sided = ti.cast(self.sided[nearest], ti.i32)
+        return n, phi, sided

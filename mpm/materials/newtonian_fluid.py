@@ -1,0 +1,75 @@
+"""Fluids: pressure from volume, viscosity from the rate of shear."""
+
+import math
+from dataclasses import dataclass
+
+from mpm.backend import ti
+from mpm.materials.elasticity import check_range
+from mpm.materials.hencky_strain import keep
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewtonianFluid:
+    """tau = -bulk_modulus (1 - J) J I + 2 viscosity J dev(D), D the symmetric part of the velocity gradient.
+
+    bulk_modulus [Pa], density [kg/m^3], viscosity [Pa s].
+    """
+
+    bulk_modulus: float
+    density: float
+    viscosity: float = 0.0
+
+    state = "volume"
+    has_volume_correction = False
+
+    def __post_init__(self) -> None:
+        check_range("NewtonianFluid", "bulk_modulus [Pa]", self.bulk_modulus, 1e-9, math.inf)
+        check_range("NewtonianFluid", "density [kg/m^3]", self.density, 1e-9, math.inf)
+        check_range("NewtonianFluid", "viscosity [Pa s]", self.viscosity, 0.0, math.inf)
+
+    @property
+    def mu(self) -> float:
+        """Shear modulus [Pa]: none."""
+        return 0.0
+
+    @property
+    def lam(self) -> float:
+        """Lame's first parameter [Pa]: the bulk modulus."""
+        return self.bulk_modulus
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """Numbers that the kernels read: (bulk modulus, viscosity)."""
+        return (self.bulk_modulus, self.viscosity)
+
+    @staticmethod
+    @ti.func
+    def stress(j: ti.template(), C: ti.template(), p: ti.template()):
+        """Kirchhoff stress [Pa] from j = J - 1 and the velocity gradient C, row by row."""
+        J = 1.0 + j
+        pressure = p[0] * j * J
+        shear = p[1] * J
+        third = (C[0] + C[4] + C[8]) / 3.0
+        return [
+            keep(pressure + 2.0 * shear * (C[0] - third)),
+            keep(pressure + 2.0 * shear * (C[4] - third)),
+            keep(pressure + 2.0 * shear * (C[8] - third)),
+            keep(shear * (C[1] + C[3])),
+            keep(shear * (C[2] + C[6])),
+            keep(shear * (C[5] + C[7])),
+        ]
+
+    @staticmethod
+    @ti.func
+    def stress_back(j: ti.template(), C: ti.template(), p: ti.template(), bar: ti.template()):
+        """Bars of j, of C (nine entries) and of the numbers p by that of the stress."""
+        J = 1.0 + j
+        third = (C[0] + C[4] + C[8]) / 3.0
+        trace = bar[0] + bar[1] + bar[2]
+        shear = 2.0 * ((C[0] - third) * bar[0] + (C[4] - third) * bar[1] + (C[8] - third) * bar[2]) \
+            + (C[1] + C[3]) * bar[3] + (C[2] + C[6]) * bar[4] + (C[5] + C[7]) * bar[5]
+        rate = p[1] * J
+        x, y, z = rate * bar[3], rate * bar[4], rate * bar[5]
+        C_bar = [keep(2.0 * rate * (bar[0] - trace / 3.0)), x, y, x, keep(2.0 * rate * (bar[1] - trace / 3.0)), z,
+                 y, z, keep(2.0 * rate * (bar[2] - trace / 3.0))]
+        return keep(p[0] * (1.0 + 2.0 * j) * trace + p[1] * shear), C_bar, [j * J * trace, J * shear]

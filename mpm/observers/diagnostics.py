@@ -1,0 +1,130 @@
+"""What can be read off a state, summed in double precision."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mpm.errors import SimulationDiverged
+
+
+class Momentum(NamedTuple):
+    """Linear [N s] (3,) and angular [N m s] (3,) momentum, about the world's origin, with the affine part."""
+
+    linear: np.ndarray
+    angular: np.ndarray
+
+
+class Energy(NamedTuple):
+    """Kinetic (affine part included), potential (against z = 0) and elastic energy [J]."""
+
+    kinetic: float
+    potential: float
+    elastic: float
+
+
+class Diagnostics(NamedTuple):
+    """The state of the field in a few numbers."""
+
+    mass: float
+    """[kg]"""
+    momentum: Momentum
+    energy: Energy
+    cfl: float
+    """Cells that the fastest grain travels in a substep."""
+    compaction: float
+    """Largest elastic loss of volume of a grain, 1 - J."""
+    escaped: int
+    """Grains that lie on a wall's plane: an accurate run leaves none there for long."""
+    first_non_finite: int | None
+    """Index of the first grain with a number that is not finite."""
+
+
+def momentum_of(solver: Any) -> Momentum:
+    """Momentum of all grains."""
+    m, x, v = solver.masses()[:, None], solver.positions(), solver.velocities()
+    C = solver.particles.read(solver.particles.C).astype(float).reshape(-1, 3, 3)
+    spin = np.stack([C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], -1)
+    angular = m * (np.cross(x, v) + solver.grid.cell**2 / 4.0 * spin)
+    return Momentum((m * v).sum(0), angular.sum(0))
+
+
+def energy_of(solver: Any) -> Energy:
+    """Energy of all grains; the elastic part is that of each law, and of a fluid's volume."""
+    m, x, v = solver.masses(), solver.positions(), solver.velocities()
+    C = solver.particles.read(solver.particles.C).astype(float)
+    kinetic = 0.5 * m @ ((v**2).sum(1) + solver.grid.cell**2 / 4.0 * (C**2).sum(1))
+    volume = solver.particles.read([solver.particles.volume])[:, 0].astype(float)
+    elastic, strains = 0.0, _cauchy_green(solver, C)
+    for body, chosen in _ranges(solver):
+        if body.material.state == "volume":
+            j = solver.particles.read([solver.particles.j])[chosen, 0].astype(float)
+            elastic += 0.5 * body.material.lam * volume[chosen] @ j**2
+        else:
+            stretches = np.sqrt(np.maximum(np.linalg.eigvalsh(strains[chosen]), 1e-30))
+            elastic += volume[chosen] @ body.material.energy_density(stretches)
+    return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ solver.gravity), float(elastic))
+
+
+def diagnostics_of(solver: Any) -> Diagnostics:
+    """All diagnostics of the present state, whether it is finite or not."""
+    x, v = solver.positions(), solver.velocities()
+    finite = np.isfinite(x).all(1) & np.isfinite(v).all(1)
+    bad = np.flatnonzero(~finite)
+    lower = np.asarray(solver.grid.lower)
+    upper = lower + solver.grid.cells * solver.grid.cell
+    hair = 1e-4 * solver.grid.cell
+    on_wall = np.any(((x <= lower + hair) | (x >= upper - hair)) & ~np.array(solver.features.periodic), axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        speeds = np.linalg.norm(v, axis=1)
+        fastest = float(np.max(speeds[finite], initial=0.0))
+        energy = energy_of(solver) if not len(bad) else Energy(np.nan, np.nan, np.nan)
+        return Diagnostics(
+            mass=float(solver.masses().sum()), momentum=momentum_of(solver), energy=energy,
+            cfl=fastest * solver.substep / solver.grid.cell, compaction=_compaction(solver),
+            escaped=int(on_wall.sum()), first_non_finite=int(bad[0]) if len(bad) else None)
+
+
+def _ranges(solver: Any):  # noqa: ANN202
+    """Body and slice of its grains."""
+    first = 0
+    for body, count in zip(solver.bodies, solver.particles.counts):
+        yield body, slice(first, first + count)
+        first += count
+
+
+def _cauchy_green(solver: Any, C: np.ndarray) -> np.ndarray:
+    """b (n, 3, 3) of all grains, the identity for fluids.
+
+    A substep begins by adding the strain of the last velocities C: with it the strain is that of the positions.
+    """
+    if not solver.particles.e:
+        return np.tile(np.eye(3), (len(C), 1, 1))
+    e = solver.particles.read(solver.particles.e).astype(float)
+    L = np.eye(3) + solver.substep * C.reshape(-1, 3, 3)
+    return L @ (np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]) @ L.transpose(0, 2, 1)
+
+
+def _compaction(solver: Any) -> float:
+    """Largest 1 - J."""
+    loss = 0.0
+    if solver.particles.e:
+        e = solver.particles.read(solver.particles.e).astype(float)
+        b = np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        loss = max(loss, float(1 - np.sqrt(np.maximum(np.nan_to_num(np.linalg.det(b), nan=1.0), 0).min())))
+    if solver.particles.j is not None:
+        loss = max(loss, float(-np.nan_to_num(solver.particles.read([solver.particles.j])).min()))
+    return loss
+
+
+def divergence_of(solver: Any, dt: float) -> SimulationDiverged:
+    """The error of a state that is not finite, or too fast for substeps of dt [s]."""
+    speeds = np.linalg.norm(solver.velocities(), axis=1)
+    worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
+    lost = [index for index, row in zip(solver.mobility.indices, solver.mobility.table) if not np.isfinite(row).all()]
+    error = SimulationDiverged(
+        time=solver.time, step=solver.steps, particle=worst, position=tuple(solver.positions()[worst].tolist()),
+        speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / solver.grid.cell),
+        collider=lost[0] if lost else None,
+    )
+    error.diagnostics = diagnostics_of(solver)
+    return error

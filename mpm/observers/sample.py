@@ -1,0 +1,40 @@
+"""Positions and velocities of some grains in one array, filled by one launch."""
+
+import numpy as np
+
+from mpm.backend import allocating, put, ti
+from mpm.state.packs import LANES
+
+
+@ti.data_oriented
+class Sample:
+    """Reads chosen grains (indices) of a solver: when asked, or attached (`Solver.attach`) after every advance."""
+
+    def __init__(self, solver, chosen: np.ndarray) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
+        self.particles, self.origin = solver.particles, tuple(float(c) for c in solver.grid.origin)
+        with allocating():
+            self.slots = ti.field(ti.i32, len(chosen))
+            put(self.slots, self.particles.index[chosen].astype(np.int32))
+
+        self.values = np.zeros((len(chosen), 6), np.float32)
+        """Positions [m] and velocities [m/s] as last read."""
+
+    def read(self) -> np.ndarray:
+        """`values` of the present state."""
+        self._copy(self.values)
+        return self.values
+
+    @ti.kernel
+    def _copy(self, out: ti.types.ndarray()):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.take(out, 0)
+
+    @ti.func
+    def take(self, out: ti.template(), first):
+        """Into the rows of out from `first` on."""
+        for i in range(self.slots.shape[0]):
+            q, l = self.slots[i] // LANES, self.slots[i] % LANES
+            for d in ti.static(range(3)):
+                out[first + i, d] = ti.cast(self.particles.x[d][q][l] + self.origin[d], ti.f32)
+                out[first + i, 3 + d] = ti.cast(self.particles.v[d][q][l], ti.f32)

@@ -1,0 +1,37 @@
+"""What a solver is given: bodies of grains."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpm.errors import InvalidValue
+from mpm.materials.elasticity import Hencky
+from mpm.materials.newtonian_fluid import NewtonianFluid
+
+Material = Hencky | NewtonianFluid
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Grains of one material."""
+
+    material: Material
+    positions: np.ndarray
+    """[m], shape (n, 3)."""
+    velocities: np.ndarray | None = None
+    """[m/s], shape (n, 3); None: at rest."""
+    volume: float | np.ndarray | None = None
+    """[m^3] per particle, a number or shape (n,); required."""
+
+    def __post_init__(self) -> None:
+        positions = np.asarray(self.positions, float)
+        if positions.ndim != 2 or positions.shape[1] != 3 or len(positions) == 0:
+            raise InvalidValue(f"Body: positions have shape {positions.shape}; accepted: (n, 3) with n >= 1")
+        if not np.isfinite(positions).all():
+            raise InvalidValue("Body: positions hold non-finite numbers")
+        if self.volume is None or not np.all(np.asarray(self.volume, float) > 0):
+            raise InvalidValue(f"Body: volume = {self.volume}; accepted: the positive volume of a particle [m^3]")
+        if np.size(self.volume) not in (1, len(positions)):
+            raise InvalidValue(f"Body: volume has shape {np.shape(self.volume)}; accepted: () or ({len(positions)},)")
+        if self.velocities is not None and np.shape(self.velocities) != positions.shape:
+            raise InvalidValue(f"Body: velocities have shape {np.shape(self.velocities)}; accepted: {positions.shape}")

@@ -1,0 +1,133 @@
+"""Particle state in packs of four, the layout that vector units are fast on."""
+
+import numpy as np
+
+from mpm.backend import put, real_type, ti
+from mpm.scene.body import Body
+from mpm.scene.features import Features
+from mpm.scene.grid import Grid
+from mpm.scene.validation import stored
+from mpm.state.packs import LANES, Packs, Snapshot
+
+
+class ParticleFields:
+    """Fields of all particles; entry q, lane l is particle LANES q + l. Positions are relative to the grid's corner."""
+
+    def __init__(self, bodies: list[Body], grid: Grid, features: Features) -> None:
+        real = real_type(features.precision)
+        self.counts = [len(body.positions) for body in bodies]
+        packs = [-(-count // LANES) for count in self.counts]
+        ends = np.cumsum(packs)
+        self.ranges = [(int(end - n), int(end)) for n, end in zip(packs, ends)]
+        """First and last + 1 pack of each body: a pack never mixes materials."""
+        self.n_packs = int(ends[-1])
+        self.n_lanes = self.n_packs * LANES
+        """Lanes of all packs, those that fill one up among them."""
+        self.pack_count = ti.field(ti.i32, ())
+        """The same number, where the compiler cannot see it: of a few packs it would unroll every copy, which makes up
+        half of what it compiles then."""
+        put(self.pack_count, np.array(self.n_packs, np.int32))
+
+        def pack_field():  # noqa: ANN202
+            return ti.Vector.field(LANES, real, self.n_packs)
+
+        self.x = [pack_field() for _ in range(3)]
+        """Position relative to the grid's node (0, 0, 0) [m]."""
+        self.v = [pack_field() for _ in range(3)]
+        """Velocity [m/s]."""
+        self.C = [pack_field() for _ in range(9)]
+        """Affine velocity [1/s], row by row."""
+        self.e = [pack_field() for _ in range(6)] if features.tensor_state else []
+        """b - I, with b the elastic left Cauchy-Green tensor."""
+        self.j = pack_field() if features.volume_state else None
+        """J - 1, with J the volume ratio of a fluid."""
+        self.vc = pack_field() if features.volume_correction else None
+        """Volume correction: logarithmic expansion to be taken back."""
+        self.acceleration = [pack_field() for _ in range(3)] if features.body_acceleration else []
+        """Acceleration of a grain besides gravity [m/s^2]."""
+        self.side = pack_field() if features.shells else None
+        """Side of the closest shell, as plus or minus its collider's index plus one; 0 away from shells."""
+        self.gap = pack_field() if features.shells else None
+        """Signed distance to that shell at the start of the substep [m]."""
+        self.volume = pack_field()
+        """Initial volume V0 [m^3]; zero in the lanes that fill up a pack."""
+        self.half = pack_field() if features.moving_solids else None
+        """Half the edge of a grain's cube [m]; zero in the lanes that fill up a pack."""
+        self.index = self._order(bodies, grid)
+        self._kept: Snapshot | None = None
+        self._dtype = np.float64 if features.precision == "f64" else np.float32
+        state = [field for named in self.named_fields().values() for field in named]
+        self._state = Packs(state, self.pack_count, self._dtype)
+        constant = [field for field in (self.volume, self.half) if field is not None]
+        self._all = Packs([*state, *constant], self.pack_count, self._dtype)
+        volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
+        velocities = [np.zeros((n, 3)) if body.velocities is None else body.velocities
+                      for body, n in zip(bodies, self.counts)]
+        self.write(self.x, np.concatenate([body.positions for body in bodies]) - grid.origin)
+        self.write(self.v, np.concatenate(velocities))
+        self.write([self.volume], np.concatenate(volumes)[:, None], padding=0.0)
+        if self.half is not None:
+            self.write([self.half], 0.5 * np.cbrt(np.concatenate(volumes))[:, None], padding=0.0)
+
+    def _order(self, bodies: list[Body], grid: Grid) -> np.ndarray:
+        """Slots (n_particles,) of the particles in the packs: sorted by cell, so that neighbours share cache lines."""
+        slots = []
+        for body, (begin, _) in zip(bodies, self.ranges):
+            cells = np.floor((np.asarray(body.positions) - grid.origin) / grid.cell - 0.5).astype(int)
+            order = np.lexsort(cells.T[::-1])
+            slot = np.empty(len(order), int)
+            slot[order] = begin * LANES + np.arange(len(order))
+            slots.append(slot)
+        return np.concatenate(slots)
+
+    def write(self, fields: list, values: np.ndarray, padding: float | None = None) -> None:
+        """Store values (n_particles, k) into k pack fields; see `packed`."""
+        self._all.write(fields, self.packed(values, padding))
+
+    def packed(self, values: np.ndarray, padding: float | None = None) -> np.ndarray:
+        """Values (n_particles, k) as k pack fields hold them (k, n_packs, LANES); padding lanes repeat the last
+        particle of their body."""
+        packed = np.zeros((self.n_lanes, values.shape[1]), self._dtype)
+        packed[self.index] = values
+        for count, (begin, end) in zip(self.counts, self.ranges):
+            used = begin * LANES + count
+            packed[used : end * LANES] = packed[used - 1] if padding is None else padding
+        return np.ascontiguousarray(packed.T).reshape(-1, self.n_packs, LANES)
+
+    def checked(self, state: dict[str, np.ndarray], name: str) -> np.ndarray:
+        """One of a snapshot's arrays; raises InvalidValue where the snapshot is of another scene."""
+        return stored(state, name, (sum(self.counts), len(self.named_fields()[name])))
+
+    def read(self, fields: list) -> np.ndarray:
+        """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
+        return self.in_order(self._all.read(fields))
+
+    def in_order(self, packed: np.ndarray) -> np.ndarray:
+        """Values (k, n_packs, LANES) particle by particle (n_particles, k)."""
+        return np.ascontiguousarray(packed.reshape(len(packed), -1)[:, self.index].T)
+
+    def keep(self) -> None:
+        """Copy the state aside, on the device."""
+        self.snapshot().keep()
+
+    def rewind(self) -> None:
+        """Return to the state last kept."""
+        self.snapshot().rewind()
+
+    def snapshot(self) -> Snapshot:
+        """Where the state is copied to; it takes memory from the first time on that somebody asks."""
+        if self._kept is None:
+            self._kept = Snapshot(self._state)
+        return self._kept
+
+    def named_fields(self) -> dict[str, list]:
+        """The fields of a snapshot."""
+        named = {"x": self.x, "v": self.v, "C": self.C}
+        if self.acceleration:
+            named["acceleration"] = self.acceleration
+        if self.e:
+            named["e"] = self.e
+        for name, field in (("j", self.j), ("vc", self.vc), ("side", self.side)):
+            if field is not None:
+                named[name] = [field]
+        return named

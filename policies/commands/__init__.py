@@ -1,0 +1,4 @@
+"""Commands of the learning side.
+
+Imports: demonstrations, dynamics, learning, methods, results, runs.
+"""

@@ -1,0 +1,4 @@
+"""Demonstrations: generators by gradient and by search, replay, export.
+
+Imports: learning.
+"""

@@ -1,0 +1,4 @@
+"""A graph network as surrogate of the field: its rollouts, model and training.
+
+Imports: demonstrations, learning.
+"""

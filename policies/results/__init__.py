@@ -1,0 +1,4 @@
+"""Tables over runs, beside published numbers.
+
+Imports: learning.
+"""

@@ -1,0 +1,4 @@
+"""Training runs: folder, checkpoints, episodes, sweeps.
+
+Imports: demonstrations, dynamics, learning.
+"""

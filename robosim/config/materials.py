@@ -1,0 +1,105 @@
+"""Materials: configurations with unit and source of every number, and the laws that they stand for."""
+
+from typing import ClassVar, Literal
+
+import pydantic
+
+import mpm
+from robosim.config.resources import config_path
+from robosim.config.schema import Quantity, Table, load, read
+from robosim.errors import ConfigError, UnknownName
+
+__all__ = ["MaterialConfig", "law_of", "load_material", "overridden"]
+
+Law = mpm.DruckerPrager | mpm.NewtonianFluid | mpm.VonMises
+
+
+class MaterialConfig(Table):
+    """What all materials have."""
+
+    description: str
+    """What it is."""
+    density: Quantity
+    """Of the bulk."""
+    colour: tuple[float, float, float, float] = (0.95, 0.95, 0.93, 1.0)
+    """Red, green, blue and opacity, 0 to 1."""
+
+    UNITS: ClassVar[dict[str, str]] = {
+        "density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa", "bulk_modulus": "Pa",
+        "viscosity": "Pa s", "yield_stress": "Pa",
+    }
+
+    @pydantic.model_validator(mode="after")
+    def _check_units(self) -> "MaterialConfig":
+        for name in self.numbers():
+            if getattr(self, name).unit != self.UNITS[name]:
+                raise ValueError(f"{name}: unit {getattr(self, name).unit!r}; accepted: {self.UNITS[name]!r}")
+        return self
+
+    @classmethod
+    def numbers(cls) -> list[str]:
+        """Names of the material's numbers."""
+        return [name for name, field in cls.model_fields.items() if field.annotation is Quantity]
+
+
+class GranularConfig(MaterialConfig):
+    """Grains: Drucker-Prager."""
+
+    law: Literal["granular"]
+    E: Quantity
+    nu: Quantity
+    friction_angle: Quantity
+    cohesion: Quantity
+
+
+class FluidConfig(MaterialConfig):
+    """A Newtonian fluid."""
+
+    law: Literal["fluid"]
+    bulk_modulus: Quantity
+    viscosity: Quantity
+
+
+class ClayConfig(MaterialConfig):
+    """Clay: von Mises."""
+
+    law: Literal["clay"]
+    E: Quantity
+    nu: Quantity
+    yield_stress: Quantity
+
+
+KINDS: dict[str, type[MaterialConfig]] = {"granular": GranularConfig, "fluid": FluidConfig, "clay": ClayConfig}
+
+
+def load_material(name: str) -> MaterialConfig:
+    """Material by name (configs/materials) or by path."""
+    path = config_path("materials", name, "material")
+    data = read(path)
+    law = data.get("law") if isinstance(data, dict) else None
+    if law not in KINDS:
+        raise ConfigError(f"{path}: law = {law!r}; accepted: {', '.join(KINDS)}")
+    return load(path, KINDS[law])
+
+
+def overridden(config: MaterialConfig, numbers: dict[str, float],
+               what: str = "number of this material") -> MaterialConfig:
+    """A material with some numbers changed; angles are named with their unit, `friction_angle_deg`."""
+    known = {"friction_angle_deg" if n == "friction_angle" else n: n for n in config.numbers()}
+    changed = {}
+    for name, value in numbers.items():
+        if name not in known:
+            raise UnknownName(what, name, known)
+        quantity = getattr(config, known[name])
+        changed[known[name]] = quantity.model_copy(update={"value": float(value), "source": "given by the user"})
+    return config.model_copy(update=changed)
+
+
+def law_of(config: MaterialConfig) -> Law:
+    """The law of a material."""
+    values = {name: getattr(config, name).value for name in config.numbers()}
+    if isinstance(config, FluidConfig):
+        return mpm.NewtonianFluid(**values)
+    if isinstance(config, ClayConfig):
+        return mpm.VonMises(**values)
+    return mpm.DruckerPrager(friction_angle_deg=values.pop("friction_angle"), **values)

@@ -1,0 +1,4 @@
+"""Pictures: OpenGL without a display, the grain renderer, video files.
+
+Imports: config, errors.
+"""

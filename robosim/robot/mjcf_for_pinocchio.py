@@ -1,0 +1,36 @@
+"""The robot-only MJCF that Pinocchio reads, written from the compiled model with every digit.
+
+Pinocchio reads only the first body, drops <frame> elements, and MuJoCo's own writer rounds to six digits.
+"""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+
+from robosim.scene.build import compiled, robot_spec
+
+
+def _text(values: np.ndarray) -> str:
+    return " ".join(repr(float(v)) for v in np.atleast_1d(values))
+
+
+def write_robot_only(tool: str, path: Path) -> None:
+    """Write arm, hand and tool without geometry, contact or actuators."""
+    model = compiled(robot_spec(tool))
+    root = ET.Element("mujoco", model="robot")
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    elements = {0: ET.SubElement(root, "worldbody")}
+    for i in range(1, model.nbody):
+        body = ET.SubElement(elements[model.body_parentid[i]], "body", name=model.body(i).name,
+                             pos=_text(model.body_pos[i]), quat=_text(model.body_quat[i]))
+        ET.SubElement(body, "inertial", pos=_text(model.body_ipos[i]), quat=_text(model.body_iquat[i]),
+                      mass=_text(model.body_mass[i]), diaginertia=_text(model.body_inertia[i]))
+        for j in range(model.body_jntadr[i], model.body_jntadr[i] + model.body_jntnum[i]):
+            dof = model.jnt_dofadr[j]
+            ET.SubElement(body, "joint", name=model.joint(j).name, type="hinge", pos=_text(model.jnt_pos[j]),
+                          axis=_text(model.jnt_axis[j]), range=_text(model.jnt_range[j]),
+                          actuatorfrcrange=_text(model.jnt_actfrcrange[j]), armature=_text(model.dof_armature[dof]),
+                          damping=_text(model.dof_damping[dof]), frictionloss=_text(model.dof_frictionloss[dof]))
+        elements[i] = body
+    path.write_text(ET.tostring(root, encoding="unicode"))

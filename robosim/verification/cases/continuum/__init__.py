@@ -1,0 +1,4 @@
+"""Cases of elastic continua.
+
+Imports: scene, verification, mpm.
+"""

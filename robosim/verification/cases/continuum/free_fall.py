@@ -1,0 +1,38 @@
+"""An elastic block falls: every grain where symplectic Euler puts it, whatever the grid's place and speed."""
+
+import numpy as np
+
+import mpm
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.record import Clock, Record
+
+NAME = "free_fall"
+SOURCE = "x = x0 + v n dt + g dt^2 n (n + 1) / 2, exact for symplectic Euler and for any partition of unity"
+BANDS = {"f64": 1e-12, "f32": 2e-6, "f32, fast": 4e-6}
+"""Largest error of a position [m], by precision. Fast: at 5 m/s every drift has the same length and is rounded the
+same way, by up to 6e-8 m beyond 1 m, twice in each of some 30 to 75 strides. (Without strides the drift happens to be
+close to a whole number of last places.)"""
+SWEEP = [{"precision": p, "strides": s} for p in ("f32", "f64") for s in (True, False)]
+"""Choices that the report runs."""
+QUICK, HEADLINE, KNOB = SWEEP, "max", None
+CHECKS = tuple(Within("max", BANDS[p], {"precision": p}) for p in ("f64", "f32"))
+G = 9.81
+
+
+def measure(*, precision: str = "f64", speed: float = 0.0, steps: int = 150, dt: float = 1e-3,
+            strides: bool = True) -> Record:
+    """Largest error [m] of any grain; speed [m/s] along x."""
+    cell = 0.05
+    low = np.array([0.301, 0.301, 0.601])
+    start = mpm.sample_box(low, low + 4 * cell, cell / 2)
+    velocity = np.array([speed, 0.0, 0.0])
+    body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), start, volume=(cell / 2) ** 3,
+                    velocities=np.tile(velocity, (len(start), 1)))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.6, 1, 1), cell), bodies=[body], dt=dt, precision=precision,
+                        transfer_interval=None if strides else 0.0)
+    clock = Clock(solver)
+    clock.advance(steps * dt)
+    expected = start + velocity * steps * dt + np.array([0, 0, -G]) * dt**2 * steps * (steps + 1) / 2
+    error = np.abs(solver.positions() - expected)
+    return clock.record(NAME, {"precision": precision, "speed": speed, "dt": dt, "strides": strides},
+                        {"rms": np.sqrt((error**2).mean()), "max": error.max()})

@@ -1,0 +1,66 @@
+"""A rigid block hits the end of an elastic bar: it is slowed by the wave that it starts, exponentially in time."""
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.coupling.plugin import GranularPlugin
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.record import Clock, Record
+
+NAME = "bar_impact"
+SOURCE = "St. Venant 1867: v = v0 exp(-Z t / m), Z = rho c A, until the wave returns at 2 L / c"
+BANDS = {"speed": 0.03}
+"""Largest error of the block's speed until 1.8 L / c, relative to v0, at cells of 5 mm and m = 0.5 kg."""
+SWEEP = [{"cell": c, "mass": m, "offset_cells": o} for m in (0.5, 0.05) for c in (0.01, 0.005, 0.0025)
+         for o in (0.0, 0.5)]
+"""Choices that the report runs."""
+QUICK = [{"cell": c, "mass": 0.5, "offset_cells": 0.0} for c in (0.01, 0.005)]
+HEADLINE, KNOB = "speed", "cell"
+CHECKS = (Within("speed", BANDS["speed"], {"cell": 0.005, "mass": 0.5}),)
+E, DENSITY, SIDE, LENGTH = 1e6, 1000.0, 0.05, 0.5
+SPEED = 0.1
+
+BLOCK = """
+<mujoco>
+  <option timestep="{host_step}" integrator="implicitfast" gravity="0 0 0"/>
+  <worldbody>
+    <body name="block" pos="{x} {y} {y}">
+      <joint type="slide" axis="1 0 0"/>
+      <geom type="box" size="0.05 0.05 0.05" mass="{mass}" friction="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def measure(*, cell: float = 0.005, mass: float = 0.5, offset_cells: float = 0.0, courant: float = 0.5,
+            precision: str = "f32", host_step: float = 5e-4, coupling: str = "mobility") -> Record:
+    """Error of the block's speed. cell [m]; mass [kg]; offset_cells: of the bar's end from a plane of nodes."""
+    c = np.sqrt(E / DENSITY)
+    end = 0.1 + offset_cells * cell
+    positions = mpm.sample_box((end, 0, 0), (end + LENGTH, SIDE, SIDE), cell / 2)
+    bar = mpm.Body(mpm.Elastic(E=E, nu=0.0, density=DENSITY), positions, volume=LENGTH * SIDE**2 / len(positions))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (end + LENGTH + 0.05, SIDE, SIDE), cell), bodies=[bar],
+                        gravity=(0, 0, 0), walls=mpm.Walls.all("roller"), dt=_step(cell / c * courant, host_step),
+                        precision=precision)
+    model = mujoco.MjModel.from_xml_string(BLOCK.format(mass=mass, host_step=host_step, x=end - 0.05, y=SIDE / 2))
+    data = mujoco.MjData(model)
+    data.qvel[0] = SPEED
+    plugin = GranularPlugin(model, data, solver, bodies={"block": None}, coupling=coupling)  # pyright: ignore[reportArgumentType]
+    clock = Clock(solver)
+    Z, times, speeds = DENSITY * c * SIDE**2, [], []
+    while data.time < 1.8 * LENGTH / c:
+        clock.run(plugin.step)
+        times.append(data.time)
+        speeds.append(data.qvel[0] / SPEED)
+    difference = np.array(speeds) - np.exp(-Z * np.array(times) / mass)
+    choices = {"cell": cell, "mass": mass, "offset_cells": offset_cells, "courant": courant, "precision": precision,
+               "host_step": host_step, "coupling": coupling}
+    return clock.record(NAME, choices, {"speed": np.abs(difference).max(), "rms": np.sqrt(np.mean(difference**2))},
+                        speed_at_10_ms=float(np.interp(0.01, times, speeds)), fastest=float(np.abs(speeds).max()))
+
+
+def _step(longest: float, host_step: float) -> float:
+    """The largest whole part of the host step that is no longer than `longest`."""
+    return host_step / np.ceil(host_step / longest - 1e-9)

@@ -1,0 +1,87 @@
+"""A free ball, spinning, hits a blob in empty space: what one loses the other gains, and nothing else has any."""
+
+import mujoco
+import numpy as np
+
+import mpm
+from mpm.materials.elasticity import Hencky
+from robosim.coupling.plugin import GranularPlugin
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.record import Clock, Record
+
+NAME = "closed_system"
+SOURCE = "conservation of momentum and of angular momentum in a closed system"
+BANDS = {"f64": 1e-12, "f32": 1e-5, "reaction": 1e-6}
+"""Largest change of momentum and angular momentum relative to the sums of their parts; and, step by step, of what the
+ball received against what the grains gave, relative to it."""
+SWEEP = [{"material": m, "precision": p, "mass_ratio": r}
+         for m in ("elastic", "sand") for p in ("f32", "f64") for r in (1e-3, 1.0, 1e3)]
+"""Choices that the report runs."""
+QUICK = [{"material": "sand", "precision": p, "mass_ratio": 1.0} for p in ("f32", "f64")]
+HEADLINE, KNOB = "angular", None
+CHECKS = (*(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") for name in ("linear", "angular")),
+          Within("reaction", BANDS["reaction"]))
+SPEED, SPIN, SIDE = 1.0, 5.0, 0.1
+HOST_STEP = 0.002
+
+BALL = """
+<mujoco>
+  <option timestep="{host_step}" integrator="implicitfast" gravity="0 0 0"/>
+  <worldbody>
+    <body name="ball" pos="0.115 0.01 0.005">
+      <freejoint/>
+      <geom type="sphere" size="0.05" mass="{mass}" friction="0.3"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def materials() -> dict[str, Hencky]:
+    """What the blob is made of."""
+    return {"elastic": mpm.Elastic(E=1e5, nu=0.3, density=1000.0),
+            "sand": mpm.DruckerPrager(E=1e5, nu=0.2, density=1000.0, friction_angle_deg=30.0)}
+
+
+def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: float = 1.0, cell: float = 0.01,
+            coupling: str = "mobility", duration: float = 0.12) -> Record:
+    """Errors of momentum, angular momentum, reaction; mass_ratio: of ball and blob (1 kg); cell [m]; duration [s]."""
+    positions = mpm.sample_box((-SIDE / 2,) * 3, (SIDE / 2,) * 3, cell / 2)
+    solver = mpm.Solver(
+        grid=mpm.Grid((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4), cell), gravity=(0, 0, 0), precision=precision,
+        bodies=[mpm.Body(materials()[material], positions, volume=SIDE**3 / len(positions))],
+        walls=mpm.Walls.all("slip"))
+    model = mujoco.MjModel.from_xml_string(BALL.format(mass=mass_ratio, host_step=HOST_STEP))
+    data = mujoco.MjData(model)
+    data.qvel[:] = [-SPEED, 0, 0, 0, 0, SPIN]
+    mujoco.mj_forward(model, data)
+    plugin = GranularPlugin(model, data, solver, bodies={"ball": None}, coupling=coupling)  # pyright: ignore[reportArgumentType]
+    clock = Clock(solver)
+
+    def parts() -> tuple[np.ndarray, np.ndarray]:
+        """Momenta (6,) of ball and blob about the origin."""
+        p = model.body_mass[1] * data.qvel[:3]
+        spin = data.xmat[1].reshape(3, 3) @ (model.body_inertia[1] * data.qvel[3:])
+        blob = np.concatenate(solver.momentum())
+        return np.concatenate([p, spin + np.cross(data.qpos[:3], p)]), blob
+
+    first, scale, reaction, exchanged = sum(parts()), np.zeros(2), 0.0, 0.0
+    worst = np.zeros(2)
+    for _ in range(round(duration / HOST_STEP)):
+        before = parts()[0]
+        clock.run(plugin.step)
+        ball, blob = parts()
+        given = np.concatenate(plugin.ledger.bodies["ball"])
+        reaction = max(reaction, np.abs(ball - before + given)[:3].max())
+        exchanged = max(exchanged, np.linalg.norm(given[:3]))
+        for part in (slice(0, 3), slice(3, 6)):
+            i = part.start // 3
+            scale[i] = max(scale[i], np.linalg.norm(ball[part]) + np.linalg.norm(blob[part]))
+            worst[i] = max(worst[i], np.linalg.norm((ball + blob - first)[part]))
+    errors = {"linear": worst[0] / scale[0], "angular": worst[1] / scale[1], "reaction": reaction / exchanged}
+    choices = {"material": material, "precision": precision, "mass_ratio": mass_ratio, "cell": cell,
+               "coupling": coupling}
+    energy = solver.energy()
+    return clock.record(NAME, choices, errors, final_speed=float(np.linalg.norm(data.qvel[:3])),
+                        miss=float(np.abs(plugin.miss).max(initial=0.0)), kinetic=energy.kinetic,
+                        exchanged=float(exchanged))

@@ -1,0 +1,48 @@
+"""Water at rest: p = rho0 g Z in material depth Z, and a surface that has sunk by what the pressure took."""
+
+import numpy as np
+
+import mpm
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.record import Clock, Record
+
+NAME = "hydrostatic"
+SOURCE = "J = 1 - rho0 g Z / K for p = K (1 - J): height 0.0995095 m of 0.1 m at K = 1e5 Pa; peer: CB-Geo's column"
+BANDS = {"gradient": 0.02, "base": 0.02, "height": 2e-4}
+"""Relative errors at most."""
+SWEEP = [{"cells": n, "precision": p, "material": m} for m in ("water", "sand") for p in ("f32", "f64")
+         for n in (10, 20)]
+"""Choices that the report runs."""
+QUICK = [{"cells": 20, "precision": "f32", "material": m} for m in ("water", "sand")]
+HEADLINE, KNOB = "gradient", "cells"
+CHECKS = tuple(Within(name, bound, {"cells": 20}) for name, bound in BANDS.items())
+DEPTH, BULK, DENSITY, G, HEIGHT = 0.1, 1e5, 1000.0, 9.81, 0.0995095
+
+
+def measure(*, cells: int = 20, precision: str = "f32", material: str = "water") -> Record:
+    """Errors of the pressure's gradient, of its value at the base and of the height.
+
+    material: "water", or "sand" with a friction angle of zero, which must not be told from it.
+    """
+    cell = DEPTH / cells
+    positions = mpm.sample_box((0, 0, 0), (4 * cell, 4 * cell, DEPTH), cell / 2)
+    depth = DEPTH - positions[:, 2]
+    law = mpm.NewtonianFluid(bulk_modulus=BULK, density=DENSITY, viscosity=0.001)
+    if material == "sand":
+        law = mpm.DruckerPrager(E=3e5 * (1 - 2 * 0.3), nu=0.3, density=DENSITY, friction_angle_deg=0.0)
+    rollers = mpm.Walls.all("roller")
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.12), cell), walls=rollers,
+                        bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)], precision=precision)
+    clock = Clock(solver)
+    clock.settle(0.2)
+    state = solver.state()
+    if material == "water":
+        pressure = -BULK * state["j"][:, 0].astype(float)
+    else:  # Kirchhoff pressure of a volumetric Hencky strain
+        pressure = -BULK * 0.5 * np.log1p(state["e"].astype(float)[:, :3]).sum(1)
+    gradient, surface = np.polyfit(depth, pressure, 1)
+    top = depth < cell
+    base = surface + gradient * DEPTH
+    errors = {"gradient": gradient / (DENSITY * G) - 1, "base": base / (DENSITY * G * DEPTH) - 1,
+              "height": (solver.positions()[top, 2] + depth[top]).mean() / HEIGHT - 1}
+    return clock.record(NAME, {"cells": cells, "precision": precision, "material": material}, errors)

@@ -1,0 +1,124 @@
+"""Single grains are strained and yield: what is left of their stretches against vectors from 50-digit arithmetic, and
+thousands at random against the laws of the cone.
+
+A grain's strain is put into the solver's state and taken out again after one substep: the update is the field's own.
+"""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import mpm
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.granular.slope import shear_ratio
+from robosim.verification.cases.record import Clock, Record
+
+NAME = "return_mapping"
+SOURCE = "Klar et al. 2016, ACM Trans. Graph. 35(4):103, evaluated in 50-digit arithmetic"
+BANDS = {"f64": 1e-12, "f32": 2e-6, "f32, at random": 2e-5}
+"""Largest error of a stretch by precision; at random also of the shear on the cone, of the volume, and of the strain
+left where a grain comes apart, as logarithms. In single precision b is rounded to 6e-8 of its largest entry: 5e-7 for a
+stretch of 3 beside one of 0.2, whose b is 0.04."""
+SWEEP = [{"precision": p, "integrator": i} for p, i in (("f64", "exact"), ("f32", "exact"), ("f32", "auto"),
+                                                        ("f32", "series"))]
+"""Choices that the report runs. The series is asked for strains up to SMALL alone, "auto" for all of them."""
+QUICK, HEADLINE, KNOB = SWEEP[:1] + SWEEP[2:3], "stretch", None
+CHECKS = (*(Within("stretch", BANDS[p], {"precision": p}) for p in ("f64", "f32")),
+          *(Within(name, BANDS[band], {"precision": band[:3]}) for band in ("f64", "f32, at random")
+            for name in ("cone", "volume", "apart")))
+E, NU, DENSITY, CELL, DT, RANDOM, SMALL = 3.537e5, 0.3, 1500.0, 0.1, 1e-5, 4000, 0.15
+
+
+def turned(axis: tuple[float, ...], angle: float) -> np.ndarray:
+    """Rotation matrix (3, 3)."""
+    return Rotation.from_rotvec(np.array(axis) / np.linalg.norm(axis) * angle).as_matrix()
+
+
+VECTORS = (
+    (30, [[0.99, 0.08, 0], [0, 0.985, 0.01], [0.005, 0, 1]],
+     (0.9716549254930555, 0.9950670406256893, 1.0085764158389063)),
+    (30, turned((1, 2, 3), 0.7) @ np.diag([1.06, 0.97, 0.93]) @ turned((0, 1, 1), -1.1).T,
+     (0.9570316055093315, 0.9775200327763318, 1.0221358041351838)),
+    (20, np.diag([1, 1, 0.9]), (0.91040192147800686, 0.99427076968015037, 0.99427076968015037)),
+    (45, [[1, 0.2, 0], [0, 0.97, 0], [0, 0, 1]], (0.9540732863994636, 0.9933484499414169, 1.0235012557943168)),
+    (30, 0.9 * np.eye(3), (0.9, 0.9, 0.9)),
+    (30, np.diag([1.2, 1, 0.84]), (1, 1, 1)),
+    (30, np.diag([0.2, 1, 2]), (0.3448647832876871, 0.8801934292701054, 1.3177499898842169)),
+    (0, [[0.99, 0.03, 0], [0, 0.99, 0], [0, 0, 0.99]], (0.99, 0.99, 0.99)),
+    (60, [[0.95, 0.3, 0], [0, 0.95, 0], [0, 0, 0.95]], (0.8117692030835671, 0.95, 1.1117692030835673)),
+)
+"""Friction angle [deg], deformation gradient, and stretches that are left, in rising order."""
+
+
+def sand(phi_deg: float) -> mpm.DruckerPrager:
+    """The sand of the vectors."""
+    return mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi_deg)
+
+
+def grains(phi_deg: float, n: int, precision: str, integrator: str | None) -> mpm.Solver:
+    """A solver with n grains; where they lie does not matter to a single substep's strains."""
+    positions = np.random.default_rng(0).uniform(0.4, 0.6, (n, 3))
+    body = mpm.Body(sand(phi_deg), positions, volume=1e-9)
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), CELL), bodies=[body], gravity=(0, 0, 0), dt=DT,
+                      precision=precision, integrator=integrator)
+
+
+def strained(clock: Clock, before: dict[str, np.ndarray], F: np.ndarray) -> dict[str, np.ndarray]:
+    """The state after a substep in which every grain is deformed by F (n, 3, 3) or (3, 3), from a state at rest."""
+    rate = (F - np.eye(3)) / DT
+    count = {"time": np.array(clock.solver.time), "steps": np.array(clock.solver.steps)}
+    rates = np.broadcast_to(rate, (len(before["x"]), 3, 3)).reshape(-1, 9)
+    state = before | count | {"C": rates.astype(before["C"].dtype)}
+    clock.solver.load(state)
+    clock.advance(DT)
+    after = clock.solver.state()
+    return before | {name: after[name] for name in ("e", "vc")}
+
+
+def left(clock: Clock, still: dict[str, np.ndarray], F: np.ndarray) -> np.ndarray:
+    """Principal stretches (n, 3), rising, that are left of strains F F^T (n, 3, 3) or (3, 3) after a substep."""
+    e = np.broadcast_to(F @ np.swapaxes(F, -1, -2) - np.eye(3), (len(still["x"]), 3, 3))
+    picked = np.stack([e[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], 1)
+    return stretches(strained(clock, still | {"e": picked.astype(still["e"].dtype)}, np.eye(3)))
+
+
+def tensors(e: np.ndarray) -> np.ndarray:
+    """b (n, 3, 3) from the state's six numbers."""
+    return np.eye(3) + e.astype(float)[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+
+
+def stretches(state: dict[str, np.ndarray]) -> np.ndarray:
+    """Principal stretches (n, 3), rising."""
+    return np.sqrt(np.linalg.eigvalsh(tensors(state["e"])))
+
+
+def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
+    """Largest errors of the vectors' stretches, and of what thousands of random grains must keep: shear at most what
+    the cone bears, and exactly that where it yields; the volume where it does not come apart."""
+    asked = None if integrator == "auto" else integrator
+    solver = grains(30.0, RANDOM, precision, asked)
+    clock, still = Clock(solver), solver.state()
+    still["v"][:], still["C"][:] = 0.0, 0.0
+    wrong = []
+    for phi, F, expected in VECTORS:
+        F = np.asarray(F, float)
+        if integrator == "series" and np.abs(np.log(np.linalg.svd(F)[1])).max() > SMALL:
+            continue
+        solver.set_material(0, sand(phi))
+        wrong.append(np.abs(left(clock, still, F)[0] - expected).max())
+    solver.set_material(0, sand(30.0))
+    rng = np.random.default_rng(1)
+    span = (np.log(0.2), np.log(3.0)) if integrator != "series" else (-SMALL, SMALL)
+    axes = Rotation.from_quat(rng.standard_normal((2 * RANDOM, 4))).as_matrix().reshape(2, RANDOM, 3, 3)
+    trial = np.sort(rng.uniform(*span, (RANDOM, 3)))
+    F = axes[0] @ (np.exp(trial)[:, :, None] * axes[1])
+    h = np.log(left(clock, still, F))
+    law, pressed = sand(30.0), trial.sum(1) < 0
+    shear = np.linalg.norm(h - h.mean(1, keepdims=True), axis=1)
+    alpha = np.sqrt(2.0) / 3.0 * shear_ratio(30.0, "compression")
+    beyond = shear + (3 * law.lam + 2 * law.mu) / (2 * law.mu) * alpha * h.sum(1)
+    yielded = pressed & (np.abs(h - trial).max(1) > 1e-3)
+    cone = max(beyond[pressed].max(), -beyond[yielded].min()) if yielded.any() else np.inf
+    errors = {"stretch": max(wrong), "cone": cone, "volume": np.abs(h.sum(1) - trial.sum(1))[pressed].max(),
+              "apart": np.abs(h[~pressed]).max()}
+    choices = {"precision": precision, "integrator": integrator}
+    return clock.record(NAME, choices, errors, vectors=len(wrong), yielded=int(yielded.sum()))

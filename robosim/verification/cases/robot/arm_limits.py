@@ -1,0 +1,47 @@
+"""The whole arm scoops: in every step, motors and joints stay within what the data sheet allows."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from robosim.evaluation.policies import Script
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.record import Clock, Record
+
+NAME = "arm_limits"
+SOURCE = "KUKA LBR iiwa 14 R820 data sheet: torques and speeds of A1 to A7"
+BANDS = {"torque": 0.0, "speed": 0.0, "saturated": 0.0}
+"""Most by which the torque that the servo asks for and a joint's speed pass their limits, as shares of these; steps in
+which a torque was cut."""
+SWEEP = [{"task": task, "material": material} for task in ("SpoonScoop", "ScoopScoop")
+         for material in ("salt", "sugar", "flour")]
+"""Choices that the report runs."""
+QUICK, HEADLINE, KNOB = [{"task": "SpoonScoop", "material": "salt"}], "torque", None
+CHECKS = tuple(Within(name, bound, low=-1.0) for name, bound in BANDS.items())
+TORQUES = np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0])
+SPEEDS = np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0])
+"""[N m], [rad/s]"""
+
+
+def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
+    """Excesses over the limits while the task's script is carried out, read in every step of 2 ms."""
+    import robosim  # noqa: F401  (its environments are registered with it)
+
+    env: Any = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped
+    env.reset(options={"nominal": True})
+    carrier, script, clock = env.carrier, Script(env), Clock(env.solver)
+    torque, speed, over, info = 0.0, 0.0, False, {}
+
+    def step() -> None:
+        nonlocal over, info
+        _, _, ended, cut, info = env.step(script())
+        over = ended or cut
+
+    while not over:
+        clock.run(step)
+        torque = max(torque, float(np.abs(carrier.servo.demand / TORQUES).max()))
+        speed = max(speed, float(np.abs(carrier.data.qvel[carrier.scene.arm_dofs] / SPEEDS).max()))
+    errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturated}
+    return clock.record(NAME, {"task": task, "material": material}, errors, score=info["tcs"],
+                        tool_lag=carrier.strain["tool_lag_max"])

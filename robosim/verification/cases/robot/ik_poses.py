@@ -1,0 +1,63 @@
+"""Inverse kinematics of a thousand poses that the arm can reach, each solved from mid-range, with restarts."""
+
+import resource
+import time
+
+import mujoco
+import numpy as np
+
+from mpm import Pose
+from mpm.geometry.rigid_motion import relative_rotation
+from robosim.robot.inverse_kinematics import solve
+from robosim.robot.model import Arm
+from robosim.scene.build import ARM_JOINTS, compiled, robot_spec
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.record import Record
+
+NAME = "ik_poses"
+SOURCE = ("success and time of TRAC-IK on a KUKA LBR iiwa 14, 10 000 poses: 99.92 % and 0.28 ms at 1e-5 (README of "
+          "TRAC-IK 1.5.1); poses are recomputed here by MuJoCo")
+BANDS = {"failed": 0.005, "mean_ms": 2.0, "p95_ms": 10.0, "wrong": 0.0}
+"""Share without a solution; milliseconds a pose; share of solutions that MuJoCo does not confirm."""
+SWEEP = [{"restarts": n} for n in (1, 3, 10, 30)]
+"""Choices that the report runs."""
+QUICK = [{"restarts": n, "poses": 300} for n in (1, 30)]
+HEADLINE, KNOB = "failed", None
+CHECKS = tuple(Within(name, bound, {"restarts": 30}, low=0.0) for name, bound in BANDS.items())
+ACCURACY = 1e-6
+"""[m] and [rad] that MuJoCo's pose may be off."""
+
+
+def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
+    """Shares of poses that were not solved or solved wrongly; restarts: postures that a pose is tried from at most."""
+    arm, model = Arm("spoon"), compiled(robot_spec("spoon"))
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    places = [model.joint(name).qposadr[0] for name in ARM_JOINTS]
+    middle = 0.5 * (arm.lower + arm.upper)
+    seconds, failed, wrong, worst = [], 0, 0, 0.0
+    for _ in range(poses):
+        target = arm.tool_pose(rng.uniform(arm.lower, arm.upper))
+        begin = time.perf_counter()
+        for attempt in range(restarts):
+            start = middle if attempt == 0 else rng.uniform(0.9 * arm.lower, 0.9 * arm.upper)
+            found = solve(arm, target, start, rest=middle, iterations=60)
+            if found.converged:
+                break
+        seconds.append(time.perf_counter() - begin)
+        if not found.converged:
+            failed += 1
+            continue
+        data.qpos[places] = found.q
+        mujoco.mj_kinematics(model, data)
+        reached = Pose(data.body("spoon").xpos, data.body("spoon").xquat)
+        error = max(np.linalg.norm(reached.position - target.position),
+                    np.linalg.norm(relative_rotation(target.quaternion, reached.quaternion)))
+        within = np.all(found.q >= arm.lower) and np.all(found.q <= arm.upper)
+        wrong += int(error > ACCURACY or not within)
+        worst = max(worst, float(error))
+    told = 1e3 * np.array(seconds)
+    return Record(
+        case=NAME, choices={"restarts": restarts, "poses": poses}, particles=0, steps=poses,
+        seconds=float(sum(seconds)), compile_seconds=0.0, errors={"failed": failed / poses, "wrong": wrong / poses},
+        readings={"mean_ms": float(told.mean()), "p95_ms": float(np.percentile(told, 95)), "worst_pose_error": worst},
+        peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)

@@ -1,0 +1,53 @@
+"""Pinocchio and MuJoCo on the same robot: mass matrix, bias forces and the tool's pose in random states."""
+
+import resource
+import time
+
+import mujoco
+import numpy as np
+import pinocchio
+
+from robosim.robot.model import Arm
+from robosim.scene.build import compiled, robot_spec
+from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.record import Record
+
+NAME = "two_models"
+SOURCE = "two independent implementations of rigid-body dynamics (Featherstone 2008) on one MJCF file"
+BANDS = {"mass": 1e-10, "bias": 1e-10, "pose": 1e-10}
+"""Largest differences: mass matrix relative to its largest entry, bias torques to theirs, pose [m], [-]."""
+SWEEP = [{"states": 500}]
+"""Choices that the report runs."""
+QUICK, HEADLINE, KNOB = SWEEP, "mass", None
+CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
+
+
+def measure(*, states: int = 500) -> Record:
+    """Largest differences over random states of arm, fingers and tool."""
+    model, arm, rng = compiled(robot_spec("spoon")), Arm("spoon"), np.random.default_rng(7)
+    data = mujoco.MjData(model)
+    ids = [arm.model.getJointId(model.joint(j).name) for j in range(model.njnt)]
+    q_index = np.array([arm.model.joints[i].idx_q for i in ids])
+    v_index = np.array([arm.model.joints[i].idx_v for i in ids])
+    worst, begin = np.zeros(3), time.perf_counter()
+    for _ in range(states):
+        data.qpos[:] = rng.uniform(model.jnt_range[:, 0], model.jnt_range[:, 1])
+        data.qvel[:] = rng.uniform(-1.0, 1.0, model.nv)
+        mujoco.mj_forward(model, data)
+        M, q, v = np.zeros((model.nv, model.nv)), np.zeros(arm.model.nq), np.zeros(arm.model.nv)
+        mujoco.mj_fullM(model, data, M)
+        q[q_index], v[v_index] = data.qpos, data.qvel
+        P = pinocchio.crba(arm.model, arm.data, q)
+        P = np.triu(P) + np.triu(P, 1).T
+        bias = pinocchio.nonLinearEffects(arm.model, arm.data, q, v)
+        pinocchio.forwardKinematics(arm.model, arm.data, q)
+        place = pinocchio.updateFramePlacement(arm.model, arm.data, arm.frame)
+        tool = data.body("spoon")
+        worst = np.maximum(worst, [
+            np.abs(P[np.ix_(v_index, v_index)] - M).max() / np.abs(M).max(),
+            np.abs(bias[v_index] - data.qfrc_bias).max() / np.abs(data.qfrc_bias).max(),
+            max(np.abs(place.translation - tool.xpos).max(), np.abs(place.rotation.ravel() - tool.xmat).max())])
+    return Record(case=NAME, choices={"states": states}, particles=0, steps=states,
+                  seconds=time.perf_counter() - begin, compile_seconds=0.0,
+                  errors=dict(zip(BANDS, map(float, worst))),
+                  peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)

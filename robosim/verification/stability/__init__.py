@@ -1,0 +1,4 @@
+"""Stiff and extreme cases: stable, refused or unstable.
+
+Imports: config, coupling, errors, robot, scene, verification, mpm.
+"""

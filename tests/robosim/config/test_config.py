@@ -1,0 +1,160 @@
+"""Wrong input: the message names what was given, where, and what would be accepted, before any work."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import mpm
+from robosim.commands.main import main
+from robosim.config.materials import load_material
+from robosim.config.output import OutputFolder
+from robosim.config.resources import config_names, config_path
+from robosim.config.schema import load_rehearsal
+from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
+from robosim.rehearsal.rehearsal import plan
+
+
+@pytest.fixture
+def spoon() -> dict:
+    return yaml.safe_load(config_path("rehearsals", "spoon", "rehearsal").read_text())
+
+
+def written(tmp_path: Path, data: dict) -> str:
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return str(path)
+
+
+@pytest.mark.parametrize("name", config_names("materials"))
+def test_materials_are_complete(name: str) -> None:
+    material = load_material(name)
+    for number in material.numbers():
+        assert len(getattr(material, number).source) > 10
+
+
+def test_unknown_rehearsal_material_and_camera(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    out = str(tmp_path / "out")
+    for arguments, words in (
+        (["rehearse", "fork", "--out", out], ("'fork'", "spoon")),
+        (["rehearse", "spoon", "--material", "pepper", "--out", out], ("'pepper'", "salt", "flour")),
+        (["rehearse", "spoon", "--camera", "left", "--out", out], ("'left'", "overview", "close", "wrist")),
+    ):
+        assert main(arguments) == 2
+        message = capsys.readouterr().err
+        assert all(word in message for word in words), message
+        assert not (tmp_path / "out").exists()
+
+
+def test_unknown_key_lists_the_valid_ones(tmp_path: Path, spoon: dict) -> None:
+    spoon["field"]["sell"] = 0.004
+    with pytest.raises(ConfigError, match=r"'field.sell'; valid: .*cell") as error:
+        load_rehearsal(written(tmp_path, spoon))
+    assert "mine.yaml" in str(error.value)
+
+
+def test_wrong_value_is_named_with_its_place(tmp_path: Path, spoon: dict) -> None:
+    spoon["host_dt"] = 0.01
+    with pytest.raises(ConfigError, match=r"host_dt.*0\.001.*given: 0\.01"):
+        load_rehearsal(written(tmp_path, spoon))
+
+
+def test_unknown_frame_and_waypoint(tmp_path: Path, spoon: dict) -> None:
+    spoon["waypoints"][2]["frame"] = "bowl"
+    with pytest.raises(ConfigError, match="'bowl'; valid: world, source, target"):
+        load_rehearsal(written(tmp_path, spoon))
+    spoon["waypoints"][2]["frame"] = "source"
+    spoon["weigh_at"] = "raised"
+    with pytest.raises(ConfigError, match="'raised'; valid: .*lifted"):
+        load_rehearsal(written(tmp_path, spoon))
+
+
+def test_unreachable_waypoint_says_how_far(tmp_path: Path, spoon: dict) -> None:
+    far = next(w for w in spoon["waypoints"] if w["name"] == "across")
+    far.update(frame="world", position=[1.6, 0.0, 0.4])
+    with pytest.raises(UnreachableWaypoint, match="'across'.*mm beyond the arm's reach") as error:
+        plan(load_rehearsal(written(tmp_path, spoon)))
+    assert error.value.position_error > 0.05
+
+
+def test_a_speed_that_joints_cannot_follow_is_refused(tmp_path: Path, spoon: dict) -> None:
+    next(w for w in spoon["waypoints"] if w["name"] == "tilt")["angular_speed"] = 2.6
+    with pytest.raises(ConfigError, match=r"joint A\d would need"):
+        plan(load_rehearsal(written(tmp_path, spoon)))
+
+
+def test_time_step_above_the_bound_gives_both_numbers() -> None:
+    body = mpm.Body(mpm.Elastic(E=1e6, nu=0.3, density=1000.0), mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), 0.02),
+                    volume=8e-6)
+    with pytest.raises(mpm.TimeStepTooLarge) as error:
+        mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], dt=1e-2)
+    assert "0.01 s" in str(error.value) and f"{error.value.bound:.4g} s" in str(error.value)
+
+
+def test_bound_is_the_isolated_particles() -> None:
+    """3-D, nu = 0.3: Courant number 0.734 of the bulk wave (validation section 0.3)."""
+    material = mpm.Elastic(E=1e5, nu=0.3, density=1500.0)
+    body = mpm.Body(material, mpm.sample_box((0, 0, 0), (0.1, 0.1, 0.1), 0.02), volume=8e-6)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body])
+    wave = ((material.lam + 2 * material.mu) / 1500.0) ** 0.5
+    assert solver.bound * wave / 0.02 == pytest.approx(0.734, abs=5e-4)
+
+
+def test_output_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    assert main(["rehearse", "spoon", "--out", str(blocked / "out")]) == 2
+    assert "--out" in capsys.readouterr().err
+
+
+def test_a_folder_belongs_to_one_process_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Until it has ended, however it ended; the same process comes back as it likes."""
+    words = (f"import sys, pathlib; from robosim.config.output import OutputFolder; "
+             f"folder = OutputFolder(pathlib.Path({str(tmp_path)!r})); print(1, flush=True); sys.stdin.read()")
+    with subprocess.Popen([sys.executable, "-c", words], text=True,
+                          stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None and other.stdout.readline() == "1\n"
+        assert main(["rehearse", "spoon", "--out", str(tmp_path)]) == 2
+        assert f"--out {tmp_path}: another process is at work there" in capsys.readouterr().err
+        other.kill()
+    first = OutputFolder(tmp_path)
+    OutputFolder(tmp_path).write_json("report.json", {})
+    first.clear(("report.json",))
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    folder = OutputFolder(tmp_path)
+    folder.write_json("report.json", {"a": 1})
+
+    def full(path: Path) -> None:
+        path.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space"):
+        folder.write("report.json", full)
+    assert (tmp_path / "report.json").read_text() == '{\n  "a": 1\n}\n'
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".lock", "report.json"]
+
+
+def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFixture,
+                                       monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: OutputFolder, name: str, writer: object) -> Path:
+        raise OSError(28, "No space left on device", str(self.path / name))
+
+    monkeypatch.setattr(OutputFolder, "write", full)
+    assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
+    assert "No space left on device" in capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_said_to(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    assert main(["rehearse", str(tmp_path / "nothere.yaml"), "--out", str(tmp_path / "out")]) == 2
+    assert "nothere.yaml: no such file; accepted: a .yaml file of your own, or one of bottle" in capsys.readouterr().err
+
+
+def test_unknown_names_list_the_valid_ones() -> None:
+    with pytest.raises(UnknownName, match="valid: clay, flour, glycerol, paper, salt, sand, sugar, water"):
+        load_material("pepper")
+    with pytest.raises(mpm.UnknownName, match="valid: f32, f64"):
+        mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[], precision="f16")

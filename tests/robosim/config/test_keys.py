@@ -1,0 +1,56 @@
+"""The list of keys is that of the files that ship, and the schema accepts what the code accepts."""
+
+import json
+import re
+from typing import Any
+
+import pytest
+import yaml
+
+from robosim.commands.keys import KINDS, keys
+from robosim.config.resources import config_names, config_path
+from robosim.errors import UnknownName
+
+SHIPPED = [("rehearsal", "rehearsals"), ("task", "tasks"), ("robot", "robots")]
+
+
+def leaves(table: Any, prefix: str = "") -> set[str]:
+    """Dotted keys of a file, entries of lists as []."""
+    if isinstance(table, dict):
+        return {found for name, value in table.items() for found in {prefix + name} | leaves(value, f"{prefix}{name}.")}
+    if isinstance(table, list):
+        return {found for value in table for found in leaves(value, prefix[:-1] + "[].")}
+    return set()
+
+
+@pytest.mark.parametrize(("kind", "folder"), SHIPPED)
+def test_every_key_that_ships_is_told(kind: str, folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert keys(kind) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()[3:]]
+    told = {line[0] for line in lines}
+    assert len(told) == len(lines)
+    for name in config_names(folder):
+        used = leaves(yaml.safe_load(config_path(folder, name, kind).read_text()))
+        assert {re.sub(r"containers\.\w+", "containers.NAME", key) for key in used} - {"containers.NAME"} <= told
+
+
+def test_bounds_defaults_and_meanings_are_the_code_s(capsys: pytest.CaptureFixture[str]) -> None:
+    keys("rehearsal")
+    rows = {line.split()[0]: re.split(r" {2,}", line) for line in capsys.readouterr().out.splitlines()[3:]}
+    assert rows["host_dt"][1:] == ["number above 0 up to 0.001", "required", "MuJoCo step [s]."]
+    assert rows["waypoints[].angular_speed"][1:3] == ["number above 0", "1.5"]
+    assert rows["limits.jerk"][1] == "list of 7: number above 0" and rows["path"][3].startswith("How the tool rounds")
+    assert rows["containers.NAME.fill_height"][1:3] == ["number from 0", "0.0"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_schema_is_json_with_every_table(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    keys(kind, schema=True)
+    schema = json.loads(capsys.readouterr().out)
+    assert set(schema["properties"]) == set(KINDS[kind].model_fields)
+    assert all(table["additionalProperties"] is False for table in (schema, *schema["$defs"].values()))
+
+
+def test_a_kind_that_is_none_is_named() -> None:
+    with pytest.raises(UnknownName, match="unknown kind 'fork'; valid: .*rehearsal"):
+        keys("fork")

@@ -1,0 +1,242 @@
+"""Scenes that are not ours: plain MJCF, coupled in a few lines."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import mpm
+from robosim import ConfigError, GranularPlugin
+from robosim.coupling.trial_step import Twin
+from robosim.errors import BodyLeftGrid, RobotDiverged
+
+BOXES = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="light" pos="0.05 0.05 0.085"><freejoint/>
+      <geom type="box" size="0.015 0.015 0.015" density="500" friction="0.4"/></body>
+    <body name="middle" pos="0.13 0.05 0.085" quat="0.99 0.05 0.1 0"><freejoint/>
+      <geom type="box" size="0.015 0.015 0.015" density="8000" friction="0.4"/></body>
+    <body name="heavy" pos="0.21 0.05 0.085"><freejoint/>
+      <geom type="box" size="0.015 0.015 0.015" density="19000" friction="0.4"/></body>
+  </worldbody>
+</mujoco>
+"""
+NAMES = ("light", "middle", "heavy")
+
+
+def tray(model: mujoco.MjModel, data: mujoco.MjData, size: tuple[float, float, float] = (0.26, 0.1, 0.06),
+         cell: float = 0.01, dt: float | None = None, **choices: object) -> GranularPlugin:
+    """Sand below a scene, coupled to bodies of it."""
+    sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+    positions = mpm.sample_box((0, 0, 0), size, cell / 2, np.random.default_rng(0))
+    solver = mpm.Solver(
+        grid=mpm.Grid((0, 0, 0), (size[0], size[1], 0.15), cell), walls=mpm.Walls(friction=0.5), dt=dt,
+        bodies=[mpm.Body(sand, positions, volume=float(np.prod(size)) / len(positions))])
+    return GranularPlugin(model, data, solver, **choices)  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_boxes_sink_in_the_order_of_their_density_and_rest_on_their_weight() -> None:
+    model = mujoco.MjModel.from_xml_string(BOXES)
+    data = mujoco.MjData(model)
+    plugin = tray(model, data, bodies=dict.fromkeys(NAMES))
+    forces, residual, exchanged = [], np.zeros(6), np.zeros(2)
+    for step in range(500):
+        plugin.step()
+        residual += np.concatenate(plugin.ledger.residual)
+        exchanged += plugin.ledger.exchanged
+        if step >= 350:
+            forces.append([plugin.wrench(name).force for name in NAMES])
+    heights = [data.body(name).xpos[2] for name in NAMES]
+    assert heights[0] > heights[1] > heights[2] + 0.005
+    weights = model.body_mass[1:] * 9.81
+    assert np.mean(forces, axis=0)[:, 2] == pytest.approx(weights, rel=0.02)
+    assert np.abs(np.mean(forces, axis=0)[:, :2]).max() < 0.02 * weights.max()
+    assert np.abs(data.qvel).reshape(3, 6)[:, :3].max() < 5e-3
+    assert np.linalg.norm(residual[:3]) <= 1e-5 * exchanged[0]
+    assert np.linalg.norm(residual[3:]) <= 1e-5 * exchanged[1]
+
+
+EVERY_GEOM = """
+<mujoco>
+  <asset>
+    <hfield name="ground" nrow="8" ncol="8" size="0.05 0.05 0.01 0.01"/>
+    <mesh name="wedge" vertex="0 0 0  0.03 0 0  0 0.03 0  0 0 0.03"/>
+  </asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 0.1"/>
+    <body name="ground" pos="0.1 0.05 0.02"><geom type="hfield" hfield="ground"/></body>
+    <body name="stack" pos="0.05 0.05 0.08"><freejoint/>
+      <geom type="sphere" size="0.01"/><geom type="capsule" size="0.005 0.01" pos="0.01 0 0"/>
+      <geom type="ellipsoid" size="0.01 0.02 0.005" pos="0 0 0.01"/>
+      <geom type="cylinder" size="0.01 0.005" pos="0 0.01 0"/>
+      <geom type="box" size="0.02 0.005 0.005" contype="0" conaffinity="0" pos="0 0 0.5"/>
+      <body name="tip" pos="0 0 -0.02"><geom type="mesh" mesh="wedge"/></body></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_every_kind_of_geom_becomes_a_collider() -> None:
+    """Distances of the union against those of its parts: what only draws is left out, what is fixed to it is in."""
+    model = mujoco.MjModel.from_xml_string(EVERY_GEOM)
+    data = mujoco.MjData(model)
+    plugin = tray(model, data, (0.1, 0.1, 0.03), bodies={"stack": None, "ground": None, "world": None})
+    stack, ground, world = (plugin.solver.colliders[i] for i in range(3))
+    assert (stack.mobile, ground.static, world.static) == (True, True, True)
+    assert stack.sdf.distance(np.zeros((1, 3)))[0] == pytest.approx(-0.01)  # the sphere's middle
+    assert stack.sdf.distance(np.array([[0.0, 0.0, 0.5]]))[0] > 0.4
+    tip = data.geom_xpos[model.ngeom - 1] - data.body("stack").xpos
+    assert stack.sdf.distance(tip[None])[0] < 0  # the mesh's centre of mass
+    assert ground.sdf.distance(np.array([[0.0, 0.0, -0.001]]))[0] < 0
+    assert world.sdf.distance(np.array([[0.3, 0.2, -0.001]]))[0] == pytest.approx(-0.001)
+    for _ in range(5):
+        plugin.step()
+
+
+def test_without_contact_the_step_is_mujocos_own() -> None:
+    """Bit for bit, whatever the integrator: a coupled body that meets no grain is not touched."""
+    for integrator in ("Euler", "RK4"):
+        model = mujoco.MjModel.from_xml_string(BOXES.replace("<option", f'<option integrator="{integrator}"'))
+        plain, data = mujoco.MjData(model), mujoco.MjData(model)
+        for d in (plain, data):
+            d.qvel[:] = np.linspace(-0.5, 0.5, model.nv)
+        plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
+        for _ in range(10):
+            mujoco.mj_step(model, plain)
+            plugin.step()
+        assert (data.qpos == plain.qpos).all()
+        assert (data.qvel == plain.qvel).all()
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("coupling", ["mobility", "lagged"])
+def test_users_callback_acts_as_often_as_in_mujocos_own_step(integrator: str, coupling: str) -> None:
+    """Trials of the coming step are none of its business."""
+    model = mujoco.MjModel.from_xml_string(BOXES.replace("<option", f'<option integrator="{integrator}"'))
+    calls: list[float] = []
+    data, counts = [mujoco.MjData(model) for _ in range(2)], []
+    plugin = tray(model, data[0], (0.1, 0.1, 0.02), bodies={"light": None}, coupling=coupling)
+    mujoco.set_mjcb_control(lambda m, d: calls.append(d.time))
+    try:
+        for step in (plugin.step, lambda: mujoco.mj_step(model, data[1])):
+            for _ in range(3):
+                step()
+            counts.append(calls.copy())
+            calls.clear()
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert counts[0] == counts[1] and len(counts[0]) >= 3
+
+
+def test_body_that_leaves_the_grid_is_told_of_and_falls_freely() -> None:
+    model = mujoco.MjModel.from_xml_string(BOXES)
+    data = mujoco.MjData(model)
+    data.qvel[:3] = [-3.0, 0.0, 1.0]
+    plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
+    with pytest.warns(BodyLeftGrid, match="'light' left"):
+        while not plugin.outside:
+            plugin.step()
+    before = data.qvel[2]
+    plugin.step()
+    assert data.qvel[2] - before == pytest.approx(-9.81 * 0.002)
+    assert np.all(plugin.wrench("light").force == 0)
+
+
+def test_a_robot_beyond_all_substeps_has_diverged() -> None:
+    """MuJoCo itself warns at 1e10 only: no advance could follow it until then."""
+    model = mujoco.MjModel.from_xml_string(BOXES)
+    data = mujoco.MjData(model)
+    plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
+    data.qvel[0] = 1e8
+    with pytest.raises(RobotDiverged, match="collider 0 moves at 1e.08 m/s"):
+        plugin.step()
+
+
+PLOUGH = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="cart" mocap="true" pos="0.03 0.05 0.06">
+      <body name="blade"><geom type="box" size="0.004 0.03 0.02" friction="0.4"/></body></body>
+    <body name="box" pos="0.1 0.05 0.07"><freejoint/>
+      <geom type="box" size="0.01 0.01 0.01" mass="0.01" friction="0.4"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("repeated", [False, True])
+def test_what_hangs_on_a_mocap_body_ploughs_with_its_velocity(repeated: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its force is that of a moving blade, also in steps that are repeated for another body's sake."""
+    probe = Twin.foresee
+    if repeated:  # answers half as large as MuJoCo's miss
+        monkeypatch.setattr("robosim.coupling.plugin.NEGLIGIBLE", 1e-9)
+        monkeypatch.setattr(Twin, "foresee", lambda twin, load: (f := probe(twin, load))._replace(
+            mobility=0.5 * f.mobility))
+    model = mujoco.MjModel.from_xml_string(PLOUGH)
+    data = mujoco.MjData(model)
+    plugin = tray(model, data, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None},
+                  tolerance=1e-3 if repeated else None)
+    forces, grains, repeats = [], np.zeros(3), 0
+    for _ in range(150):
+        data.mocap_pos[0, 0] += 0.2 * 0.002
+        plugin.step()
+        repeats += plugin.repeats
+        forces.append(plugin.wrench("blade").force[0])
+        grains += plugin.ledger.bodies["blade"].linear
+    assert (repeats > 100) == repeated
+    # passive wedge of Rankine in front of the blade, 2 cm deep: 1.5 N at least, a side of heaped sand more
+    assert -8.0 < np.mean(forces[75:]) < -1.0
+    assert np.mean(forces) * 0.3 == pytest.approx(-grains[0])
+    assert plugin.solver.collider_pose(0).position[0] == pytest.approx(0.03 + 150 * 0.0004)
+
+
+@pytest.mark.slow
+def test_solver_goes_back_to_what_it_kept() -> None:
+    """Grains, bodies' twists and motions: the same advance again, to the bit."""
+    model = mujoco.MjModel.from_xml_string(PLOUGH)
+    data = mujoco.MjData(model)
+    plugin = tray(model, data, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None})
+    for _ in range(30):
+        data.mocap_pos[0, 0] += 0.2 * 0.002
+        plugin.step()
+    solver, state = plugin.solver, plugin.solver.state()
+    ends = []
+    solver.keep()
+    for again in range(3):
+        if again == 1:
+            solver.rewind()
+        elif again == 2:
+            solver.load(state)
+        for _ in range(3):
+            solver.advance(2e-3)
+        ends.append(solver.state())
+    for end in ends[1:]:
+        assert all((ends[0][name] == end[name]).all() for name in end)
+
+
+def test_bad_input_is_told() -> None:
+    model = mujoco.MjModel.from_xml_string(BOXES)
+    data = mujoco.MjData(model)
+    plugin = tray(model, data, bodies={"light": None})
+    for name in ("light", "middle"):
+        with pytest.raises(ConfigError, match="another plugin steps this MjData"):
+            tray(model, data, bodies={name: None})
+    with pytest.raises(ConfigError, match="is 6.66667 substeps of"):
+        tray(model, mujoco.MjData(model), dt=0.0003, bodies={"middle": None})
+    far = mujoco.MjData(model)
+    far.qpos[2] = 1.0
+    with pytest.raises(ConfigError, match="outside the solver's grid"):
+        tray(model, far, bodies={"light": None})
+    open_mesh = EVERY_GEOM.replace("0 0 0.03\"/>", '0 0 0.03" face="0 2 1 0 1 3 1 2 3" inertia="shell"/>')
+    bad = mujoco.MjModel.from_xml_string(open_mesh)
+    with pytest.raises(ConfigError, match="mesh 'wedge' .* has open edges"):
+        tray(bad, mujoco.MjData(bad), bodies={"stack": None})
+    W = np.diag([1.0, 1, 1, 1, 1, -1])
+    with pytest.raises(mpm.InvalidValue, match="eigenvalue -1"):
+        plugin.solver.set_collider_mobility(0, W, np.zeros(6))
+    with pytest.raises(mpm.InvalidValue, match="not symmetric"):
+        plugin.solver.set_collider_mobility(0, np.triu(np.ones((6, 6))), np.zeros(6))

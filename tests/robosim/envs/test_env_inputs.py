@@ -1,0 +1,152 @@
+"""Bad input to the environments names what was given and what would be accepted; options do what they say."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+import mpm
+import robosim
+from robosim.config.materials import law_of, load_material, overridden
+from robosim.envs.grain_env import GrainEnv
+from robosim.envs.start import cache_folder
+
+ID = "robosim/ShovelMove-v0"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROBOSIM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def env() -> GrainEnv:
+    made = gymnasium.make(ID, randomize={"friction_angle_deg": (20.0, 40.0), "E": (1e5, 2e5)}).unwrapped
+    assert isinstance(made, GrainEnv)
+    return made
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"material": "pepper"}, ("'pepper'", "clay, flour", "water")), ({"obs": "pixels"}, ("'pixels'", "moments")),
+    ({"horizon": "never"}, ("'never'", "terminate, truncate")), ({"action_repeat": 0}, ("action_repeat = 0", "from 1")),
+    ({"colour": 3.0}, ("'colour'", "E, cohesion, density")), ({"render_mode": "ascii"}, ("'ascii'", "rgb_array")),
+    ({"randomize": {"E": (2e5, 1e5)}}, ("E = (200000.0, 100000.0)", "(lowest, highest)")),
+    ({"grasp": "glue", "obs": "none"}, ("'glue'", "friction, weld")),
+])
+def test_unknown_options_list_the_valid_ones(options: dict, words: tuple[str, ...]) -> None:
+    from robosim.envs.sub_tasks import ShovelMove
+
+    with pytest.raises(robosim.RobosimError) as caught:
+        ShovelMove(**options)
+    assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_actions_are_checked(env: GrainEnv) -> None:
+    env.reset(seed=0)
+    for action, words in (
+        (np.zeros(6, np.float32), r"shape \(6,\); accepted: \(3,\)"), (np.zeros(3, int), "dtype int64"),
+        (np.array([0, np.nan, 0]), r"action\[1\] \(y\) = nan"), (np.array([0, 0, 1.5]), r"action\[2\] \(z\) = 1.5"),
+    ):
+        with pytest.raises(robosim.ConfigError, match=words):
+            env.step(action)
+    env.actions.clip = True
+    env.step(np.array([0.0, 0.0, 1.5]))
+    with pytest.raises(robosim.ConfigError, match="nan"):
+        env.step(np.array([0, np.nan, 0]))
+    env.actions.clip = False
+
+
+def test_a_name_keeps_its_kind_of_task() -> None:
+    with pytest.raises(robosim.ConfigError, match="pour with the scoop; accepted for .*Pour-v0: pour with the spoon"):
+        gymnasium.make("robosim/SpoonPour-v0", task="ScoopPour")
+
+
+def test_steps_belong_to_an_episode(env: GrainEnv) -> None:
+    env.reset(seed=0)
+    for _ in range(100):
+        *_, over, _, _ = env.step(np.zeros(3, np.float32))
+    assert over
+    with pytest.raises(robosim.ConfigError, match="call reset first"):
+        env.step(np.zeros(3, np.float32))
+    with pytest.raises(robosim.UnknownName, match="nominal"):
+        env.reset(options={"easy": True})
+
+
+def test_random_materials_reach_the_field(env: GrainEnv) -> None:
+    seen = []
+    for seed in range(4):
+        env.reset(seed=seed)
+        law = env.solver.bodies[0].material
+        assert isinstance(law, mpm.DruckerPrager)
+        assert 20.0 <= law.friction_angle_deg <= 40.0 and 1e5 <= law.E <= 2e5
+        seen.append(env.solver.numbers.parameters.to_numpy()[0].copy())
+    assert len({tuple(row) for row in seen}) == 4
+    with pytest.raises(mpm.TimeStepTooLarge):
+        env.solver.set_material(0, mpm.DruckerPrager(E=1e8, nu=0.2, density=1200.0, friction_angle_deg=30.0))
+    with pytest.raises(mpm.InvalidValue, match="DruckerPrager"):
+        env.solver.set_material(0, mpm.VonMises(E=1e5, nu=0.2, density=1200.0, yield_stress=1e3))
+
+
+@pytest.mark.slow
+def test_a_damaged_start_is_made_anew(env: GrainEnv, capsys: pytest.CaptureFixture) -> None:
+    (path,) = cache_folder().glob("ShovelMove-*.npz")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    first = gymnasium.make(ID).reset(seed=0)[0]
+    assert "made anew" in capsys.readouterr().err
+    assert path.stat().st_size == pytest.approx(len(whole), rel=0.01)
+    second = gymnasium.make(ID).reset(seed=0)[0]
+    assert capsys.readouterr().err == "" and np.array_equal(first, second)
+
+
+def test_numbers_of_a_material_can_be_given() -> None:
+    changed = overridden(load_material("salt"), {"E": 2e5, "friction_angle_deg": 25.0})
+    law = law_of(changed)
+    assert isinstance(law, mpm.DruckerPrager) and law.E == 2e5 and law.friction_angle_deg == 25.0
+    assert load_material("water").numbers() == ["density", "bulk_modulus", "viscosity"]
+    with pytest.raises(robosim.UnknownName, match="bulk_modulus, density, viscosity"):
+        overridden(load_material("water"), {"E": 1.0})
+
+
+def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: Path) -> None:
+    from robosim.evaluation.policies import policy
+
+    def run(name: str) -> tuple[float, list[np.ndarray]]:
+        env.reset(seed=2)
+        act, total, over, actions = policy(name, env, 2), 0.0, False, []
+        while not over:
+            actions.append(act())
+            _, reward, over, _, _ = env.step(actions[-1])
+            total += float(reward)
+        return total, actions
+
+    total, actions = run("scripted")
+    np.savez(tmp_path / "actions.npz", actions=actions)
+    assert run(str(tmp_path / "actions.npz"))[0] == total
+    np.savez(tmp_path / "wrong.npz", actions=np.zeros((4, 6)))
+    with pytest.raises(robosim.ConfigError, match=r"\(4, 6\); accepted: \(n, 3\)"):
+        policy(str(tmp_path / "wrong.npz"), env, 0)
+    with pytest.raises(robosim.UnknownName, match="random, scripted, zero"):
+        policy("clever", env, 0)
+
+
+def test_a_stiffer_material_takes_the_step_that_it_needs() -> None:
+    """Paper is too stiff for the sub-tasks' own step; their numbers of its solver say so, and it acts as any other."""
+    env = GrainEnv(task="SpoonPour", material="paper")
+    assert env.task.field.dt is not None and env.task.field.dt > env.solver.bound > env.solver.dt
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(np.zeros(6, np.float32))
+    assert np.isfinite(info["tcs"]) and not info.get("diverged") and info["readings"]["retained"] > 0.9
+
+
+@pytest.mark.slow
+def test_the_arm_carries_a_stiffer_material_too() -> None:
+    """The plugin refuses substeps that do not divide its own step, where somebody asked for them; here nobody did."""
+    env = GrainEnv(task="SpoonTranslate", material="paper", arm=True)
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(np.zeros(3, np.float32))
+    assert np.isfinite(info["tcs"]) and not info.get("diverged")

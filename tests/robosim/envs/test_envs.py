@@ -1,0 +1,313 @@
+"""The environments: Gymnasium's rules, the paper's scores at their extremes, determinism, one physics everywhere."""
+
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import mpm
+import robosim  # noqa: F401  (registers the environments)
+from robosim.config.resources import trained
+from robosim.envs import TASKS
+from robosim.envs.grain_env import GrainEnv
+from robosim.evaluation.policies import policy
+from robosim.shapes.spoon import INTERIOR
+from robosim.tasks.observation import Observer
+from robosim.tasks.reward import Reward
+from robosim.tasks.task import load_task, task_names
+
+EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
+            "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
+"""TCS of no motion and of a perfect one: the tables of arXiv 2406.09178, and for what they lack its equations."""
+MOST = [pytest.param(name, marks=() if name == "SpoonPour" else pytest.mark.slow) for name in TASKS]
+
+
+def made(name: str, **options: Any) -> GrainEnv:
+    env = gymnasium.make(f"robosim/{name}-v0", **options).unwrapped
+    assert isinstance(env, GrainEnv)
+    return env
+
+
+@pytest.fixture(scope="module")
+def pour() -> GrainEnv:
+    return made("SpoonPour")
+
+
+@pytest.fixture(scope="module")
+def scoop() -> GrainEnv:
+    return made("SpoonScoop")
+
+
+def episode(env: GrainEnv, name: str, seed: int = 0, **reset: Any) -> tuple[float, dict, list[np.ndarray]]:
+    """Return, last info and observations of an episode."""
+    observation, _ = env.reset(seed=seed, **reset)
+    act, total, over, info, seen = policy(name, env, seed), 0.0, False, {}, [observation]
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(act())
+        total, over = total + reward, terminated or truncated
+        seen.append(observation)
+        assert env.observation_space.contains(observation)
+        assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-9)
+    return total, info, seen
+
+
+def test_every_task_has_an_environment_with_a_page() -> None:
+    assert sorted(TASKS) == task_names()
+    from robosim.envs import sub_tasks
+
+    for name in TASKS:
+        page, task = getattr(sub_tasks, name).__doc__, load_task(name)
+        for fact in (str(task.grains.count), str(task.reward.target), f"{Reward(task).extremes()[0]:.2f}",
+                     str(task.action.speed), str(task.target.centre)):
+            assert fact in page, (name, fact)
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+def test_extremes_follow_from_counts_and_weights(name: str) -> None:
+    assert Reward(load_task(name)).extremes() == pytest.approx(EXTREMES[name], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
+    """All grains reach the target, in the last step or, where they are poured, in one on the way."""
+    task = load_task(name)
+    reward, n = Reward(task), task.grains.counted
+    poured = n if task.kind == "pour" else 0
+    none = mpm.Tallied(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
+    way = none._replace(newly_lost=poured, lost_on_target=poured, lost=poured, on_target=n)
+    total = sum(sum(reward.step(now, 0.0, now is way).values()) for now in (none, way))
+    assert reward.tcs == pytest.approx(EXTREMES[name][1], abs=1e-9)
+    assert total == pytest.approx(reward.tcs + 2 * reward.beta * reward.gamma)
+    assert reward.succeeded(way)
+
+
+@pytest.mark.parametrize("name", MOST)
+def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, request: Any) -> None:
+    fixture = {"SpoonPour": "pour", "SpoonScoop": "scoop"}.get(name)
+    env = request.getfixturevalue(fixture) if fixture else made(name)
+    for seed in (0, 1):
+        _, info, seen = episode(env, "zero", seed)
+        assert info["tcs"] == pytest.approx(env.reward.extremes()[0], abs=1e-9) and not info["is_success"]
+    assert np.ptp(np.array(seen), axis=0)[-1] == pytest.approx(1.0)
+    _, info, seen = episode(env, "scripted", 0)
+    assert info["is_success"] and info["tcs"] > 0.8 * env.reward.extremes()[1]
+    assert info["tcs"] == pytest.approx(sum(info["tcs_terms"].values()))
+    seen += episode(env, "random", 0)[2]  # a script may leave a height as it is
+    moved, slices = np.ptp(np.array(seen), axis=0) > 0, env.observation_slices
+    # nothing that is observed stays constant; a coordinate of a grain deep in a heap may
+    assert moved[slices["particles"]].reshape(-1, 6).any(axis=1).all()
+    assert moved[slices["tool"]].all() and moved[slices["time"]].all()
+
+
+@pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", MOST)
+def test_gymnasium_finds_nothing(name: str, arm: bool) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*not the same as the gym.*")
+        env = gymnasium.make(f"robosim/{name}-v0", obs="moments", arm=arm)
+        check_env(env.unwrapped, skip_render_check=True)
+
+
+def test_same_seed_same_bits_and_seeds_differ(pour: GrainEnv) -> None:
+    first, again, other = (episode(pour, "random", seed)[2] for seed in (3, 3, 4))
+    assert all(np.array_equal(a, b) for a, b in zip(first, again))
+    assert not np.array_equal(first[0], other[0])
+    assert first[0] is not first[1] and not np.shares_memory(first[0], first[1])
+    nominal = [pour.reset(seed=s, options={"nominal": True})[0] for s in (1, 2)]
+    assert np.array_equal(*nominal)
+
+
+def test_score_does_not_depend_on_how_long_an_action_is_held(pour: GrainEnv) -> None:
+    """The same commands given in steps of 20 and of 2 ms: the same physics, launch by launch or in one."""
+    commands = []
+    act = policy("scripted", pour, 0)
+    pour.reset(seed=0)
+    act, over, total = policy("scripted", pour, 0), False, 0.0
+    while not over:
+        commands.append(act())
+        _, reward, over, _, info = pour.step(commands[-1])
+        total += reward
+    places = pour.solver.positions()
+    fine = made("SpoonPour", action_repeat=1)
+    fine.reset(seed=0)
+    again = sum(float(fine.step(commands[k // 10])[1]) for k in range(1000))
+    assert again == pytest.approx(total, abs=1e-6)
+    assert fine.reward.tcs == pytest.approx(info["tcs"])
+    assert np.array_equal(fine.solver.positions(), places)
+
+
+def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
+    """Random states: elites, target, contact, collision and turn, against the paper's equation written out."""
+    task, rng = scoop.task, np.random.default_rng(0)
+    weights = task.reward
+    for _ in range(5):
+        scoop.reset(seed=0)
+        state = scoop.solver.state()
+        region = rng.uniform(task.field.region_lower, task.field.region_upper, (task.grains.count, 3))
+        state["x"] = region - scoop.solver.grid.origin
+        scoop.solver.load(state)
+        scoop.tally.restart()
+        now = scoop.tally.read()
+        terms = scoop.reward.step(now, -1.5, True)
+        x = scoop.solver.positions()
+        distance = np.abs(x - task.goal) @ weights.distance.weights
+        elite = np.argsort(distance)[: task.grains.elites]
+        beta = weights.distance.total / (task.steps * 300 * weights.distance.reference)
+        assert terms["distance"] == pytest.approx(beta * (300 * weights.distance.reference - distance[elite].sum()),
+                                                  rel=1e-6)
+        assert terms["target"] == pytest.approx(
+            weights.target * np.where(task.target.region.holds(x[elite]), 1.0, -1.0).sum())
+        assert terms["turn"] == pytest.approx(15 * (2.0 - abs(-1.5 + np.radians(110))))
+        tool = scoop.solver.collider_pose(0)
+        phi = scoop.solver.colliders[0].sdf.distance(tool.inverse().apply(x))
+        assert terms["contact"] == pytest.approx(weights.contact * (phi < 0.004).sum(), abs=2 * weights.contact)
+        assert terms["lost"] == 0.0 and terms["collision"] == 0.0
+
+
+def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
+    """Grains jump from one random state to the next: who crossed the bounds, and whether it was over the target."""
+    task, rng = pour.task, np.random.default_rng(1)
+    bounds, target = task.bounds.region, task.target.region
+
+    def jump() -> np.ndarray:
+        state = pour.solver.state()
+        low, high = np.array(task.field.region_lower), np.array(task.field.region_upper)
+        state["x"] = rng.uniform(low, high - [0, 0, 0.25], (task.grains.count, 3)) - pour.solver.grid.origin
+        pour.solver.load(state)
+        return pour.solver.positions()
+
+    for _ in range(5):
+        pour.reset(seed=0)
+        before = jump()
+        pour.tally.restart()
+        after = jump()
+        now = pour.tally.read()
+        terms = pour.reward.step(now, 0.0, True)
+        tool = pour.solver.collider_pose(0).inverse()
+        out, ahead = (~bounds.holds(x) & ~INTERIOR.holds(tool.apply(x)) for x in (before, after))
+        crossed = ahead & ~out
+        assert crossed.sum() > 5
+        signs = np.where(target.holds(before[crossed]), 1.0, -1.0)
+        assert terms["target"] == pytest.approx(task.reward.target * signs.sum())
+        assert terms["poured"] == pytest.approx(task.reward.poured * np.where(out | ahead, 1.0, -1.0).sum())
+        distance = (np.abs(after - task.goal) @ task.reward.distance.weights).sum()
+        gamma = 203 * task.reward.distance.reference
+        assert terms["distance"] == pytest.approx(task.reward.distance.total / (1000 * gamma) * (gamma - distance),
+                                                  rel=1e-6)
+
+
+@pytest.mark.parametrize("repeat", [7, 300, 1000])
+def test_any_number_of_steps_can_be_held(pour: GrainEnv, repeat: int) -> None:
+    pour.action_repeat = repeat
+    try:
+        _, info, seen = episode(pour, "zero")
+        assert info["tcs"] == pytest.approx(-30.45) and info["time"] == pytest.approx(2.0)
+        assert len(seen) == 1 + -(-1000 // repeat)
+    finally:
+        pour.action_repeat = 10
+
+
+def test_to_diverge_never_pays(pour: GrainEnv, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last good observation, a score at the lower extreme, no success; and the next episode is whole."""
+    total, _, _ = episode(pour, "zero")
+    pour.reset(seed=0)
+    last = pour.step(np.zeros(6, np.float32))[0]
+    with monkeypatch.context() as patch:
+        patch.setattr(pour.solver, "advance", lambda *a, **k: (_ for _ in ()).throw(mpm.SimulationDiverged(
+            time=0.0, step=0, particle=0, position=(0, 0, 0), speed=1e3, cfl=9.0)))
+        seen, reward, ended, cut, info = pour.step(np.zeros(6, np.float32))
+    assert ended and not cut and not info["is_success"] and "particle 0" in info["diverged"]
+    assert info["tcs"] <= -30.45 and reward < total
+    assert np.array_equal(seen, last)
+    assert episode(pour, "zero")[1]["tcs"] == pytest.approx(-30.45)
+
+
+def test_observations_hold_what_their_slices_say(pour: GrainEnv) -> None:
+    observation, _ = pour.reset(seed=5)
+    parts = {name: observation[where] for name, where in pour.observation_slices.items()}
+    grains = parts["particles"].reshape(-1, 6)
+    assert grains[:, :3] == pytest.approx(pour.solver.positions(), abs=1e-6)
+    assert grains[:, 3:] == pytest.approx(pour.solver.velocities(), abs=1e-6)
+    assert parts["tool"][:3] == pytest.approx(pour.solver.collider_pose(0).position, abs=1e-6)
+    assert parts["time"] == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TASKS)
+def test_the_arm_scores_as_the_tool_alone(name: str) -> None:
+    """The same script, the same observation and actions: the score differs by a tenth of its range at most."""
+    scores, spaces = {}, []
+    for arm in (False, True):
+        env = made(name, arm=arm)
+        _, info, _ = episode(env, "scripted", 0)
+        assert info["is_success"] and ("arm" in info) == arm
+        scores[arm] = info["tcs"]
+        if arm:
+            assert info["arm"]["surroundings_contacts"] == 0 and 0.1 < info["arm"]["torque_limit_ratio_max"] < 1.0
+        spaces.append((env.observation_space, env.action_space))
+        low, high = env.reward.extremes()
+    assert spaces[0] == spaces[1]
+    assert abs(scores[True] - scores[False]) < 0.1 * (high - low)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SpoonTranslate", "SpoonPour", "BottlePickPour", "ShovelMove"])
+def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
+    env = made(name, arm=True, grasp="friction")
+    _, info, _ = episode(env, "scripted", 0)
+    assert info["is_success"]
+    assert 0 < env.carrier.grasp.slip < 0.003  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize(("layout", "length"), [
+    ("flat", 203 * 6 + 8), ("all", 203 * 6 + 8), ("positions", 203 * 3 + 8), ("velocities", 203 * 3 + 8), ("none", 8),
+    ("moments", 30 + 8),
+])
+def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: Any, length: int) -> None:
+    observer = Observer(pour.task, pour.solver, layout)
+    grains = mpm.Sample(pour.solver, observer.chosen) if layout != "none" else None
+    pour.reset(seed=0)
+    act = policy("random", pour, 0)
+    for _ in range(20):
+        pour.step(act())
+        seen = observer.read(grains.read() if grains else np.zeros((0, 6)), pour.episode.pose, pour.tally.read(), 0.2)
+        assert seen.shape == (length,) and seen.dtype == np.float32 and observer.space.contains(seen)
+    assert sum(part.stop - part.start for part in observer.slices.values()) == length
+
+
+def test_dict_layout_holds_the_same_numbers(pour: GrainEnv) -> None:
+    flat, parts = (Observer(pour.task, pour.solver, layout) for layout in ("flat", "dict"))
+    pour.reset(seed=0)
+    now = pour.tally.read()
+    seen, table = (observer.read(pour.world.grains(), pour.episode.pose, now, 0.5) for observer in (flat, parts))
+    assert parts.space.contains(table)
+    for name in ("particles", "tool", "time"):
+        assert np.array_equal(seen[flat.slices[name]], table[name].ravel())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in TASKS if trained(name)])
+def test_shipped_motions_do_what_they_ship_for(name: str) -> None:
+    """From the nominal start: at least what the paper's method scores, 95 % delivered where grains are carried or
+    pushed, 85 % where they are poured, no collision where they are scooped; and the score that README says, give or
+    take a few grains on another machine."""
+    least, told = {"SpoonTranslate": (41.0, 41.0), "ScoopTranslate": (44.1, 44.1), "ShovelMove": (41.0, 41.1),
+                   "SpoonPour": (18.57, 52.78), "ScoopPour": (44.13, 72.6), "BottlePickPour": (33.01, 46.55),
+                   "SpoonScoop": (25.9, 33.99), "ScoopScoop": (38.96, 50.79)}[name]
+    env = GrainEnv(task=name)
+    env.TASK = name
+    env.reset(options={"nominal": True})
+    act, over, info = policy("learned", env, 0), False, {}
+    while not over:
+        _, _, terminated, truncated, info = env.step(act())
+        over = terminated or truncated
+    assert info["tcs"] >= least - 1e-6
+    if env.task.kind == "scoop":
+        assert info["readings"]["collisions"] == 0
+    else:
+        assert info["readings"]["delivered"] >= (0.85 if env.task.kind == "pour" else 0.95)
+    assert info["tcs"] == pytest.approx(told, abs=1.5)

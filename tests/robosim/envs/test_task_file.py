@@ -1,0 +1,112 @@
+"""A task in a file of one's own does in every command what a sub-task's name does."""
+
+import json
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import yaml
+
+import mpm
+import policies.runs.sweep
+from policies.demonstrations.export import export
+from policies.learning.environments import any_made
+from policies.methods.train import train
+from robosim.config.resources import config_path
+from robosim.envs import make
+from robosim.errors import ConfigError, UnknownName
+from robosim.evaluation.evaluate import evaluate
+from robosim.tasks.task import is_task
+
+HOLD = 250
+ACTION = np.array([0.1, 0.2, -0.1], np.float32)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def written(name: str) -> str:
+    """A SpoonTranslate with another friction and a target elsewhere."""
+    task = yaml.safe_load(config_path("tasks", "SpoonTranslate", "task").read_text())
+    task["field"]["tool_friction"] = 0.3
+    task["goal"][1] -= 0.02
+    Path(name).write_text(yaml.safe_dump(task))
+    return name
+
+
+def test_it_is_the_environment_that_the_file_says() -> None:
+    """The same numbers as the registered one that is given the file."""
+    own = written("mine.yaml")
+    registered = gymnasium.make("robosim/SpoonTranslate-v0", task=own, action_repeat=HOLD)
+    by_file = any_made(own, "flat", HOLD)
+    assert (by_file.unwrapped.TASK, by_file.unwrapped.source) == ("mine", own)
+    assert by_file.unwrapped.task.field.tool_friction == 0.3
+    begun, other = (env.reset(seed=3)[0] for env in (registered, by_file))
+    assert np.array_equal(begun, other)
+    after, other = (env.step(ACTION) for env in (registered, by_file))
+    assert np.array_equal(after[0], other[0]) and after[1] == other[1]
+
+
+@pytest.mark.slow
+def test_a_vector_of_it_is_the_same_as_one() -> None:
+    own = written("mine.yaml")
+    vector = gymnasium.make_vec("robosim/Task-v0", num_envs=2, workers=1, task=own, action_repeat=HOLD)
+    alone, plain = make(own, action_repeat=HOLD), make("SpoonTranslate", action_repeat=HOLD)
+    together, _ = vector.reset(seed=3)
+    assert np.array_equal(together[0], alone.reset(seed=3)[0])
+    plain.reset(seed=3)
+    reward = alone.step(ACTION)[1]
+    assert vector.step(np.stack([ACTION, ACTION]))[1][0] == reward != plain.step(ACTION)[1]  # the goal is elsewhere
+    vector.close()
+
+
+@pytest.mark.slow
+def test_what_is_learnt_in_it_bears_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    """Training, evaluation and export; a sub-task refuses the motion, the file takes any that fits."""
+    own, actions = written("mine.yaml"), np.full((4, 3), 0.1, np.float32)
+    np.savez("demonstration_0.npz", actions=actions, hold=HOLD, task="mine", seed=0, nominal=True)
+    assert train("demo", own, Path("run"), demos=Path(), hold=HOLD) == 0
+    assert json.loads(Path("run/manifest.json").read_text())["task"] == "mine"
+    assert f"robosim evaluate {own} --policy run/best.npz" in capsys.readouterr().out
+    assert evaluate(own, "run/best.npz", None, nominal=True) == 0
+    with pytest.raises(ConfigError, match="actions for mine; accepted: for SpoonTranslate"):
+        evaluate("SpoonTranslate", "run/best.npz", None)
+    np.savez("other.npz", actions=actions, hold=HOLD, task="SpoonTranslate")
+    assert evaluate(own, "other.npz", None, nominal=True) == 0
+    h5py = pytest.importorskip("h5py")
+    assert export(own, Path("demonstration_0.npz"), Path("all.hdf5"), hold=HOLD) == 0
+    with h5py.File("all.hdf5") as file:
+        spec = json.loads(file.attrs["env_spec"])
+    assert gymnasium.make(spec["id"], **spec["kwargs"]).unwrapped.TASK == "mine"
+
+
+def test_a_sweep_names_folders_after_it() -> None:
+    own = written("mine.yaml")
+    Path("sweep.yaml").write_text(f"tasks: [{own}, SpoonPour]\nmethods: [sac]\nseeds: [0]\nout: runs\n")
+    runs = policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
+    assert [run.out for run in runs] == [Path("runs/mine/sac/seed_0"), Path("runs/SpoonPour/sac/seed_0")]
+    assert runs[0].words[:3] == ["train", "sac", own]
+    Path("below").mkdir()
+    Path("sweep.yaml").write_text(f"tasks: [{own}, {written('below/mine.yaml')}]\nmethods: [sac]\nseeds: [0]\n"
+                                  f"out: runs\n")
+    with pytest.raises(mpm.InvalidValue, match="share a folder"):
+        policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
+
+
+def test_files_are_told_apart() -> None:
+    assert is_task(written("mine.yaml")) and is_task("SpoonPour")
+    assert not is_task(str(config_path("rehearsals", "spoon", "rehearsal"))) and not is_task("spoon")
+
+
+def test_what_is_no_task_is_said() -> None:
+    Path("sweep.yaml").write_text("tasks: [gone.yaml]\nmethods: [sac]\nseeds: [0]\nout: runs\n")
+    with pytest.raises(mpm.InvalidValue, match=r"gone\.yaml; accepted: .* a task's \.yaml file"):
+        policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
+    for name in ("gone.yaml", "SpoonStir"):
+        with pytest.raises((ConfigError, UnknownName), match="SpoonPour"):
+            evaluate(name, "zero", None)
+    with pytest.raises(ConfigError, match=r"task None; accepted: a task's \.yaml file"):
+        gymnasium.make("robosim/Task-v0")

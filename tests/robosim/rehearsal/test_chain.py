@@ -1,0 +1,80 @@
+"""What a sub-task leaves in the tool begins the next one."""
+
+import json
+
+import gymnasium
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import robosim
+from robosim.config.schema import load_rehearsal
+from robosim.envs import handover
+from robosim.errors import ConfigError
+from robosim.rehearsal.learned import shipped
+from robosim.rehearsal.motion_chain import chain
+from robosim.tasks.task import load_task
+from robosim.tasks.task_field import TOOL
+
+
+def test_strains_turn_with_the_tool():
+    """A stretch along x, turned a quarter about z, is one along y; there and back changes nothing."""
+    quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
+    assert handover.turned(np.array([[0.1, 0, 0, 0.02, 0, 0]]), quarter) == pytest.approx(
+        np.array([[0, 0.1, 0, -0.02, 0, 0]]))
+    e, R = np.random.default_rng(0).normal(size=(5, 6)), Rotation.random(rng=1).as_matrix()
+    assert handover.turned(handover.turned(e, R), R.T) == pytest.approx(e)
+    matrices = e[:, handover.PLACES]
+    assert np.linalg.eigvalsh(handover.turned(e, R)[:, handover.PLACES]) == pytest.approx(np.linalg.eigvalsh(matrices))
+
+
+def test_the_next_sub_task_begins_with_what_is_left():
+    """The same grains at the same places in the tool, under the same stress, and at rest they stay there; a tool that
+    is another, or begins empty, is refused."""
+    first = gymnasium.make("robosim/SpoonTranslate-v0", material="sugar").unwrapped
+    first.reset(seed=3)
+    still = np.zeros(3, np.float32)
+    for _ in range(3):
+        first.step(still)
+    state = first.solver.state()
+    state["x"][:50, 2] += 0.2  # these have left the spoon
+    first.solver.load(state)
+    load = handover.taken(first)
+    assert load.count == first.task.grains.count - 50 and load.material == first.material
+    second = gymnasium.make("robosim/SpoonPour-v0", load=load).unwrapped
+    second.reset(options={"nominal": True})
+    local = second.solver.collider_pose(TOOL).inverse().apply(second.solver.positions())
+    assert local == pytest.approx(load.places, abs=1e-6)
+    assert second.material == first.material and second.task.grains.count == load.count
+    assert second.solver.masses().sum() == pytest.approx(first.solver.masses()[50:].sum())
+    turn = second.task.start.pose.matrix @ first.solver.collider_pose(TOOL).matrix.T
+    strains = handover.turned(first.solver.state()["e"][50:], turn)
+    assert second.solver.state()["e"] == pytest.approx(strains, abs=1e-6) and np.abs(strains).max() > 1e-5
+    for _ in range(3):
+        _, _, _, _, info = second.step(np.zeros(6, np.float32))
+    assert info["readings"]["retained"] == 1.0
+    assert np.linalg.norm(second.solver.velocities(), axis=1).max() < 0.1
+    for task in ("ScoopPour", "SpoonScoop"):
+        with pytest.raises(ConfigError, match="accepted: a sub-task that begins with a full spoon, as SpoonTranslate"):
+            handover.loaded(task, load_task(task), load)
+
+
+def test_motions_are_those_of_a_folder_where_one_is_given(tmp_path):
+    config = load_rehearsal("spoon", {"trajectory": "learned", "motions": str(tmp_path)})
+    with pytest.raises(ConfigError, match=r"holds no SpoonScoop.npz; accepted: a folder with a motion of each"):
+        shipped(config, "SpoonScoop")
+    (tmp_path / "SpoonScoop.npz").touch()
+    assert shipped(config, "SpoonScoop") == tmp_path / "SpoonScoop.npz"
+    assert shipped(load_rehearsal("spoon"), "SpoonScoop").parent.name == "trained"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["spoon", "scoop"])
+def test_chains_that_ship_deliver(name, tmp_path, capsys):
+    """At least nine tenths of what was scooped, as on the whole arm."""
+    assert robosim and chain(name, tmp_path, film=False) == 0
+    rows = json.loads((tmp_path / "chain.json").read_text())["sub_tasks"]
+    scooped, last = rows[0]["own_start"]["held"], rows[-1]["handed_over"]
+    assert last["delivered"] * last["grains"] >= 0.9 * scooped > 90
+    assert rows[0]["own_start"]["relative_turn_error"] < 0.1
+    assert "what was left" in capsys.readouterr().out

@@ -1,0 +1,134 @@
+"""The whole chain: a short rehearsal in the default suite, the real ones behind the marker `slow`."""
+
+import json
+import os
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import yaml
+
+from robosim.commands.main import main
+from robosim.commands.rehearse import rehearse
+from robosim.config.resources import config_path
+from robosim.config.schema import load_rehearsal
+from robosim.rehearsal.metrics import BOUNDS, missed
+from robosim.rehearsal.recording import COLUMNS
+from robosim.rehearsal.rehearsal import Rehearsal, plan
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """The spoon's way over the container only, with cells of 10 mm: all parts, little time."""
+    data = yaml.safe_load(config_path("rehearsals", "spoon", "rehearsal").read_text())
+    by_name = {w["name"]: w for w in data["waypoints"]}
+    dip = by_name["above"] | {"name": "dip", "position": [-0.03, 0, 0.06], "speed": 0.3, "stop": True, "dwell": 0.2}
+    data["waypoints"] = [by_name["start"], dip, by_name["home"]]
+    data.update(weigh_at="dip", collision_thickness=0.005, grasp_time=0.2)
+    data["field"] |= {"cell": 0.01, "grains_per_cell": 4}
+    path = tmp_path / "short.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def test_a_short_rehearsal_writes_everything(short: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    drawable = os.environ["MUJOCO_GL"] != "disable"
+    assert rehearse(str(short), out, camera="close" if drawable else None) == 0
+    values = json.loads((out / "report.json").read_text())
+    assert set(BOUNDS) <= set(values)
+    for name in ("momentum_residual", "velocity_limit_ratio_max",
+                 "torque_limit_ratio_max", "joint_limit_ratio_max", "ik_position_error_max", "particles_lost",
+                 "tool_container_contacts"):
+        assert values[name] <= BOUNDS[name].high, name
+    with (out / "trajectory.csv").open() as file:
+        assert file.readline().strip().split(",") == COLUMNS
+    rows = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)
+    assert np.diff(rows[:, 0]) == pytest.approx(1e-3, abs=1e-9)
+    assert len(rows) == pytest.approx(values["simulated_time"] / 1e-3, abs=1)
+    assert load_rehearsal(str(out / "config.yaml")) == load_rehearsal(str(short))
+    assert (out / "report.png").stat().st_size > 20_000
+    if drawable:
+        with av.open(str(out / "rehearsal.mp4")) as container:
+            frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
+        assert len(frames) == pytest.approx(values["simulated_time"] * 30, abs=2)
+        assert frames[0].shape == (720, 1280, 3)
+        assert np.ptp(frames[0]) > 100 and np.abs(frames[0].astype(int) - frames[-15]).max() > 50
+        assert (out / "frames.png").exists()
+
+
+def test_divergence_keeps_the_last_good_state(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                              capsys: pytest.CaptureFixture) -> None:
+    """A grain thrown out of all proportion stops the run with time, place and CFL number, and files are whole."""
+    original = Rehearsal.step
+
+    def sabotaged(self: Rehearsal, index: int) -> None:
+        if index == 20:
+            state = self.solver.state()
+            state["v"][3] = 1e5
+            self.solver.load(state)
+        original(self, index)
+
+    monkeypatch.setattr(Rehearsal, "step", sabotaged)
+    out = tmp_path / "out"
+    assert main(["rehearse", str(short), "--no-video", "--out", str(out)]) == 1
+    message = capsys.readouterr().err
+    assert "diverged at t = " in message and "CFL number" in message and "particle" in message
+    with np.load(out / "last_good_state.npz") as state:
+        assert all(np.isfinite(state[name]).all() for name in ("x", "v", "C", "e", "qpos"))
+    assert len(np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)) == 20
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_whole_files(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    original = Rehearsal.step
+
+    def interrupted(self: Rehearsal, index: int) -> None:
+        if index == 30:
+            raise KeyboardInterrupt
+        original(self, index)
+
+    monkeypatch.setattr(Rehearsal, "step", interrupted)
+    out = tmp_path / "out"
+    assert main(["rehearse", str(short), "--no-video", "--out", str(out)]) == 130
+    assert len(np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)) == 30
+    assert not [p.name for p in out.iterdir() if "part" in p.name]
+
+
+@pytest.mark.slow
+def test_snapshot_resumes_to_the_bit(short: Path) -> None:
+    """On one thread the same state gives the same bits."""
+    config = load_rehearsal(str(short))
+    run = Rehearsal(config, plan(config))
+    run.solver.advance(0.01)
+    state = run.solver.state()
+    run.solver.advance(0.01)
+    first = run.solver.state()
+    run.solver.load(state)
+    run.solver.advance(0.01)
+    again = run.solver.state()
+    assert all((first[name] == again[name]).all() for name in ("x", "v", "C", "e", "vc"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("material", ["salt", "sugar", "flour"])
+@pytest.mark.parametrize("name, trajectory", [("spoon", "script"), ("scoop", "script"), ("bottle", "script"),
+                                              ("shovel", "script"), ("spoon", "learned"), ("scoop", "learned"),
+                                              ("bottle", "learned"), ("shovel", "learned")])
+def test_the_whole_rehearsal_keeps_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert rehearse(name, out, material=material, camera=None, trajectory=trajectory) == 0
+    assert missed(json.loads((out / "report.json").read_text()), load_rehearsal(str(out / "config.yaml"))) == []
+
+
+@pytest.mark.slow
+def test_held_by_friction_the_spoon_delivers_as_when_fixed(tmp_path: Path) -> None:
+    """What slips in the fingers costs no more than five points of the delivery."""
+    reports = {}
+    for grasp in ("weld", "friction"):
+        assert rehearse("spoon", tmp_path / grasp, grasp=grasp, camera=None) == 0
+        reports[grasp] = json.loads((tmp_path / grasp / "report.json").read_text())
+    assert abs(reports["friction"]["delivered_fraction"] - reports["weld"]["delivered_fraction"]) <= 0.05
+    assert 0.0 < reports["friction"]["grasp_slip"] < 0.002
+    assert reports["weld"]["grasp_slip"] == 0.0

@@ -1,0 +1,97 @@
+"""Laws of poses, paths and smoothed joint motion."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
+from robosim.config.schema import load_rehearsal
+from robosim.rehearsal.rehearsal import Plan, plan
+from robosim.robot.inverse_kinematics import solve
+from robosim.robot.model import SPEED_LIMITS
+
+
+def random_pose(rng: np.random.Generator) -> Pose:
+    return Pose(rng.uniform(-1, 1, 3), Rotation.random(random_state=rng).as_quat(scalar_first=True))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_exponential_undoes_logarithm(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = random_pose(rng), random_pose(rng)
+    end = exponential(a, logarithm(a, b))
+    assert end.position == pytest.approx(b.position, abs=1e-12)
+    assert end.matrix == pytest.approx(b.matrix, abs=1e-12)
+
+
+def test_screw_velocity_is_the_derivative_of_its_poses() -> None:
+    """Central differences of the sampled poses give the stated twist, whose body axes are constant."""
+    rng = np.random.default_rng(3)
+    a, b, n, T = random_pose(rng), random_pose(rng), 2000, 0.7
+    s = screw(a, logarithm(a, b), T, n)
+    h = T / n
+    for k in (1, 700, 1500):
+        linear = (s.positions[k + 1] - s.positions[k - 1]) / (2 * h)
+        assert linear == pytest.approx(s.linear[k], rel=1e-4, abs=1e-5)
+        turn = Rotation.from_matrix(s.matrices[k + 1] @ s.matrices[k - 1].T).as_rotvec() / (2 * h)
+        assert turn == pytest.approx(s.angular[k], rel=1e-4, abs=1e-5)
+    body = np.einsum("nji,nj->ni", s.matrices, s.linear)
+    assert np.ptp(body, axis=0).max() < 1e-12
+    assert s.positions[-1] == pytest.approx(b.position, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def spoon() -> Plan:
+    return plan(load_rehearsal("spoon"))
+
+
+def test_path_stops_exactly_at_stops_and_is_smooth(spoon: Plan) -> None:
+    path, config = spoon.path, load_rehearsal("spoon")
+    for waypoint, pose in zip(config.waypoints, path.poses):
+        if waypoint.dwell:
+            rest = path.pose(path.times[waypoint.name] + waypoint.dwell * 0.9)
+            assert rest.position == pytest.approx(pose.position, abs=1e-12)
+    times = np.arange(0.0, path.duration, 1e-3)
+    x = np.array([path.pose(t).position for t in times])
+    acceleration = np.diff(x, 2, axis=0) / 1e-6
+    # the peak of a rounded corner: 1.875 times the mean, which the limit bounds; screws add their own curvature
+    assert np.linalg.norm(acceleration, axis=1).max() < 1.5 * config.path.acceleration
+    jump = np.linalg.norm(np.diff(acceleration, axis=0), axis=1)
+    assert jump.max() < 0.15 * config.path.acceleration
+
+
+def test_smoothed_motion_keeps_limits_and_path(spoon: Plan) -> None:
+    config, motion = load_rehearsal("spoon"), spoon.motion
+    times = np.arange(0.0, motion.duration, 1e-3)
+    states = [motion.state(t) for t in times]
+    qd, qdd = np.array([s.qd for s in states]), np.array([s.qdd for s in states])
+    jerk = np.diff(qdd, axis=0) / 1e-3
+    assert (np.abs(qd) <= SPEED_LIMITS * config.limits.velocity_fraction).all()
+    assert (np.abs(qdd) <= np.array(config.limits.acceleration) + 1e-9).all()
+    assert (np.abs(jerk) <= np.array(config.limits.jerk) + 1e-6).all()
+    q = np.array([s.q for s in states])
+    assert np.abs(np.diff(q, axis=0) / 1e-3 - 0.5 * (qd[1:] + qd[:-1])).max() < 1e-4
+    assert motion.delay < 0.05
+    worst = max(np.linalg.norm(spoon.arm.tool_pose(s.q).position - spoon.path.pose(t).position)
+                for t, s in list(zip(times, states))[::7])
+    assert worst < 5e-4
+
+
+def test_inverse_kinematics_from_perturbed_starts(spoon: Plan) -> None:
+    rng = np.random.default_rng(0)
+    arm = spoon.arm
+    for _ in range(50):
+        q = rng.uniform(0.7 * arm.lower, 0.7 * arm.upper)
+        solution = solve(arm, arm.tool_pose(q), q + rng.uniform(-0.2, 0.2, 7))
+        assert solution.position_error < 1e-5 and solution.angle_error < 1e-5
+        assert (solution.q >= arm.lower).all() and (solution.q <= arm.upper).all()
+
+
+def test_jacobian_is_the_derivative_of_the_pose(spoon: Plan) -> None:
+    arm, h = spoon.arm, 1e-6
+    q = np.array([0.3, 0.7, -0.2, -1.4, 0.4, -0.9, 0.5])
+    J = arm.jacobian(q)
+    for joint in range(7):
+        step = np.eye(7)[joint] * h
+        twist = logarithm(arm.tool_pose(q - step), arm.tool_pose(q + step))
+        assert np.concatenate(twist) / (2 * h) == pytest.approx(J[:, joint], abs=1e-7)

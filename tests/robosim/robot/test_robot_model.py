@@ -1,0 +1,67 @@
+"""Pinocchio and MuJoCo must mean the same robot."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from robosim.robot.model import SPEED_LIMITS, Arm
+from robosim.scene.build import ARM_JOINTS, compiled, load_spec, robot_spec
+from robosim.shapes.handle import grip_pose
+from robosim.shapes.spoon import HANDLE_START
+from robosim.verification.cases.robot import two_models
+
+
+@pytest.fixture(scope="module")
+def pair():
+    model = compiled(robot_spec("spoon"))
+    return model, Arm("spoon")
+
+
+def test_mass_matrix_bias_and_kinematics_agree(pair) -> None:
+    """200 random states of arm, fingers and tool; no joint is missing in either model."""
+    model, arm = pair
+    assert sorted(model.joint(j).name for j in range(model.njnt)) == sorted(arm.model.names[1:])
+    assert arm.model.nv == model.nv
+    errors = two_models.measure(states=200).errors
+    assert all(errors[name] <= bound for name, bound in two_models.BANDS.items()), errors
+
+
+def test_limits_are_the_data_sheets(pair) -> None:
+    """KUKA LBR iiwa 14 R820 data sheet: ranges, speeds and torques, read back from both compiled models."""
+    model, arm = pair
+    ranges = np.radians([170, 120, 170, 120, 170, 120, 175])
+    torques = [320, 320, 176, 176, 110, 40, 40]
+    for i, name in enumerate(ARM_JOINTS):
+        joint = model.joint(name)
+        assert joint.range == pytest.approx([-ranges[i], ranges[i]], abs=1e-6)
+        assert model.jnt_actfrcrange[joint.id] == pytest.approx([-torques[i], torques[i]])
+        assert model.actuator(name).ctrlrange == pytest.approx([-torques[i], torques[i]])
+    assert arm.torque_limits == pytest.approx(torques)
+    assert arm.model.upperEffortLimit[arm.v_index] == pytest.approx(torques)
+    assert np.degrees(SPEED_LIMITS) == pytest.approx([85, 85, 100, 75, 130, 135, 135])
+
+
+def test_smallest_moment_of_the_long_links_is_about_the_long_axis(pair) -> None:
+    """Links 2, 4 and 6 carry the corrected moments: the published set has the last two swapped."""
+    model, _ = pair
+    assert model.body("link2").inertia == pytest.approx([0.0305, 0.0304, 0.0110])
+    assert model.body("link4").inertia == pytest.approx([0.0170, 0.0164, 0.0060])
+    assert model.body("link6").inertia == pytest.approx([0.0049, 0.0047, 0.0036])
+
+
+def test_masses(pair) -> None:
+    """Arm 29.9 kg (data sheet), hand 2.3 kg."""
+    model, _ = pair
+    arm = sum(model.body(f"link{i}").mass[0] for i in range(8))
+    hand = model.body("palm").subtreemass[0] - model.body("spoon").mass[0]
+    assert arm == pytest.approx(29.9, abs=1e-9)
+    assert hand == pytest.approx(2.3, abs=1e-9)
+
+
+def test_spoon_is_held_where_its_handle_is() -> None:
+    """The grip site in the model file lies on the handle's axis, as the shape has it, turned to the hand."""
+    spec = load_spec("tools", "spoon", "spoon.xml")
+    site, pose = spec.site("spoon_grip"), grip_pose(HANDLE_START)
+    assert site.pos == pytest.approx(pose[:3, 3], abs=1e-5)
+    matrix = Rotation.from_quat(site.quat, scalar_first=True).as_matrix()
+    assert matrix == pytest.approx(pose[:3, :3], abs=1e-6)
