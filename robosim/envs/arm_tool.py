@@ -21,8 +21,8 @@ from robosim.scene.build import compile_scene, scene_spec
 from robosim.scene.clearance import Touches
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import Grasp
+from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
-from robosim.tasks.task_field import TOOL
 
 PATH_POSES = 61
 """Poses of the task's script through which the arm must be able to go."""

@@ -6,15 +6,14 @@ import numpy as np
 from gymnasium.utils import seeding
 
 import mpm
-from mpm.observers.tally import MAX_LOOKS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode, Horizon, checked_horizon
 from robosim.envs.world import Ranges, World, checked_options
 from robosim.errors import ConfigError
 from robosim.tasks.actions import Actions, checked_repeat
+from robosim.tasks.counting import MAX_READINGS, TOOL
 from robosim.tasks.observation import Layout
 from robosim.tasks.task import TaskConfig
-from robosim.tasks.task_field import TOOL
 
 Info = dict[str, Any]
 
@@ -30,7 +29,7 @@ class GrainBatch:
         checked_horizon(horizon)
         self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize)
         self.action_repeat = checked_repeat(action_repeat)
-        self.batch = mpm.Batch(self.world.solver, n, looks=min(action_repeat, MAX_LOOKS))
+        self.batch = mpm.Batch(self.world.solver, n, looks=min(action_repeat, MAX_READINGS))
         self.actions = Actions(self.world.task, clip=clip_actions)
         self.observation_space, self.action_space = self.world.observer.space, self.actions.space
         self.episodes = [Episode(self.world.task, horizon) for _ in range(n)]
@@ -59,9 +58,9 @@ class GrainBatch:
         if law is not None:
             self.batch.set_material(e, 0, law)
         tool, pile = world.drawn_start(rng, nominal=nominal)
-        now = self.batch.load(e, world.placed(self._carriers[e].restart(tool), pile))
-        assert now is not None
-        info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), now)
+        reading = self.batch.load(e, world.placed(self._carriers[e].restart(tool), pile))
+        assert reading is not None
+        info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading))
         self._look(e)
         return info
 
@@ -79,7 +78,7 @@ class GrainBatch:
         velocities = [self.actions.velocities(action, f"action of environment {e}") for e, action in enumerate(actions)]
         left = np.array([episode.steps(self.action_repeat) for episode in self.episodes])
         while left.any():
-            left -= self._advance(velocities, np.minimum(left, MAX_LOOKS))
+            left -= self._advance(velocities, np.minimum(left, MAX_READINGS))
             left[[episode.diverged is not None for episode in self.episodes]] = 0
         rewards, ended, cut = np.zeros(n), np.zeros(n, bool), np.zeros(n, bool)
         infos: list[Info] = [{} for _ in range(n)]
@@ -104,6 +103,6 @@ class GrainBatch:
             if isinstance(read, mpm.SimulationDiverged):
                 episode.give_up(read)
             else:
-                for now, pose in zip(read, way, strict=True):
-                    episode.take(now, pose)
+                for reading, pose in zip(read, way, strict=True):
+                    episode.take(self.world.counter.translate(reading), pose)
         return steps

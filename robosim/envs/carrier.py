@@ -7,11 +7,10 @@ import numpy as np
 
 import mpm
 from mpm.geometry.rigid_motion import turned
-from mpm.observers.tally import MAX_LOOKS
+from robosim.tasks.counting import MAX_READINGS, TOOL, Reading
 from robosim.tasks.task import TaskConfig
-from robosim.tasks.task_field import TOOL
 
-Step = tuple[mpm.Tallied, mpm.Pose]
+Step = tuple[Reading, mpm.Pose]
 """What was read after a step of `step_dt`, and where the tool was then."""
 
 
@@ -61,7 +60,7 @@ class KinematicTool(Carrier):
 
     def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
         """Hold velocities [m/s], [rad/s] in world axes; as many steps as the solver can look at in one launch."""
-        for first in range(0, steps, MAX_LOOKS):
-            way = [self.command(linear, angular) for _ in range(min(MAX_LOOKS, steps - first))]
+        for first in range(0, steps, MAX_READINGS):
+            way = [self.command(linear, angular) for _ in range(min(MAX_READINGS, steps - first))]
             self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *way)
             yield from zip(self._solver.advance(len(way) * self._dt, looks=len(way)), way, strict=True)

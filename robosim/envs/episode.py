@@ -5,6 +5,7 @@ from typing import Any, Literal, get_args
 
 import mpm
 from robosim.errors import ConfigError, UnknownName
+from robosim.tasks.counting import TaskCounts
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig
 
@@ -27,7 +28,7 @@ class Episode:
         self.pose: mpm.Pose = task.start.pose
         """Of the tool; its quaternion follows without a jump of sign."""
 
-    def restart(self, pose: mpm.Pose, now: mpm.Tallied) -> dict[str, Any]:
+    def restart(self, pose: mpm.Pose, now: TaskCounts) -> dict[str, Any]:
         """Begin with the tool at a pose and what is read there; returns the info."""
         self.reward.restart()
         self._start = self.pose = pose
@@ -46,7 +47,7 @@ class Episode:
         self._sums = dict.fromkeys(self.reward.terms, 0.0)
         return min(wanted, self.task.steps - self.step_count)
 
-    def take(self, now: mpm.Tallied, pose: mpm.Pose) -> None:
+    def take(self, now: TaskCounts, pose: mpm.Pose) -> None:
         """One step has been taken."""
         sign = -1.0 if self.pose.quaternion @ pose.quaternion < 0 else 1.0
         self.now, self.pose = now, mpm.Pose(pose.position, sign * pose.quaternion)

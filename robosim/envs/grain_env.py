@@ -15,11 +15,11 @@ from robosim.envs.handover import Load
 from robosim.envs.world import World, checked_options
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.tasks.actions import Actions, checked_repeat
+from robosim.tasks.counting import TOOL
 from robosim.tasks.objective import objective
 from robosim.tasks.observation import Layout
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig, load_task
-from robosim.tasks.task_field import TOOL
 
 CAMERAS = ("task", "side", "overview", "close")
 
@@ -55,7 +55,7 @@ class GrainEnv(gymnasium.Env):
         self.task, self.material = self.world.task, self.world.material
         if type(self).TASK and task is not None:
             self._check_kind()
-        self.solver, self.tally = self.world.solver, self.world.tally
+        self.solver, self.counter = self.world.solver, self.world.counter
         self.render_mode, self.camera, self.arm = render_mode, camera, arm
         rate = max(1, round(1.0 / (action_repeat * self.task.step_dt)))
         self.metadata = {**type(self).metadata, "render_fps": rate}
@@ -104,8 +104,8 @@ class GrainEnv(gymnasium.Env):
             self.solver.set_material(0, law)
         tool, pile = world.drawn_start(self.np_random, nominal=nominal)
         self.solver.load(world.placed(self.carrier.restart(tool), pile))
-        self.tally.restart()
-        now, pose = self.tally.read(), self.solver.collider_pose(TOOL)
+        self.counter.restart()
+        now, pose = self.counter.read(), self.solver.collider_pose(TOOL)
         info = self.episode.restart(pose, now)
         self.observation = world.observer.read(world.grains(), pose, now, 0.0)
         if self.render_mode == "human":
@@ -117,8 +117,8 @@ class GrainEnv(gymnasium.Env):
         episode, world = self.episode, self.world
         steps = episode.steps(self.action_repeat)
         try:
-            for now, pose in self.carrier.hold(*self.actions.velocities(action), steps):
-                episode.take(now, pose)
+            for reading, pose in self.carrier.hold(*self.actions.velocities(action), steps):
+                episode.take(self.counter.translate(reading), pose)
         except (mpm.SimulationDiverged, RobotDiverged) as error:
             episode.give_up(error)
         else:  # after an error the last good observation is the last there is; a NaN is never traded for a reward

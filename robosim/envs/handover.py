@@ -7,8 +7,9 @@ import numpy as np
 import mpm
 from robosim.errors import ConfigError
 from robosim.shapes import tool_shape
+from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
-from robosim.tasks.task_field import TOOL, grain_volume
+from robosim.tasks.task_field import grain_volume
 
 PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """Entry of a symmetric tensor's list for each place of its matrix."""

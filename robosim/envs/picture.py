@@ -8,8 +8,9 @@ from robosim.config.materials import MaterialConfig
 from robosim.errors import ConfigError
 from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
 from robosim.scene.build import add_container, compiled, load_spec, quiet_prefixes
+from robosim.tasks.counting import TOOL
 from robosim.tasks.task import RegionConfig, TaskConfig
-from robosim.tasks.task_field import TOOL, grain_volume
+from robosim.tasks.task_field import grain_volume
 
 WIDTH, HEIGHT = 640, 480
 

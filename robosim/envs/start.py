@@ -16,8 +16,8 @@ from mpm.geometry.sampled_sdf import Lattice
 from robosim.config.materials import MaterialConfig
 from robosim.scene.settle import settle
 from robosim.shapes import tool_shape
+from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
-from robosim.tasks.task_field import TOOL
 
 FORMAT = 2
 """Raised when a change of the code makes other starts out of the same configuration."""

@@ -1,4 +1,4 @@
-"""What episodes of a sub-task run in: field, tally and observer, and the starts that are drawn for them."""
+"""What episodes of a sub-task run in: field, counter and observer, and the starts that are drawn for them."""
 
 import itertools
 import math
@@ -12,9 +12,10 @@ from robosim.config.materials import Law, law_of, load_material, overridden
 from robosim.envs.handover import Load, loaded, placed, state_of
 from robosim.envs.start import settled
 from robosim.errors import ConfigError, UnknownName
+from robosim.tasks.counting import TOOL, TaskCounter
 from robosim.tasks.observation import Layout, Observer
 from robosim.tasks.task import TaskConfig, load_task
-from robosim.tasks.task_field import TOOL, build_solver, build_tally, substep
+from robosim.tasks.task_field import build_solver, substep
 
 Ranges = dict[str, tuple[float, float]]
 
@@ -42,10 +43,10 @@ class World:
         self.load, places = load, None if load is None else placed(self.task, load)
         self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, places=places,
                                    volume=None if load is None else load.volume)
-        self.tally = build_tally(self.task, self.solver)
+        self.counter = TaskCounter(self.task, self.solver)
         self.observer = Observer(self.task, self.solver, obs)
         self.sample = mpm.Sample(self.solver, self.observer.chosen) if len(self.observer.chosen) else None
-        self.solver.attach(self.tally, self.sample)
+        self.counter.attach(self.sample)
         if load is None:
             self._state = settled(name, self.task, self.material, self.solver)
         else:

@@ -10,8 +10,8 @@ import numpy as np
 
 from mpm.rollout.losses import Above, Attraction, Clear, Loss, Sum, Turned, WeightedDistance
 from robosim.shapes import tool_shape
+from robosim.tasks.counting import container_points, observed_grains, whole_tool_sdf
 from robosim.tasks.task import TaskConfig
-from robosim.tasks.task_field import observed, rigid_particles, tool_probe
 
 DRAWN = 0.3
 """What the distance [in references] from a tool to its material costs, as a share of the reward's total."""
@@ -27,7 +27,7 @@ def objective(task: TaskConfig) -> Loss:
     count of what was poured out becomes its height above the plane below which it counts."""
     distance, n = task.reward.distance, task.grains.counted
     scale = distance.total / (task.steps * n * distance.reference)
-    chosen = None if task.grains.elites else observed(task)
+    chosen = None if task.grains.elites else observed_grains(task)
     parts: list[Loss] = [WeightedDistance(np.array(task.goal), np.array(distance.weights), chosen, scale,
                                           task.grains.elites)]
     if task.kind == "pour":
@@ -43,7 +43,7 @@ def objective(task: TaskConfig) -> Loss:
         if task.kind == "scoop":
             drawn[round(LOOSE * task.steps) :] = 0.0
         parts.append(Attraction(np.array(interior.centre), chosen, 0.0, drawn))
-    points = rigid_particles(task)
+    points = container_points(task)
     if points is not None:
-        parts.append(Clear(points, tool_probe(task), KEPT_OFF, -task.reward.collision / DEEP))
+        parts.append(Clear(points, whole_tool_sdf(task), KEPT_OFF, -task.reward.collision / DEEP))
     return Sum(tuple(parts))

@@ -7,8 +7,8 @@ import numpy as np
 
 import mpm
 from mpm.stepping.substep import SPEED_LIMIT
+from robosim.tasks.counting import TaskCounts, observed_grains
 from robosim.tasks.task import TaskConfig
-from robosim.tasks.task_field import observed
 
 Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "all"]
 REACH = 0.05
@@ -26,7 +26,7 @@ class Observer:
     def __init__(self, task: TaskConfig, solver: mpm.Solver, layout: Layout) -> None:
         self.task, self.layout = task, layout
         every = np.arange(task.grains.count)
-        self.chosen = {"none": every[:0], "all": every, "moments": every}.get(layout, observed(task))
+        self.chosen = {"none": every[:0], "all": every, "moments": every}.get(layout, observed_grains(task))
         """Indices of the grains that are looked at."""
         cell = solver.grid.cell
         # a hair wider than the walls, because positions are rounded to single precision
@@ -40,7 +40,7 @@ class Observer:
         """Part of a flat observation -> where it stands."""
         self.space = self._space()
 
-    def read(self, grains: np.ndarray, pose: mpm.Pose, now: mpm.Tallied, progress: float) -> Any:
+    def read(self, grains: np.ndarray, pose: mpm.Pose, now: TaskCounts, progress: float) -> Any:
         """An observation, in an array of its own, of the chosen grains (n, 6), a tool whose quaternion does not jump,
         what was tallied, and the share of the episode that is over."""
         tool = pose.position if self.task.action.dimensions == 3 else np.concatenate(pose)
@@ -53,7 +53,7 @@ class Observer:
             seen = {"positions": grains[:, :3], "velocities": grains[:, 3:]}.get(self.layout, grains).ravel()
         return np.concatenate([seen, tool, [progress]], dtype=np.float32, casting="same_kind")
 
-    def _moments(self, grains: np.ndarray, pose: mpm.Pose, now: mpm.Tallied) -> np.ndarray:
+    def _moments(self, grains: np.ndarray, pose: mpm.Pose, now: TaskCounts) -> np.ndarray:
         """Numbers of the whole heap; `_moment_bounds` says which."""
         x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
         n, counted = len(x), self.task.grains.counted

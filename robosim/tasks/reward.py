@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-import mpm
+from robosim.tasks.counting import TaskCounts
 from robosim.tasks.task import TaskConfig
 
 NOT_SCORED = ("distance", "contact")
@@ -15,7 +15,7 @@ NOT_SCORED = ("distance", "contact")
 
 
 class Reward:
-    """Rewards of one episode, step by step of `step_dt`, from what a `Tally` read."""
+    """Rewards of one episode, step by step of `step_dt`, from the counts of each step."""
 
     def __init__(self, task: TaskConfig) -> None:
         self.task, distance = task, task.reward.distance
@@ -39,12 +39,12 @@ class Reward:
         """Task completion score so far; terms of the last step come with it."""
         return sum(self.score.values())
 
-    def step(self, now: mpm.Tallied, turned: float, last: bool) -> dict[str, float]:
+    def step(self, now: TaskCounts, turned: float, last: bool) -> dict[str, float]:
         """Terms of one step. turned: [rad] about the tool's lateral axis since the start; last: of the episode."""
         weights, n = self.task.reward, self.counted
         total, on_target = now.distance, now.on_target
-        if now.ranks is not None:
-            total, on_target = self._elites(now.ranks)
+        if now.grain_distances is not None and now.grain_on_target is not None:
+            total, on_target = self._elites(now.grain_distances, now.grain_on_target)
         self.on_target = on_target
         values = {"distance": self.beta * (self.gamma - total)}
         if self.task.kind == "pour":
@@ -56,8 +56,8 @@ class Reward:
             values["target"] = weights.target * (2 * on_target - n) if last else 0.0
         if weights.turn is not None:
             values["contact"] = weights.contact * now.touching
-            values["collision"] = weights.collision if now.probed > 0 else 0.0
-            self.collisions += now.probed > 0
+            values["collision"] = weights.collision if now.wall_hits > 0 else 0.0
+            self.collisions += now.wall_hits > 0
             off = math.remainder(turned - math.radians(weights.turn.angle_deg), 2 * math.pi)
             self.turn_error = abs(off)
             values["turn"] = weights.turn.scale * (weights.turn.margin - abs(off)) if last else 0.0
@@ -80,12 +80,12 @@ class Reward:
             self.score[name] += worst[name]
         return worst
 
-    def _elites(self, ranks: np.ndarray) -> tuple[float, int]:
+    def _elites(self, distances: np.ndarray, on_target: np.ndarray) -> tuple[float, int]:
         """Distance [m] of the grains closest to the goal, and how many of them are on the target."""
-        nearest = np.argpartition(ranks[:, 0], self.counted - 1)[: self.counted]
-        return float(ranks[nearest, 0].sum(dtype=float)), int(ranks[nearest, 1].sum())
+        nearest = np.argpartition(distances, self.counted - 1)[: self.counted]
+        return float(distances[nearest].sum(dtype=float)), int(on_target[nearest].sum())
 
-    def readings(self, now: mpm.Tallied) -> dict[str, float]:
+    def readings(self, now: TaskCounts) -> dict[str, float]:
         """Physical readings that do not depend on the weights: fractions of N*; spilled, of the observed grains."""
         pours, n = self.task.kind == "pour", self.counted
         values = {
@@ -97,7 +97,7 @@ class Reward:
             values |= {"collisions": float(self.collisions), "turn_error_deg": math.degrees(self.turn_error)}
         return values
 
-    def succeeded(self, now: mpm.Tallied) -> bool:
+    def succeeded(self, now: TaskCounts) -> bool:
         """Whether the present state is a success."""
         values, wanted = self.readings(now), self.task.success
         level = wanted.turn_error_deg is None or values["turn_error_deg"] <= wanted.turn_error_deg

@@ -1,7 +1,6 @@
-"""The field of a sub-task: its grains, its tool and its container, and what is read of them in every step."""
+"""The field of a sub-task: its grains, its tool and its container."""
 
 import numpy as np
-import trimesh
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
@@ -11,17 +10,10 @@ from robosim.scene.build import inner_size
 from robosim.scene.fill import container_colliders, places_in_tool
 from robosim.scene.frames import container_pose
 from robosim.shapes import tool_shape
-from robosim.shapes.container import container_shell
 from robosim.tasks.task import TaskConfig
 
-TOOL = 0
-"""Index of the tool's collider."""
 LATTICE = 4
 """Points of the tool's lattice in a cell."""
-RIGID_PARTICLES, RIGID_MARGIN = 2000, 0.002
-"""Static particles of a container, and the distance [m] to the tool at which they count as hit."""
-PROBE_SPACING = 0.002
-"""Lattice spacing [m] of the whole tool, in which they are looked up."""
 
 
 def grain_volume(task: TaskConfig) -> float:
@@ -81,34 +73,3 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, places: np
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
                       colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
                       dt=asked_step(task, law), transfer_interval=field.transfer_interval)
-
-
-def observed(task: TaskConfig) -> np.ndarray:
-    """Indices of the grains that an observation holds: every delta_d-th."""
-    return np.arange(task.grains.observe_every - 1, task.grains.count, task.grains.observe_every)
-
-
-def rigid_particles(task: TaskConfig) -> np.ndarray | None:
-    """Places [m] (RIGID_PARTICLES, 3) on the surface of the task's container, None where there is none."""
-    points = None
-    for name, container in task.containers.items():
-        shell = container_shell(inner_size(name))
-        points = container_pose(container).apply(trimesh.sample.sample_surface(shell, RIGID_PARTICLES, seed=0)[0])
-    return points
-
-
-def tool_probe(task: TaskConfig) -> Lattice:
-    """The whole tool, its handle too, in which they are looked up."""
-    return mpm.Sdf.from_mesh(tool_shape(task.tool).solid(), spacing=PROBE_SPACING)
-
-
-def build_tally(task: TaskConfig, solver: mpm.Solver) -> mpm.Tally:
-    """What is read in every step. Scooping ranks all grains, looks for contact and for the container's particles."""
-    scoops = task.kind == "scoop"
-    points = rigid_particles(task)
-    return mpm.Tally(
-        solver, np.arange(task.grains.count) if scoops else observed(task), goal=np.array(task.goal),
-        weights=np.array(task.reward.distance.weights), target=task.target.region, bounds=task.bounds.region,
-        interior=tool_shape(task.tool).interior, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
-        points=points, probe=None if points is None else tool_probe(task), margin=RIGID_MARGIN, ranks=scoops,
-        losing=observed(task))

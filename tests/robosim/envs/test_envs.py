@@ -15,6 +15,7 @@ from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
 from robosim.evaluation.policies import policy
 from robosim.shapes.spoon import INTERIOR
+from robosim.tasks.counting import TaskCounts
 from robosim.tasks.observation import Observer
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task, task_names
@@ -76,7 +77,7 @@ def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
     task = load_task(name)
     reward, n = Reward(task), task.grains.counted
     poured = n if task.kind == "pour" else 0
-    none = mpm.Tallied(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
+    none = TaskCounts(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
     way = none._replace(newly_lost=poured, lost_on_target=poured, lost=poured, on_target=n)
     total = sum(sum(reward.step(now, 0.0, now is way).values()) for now in (none, way))
     assert reward.tcs == pytest.approx(EXTREMES[name][1], abs=1e-9)
@@ -150,8 +151,8 @@ def test_reward_of_scooping_agrees_with_plain_numpy(scoop: GrainEnv) -> None:
         region = rng.uniform(task.field.region_lower, task.field.region_upper, (task.grains.count, 3))
         state["x"] = region - scoop.solver.grid.origin
         scoop.solver.load(state)
-        scoop.tally.restart()
-        now = scoop.tally.read()
+        scoop.counter.restart()
+        now = scoop.counter.read()
         terms = scoop.reward.step(now, -1.5, True)
         x = scoop.solver.positions()
         distance = np.abs(x - task.goal) @ weights.distance.weights
@@ -183,9 +184,9 @@ def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
     for _ in range(5):
         pour.reset(seed=0)
         before = jump()
-        pour.tally.restart()
+        pour.counter.restart()
         after = jump()
-        now = pour.tally.read()
+        now = pour.counter.read()
         terms = pour.reward.step(now, 0.0, True)
         tool = pour.solver.collider_pose(0).inverse()
         out, ahead = (~bounds.holds(x) & ~INTERIOR.holds(tool.apply(x)) for x in (before, after))
@@ -274,7 +275,7 @@ def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: A
     act = policy("random", pour, 0)
     for _ in range(20):
         pour.step(act())
-        seen = observer.read(grains.read() if grains else np.zeros((0, 6)), pour.episode.pose, pour.tally.read(), 0.2)
+        seen = observer.read(grains.read() if grains else np.zeros((0, 6)), pour.episode.pose, pour.counter.read(), 0.2)
         assert seen.shape == (length,) and seen.dtype == np.float32 and observer.space.contains(seen)
     assert sum(part.stop - part.start for part in observer.slices.values()) == length
 
@@ -282,7 +283,7 @@ def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: A
 def test_dict_layout_holds_the_same_numbers(pour: GrainEnv) -> None:
     flat, parts = (Observer(pour.task, pour.solver, layout) for layout in ("flat", "dict"))
     pour.reset(seed=0)
-    now = pour.tally.read()
+    now = pour.counter.read()
     seen, table = (observer.read(pour.world.grains(), pour.episode.pose, now, 0.5) for observer in (flat, parts))
     assert parts.space.contains(table)
     for name in ("particles", "tool", "time"):

@@ -13,8 +13,8 @@ from robosim.envs import handover
 from robosim.errors import ConfigError
 from robosim.rehearsal.learned import shipped
 from robosim.rehearsal.motion_chain import chain
+from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
-from robosim.tasks.task_field import TOOL
 
 
 def test_strains_turn_with_the_tool():
