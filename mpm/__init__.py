@@ -1,39 +1,46 @@
-"""The field: grains as a continuum, by the material point method. Knows no robot, no file, no learning."""
+"""The field: grains as a continuum, by the material point method. Knows no robot, no file, no learning.
 
-from mpm.backend import init
-from mpm.errors import (
-    BackendError,
-    ColliderTooFast,
-    GradientDiverged,
-    InvalidValue,
-    MpmError,
-    MpmWarning,
-    NarrowPassage,
-    OverlappingBodies,
-    SimulationDiverged,
-    StrongCompression,
-    TimeStepTooLarge,
-    UnknownName,
-)
-from mpm.geometry.region import Region
-from mpm.geometry.rigid_motion import Pose, Twist, Wrench
-from mpm.geometry.sdf import Sdf
-from mpm.geometry.shell import Shell
-from mpm.materials.elasticity import Elastic
-from mpm.materials.newtonian_fluid import NewtonianFluid
-from mpm.materials.plasticity import DruckerPrager, VonMises
-from mpm.observers.diagnostics import Diagnostics
-from mpm.observers.sample import Sample
-from mpm.observers.tally import Tallied, Tally
-from mpm.rollout.rollout import Rollout
-from mpm.scene.body import Body
-from mpm.scene.collider import Collider
-from mpm.scene.features import Features
-from mpm.scene.grid import Grid
-from mpm.scene.sampling import sample_box, sample_cylinder, sample_mesh
-from mpm.scene.walls import Walls
-from mpm.solver import Solver
-from mpm.stepping.batch import Batch
+A public name is imported where it is first used, so that `import mpm` loads neither taichi nor numpy.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mpm.backend import init
+    from mpm.errors import (
+        BackendError,
+        ColliderTooFast,
+        GradientDiverged,
+        InvalidValue,
+        MpmError,
+        MpmWarning,
+        NarrowPassage,
+        OverlappingBodies,
+        SimulationDiverged,
+        StrongCompression,
+        TimeStepTooLarge,
+        UnknownName,
+    )
+    from mpm.geometry.region import Region
+    from mpm.geometry.rigid_motion import Pose, Twist, Wrench
+    from mpm.geometry.sdf import Sdf
+    from mpm.geometry.shell import Shell
+    from mpm.materials.elasticity import Elastic
+    from mpm.materials.newtonian_fluid import NewtonianFluid
+    from mpm.materials.plasticity import DruckerPrager, VonMises
+    from mpm.observers.diagnostics import Diagnostics
+    from mpm.observers.sample import Sample
+    from mpm.observers.tally import Tallied, Tally
+    from mpm.rollout.rollout import Rollout
+    from mpm.scene.body import Body
+    from mpm.scene.collider import Collider
+    from mpm.scene.features import Features
+    from mpm.scene.grid import Grid
+    from mpm.scene.sampling import sample_box, sample_cylinder, sample_mesh
+    from mpm.scene.walls import Walls
+    from mpm.solver import Solver
+    from mpm.stepping.batch import Batch
 
 __all__ = [
     "BackendError",
@@ -75,3 +82,43 @@ __all__ = [
     "sample_cylinder",
     "sample_mesh",
 ]
+
+MODULES = {
+    "mpm.backend": ("init",),
+    "mpm.errors": ("BackendError", "ColliderTooFast", "GradientDiverged", "InvalidValue", "MpmError", "MpmWarning",
+        "NarrowPassage", "OverlappingBodies", "SimulationDiverged", "StrongCompression", "TimeStepTooLarge",
+        "UnknownName"),
+    "mpm.geometry.region": ("Region",),
+    "mpm.geometry.rigid_motion": ("Pose", "Twist", "Wrench"),
+    "mpm.geometry.sdf": ("Sdf",),
+    "mpm.geometry.shell": ("Shell",),
+    "mpm.materials.elasticity": ("Elastic",),
+    "mpm.materials.newtonian_fluid": ("NewtonianFluid",),
+    "mpm.materials.plasticity": ("DruckerPrager", "VonMises"),
+    "mpm.observers.diagnostics": ("Diagnostics",),
+    "mpm.observers.sample": ("Sample",),
+    "mpm.observers.tally": ("Tallied", "Tally"),
+    "mpm.rollout.rollout": ("Rollout",),
+    "mpm.scene.body": ("Body",),
+    "mpm.scene.collider": ("Collider",),
+    "mpm.scene.features": ("Features",),
+    "mpm.scene.grid": ("Grid",),
+    "mpm.scene.sampling": ("sample_box", "sample_cylinder", "sample_mesh"),
+    "mpm.scene.walls": ("Walls",),
+    "mpm.solver": ("Solver",),
+    "mpm.stepping.batch": ("Batch",),
+}
+"""Module -> the public names that it defines; the same as the imports above, which type checkers read."""
+
+if not TYPE_CHECKING:
+    _MODULE_OF = {name: module for module, names in MODULES.items() for name in names}
+
+    def __getattr__(name: str) -> object:
+        """Import a public name (PEP 562) and remember it."""
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

@@ -74,3 +74,25 @@ def test_the_command_line_needs_the_core_dependencies_alone() -> None:
 def plain(name: str) -> str:
     """A distribution's name as installers compare it."""
     return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_packages_import_their_public_names_lazily() -> None:
+    """The table of modules, `__all__` and the imports for type checkers name the same; importing one loads no more."""
+    for package in ("mpm", "robosim"):
+        module, declared = importlib.import_module(package), set()
+        for node in ast.walk(ast.parse((ROOT / package / "__init__.py").read_text())):
+            if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+                declared = {(line.module, alias.name) for line in node.body if isinstance(line, ast.ImportFrom)
+                            for alias in line.names}
+        assert declared == {(place, name) for place, names in module.MODULES.items() for name in names}
+        assert sorted(name for _, name in declared) == module.__all__
+    code = "import sys, mpm, robosim; print(*({'taichi', 'numpy', 'mujoco', 'gymnasium', 'yaml'} & set(sys.modules)))"
+    assert not subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+@pytest.mark.parametrize("order", ["robosim, gymnasium", "gymnasium, robosim"])
+def test_import_robosim_registers_the_environments(order: str) -> None:
+    """Also where Gymnasium, which `import robosim` leaves alone, is imported after it."""
+    code = f"import {order}; print(*(name for name in gymnasium.registry if name.startswith('robosim/')))"
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True)
+    assert len(done.stdout.split()) == 9 and "robosim/SpoonPour-v0" in done.stdout

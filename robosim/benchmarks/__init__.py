@@ -2,3 +2,7 @@
 
 Imports: config, envs, errors, evaluation, rehearsal, reports, tasks, verification, mpm.
 """
+
+FIELD_SIZES = (300, 2880, 50_000)
+"""Grains of the field's benchmark: a spoonful, a container at 8 mm cells, a kitchen bed."""
+FIELD_SCENES = ("sand", "sand_with_tool", "sand_with_shell", "fluid", "clay")

@@ -13,13 +13,11 @@ from pathlib import Path
 import numpy as np
 
 import mpm
+from robosim.benchmarks import FIELD_SCENES
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError, UnknownName
 from robosim.verification.cases.coupling.shell_leak import AXES, bowl
 
-SIZES = (300, 2880, 50_000)
-"""Grains: a spoonful, a container at 8 mm cells, a kitchen bed."""
-SCENES = ("sand", "sand_with_tool", "sand_with_shell", "fluid", "clay")
 NODES = 64
 """Cells along each side of the unit cube that is the workspace."""
 SUBSTEPS = 10
@@ -88,8 +86,8 @@ def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, ou
     """Print one JSON line per measurement, each from a fresh process, and write bench_field.json; returns 0. With
     several threads, or on a graphics card, how many times faster that is than one thread of the CPU."""
     for scene in scenes:
-        if scene not in SCENES:
-            raise UnknownName("bench scene", scene, SCENES)
+        if scene not in FIELD_SCENES:
+            raise UnknownName("bench scene", scene, FIELD_SCENES)
     folder = OutputFolder(out) if out else None
     lines: list[dict] = []
     for grains in sizes:

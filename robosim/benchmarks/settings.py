@@ -12,7 +12,7 @@ import mpm
 from robosim.benchmarks.compiled import parts
 from robosim.benchmarks.stopwatch import Stopwatch
 from robosim.config.materials import MaterialConfig, load_material, overridden
-from robosim.config.schema import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.reports.jobs import pin
 from robosim.tasks.task import is_task, load_task
 

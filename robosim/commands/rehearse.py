@@ -1,105 +1,48 @@
-"""One rehearsal from the command line: check everything, run, write everything."""
+"""`robosim rehearse`: a whole-arm rehearsal with report, film and trajectory."""
 
-import sys
+import argparse
 from pathlib import Path
+from typing import Any
 
-from tqdm import tqdm
+from robosim.commands.arguments import one_of, seed
+from robosim.config.resources import config_names, config_path
+from robosim.errors import UnknownName
+from robosim.rehearsal import CAMERAS
 
-import mpm
-from robosim.config.materials import law_of, load_material
-from robosim.config.output import OutputFolder
-from robosim.config.schema import load_rehearsal
-from robosim.errors import ConfigError, RobotDiverged
-from robosim.rehearsal.film import Film, check_camera
-from robosim.rehearsal.learned import placed
-from robosim.rehearsal.metrics import figures, missed
-from robosim.rehearsal.plots import plot_report
-from robosim.rehearsal.rehearsal import Rehearsal, plan
-from robosim.rendering.renderer import RenderingUnavailable
-from robosim.robot.ros_trajectory import joint_trajectory
-from robosim.scene import fill as grains
-
-RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
-           "last_good_state.npz")
-"""Files of an earlier run that would contradict this one's."""
+EXAMPLE = """examples:
+  robosim rehearse spoon --material sugar --camera close --out out/sugar
+  robosim rehearse bottle --trajectory learned --out out/bottle"""
 
 
-def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
-             camera: str | None = "close", seed: int = 0, trajectory: str | None = None,
-             motions: Path | None = None) -> int:
-    """Run a rehearsal and fill `out`; returns 0. camera None: no video. trajectory: "script" or "learned", the latter
-    from a folder of motions, or None: those that ship.
-
-    Input is checked before any work. Whatever ends the run, what was written is whole.
-    """
-    if motions is not None and trajectory == "script":
-        raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
-    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
-              "motions": motions and str(motions.resolve())}
-    config = placed(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
-    substance = load_material(config.material)
-    grains.check(config, law_of(substance))
-    if camera is not None:
-        check_camera(camera)
-    folder = OutputFolder(out)
-    folder.clear(RESULTS)
-    folder.write_yaml("config.yaml", config.model_dump(mode="json"))
-    folder.write_yaml("material.yaml", substance.model_dump(mode="json"))
-    print("planning the motion ...", file=sys.stderr)
-    planned = plan(config)
-    folder.write_yaml("joint_trajectory.yaml", joint_trajectory(planned.motion))
-    print("preparing grains and robot ...", file=sys.stderr)
-    mpm.init()
-    run = Rehearsal(config, planned, seed=seed)
-    film = _film(run, folder, camera)
-    try:
-        _carry_out(run, film)
-    except (mpm.SimulationDiverged, RobotDiverged):
-        folder.write("last_good_state.npz", run.save_last_good_state)
-        raise
-    finally:
-        if film is not None:
-            film.close()
-        if run.recording.steps:
-            folder.write("trajectory.csv", run.recording.write_csv)
-    values = figures(run)
-    beyond = missed(values, config)
-    folder.write_json("report.json", values | {"missed": beyond})
-    folder.write("report.png", lambda path: plot_report(run, path))
-    _tell(values, beyond, folder)
-    return 0
+def add_parser(commands: Any) -> None:
+    """Add `rehearse` to the command line."""
+    parser = commands.add_parser("rehearse", help="simulate a whole-arm motion and report on it", epilog=EXAMPLE,
+                                 description="Plan a rehearsal's motion, simulate arm and grains, and write report, "
+                                 "film and joint trajectory. Exit status 0 only if every figure keeps its bound.")
+    parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
+    parser.add_argument("--out", type=Path, required=True, help="folder for film, pictures, report and data")
+    parser.add_argument("--material", help=one_of(config_names("materials")) + " (default: the rehearsal's)")
+    parser.add_argument("--trajectory", choices=["script", "learned"], help="follow the file's waypoints, or the "
+                        "learned motions of its sub-tasks (default: what the file says)")
+    parser.add_argument("--motions", type=Path, help="folder with a learned motion of each sub-task as TASK.npz "
+                        "(default: the bundled motions)")
+    parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
+                        "alone (default: what the file says)")
+    parser.add_argument("--camera", default="close", help=f"of the film: {one_of(CAMERAS, '')} (default: close)")
+    parser.add_argument("--no-video", action="store_true", help="draw no film")
+    parser.add_argument("--seed", type=seed, default=0, help="of the grains' initial positions (default: 0)")
+    parser.set_defaults(run=run)
 
 
-def _film(run: Rehearsal, folder: OutputFolder, camera: str | None) -> Film | None:
-    """The film, or None with a word on why."""
-    if camera is None:
-        return None
-    try:
-        return Film(run, folder, camera)
-    except RenderingUnavailable as error:
-        print(f"no video: {error}", file=sys.stderr)
-        return None
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then rehearse."""
+    config_path("rehearsals", options.rehearsal, "rehearsal")
+    if options.material is not None:
+        config_path("materials", options.material, "material")
+    if options.camera not in CAMERAS:
+        raise UnknownName("camera", options.camera, CAMERAS)
+    from robosim.rehearsal.session import rehearse
 
-
-def _carry_out(run: Rehearsal, film: Film | None) -> None:
-    """Run with a progress bar: simulated time, real-time factor, time left."""
-    bar_format = "{l_bar}{bar}| {n:.2f}/{total:.2f} s simulated [{elapsed}<{remaining}{postfix}]"
-    with tqdm(total=round(run.duration, 3), bar_format=bar_format, mininterval=0.5, file=sys.stderr) as bar:
-        def each_step() -> None:
-            if film is not None:
-                film.look()
-            bar.update(min(run.config.host_dt, bar.total - bar.n))
-            elapsed = bar.format_dict["elapsed"]
-            bar.set_postfix_str(f"real-time factor {run.time / max(elapsed, 1e-9):.4f}", refresh=False)
-
-        run.run(each_step)
-
-
-def _tell(values: dict, outside: list[str], folder: OutputFolder) -> None:
-    """The figures that matter, and what missed its bound."""
-    for key in ("scooped_mass", "delivered_fraction", "spilled_fraction", "wrist_payload_relative_error",
-                "momentum_residual", "realtime_factor"):
-        print(f"{key:32s} {values[key]}")
-    for line in outside:
-        print(f"outside its bound: {line}")
-    print(f"written to {folder.path}")
+    return rehearse(options.rehearsal, options.out, material=options.material, grasp=options.grasp,
+                    camera=None if options.no_video else options.camera, seed=options.seed,
+                    trajectory=options.trajectory, motions=options.motions)

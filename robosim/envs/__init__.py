@@ -3,26 +3,69 @@
 Imports: config, coupling, errors, rendering, robot, scene, shapes, tasks, mpm.
 """
 
+import sys
+from collections.abc import Sequence
 from functools import partial
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
-
-import gymnasium
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from robosim.errors import UnknownName
+
+if TYPE_CHECKING:
+    import gymnasium
 
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")
 
 
+def register_with_gymnasium() -> None:
+    """Register the ids now if Gymnasium is imported, otherwise at the end of its import."""
+    if "gymnasium" in sys.modules:
+        register()
+    else:
+        sys.meta_path.insert(0, RegistersAfterImport())
+
+
 def register() -> None:
-    """Make the ids robosim/<task>-v0 known, and robosim/Task-v0 for a file of one (`task=`); nothing is imported or
-    built before `gymnasium.make`."""
+    """Register robosim/<task>-v0 of each sub-task, and robosim/Task-v0 for the file of one (`task=`).
+
+    Nothing of them is imported or built before `gymnasium.make`.
+    """
+    import gymnasium
+
     for name in TASKS:
         gymnasium.register(f"robosim/{name}-v0", entry_point=f"robosim.envs.sub_tasks:{name}",
                            vector_entry_point=partial(_vector, name))
     gymnasium.register("robosim/Task-v0", entry_point="robosim.envs.grain_env:GrainEnv",
                        vector_entry_point=partial(_vector, "Task"))
+
+
+class RegistersAfterImport:
+    """An import hook that registers the ids once Gymnasium's own import is done.
+
+    Gymnasium 1.x has no entry points for plugins, and its import takes longer than all else that `--help` needs.
+    """
+
+    def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None,
+                  ) -> ModuleSpec | None:
+        """Give Gymnasium's own spec, with its loader followed by `register`; None for any other module."""
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = find_spec(fullname)
+        if spec is None or spec.loader is None:
+            return None
+        load = spec.loader.exec_module
+
+        def load_and_register(module: ModuleType) -> None:
+            load(module)
+            register()
+
+        spec.loader.exec_module = load_and_register
+        return spec
 
 
 def in_file(task: str) -> bool:
@@ -34,12 +77,14 @@ def in_file(task: str) -> bool:
     return True
 
 
-def make(task: str, **options: Any) -> gymnasium.Env:
+def make(name: str, /, **options: Any) -> "gymnasium.Env":
     """The environment of a sub-task, by name, or of a task's file; options as of `robosim.envs.grain_env.GrainEnv`.
     Raises UnknownName, and ConfigError for a file that cannot be used."""
-    if in_file(task):
-        return gymnasium.make("robosim/Task-v0", task=task, **options)
-    return gymnasium.make(f"robosim/{task}-v0", **options)
+    import gymnasium
+
+    if in_file(name):
+        return gymnasium.make("robosim/Task-v0", **{"task": name, **options})
+    return gymnasium.make(f"robosim/{name}-v0", **options)
 
 
 def task_name(task: str) -> str:
@@ -47,8 +92,8 @@ def task_name(task: str) -> str:
     return Path(task).stem
 
 
-def _vector(name: str, **options: Any) -> gymnasium.vector.VectorEnv:
-    """Several environments of one sub-task."""
+def _vector(name: str, **options: Any) -> "gymnasium.vector.VectorEnv":
+    """Make several environments of one sub-task."""
     from robosim.envs.vector import make_vector
 
     return make_vector(name, **options)

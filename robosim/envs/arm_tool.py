@@ -8,7 +8,7 @@ import numpy as np
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
 import mpm
-from robosim.config.schema import Grip, RobotConfig, load_robot
+from robosim.config.robot import Grip, RobotConfig, load_robot
 from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step

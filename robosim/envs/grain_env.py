@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 
 import mpm
-from robosim.config.schema import Grip
+from robosim.config.robot import Grip
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, Horizon, checked_horizon

@@ -2,3 +2,6 @@
 
 Imports: config, envs, errors, rendering, reports, tasks, mpm.
 """
+
+POLICIES = ("zero", "random", "scripted", "learned")
+"""Policies by name; any other is the path of a .npz file."""

@@ -20,7 +20,8 @@ from robosim.config.resources import trained  # noqa: E402
 from robosim.envs import in_file, make, task_name  # noqa: E402
 from robosim.envs.grain_env import GrainEnv  # noqa: E402
 from robosim.errors import ConfigError, UnknownName  # noqa: E402
-from robosim.evaluation.policies import NAMES, learnt_with, policy  # noqa: E402
+from robosim.evaluation import POLICIES  # noqa: E402
+from robosim.evaluation.policies import learnt_with, policy  # noqa: E402
 from robosim.reports.jobs import pin, worked_off  # noqa: E402
 from robosim.reports.provenance import version_of  # noqa: E402
 from robosim.tasks.task import load_task  # noqa: E402
@@ -78,12 +79,12 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
 
 def checked(task: str, name: str) -> None:
     """Raise ConfigError, or UnknownName, where a policy is none or does not fit a task."""
-    if name in NAMES:
+    if name in POLICIES:
         if name == "learned" and trained(task_name(task)) is None:
             raise ConfigError(f"policy 'learned': none ships for {task}")
         return
     if not Path(name).is_file():
-        raise UnknownName("policy", name, NAMES, "or the path of a .npz file with `actions`, or with a network")
+        raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with `actions`, or with a network")
     learnt_with(name)  # which complains of what cannot be read
     wanted = load_task(task).action.dimensions
     with np.load(name, allow_pickle=False) as stored:
@@ -96,7 +97,7 @@ def checked(task: str, name: str) -> None:
 def fingerprint(task: str, name: str) -> str:
     """Twelve letters that change with the task, the materials, the motion and the code."""
     path = trained(task_name(task)) if name == "learned" else Path(name)
-    motion = path.read_bytes().hex() if path is not None and name not in NAMES[:-1] else name
+    motion = path.read_bytes().hex() if path is not None and name not in POLICIES[:-1] else name
     laws = [[load_material(base).model_dump(), numbers] for base, numbers in MATERIALS.values()]
     told = json.dumps([load_task(task).model_dump(), laws, motion, version_of(__name__)], sort_keys=True, default=str)
     return hashlib.sha256(told.encode()).hexdigest()[:12]

@@ -11,8 +11,8 @@ from mpm.geometry.rigid_motion import relative_rotation
 from robosim.config.resources import trained
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, UnknownName
+from robosim.evaluation import POLICIES
 
-NAMES = ("zero", "random", "scripted", "learned")
 Policy = Callable[[], np.ndarray]
 """The next action of the episode."""
 
@@ -36,7 +36,7 @@ def policy(name: str, env: GrainEnv, seed: int) -> Policy:
     if Path(name).is_file():
         stored = _stored(Path(name))
         return Network(Path(name), stored, env) if "weight_0" in stored else Replay(Path(name), stored, env)
-    raise UnknownName("policy", name, NAMES, "or the path of a .npz file with an array `actions`, or with a network")
+    raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions`, or with a network")
 
 
 def learnt_with(name: str) -> dict[str, Any]:

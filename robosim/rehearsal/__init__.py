@@ -2,3 +2,6 @@
 
 Imports: config, coupling, envs, errors, evaluation, rendering, robot, scene, shapes, tasks, mpm.
 """
+
+CAMERAS = ("overview", "close", "wrist")
+"""Cameras of the work cell, for the film."""

@@ -7,14 +7,14 @@ import numpy as np
 
 from robosim.config.materials import MaterialConfig
 from robosim.config.output import OutputFolder
-from robosim.config.schema import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import UnknownName
+from robosim.rehearsal import CAMERAS
 from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
 from robosim.rendering.video import Mp4Writer, contact_sheet
 from robosim.scene.build import compiled, rehearsal_spec
 
-CAMERAS = ("overview", "close", "wrist")
 FRAME_RATE = 30
 SHEET_MOMENTS = 9
 

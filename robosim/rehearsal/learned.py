@@ -7,8 +7,8 @@ from zipfile import BadZipFile
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.resources import trained
-from robosim.config.schema import RehearsalConfig
 from robosim.envs.carrier import Carrier
 from robosim.errors import ConfigError
 from robosim.rehearsal.pose_sequences import SAMPLING

@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.geometry.rigid_motion import Pose
-from robosim.config.schema import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.keep_clear import kept_clear
 from robosim.rehearsal.learned import chain
 from robosim.rehearsal.pose_sequences import ROUNDING, SAMPLING, alike, joined, rounded

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
-from robosim.config.schema import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.rehearsal.waypoint_path import CommandedPath
 from robosim.robot.model import SPEED_LIMITS

@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 import robosim.envs  # noqa: F401  (registers the ids)
 from robosim.config.output import OutputFolder, aligned
-from robosim.config.schema import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.envs.handover import Load, taken
 from robosim.errors import ConfigError

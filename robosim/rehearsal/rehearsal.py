@@ -10,7 +10,7 @@ import numpy as np
 
 import mpm
 from robosim.config.materials import MaterialConfig, law_of, load_material
-from robosim.config.schema import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.coupling.plugin import GranularPlugin
 from robosim.errors import ConfigError
 from robosim.rehearsal.learned_path import LearnedPath

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose, Twist, exponential, logarithm
-from robosim.config.schema import PathConfig, RehearsalConfig
+from robosim.config.rehearsal import PathConfig, RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.scene.build import inner_size
 from robosim.scene.frames import container_pose, waypoint_pose

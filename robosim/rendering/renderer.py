@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robosim.config.schema import RegionConfig
+from robosim.config.scene import RegionConfig
 from robosim.errors import RobosimError
 
 Array = NDArray[np.float64]

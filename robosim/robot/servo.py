@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from robosim.config.schema import ServoConfig
+from robosim.config.robot import ServoConfig
 from robosim.errors import ConfigError
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState

@@ -7,7 +7,7 @@ import numpy as np
 from ruckig import InputParameter, Ruckig, RuckigError, Trajectory
 from scipy.interpolate import make_interp_spline
 
-from robosim.config.schema import LimitsConfig
+from robosim.config.robot import LimitsConfig
 from robosim.errors import ConfigError
 from robosim.robot.model import SPEED_LIMITS
 

@@ -9,8 +9,10 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.resources import folder
-from robosim.config.schema import ContainerConfig, Grip, RehearsalConfig
+from robosim.config.robot import Grip
+from robosim.config.scene import ContainerConfig
 from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose
 from robosim.scene.grasp import make_loose

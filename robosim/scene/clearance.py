@@ -9,7 +9,7 @@ import trimesh
 
 from mpm import Pose
 from mpm.geometry.sampled_sdf import Lattice
-from robosim.config.schema import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.scene.build import inner_size
 from robosim.scene.fill import tool_sdf
 from robosim.scene.frames import body_pose, container_pose

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpm import Grid, Pose
-from robosim.config.schema import ContainerConfig
+from robosim.config.scene import ContainerConfig
 from robosim.scene.frames import container_pose
 from robosim.shapes import tool_shape
 

@@ -8,7 +8,8 @@ import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import material_bound
 from robosim.config.materials import Law
-from robosim.config.schema import ContainerConfig, FieldConfig, RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.scene import ContainerConfig, FieldConfig
 from robosim.errors import ConfigError
 from robosim.scene.build import inner_size
 from robosim.scene.frames import container_pose

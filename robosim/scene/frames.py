@@ -5,7 +5,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from robosim.config.schema import ContainerConfig, WaypointConfig
+from robosim.config.rehearsal import WaypointConfig
+from robosim.config.scene import ContainerConfig
 
 
 def body_pose(data: mujoco.MjData, body: int) -> Pose:

@@ -1,5 +1,6 @@
 """Configuration of a sub-task: the scene, what the agent may do, and what it is rewarded for."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,8 +11,11 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from scipy.spatial.transform import Rotation
 
 import mpm
+from robosim.config.loader import load, read
 from robosim.config.resources import config_names, config_path
-from robosim.config.schema import ContainerConfig, FieldConfig, RegionConfig, Table, Vector3, load, read
+from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
+from robosim.config.settings import Setting
+from robosim.config.table import Table, Vector3
 from robosim.shapes import tool_shape
 
 Kind = Literal["scoop", "translate", "pour", "move"]
@@ -233,6 +237,6 @@ def is_task(scene: str) -> bool:
     return isinstance(data, dict) and "kind" in data
 
 
-def load_task(name: str) -> TaskConfig:
-    """Sub-task by name (configs/tasks) or by path."""
-    return load(config_path("tasks", name, "task"), TaskConfig)
+def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:
+    """Load a sub-task by name (configs/tasks) or path; settings as of `load`."""
+    return load(config_path("tasks", name, "task"), TaskConfig, settings=settings)

@@ -2,3 +2,9 @@
 
 Imports: config, coupling, errors, robot, scene, verification, mpm.
 """
+
+AXES = ("E", "friction_angle_deg", "courant", "drop_height", "shell_thickness", "lone_grain", "degenerate",
+        "mass_ratio", "host_step", "tool_speed", "arm_host_step", "payload", "arm_pose")
+"""Axes of the matrix; the judges are in `field`, `coupled` and `arm`."""
+COMPARISONS = ("lagged_mass_ratio", "lagged_host_step")
+"""Axes that compare couplings."""

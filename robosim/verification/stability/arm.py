@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.config.schema import RobotConfig, load_robot
+from robosim.config.robot import RobotConfig, load_robot
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.robot.inverse_kinematics import HOME, solve_path
 from robosim.robot.model import SPEED_LIMITS, Arm

@@ -13,7 +13,7 @@ import pytest
 import mpm
 from policies.commands import pipeline
 from robosim.commands.main import parser
-from robosim.config.schema import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 
 
 class Ended:

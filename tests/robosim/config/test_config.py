@@ -11,8 +11,8 @@ import mpm
 from robosim.commands.main import main
 from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
+from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_names, config_path
-from robosim.config.schema import load_rehearsal
 from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
 from robosim.rehearsal.rehearsal import plan
 

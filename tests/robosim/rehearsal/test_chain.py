@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robosim
-from robosim.config.schema import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.envs import handover
 from robosim.errors import ConfigError
 from robosim.rehearsal.learned import shipped

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim.config.materials import law_of, load_material
-from robosim.config.schema import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.errors import ConfigError
 from robosim.rehearsal import learned
 from robosim.rehearsal.keep_clear import CLEAR, ENOUGH

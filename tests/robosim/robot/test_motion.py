@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
-from robosim.config.schema import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.rehearsal import Plan, plan
 from robosim.robot.inverse_kinematics import solve
 from robosim.robot.model import SPEED_LIMITS

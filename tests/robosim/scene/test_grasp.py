@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim.config.schema import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.robot.model import Arm
 from robosim.robot.torque_sensors import TorqueSensors
 from robosim.scene import clearance

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from robosim.config.schema import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.model import SPEED_LIMITS
 from robosim.robot.timing import SmoothMotion
 from robosim.verification.cases.criteria import Within

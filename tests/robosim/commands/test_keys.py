@@ -1,4 +1,4 @@
-"""The list of keys is that of the files that ship, and the schema accepts what the code accepts."""
+"""`robosim keys` lists the keys of the bundled files, and its schema accepts what the code accepts."""
 
 import json
 import re
@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 import yaml
 
-from robosim.commands.keys import KINDS, keys
+from robosim.commands.keys import KINDS, schema_class
+from robosim.commands.main import main
 from robosim.config.resources import config_names, config_path
-from robosim.errors import UnknownName
 
-SHIPPED = [("rehearsal", "rehearsals"), ("task", "tasks"), ("robot", "robots")]
+BUNDLED = [("rehearsal", "rehearsals"), ("task", "tasks"), ("robot", "robots")]
 
 
 def leaves(table: Any, prefix: str = "") -> set[str]:
@@ -23,19 +23,19 @@ def leaves(table: Any, prefix: str = "") -> set[str]:
     return set()
 
 
-@pytest.mark.parametrize(("kind", "folder"), SHIPPED)
-def test_every_key_that_ships_is_told(kind: str, folder: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert keys(kind) == 0
+@pytest.mark.parametrize(("kind", "folder"), BUNDLED)
+def test_every_key_of_a_bundled_file_is_listed(kind: str, folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["keys", kind]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()[3:]]
-    told = {line[0] for line in lines}
-    assert len(told) == len(lines)
+    listed = {line[0] for line in lines}
+    assert len(listed) == len(lines)
     for name in config_names(folder):
         used = leaves(yaml.safe_load(config_path(folder, name, kind).read_text()))
-        assert {re.sub(r"containers\.\w+", "containers.NAME", key) for key in used} - {"containers.NAME"} <= told
+        assert {re.sub(r"containers\.\w+", "containers.NAME", key) for key in used} - {"containers.NAME"} <= listed
 
 
-def test_bounds_defaults_and_meanings_are_the_code_s(capsys: pytest.CaptureFixture[str]) -> None:
-    keys("rehearsal")
+def test_bounds_defaults_and_meanings_are_those_of_the_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["keys", "rehearsal"])
     rows = {line.split()[0]: re.split(r" {2,}", line) for line in capsys.readouterr().out.splitlines()[3:]}
     assert rows["host_dt"][1:] == ["number above 0 up to 0.001", "required", "MuJoCo step [s]."]
     assert rows["waypoints[].angular_speed"][1:3] == ["number above 0", "1.5"]
@@ -45,12 +45,12 @@ def test_bounds_defaults_and_meanings_are_the_code_s(capsys: pytest.CaptureFixtu
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_schema_is_json_with_every_table(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
-    keys(kind, schema=True)
+    main(["keys", kind, "--schema"])
     schema = json.loads(capsys.readouterr().out)
-    assert set(schema["properties"]) == set(KINDS[kind].model_fields)
+    assert set(schema["properties"]) == set(schema_class(KINDS[kind]).model_fields)
     assert all(table["additionalProperties"] is False for table in (schema, *schema["$defs"].values()))
 
 
-def test_a_kind_that_is_none_is_named() -> None:
-    with pytest.raises(UnknownName, match="unknown kind 'fork'; valid: .*rehearsal"):
-        keys("fork")
+def test_an_unknown_kind_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["keys", "fork"]) == 2
+    assert "robosim keys: unknown kind 'fork'; valid: material.clay," in capsys.readouterr().err

@@ -1,0 +1,44 @@
+"""`robosim bench`: speed of the field, the coupling, kinematics, environments and rendering."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.benchmarks import FIELD_SCENES, FIELD_SIZES
+from robosim.commands.arguments import positive
+
+EXAMPLE = """examples:
+  robosim bench coupling kinematics --out out/bench
+  robosim bench field --sizes 300 2880 --scenes sand fluid --out out/bench"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `bench` to the command line."""
+    parser = commands.add_parser("bench", help="measure speed", epilog=EXAMPLE,
+                                 description="Measure how fast the parts run, each in a process of its own.")
+    parser.add_argument("parts", nargs="*", metavar="PART", help="field by itself, or any of coupling, kinematics, "
+                        "rendering, side_by_side, a sub-task such as SpoonPour, arm_SpoonPour with the whole arm "
+                        "(default: all but field)")
+    parser.add_argument("--sizes", type=positive, nargs="+", default=list(FIELD_SIZES), metavar="N",
+                        help="field: number of grains (default: %(default)s)")
+    parser.add_argument("--scenes", nargs="+", default=list(FIELD_SCENES), metavar="SCENE",
+                        help=f"field: of {', '.join(FIELD_SCENES)} (default: all)")
+    parser.add_argument("--yardsticks", type=Path, help="field: folder with scripts to measure in the same run")
+    parser.add_argument("--threads", type=positive, default=1, help="field: of the CPU (default: 1)")
+    parser.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: processor (default: cpu)")
+    parser.add_argument("--out", type=Path, help="folder for bench.json, or bench_field.json")
+    parser.add_argument("--readme", type=Path, help="file with <!-- bench --> marks, between which the table is "
+                        "written")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Measure the field, or the other parts."""
+    if options.parts == ["field"]:
+        from robosim.benchmarks.field import bench_field
+
+        return bench_field(options.sizes, options.scenes, options.yardsticks, options.out, options.threads,
+                           options.arch)
+    from robosim.benchmarks.bench import bench
+
+    return bench(options.parts, options.out, options.readme)

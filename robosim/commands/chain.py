@@ -1,0 +1,37 @@
+"""`robosim chain`: a rehearsal's learned sub-tasks one after the other, without the arm."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.commands.arguments import one_of
+from robosim.config.resources import config_names, config_path
+
+EXAMPLE = """example:
+  robosim chain spoon --material sugar --out out/chain"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `chain` to the command line."""
+    parser = commands.add_parser("chain", help="replay a rehearsal's learned sub-tasks in sequence, without the arm",
+                                 description="Replay the learned motions of a rehearsal's sub-tasks; each starts with "
+                                 "the grains that the one before left in the tool. Exit status 0 only if the whole "
+                                 "sequence could be replayed.", epilog=EXAMPLE)
+    parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
+    parser.add_argument("--out", type=Path, required=True, help="folder for chain.json and chain.mp4")
+    parser.add_argument("--material", help=one_of(config_names("materials")) + " (default: the rehearsal's)")
+    parser.add_argument("--motions", type=Path, help="folder with a motion of each sub-task as TASK.npz (default: the "
+                        "bundled motions)")
+    parser.add_argument("--no-video", action="store_true", help="draw no film")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then replay."""
+    config_path("rehearsals", options.rehearsal, "rehearsal")
+    if options.material is not None:
+        config_path("materials", options.material, "material")
+    from robosim.rehearsal.motion_chain import chain
+
+    return chain(options.rehearsal, options.out, material=options.material, motions=options.motions,
+                 film=not options.no_video)

@@ -1,0 +1,55 @@
+"""`robosim evaluate`: the score of a policy on a sub-task."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.commands.arguments import one_of, positive, seed
+from robosim.config.resources import config_names, config_path
+from robosim.envs import TASKS, in_file
+from robosim.errors import UnknownName
+from robosim.evaluation import POLICIES
+
+EXAMPLE = """examples:
+  robosim evaluate SpoonPour --policy scripted --out out/pour
+  robosim evaluate ShovelMove --policy learned --nominal --arm"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `evaluate` to the command line."""
+    parser = commands.add_parser("evaluate", help="score a policy on a sub-task", epilog=EXAMPLE,
+                                 description="Run episodes of a policy on a sub-task and print its scores.")
+    parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
+    parser.add_argument("--policy", default="scripted", help=one_of(POLICIES, "or a .npz file with an array `actions` "
+                        "or a network (default: scripted)"))
+    parser.add_argument("--episodes", type=positive, help="number, with seeds from --seed on (default: 5; 1 with "
+                        "--nominal)")
+    parser.add_argument("--seed", type=seed, default=0, help="of the first episode (default: 0)")
+    parser.add_argument("--material", help=one_of(config_names("materials")) + " (default: the task's)")
+    parser.add_argument("--nominal", action="store_true", help="start at the task's nominal start, without its random "
+                        "displacement")
+    parser.add_argument("--arm", action="store_true", help="move the tool with the whole arm")
+    parser.add_argument("--grasp", choices=["weld", "friction"], default="weld", help="with --arm: tool welded to the "
+                        "hand, or held by the fingers alone (default: weld)")
+    parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode)")
+    parser.add_argument("--no-video", action="store_true", help="draw no film")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then run the episodes."""
+    in_file(options.task)
+    if options.material is not None:
+        config_path("materials", options.material, "material")
+    check_policy(options.policy)
+    from robosim.evaluation.evaluate import evaluate
+
+    return evaluate(options.task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
+                    film=not options.no_video, nominal=options.nominal, material=options.material, arm=options.arm,
+                    grasp=options.grasp)
+
+
+def check_policy(name: str) -> None:
+    """Raise UnknownName unless a policy is a name or a file."""
+    if name not in POLICIES and not Path(name).is_file():
+        raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions` or a network")

@@ -1,0 +1,42 @@
+"""`robosim explain`: what a scene is made of, what each part costs, and its cheapest setting."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.commands.arguments import one_of, positive
+from robosim.config.resources import config_names
+from robosim.envs import TASKS
+from robosim.errors import UnknownName
+
+EXAMPLE = """examples:
+  robosim explain SpoonPour
+  robosim explain SpoonPour --tolerance 0.02 --out out/explain"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `explain` to the command line."""
+    parser = commands.add_parser("explain", help="list the parts of a scene with their cost; find its cheapest setting",
+                                 description="List what a scene's simulation is made of and what each part costs. With "
+                                 "--tolerance, find the cheapest setting; exit status 0 only if there is one that is "
+                                 "cheaper than the scene's own.", epilog=EXAMPLE)
+    parser.add_argument("scene", help=one_of([*TASKS, *config_names("rehearsals")],
+                                             "or the .yaml file of a task or a rehearsal"))
+    parser.add_argument("--tolerance", type=float, help="run the scene from coarse to fine as well, and find the "
+                        "cheapest setting whose readings lie within this of the finest's: fractions by their "
+                        "difference, masses and forces relative")
+    parser.add_argument("--apply", action="store_true", help="write the scene's file with that setting to --out")
+    parser.add_argument("--jobs", type=positive, default=1, help="settings at a time, a core each (default: 1)")
+    parser.add_argument("--out", type=Path, help="folder for index.html and explain.json; settings that are finished "
+                        "there are not repeated")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the name, then explain the scene."""
+    names = [*TASKS, *config_names("rehearsals")]
+    if options.scene not in names and not Path(options.scene).is_file():
+        raise UnknownName("scene", options.scene, names, "or the .yaml file of one")
+    from robosim.benchmarks.explain import explain
+
+    return explain(options.scene, tolerance=options.tolerance, out=options.out, apply=options.apply, jobs=options.jobs)

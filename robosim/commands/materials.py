@@ -1,0 +1,38 @@
+"""`robosim materials`: the score of one motion among thirteen materials."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.commands.arguments import one_of, positive
+from robosim.commands.evaluate import check_policy
+from robosim.envs import TASKS, in_file
+from robosim.evaluation import POLICIES
+
+EXAMPLE = """example:
+  robosim materials SpoonTranslate ShovelMove --jobs 2 --out out/materials"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `materials` to the command line."""
+    parser = commands.add_parser("materials", help="score one motion among thirteen materials", epilog=EXAMPLE,
+                                 description="Replay one motion of each sub-task among thirteen materials, from the "
+                                 "nominal start. Exit status 0 only if every episode ran.")
+    parser.add_argument("tasks", nargs="*", metavar="TASK",
+                        help=f"of {', '.join(TASKS)}; or a task's .yaml file (default: all bundled sub-tasks)")
+    parser.add_argument("--policy", default="learned", help=one_of(POLICIES, "or a .npz file with an array `actions` "
+                        "(default: learned, the bundled motions)"))
+    parser.add_argument("--jobs", type=positive, default=1, help="episodes at a time, a core each (default: 1)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for materials.json, .csv and .png; episodes "
+                        "that are finished there are not repeated")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then run the episodes."""
+    for task in options.tasks:
+        in_file(task)
+    check_policy(options.policy)
+    from robosim.evaluation.materials import materials
+
+    return materials(options.tasks or list(TASKS), options.out, name=options.policy, jobs=options.jobs)

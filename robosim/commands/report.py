@@ -1,0 +1,40 @@
+"""`robosim report`: verification cases, error against run time."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.commands.arguments import positive
+from robosim.verification.cases import NAMES, module_name
+
+EXAMPLE = """example:
+  robosim report axis_aligned vortex --quick --out out/report"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `report` to the command line."""
+    parser = commands.add_parser("report", help="run verification cases: error against run time", epilog=EXAMPLE,
+                                 description="Run cases with independent reference solutions and report error against "
+                                 "run time. Exit status 0 only if every case keeps its accepted range.")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(NAMES)} (default: all)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for index.html, report.json and report.jsonl "
+                        "(a line per run); runs that are finished there are not repeated")
+    parser.add_argument("--quick", action="store_true", help="fewer and smaller runs of every case")
+    parser.add_argument("--jobs", type=positive, default=1, help="runs at a time, each pinned to a core; run times are "
+                        "undisturbed with one job (default: 1)")
+    parser.add_argument("--points", type=Path, help="JSON file with other codes' results for the column collapse")
+    parser.add_argument("--yardsticks", type=Path, help="folder with reference_layout.py, which is run to convert "
+                        "other codes' seconds to this machine's")
+    parser.add_argument("--compare", type=Path, help="report.json of another run, to list what improved and what "
+                        "became worse")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then run the cases."""
+    for name in options.cases:
+        module_name(name)
+    from robosim.verification.work_precision import report
+
+    return report(options.cases, options.out, quick=options.quick, jobs=options.jobs, points=options.points,
+                  yardsticks=options.yardsticks, compare=options.compare)

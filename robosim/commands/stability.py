@@ -1,0 +1,34 @@
+"""`robosim stability`: the matrix of stiff and extreme cases."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.commands.arguments import positive
+from robosim.errors import UnknownName
+from robosim.verification.stability import AXES, COMPARISONS
+
+EXAMPLE = """example:
+  robosim stability courant drop_height --out out/stability"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `stability` to the command line."""
+    parser = commands.add_parser("stability", help="run stiff and extreme cases", epilog=EXAMPLE,
+                                 description="Run stiff and extreme cases along axes such as stiffness or drop height. "
+                                 "Exit status 0 only if none is unstable.")
+    parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)} (default: all of these); to "
+                        f"compare couplings: {', '.join(COMPARISONS)}")
+    parser.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
+    parser.add_argument("--jobs", type=positive, default=1, help="cases at a time, each pinned to a core (default: 1)")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then run the matrix."""
+    for axis in options.axes:
+        if axis not in (*AXES, *COMPARISONS):
+            raise UnknownName("axis", axis, (*AXES, *COMPARISONS))
+    from robosim.verification.stability_matrix import stability
+
+    return stability(options.axes, options.out, options.jobs)

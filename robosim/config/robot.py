@@ -1,0 +1,49 @@
+"""Configuration of the robot: joint limits, servo, gripper."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+from pydantic import Field, PositiveFloat
+
+from robosim.config.loader import load
+from robosim.config.resources import config_path
+from robosim.config.settings import Setting
+from robosim.config.table import Table, Vector7
+
+Grip = Literal["weld", "friction"]
+
+
+class LimitsConfig(Table):
+    """Joint limits of the smoothed motion; speeds are the data sheet's, scaled."""
+
+    velocity_fraction: float = Field(gt=0.0, le=1.0)
+    """Fraction of the data sheet's joint speeds."""
+    acceleration: Vector7
+    """[rad/s^2]"""
+    jerk: Vector7
+    """[rad/s^3]"""
+
+
+class ServoConfig(Table):
+    """Impedance servo of the joints."""
+
+    stiffness: Vector7
+    """[N m/rad]"""
+    damping: Vector7
+    """[N m s/rad]"""
+
+
+class RobotConfig(Table):
+    """How the arm moves a tool that is commanded step by step."""
+
+    description: str
+    """What it is."""
+    limits: LimitsConfig
+    servo: ServoConfig
+    grasp_time: PositiveFloat
+    """Time [s] for the fingers to close before an episode."""
+
+
+def load_robot(name: str, settings: Sequence[Setting] = ()) -> RobotConfig:
+    """Load a robot by name (configs/robots) or path."""
+    return load(config_path("robots", name, "robot"), RobotConfig, settings=settings)

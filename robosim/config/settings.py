@@ -1,0 +1,64 @@
+"""Settings `key=value` from the command line, applied to a configuration before it is checked."""
+
+import copy
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from robosim.errors import ConfigError
+
+
+class Setting(NamedTuple):
+    """A value for a key of a configuration: `--set waypoints.2.speed=0.1`."""
+
+    path: tuple[str, ...]
+    """Keys from the file's top down, and places (from 0) in lists."""
+    value: object
+
+    @property
+    def name(self) -> str:
+        """The option as it was given, without its value."""
+        return f"--set {'.'.join(self.path)}"
+
+
+def read_setting(text: str) -> Setting:
+    """Read KEY=VALUE, the value as YAML; raises ConfigError for anything else."""
+    import yaml  # here, so that `--help` does without
+
+    key, equals, value = text.partition("=")
+    path = tuple(key.strip().split("."))
+    if not equals or not all(path):
+        raise ConfigError(f"--set {text}; accepted: KEY=VALUE with a dotted key, such as field.cell=0.005")
+    try:
+        return Setting(path, yaml.safe_load(value))
+    except yaml.YAMLError as error:
+        raise ConfigError(f"--set {text}: the value cannot be read as YAML: {error}") from error
+
+
+def with_settings(table: dict[str, Any], settings: Iterable[Setting]) -> dict[str, Any]:
+    """Copy a table with the settings applied; raises ConfigError for a place in a list that does not exist.
+
+    Whether a key exists is for the schema to say: a key that is missing may have a default.
+    """
+    changed = copy.deepcopy(table)
+    for setting in settings:
+        node: Any = changed
+        for depth, key in enumerate(setting.path):
+            here = ".".join(setting.path[:depth]) or "the file"
+            is_last = depth == len(setting.path) - 1
+            if isinstance(node, list):
+                if not key.isdecimal() or int(key) >= len(node):
+                    raise ConfigError(f"{setting.name}: {here} is a list, {key!r} is no place in it; accepted: "
+                                      f"0 to {len(node) - 1}")
+                place: Any = int(key)
+            elif isinstance(node, dict):
+                place = key
+                if not is_last and node.get(key) is None:
+                    node[key] = {}
+            else:
+                raise ConfigError(f"{setting.name}: {here} is {node!r}, neither a table nor a list; accepted: "
+                                  f"--set {here}=VALUE")
+            if is_last:
+                node[place] = setting.value
+            else:
+                node = node[place]
+    return changed

@@ -1,0 +1,114 @@
+"""A rehearsal from its file to its results: check everything, run, write everything."""
+
+import sys
+from pathlib import Path
+
+from tqdm import tqdm
+
+import mpm
+from robosim.config.materials import law_of, load_material
+from robosim.config.output import OutputFolder
+from robosim.config.rehearsal import load_rehearsal
+from robosim.errors import ConfigError, RobotDiverged
+from robosim.rehearsal.film import Film, check_camera
+from robosim.rehearsal.learned import placed
+from robosim.rehearsal.metrics import figures, missed
+from robosim.rehearsal.plots import plot_report
+from robosim.rehearsal.rehearsal import Rehearsal, plan
+from robosim.rendering.renderer import RenderingUnavailable
+from robosim.robot.ros_trajectory import joint_trajectory
+from robosim.scene import fill as grains
+
+RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
+           "last_good_state.npz")
+"""Files of an earlier run that would contradict this one's."""
+PRINTED = {
+    "scooped_mass": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
+    "spilled_fraction": ("spilled", "{:.1%}"),
+    "wrist_payload_relative_error": ("error of the load weighed at the wrist", "{:.2%}"),
+    "momentum_residual": ("momentum unaccounted for, of what was exchanged", "{:.1e}"),
+    "realtime_factor": ("simulated seconds per second", "{:.3f}"),
+}
+"""Figure of the report -> its name and form on the console."""
+
+
+def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
+             camera: str | None = "close", seed: int = 0, trajectory: str | None = None,
+             motions: Path | None = None) -> int:
+    """Run a rehearsal and fill the folder `out`; returns 0, or 1 where a figure missed its bound.
+
+    camera: None for no video. trajectory: "script" or "learned", the latter from a folder of motions, or with None the
+    bundled ones.
+
+    Input is checked before any work. Whatever ends the run, what was written is whole.
+    """
+    if motions is not None and trajectory == "script":
+        raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
+    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
+              "motions": motions and str(motions.resolve())}
+    config = placed(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
+    substance = load_material(config.material)
+    grains.check(config, law_of(substance))
+    if camera is not None:
+        check_camera(camera)
+    folder = OutputFolder(out)
+    folder.clear(RESULTS)
+    folder.write_yaml("config.yaml", config.model_dump(mode="json"))
+    folder.write_yaml("material.yaml", substance.model_dump(mode="json"))
+    print("planning the motion ...", file=sys.stderr)
+    planned = plan(config)
+    folder.write_yaml("joint_trajectory.yaml", joint_trajectory(planned.motion))
+    print("preparing grains and robot ...", file=sys.stderr)
+    mpm.init()
+    run = Rehearsal(config, planned, seed=seed)
+    film = _film(run, folder, camera)
+    try:
+        _carry_out(run, film)
+    except (mpm.SimulationDiverged, RobotDiverged):
+        folder.write("last_good_state.npz", run.save_last_good_state)
+        raise
+    finally:
+        if film is not None:
+            film.close()
+        if run.recording.steps:
+            folder.write("trajectory.csv", run.recording.write_csv)
+    values = figures(run)
+    beyond = missed(values, config)
+    folder.write_json("report.json", values | {"missed": beyond})
+    folder.write("report.png", lambda path: plot_report(run, path))
+    _print(values, beyond, folder)
+    return int(bool(beyond))
+
+
+def _film(run: Rehearsal, folder: OutputFolder, camera: str | None) -> Film | None:
+    """The film; None, with the reason on stderr, where it cannot be drawn."""
+    if camera is None:
+        return None
+    try:
+        return Film(run, folder, camera)
+    except RenderingUnavailable as error:
+        print(f"no video: {error}", file=sys.stderr)
+        return None
+
+
+def _carry_out(run: Rehearsal, film: Film | None) -> None:
+    """Run with a progress bar: simulated time, real-time factor, time left."""
+    bar_format = "{l_bar}{bar}| {n:.2f}/{total:.2f} s simulated [{elapsed}<{remaining}{postfix}]"
+    with tqdm(total=round(run.duration, 3), bar_format=bar_format, mininterval=0.5, file=sys.stderr) as bar:
+        def each_step() -> None:
+            if film is not None:
+                film.look()
+            bar.update(min(run.config.host_dt, bar.total - bar.n))
+            elapsed = bar.format_dict["elapsed"]
+            bar.set_postfix_str(f"real-time factor {run.time / max(elapsed, 1e-9):.4f}", refresh=False)
+
+        run.run(each_step)
+
+
+def _print(values: dict, beyond: list[str], folder: OutputFolder) -> None:
+    """Print the main figures, and those that missed their bounds."""
+    for key, (name, form) in PRINTED.items():
+        print(f"{name:46s} {'-' if values[key] is None else form.format(values[key])}")
+    for line in beyond:
+        print(f"outside its bound: {line}")
+    print(f"written to {folder.path}")
