@@ -27,7 +27,7 @@ class Hold:
 
     def follow(self, task: Any, until: float) -> np.ndarray:
         """Actions of shape `shape` that keep to the task's script up to a time [s], and rest from then on."""
-        way, matrix = task.way(self._start), task.start.pose.matrix
+        way, matrix = task.scripted_path(self._start), task.start.pose.matrix
         place, actions = self._start, np.zeros(self.shape)
         for k in range(self.n):
             begin = k * self.hold * self.dt

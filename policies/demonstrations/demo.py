@@ -113,7 +113,7 @@ def tabulate(wanted: Wanted, n: int, sand: Any, *, arm: bool) -> None:
         if carried is not None:
             try:
                 row["asked of the arm"] = asked_of_the_arm(maker, reset, found["actions"])
-                readings["with the arm"] = played(carried, found["actions"], reset) | carried.carrier.strain
+                readings["with the arm"] = played(carried, found["actions"], reset) | carried.carrier.arm_readings
             except ValueError as error:  # its start is out of reach
                 row["asked of the arm"] = str(error)
         rows.append(row | readings)
@@ -123,11 +123,11 @@ def tabulate(wanted: Wanted, n: int, sand: Any, *, arm: bool) -> None:
 
 
 def asked_of_the_arm(maker: Maker, start: dict[str, Any], actions: np.ndarray) -> dict[str, float]:
-    """What a motion from a start asks of the arm's joints; see `robosim.envs.reach.Reach.told`."""
+    """What a motion from a start asks of the arm's joints; see `robosim.envs.reach.Reach.readings`."""
     maker.env.reset(**start)
     pose = maker.env.solver.collider_pose(0)
     maker.hold.begin(pose.position)
-    return maker.reach.told(pose, *maker.hold.twists(actions))
+    return maker.reach.readings(pose, *maker.hold.twists(actions))
 
 
 def tell(row: dict[str, Any], readings: dict[str, dict[str, float]]) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 from robosim.config.output import OutputFolder, replaced
 from robosim.envs import TASKS
 from robosim.errors import ConfigError, UnknownName
-from robosim.reports.jobs import pin, worked_off
+from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import provenance
 
 REPEATS = 5
@@ -60,13 +60,13 @@ def kinematics() -> dict[str, float]:
 def environment(name: str, arm: bool = False) -> dict[str, float]:
     """An episode of the scripted policy."""
     from robosim.envs.grain_env import GrainEnv
-    from robosim.evaluation.policies import Script
+    from robosim.evaluation.policies import ScriptedPolicy
 
     env = GrainEnv(task=name, arm=arm)
 
     def episode() -> None:
         env.reset(options={"nominal": True})
-        act, over = Script(env), False
+        act, over = ScriptedPolicy(env), False
         while not over:
             _, _, terminated, truncated, _ = env.step(act())
             over = terminated or truncated
@@ -127,7 +127,7 @@ def bench(parts: list[str], out: Path | None, readme: Path | None) -> int:
     folder = OutputFolder(out) if out else None
     names, figures, failures = parts or list(PARTS), {}, {}
     result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
-    for place, found, failed in worked_off([("robosim.benchmarks.bench", (name,)) for name in names], 1):
+    for place, found, failed in run_jobs([("robosim.benchmarks.bench", (name,)) for name in names], 1):
         figures |= found or {}
         if found is None:
             failures[names[place]] = failed
@@ -156,7 +156,7 @@ def main() -> None:
     import mpm
 
     name, core = sys.argv[1:]
-    pin(core)
+    pin_to_core(core)
     mpm.init()
     print(json.dumps(PARTS[name]()))
 

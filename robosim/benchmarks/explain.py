@@ -14,10 +14,10 @@ from robosim.config.output import OutputFolder
 from robosim.config.resources import config_names, config_path
 from robosim.envs import TASKS
 from robosim.errors import ConfigError, UnknownName
-from robosim.reports.jobs import worked_off
+from robosim.reports.jobs import run_jobs
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
-from robosim.reports.provenance import version_of
+from robosim.reports.provenance import code_digest
 from robosim.tasks.task import is_task
 
 OWN: dict[str, float] = {}
@@ -75,7 +75,7 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
 
 def ran(scene: str, settings: list[dict[str, float]], folder: OutputFolder | None, jobs: int) -> list[dict[str, Any]]:
     """Answers of the settings; those that the folder holds from the same code are not run again."""
-    code = version_of("robosim.benchmarks.settings")
+    code = code_digest("robosim.benchmarks.settings")
     if Path(scene).is_file():
         code += hashlib.sha256(Path(scene).read_bytes()).hexdigest()[:12]
     known: dict[str, dict[str, Any]] = {}
@@ -90,7 +90,7 @@ def ran(scene: str, settings: list[dict[str, float]], folder: OutputFolder | Non
     waiting = [setting for setting in settings if json.dumps(setting) not in known]
     work = [("robosim.benchmarks.settings", (scene, json.dumps(setting))) for setting in waiting]
     progress = tqdm(total=len(waiting), unit="setting", file=sys.stderr)
-    for place, answer, failed in worked_off(work, jobs):
+    for place, answer, failed in run_jobs(work, jobs):
         known[json.dumps(waiting[place])] = {"setting": waiting[place], "answer": answer, "failed": failed}
         progress.update()
         if folder is not None:
@@ -165,21 +165,21 @@ def written(scene: str, results: list[dict[str, Any]], folder: OutputFolder | No
     if folder is None:
         return 0
     own, page = results[0]["answer"], Page(f"What {scene} is made of")
-    page.table(["part", "here", "why", "MB"], [[p["name"], "yes" if p["here"] else "left out", p["why"],
+    page.add_table(["part", "here", "why", "MB"], [[p["name"], "yes" if p["here"] else "left out", p["why"],
                                               p["bytes"] / 1e6 if p["bytes"] else None] for p in own["parts"]])
-    page.heading("Seconds per simulated second")
-    page.table(["part", "seconds"], own["costs"].items())
-    page.heading("Readings")
-    page.table(["reading", "value"], own["readings"].items())
+    page.add_heading("Seconds per simulated second")
+    page.add_table(["part", "seconds"], own["costs"].items())
+    page.add_heading("Readings")
+    page.add_table(["reading", "value"], own["readings"].items())
     if rows is not None:
         plot = Plot(scene, "seconds", "error of the worst reading")
         for row in rows:
             words = "\n".join(f"{name} {value:.3%}" for name, value in row["errors"].items())
-            plot.line([(row["seconds"], max(row["error"], 1e-4))], [f"{named(row['setting'])}\n{words}"],
+            plot.add_series([(row["seconds"], max(row["error"], 1e-4))], [f"{named(row['setting'])}\n{words}"],
                       named(row["setting"]))
-        page.heading("Cheaper settings")
-        page.picture(plot.svg())
-        page.table(["setting", "seconds", "times cheaper", *own["readings"]],
+        page.add_heading("Cheaper settings")
+        page.add_plot(plot.svg())
+        page.add_table(["setting", "seconds", "times cheaper", *own["readings"]],
                    [[named(r["setting"]), r["seconds"], r["cheaper"], *(r["errors"][k] for k in own["readings"])]
                     for r in rows])
     folder.write("index.html", lambda path: path.write_text(page.html()))

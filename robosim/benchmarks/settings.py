@@ -13,7 +13,7 @@ from robosim.benchmarks.compiled import parts
 from robosim.benchmarks.stopwatch import Stopwatch
 from robosim.config.materials import MaterialConfig, load_material, overridden
 from robosim.config.rehearsal import load_rehearsal
-from robosim.reports.jobs import pin
+from robosim.reports.jobs import pin_to_core
 from robosim.tasks.task import is_task, load_task
 
 FRACTIONS = ("delivered", "spilled", "retained")
@@ -44,7 +44,7 @@ def softened(material: MaterialConfig, setting: dict[str, float]) -> dict[str, f
 def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """An episode of the scripted policy, the tool alone."""
     from robosim.envs.grain_env import GrainEnv
-    from robosim.evaluation.policies import Script
+    from robosim.evaluation.policies import ScriptedPolicy
 
     task = load_task(name)
     dt = task.field.dt and task.step_dt / max(1, round(task.step_dt / (task.field.dt * setting.get("dt", 1.0))))
@@ -58,7 +58,7 @@ def of_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
     watch.watch(env.solver, "advance", "field")
     watch.watch(env.reward, "step", "reward")
     watch.watch(env.world.observer, "read", "observation")
-    act, over, impulses, begin, info = Script(env), False, [], time.perf_counter(), {}
+    act, over, impulses, begin, info = ScriptedPolicy(env), False, [], time.perf_counter(), {}
     while not over:
         _, _, terminated, truncated, info = env.step(act())
         impulses.append(np.linalg.norm(env.solver.ledger[2, :3]))
@@ -102,7 +102,7 @@ def of_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
 def main() -> None:
     """One setting."""
     scene, setting, core = sys.argv[1:]
-    pin(core)
+    pin_to_core(core)
     print(json.dumps(measured(scene, json.loads(setting))))
 
 

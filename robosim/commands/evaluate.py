@@ -6,7 +6,7 @@ from typing import Any
 
 from robosim.commands.arguments import one_of, positive, seed
 from robosim.config.resources import config_names, config_path
-from robosim.envs import TASKS, in_file
+from robosim.envs import TASKS, is_task_file
 from robosim.errors import UnknownName
 from robosim.evaluation import POLICIES
 
@@ -38,7 +38,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check the names, then run the episodes."""
-    in_file(options.task)
+    is_task_file(options.task)
     if options.material is not None:
         config_path("materials", options.material, "material")
     check_policy(options.policy)

@@ -6,7 +6,7 @@ from typing import Any
 
 from robosim.commands.arguments import one_of, positive
 from robosim.commands.evaluate import check_policy
-from robosim.envs import TASKS, in_file
+from robosim.envs import TASKS, is_task_file
 from robosim.evaluation import POLICIES
 
 EXAMPLE = """example:
@@ -31,7 +31,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then run the episodes."""
     for task in options.tasks:
-        in_file(task)
+        is_task_file(task)
     check_policy(options.policy)
     from robosim.evaluation.materials import materials
 

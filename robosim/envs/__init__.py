@@ -1,4 +1,4 @@
-"""Gymnasium environments of the eight sub-tasks and of tasks in files; `import robosim` registers them.
+"""Gymnasium environments of the eight sub-tasks and of task files; `import robosim` registers them.
 
 Imports: config, coupling, errors, rendering, robot, scene, shapes, tasks, mpm.
 """
@@ -30,7 +30,7 @@ def register_with_gymnasium() -> None:
 
 
 def register() -> None:
-    """Register robosim/<task>-v0 of each sub-task, and robosim/Task-v0 for the file of one (`task=`).
+    """Register robosim/<task>-v0 and, for task files, robosim/Task-v0.
 
     Nothing of them is imported or built before `gymnasium.make`.
     """
@@ -38,9 +38,9 @@ def register() -> None:
 
     for name in TASKS:
         gymnasium.register(f"robosim/{name}-v0", entry_point=f"robosim.envs.sub_tasks:{name}",
-                           vector_entry_point=partial(_vector, name))
+                           vector_entry_point=partial(_make_vector, name))
     gymnasium.register("robosim/Task-v0", entry_point="robosim.envs.grain_env:GrainEnv",
-                       vector_entry_point=partial(_vector, "Task"))
+                       vector_entry_point=partial(_make_vector, "Task"))
 
 
 class RegistersAfterImport:
@@ -68,8 +68,11 @@ class RegistersAfterImport:
         return spec
 
 
-def in_file(task: str) -> bool:
-    """Whether a task is a file of its own; raises UnknownName where it is no sub-task either."""
+def is_task_file(task: str) -> bool:
+    """Return whether a task is the path of a task file; otherwise it is a sub-task's name.
+
+    Raises UnknownName for what is neither.
+    """
     if task in TASKS:
         return False
     if not task.endswith((".yaml", ".yml")):
@@ -78,22 +81,25 @@ def in_file(task: str) -> bool:
 
 
 def make(name: str, /, **options: Any) -> "gymnasium.Env":
-    """The environment of a sub-task, by name, or of a task's file; options as of `robosim.envs.grain_env.GrainEnv`.
-    Raises UnknownName, and ConfigError for a file that cannot be used."""
+    """Make the environment of a sub-task, by name, or of a task file.
+
+    options: as of `robosim.envs.grain_env.GrainEnv`.
+    Raises UnknownName for what is neither, ConfigError for a file that cannot be used.
+    """
     import gymnasium
 
-    if in_file(name):
+    if is_task_file(name):
         return gymnasium.make("robosim/Task-v0", **{"task": name, **options})
     return gymnasium.make(f"robosim/{name}-v0", **options)
 
 
 def task_name(task: str) -> str:
-    """What files call a task: a sub-task's name, or that of its file without folder and ending."""
+    """Return a sub-task's name, or a task file's name without folder and extension."""
     return Path(task).stem
 
 
-def _vector(name: str, **options: Any) -> "gymnasium.vector.VectorEnv":
-    """Make several environments of one sub-task."""
+def _make_vector(name: str, **options: Any) -> "gymnasium.vector.VectorEnv":
+    """Make the vector environment of a sub-task."""
     from robosim.envs.vector import make_vector
 
     return make_vector(name, **options)

@@ -1,4 +1,4 @@
-"""What carries the tool: told where to be, and without an arm it is there at once."""
+"""Carriers: what moves the tool to its commanded pose. Without an arm the tool is there at once."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,56 +11,59 @@ from robosim.tasks.counting import MAX_READINGS, TOOL, Reading
 from robosim.tasks.task import TaskConfig
 
 Step = tuple[Reading, mpm.Pose]
-"""What was read after a step of `step_dt`, and where the tool was then."""
+"""The field's reading after a step of `step_dt`, and the tool's pose then."""
 
 
 class Carrier:
-    """What is told where the tool shall be. The tool's origin stays in its box."""
+    """Integrates commanded velocities; the origin of the tool's frame stays in the task's box.
+
+    Subclasses advance the field with the tool on the way to the commanded pose.
+    """
+
+    robot_data: Any = None
+    """MuJoCo's data of the scene with the arm; None without an arm."""
 
     def __init__(self, task: TaskConfig) -> None:
         self._dt = task.step_dt
         self._lower, self._upper = np.array(task.action.lower), np.array(task.action.upper)
         self.commanded = task.start.pose
-        """Where the tool is told to be."""
-
-    robot: Any = None
-    """MuJoCo's data of the scene with the arm, where there is one."""
+        """Commanded pose of the tool in the world."""
 
     @property
-    def strain(self) -> dict[str, float]:
-        """What the episode so far has asked of the arm; nothing without one."""
+    def arm_readings(self) -> dict[str, float]:
+        """Readings of the arm over the episode so far; empty without an arm."""
         return {}
 
-    def spec(self) -> Any:
-        """Specification of that scene."""
+    def build_spec(self) -> Any:
+        """Build MuJoCo's specification of the scene with the arm; None without an arm."""
         return None
 
     def restart(self, pose: mpm.Pose) -> mpm.Pose:
-        """Begin an episode with the tool at a pose; returns where it is really."""
+        """Begin an episode with the tool commanded to a pose; return the pose that it has."""
         self.commanded = pose
         return pose
 
-    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
-        """Command velocities for some steps and advance."""
+    def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
+        """Advance by steps under constant velocities [m/s], [rad/s] in world axes, and yield each step."""
         raise NotImplementedError
 
     def command(self, linear: np.ndarray, angular: np.ndarray) -> mpm.Pose:
-        """Move the commanded pose on by one step of `step_dt`, with velocities [m/s], [rad/s] in world axes."""
-        place = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
-        self.commanded = mpm.Pose(place, turned(self.commanded.quaternion, self._dt * angular))
+        """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes, and return it."""
+        position = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
+        self.commanded = mpm.Pose(position, turned(self.commanded.quaternion, self._dt * angular))
         return self.commanded
 
 
 class KinematicTool(Carrier):
-    """Moves the tool's collider; nothing of arm or MuJoCo is there."""
+    """Moves the tool's collider along the commanded poses; neither arm nor MuJoCo take part."""
 
     def __init__(self, task: TaskConfig, solver: mpm.Solver) -> None:
         super().__init__(task)
         self._solver = solver
 
-    def hold(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
-        """Hold velocities [m/s], [rad/s] in world axes; as many steps as the solver can look at in one launch."""
+    def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
+        """Advance by steps under constant velocities, in as few launches as the field's readings allow."""
         for first in range(0, steps, MAX_READINGS):
-            way = [self.command(linear, angular) for _ in range(min(MAX_READINGS, steps - first))]
-            self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *way)
-            yield from zip(self._solver.advance(len(way) * self._dt, looks=len(way)), way, strict=True)
+            poses = [self.command(linear, angular) for _ in range(min(MAX_READINGS, steps - first))]
+            self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *poses)
+            yield from zip(self._solver.advance(len(poses) * self._dt, looks=len(poses)), poses, strict=True)

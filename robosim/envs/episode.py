@@ -1,4 +1,4 @@
-"""One running episode: its reward, its clock, where its tool is, and what a step of it says."""
+"""A running episode: its reward, its clock, its tool's pose, and the info of a step."""
 
 import math
 from typing import Any, Literal, get_args
@@ -12,27 +12,31 @@ from robosim.tasks.task import TaskConfig
 Horizon = Literal["terminate", "truncate"]
 
 
-def checked_horizon(horizon: str) -> None:
-    """Raise UnknownName for what is none."""
+def check_horizon(horizon: str) -> None:
+    """Raise UnknownName for a horizon that does not exist."""
     if horizon not in get_args(Horizon):
         raise UnknownName("horizon", horizon, get_args(Horizon))
 
 
 class Episode:
-    """Takes readings step by step of `step_dt`; knows nothing of what moves the tool."""
+    """Sums rewards over the steps of an action; independent of what moves the tool.
+
+    horizon: whether an episode of full length is terminated or truncated.
+    """
 
     def __init__(self, task: TaskConfig, horizon: Horizon) -> None:
         self.task, self.horizon, self.reward = task, horizon, Reward(task)
         self.running, self.step_count = False, 0
         self.diverged: str | None = None
+        """Why the simulation diverged; None while it has not."""
         self.pose: mpm.Pose = task.start.pose
-        """Of the tool; its quaternion follows without a jump of sign."""
+        """Pose of the tool in the world; the quaternion is continuous, without jumps of sign."""
 
-    def restart(self, pose: mpm.Pose, now: TaskCounts) -> dict[str, Any]:
-        """Begin with the tool at a pose and what is read there; returns the info."""
+    def restart(self, pose: mpm.Pose, counts: TaskCounts) -> dict[str, Any]:
+        """Begin with the tool at a pose and the counts there; return the info."""
         self.reward.restart()
         self._start = self.pose = pose
-        self.now, self.step_count, self.running, self.diverged = now, 0, True, None
+        self.counts, self.step_count, self.running, self.diverged = counts, 0, True, None
         return self._info({})
 
     @property
@@ -40,47 +44,50 @@ class Episode:
         """Share of the episode that is over."""
         return self.step_count / self.task.steps
 
-    def steps(self, wanted: int) -> int:
-        """Steps that an action is held for; begins the sums of its rewards."""
+    def begin_action(self, action_repeat: int) -> int:
+        """Reset the sums of rewards; return the steps of an action, fewer at the end of an episode.
+
+        Raises ConfigError where no episode is running.
+        """
         if not self.running:
             raise ConfigError("step: no episode is running; call reset first")
         self._sums = dict.fromkeys(self.reward.terms, 0.0)
-        return min(wanted, self.task.steps - self.step_count)
+        return min(action_repeat, self.task.steps - self.step_count)
 
-    def take(self, now: TaskCounts, pose: mpm.Pose) -> None:
-        """One step has been taken."""
+    def add_step(self, counts: TaskCounts, pose: mpm.Pose) -> None:
+        """Add the reward of one step, from its counts and the tool's pose at its end."""
         sign = -1.0 if self.pose.quaternion @ pose.quaternion < 0 else 1.0
-        self.now, self.pose = now, mpm.Pose(pose.position, sign * pose.quaternion)
+        self.counts, self.pose = counts, mpm.Pose(pose.position, sign * pose.quaternion)
         self.step_count += 1
         last = self.step_count == self.task.steps
-        for name, value in self.reward.step(now, self.turned(), last).items():
+        for name, value in self.reward.step(counts, self.tool_rotation(), last).items():
             self._sums[name] += value
 
-    def give_up(self, error: Exception) -> None:
-        """The episode cannot go on."""
+    def diverge(self, error: Exception) -> None:
+        """End the episode because the simulation diverged."""
         self.diverged = str(error)
-        for name, value in self.reward.give_up(self.task.steps - self.step_count).items():
+        for name, value in self.reward.diverge(self.task.steps - self.step_count).items():
             self._sums[name] += value
 
-    def outcome(self) -> tuple[float, bool, bool, dict[str, Any]]:
-        """Reward of the action, whether the episode has ended or was cut, info."""
+    def end_action(self) -> tuple[float, bool, bool, dict[str, Any]]:
+        """Return the action's reward, terminated, truncated and info."""
         over = self.step_count == self.task.steps
         self.running = not over and self.diverged is None
         info = self._info(self._sums)
         if self.diverged is not None:
             info |= {"diverged": self.diverged, "is_success": False}
-        ended = (over and self.horizon == "terminate") or self.diverged is not None
-        return float(sum(self._sums.values())), ended, over and not ended, info
+        terminated = (over and self.horizon == "terminate") or self.diverged is not None
+        return float(sum(self._sums.values())), terminated, over and not terminated, info
 
-    def turned(self) -> float:
-        """Angle [rad] by which the tool has turned about its lateral axis since the start."""
+    def tool_rotation(self) -> float:
+        """Return the tool's rotation [rad] about its lateral axis since the start."""
         R = self._start.matrix.T @ self.pose.matrix
         return math.atan2(R[0, 2], R[0, 0])
 
     def _info(self, terms: dict[str, float]) -> dict[str, Any]:
-        """Terms of this action's reward, score so far, physical readings."""
+        """Return the terms of an action's reward, the score so far and physical readings."""
         return {
             "reward_terms": dict(terms), "tcs": self.reward.tcs, "tcs_terms": dict(self.reward.score),
-            "readings": self.reward.readings(self.now), "is_success": self.reward.succeeded(self.now),
+            "readings": self.reward.readings(self.counts), "is_success": self.reward.is_success(self.counts),
             "time": self.step_count * self.task.step_dt,
         }

@@ -10,13 +10,13 @@ import mpm
 from robosim.config.robot import Grip
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
-from robosim.envs.episode import Episode, Horizon, checked_horizon
-from robosim.envs.handover import Load
-from robosim.envs.world import World, checked_options
+from robosim.envs.episode import Episode, Horizon, check_horizon
+from robosim.envs.world import World, is_nominal_start
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
-from robosim.tasks.actions import Actions, checked_repeat
+from robosim.tasks.actions import ActionScaling, check_action_repeat
 from robosim.tasks.counting import TOOL
-from robosim.tasks.objective import objective
+from robosim.tasks.handover import Load
+from robosim.tasks.objective import build_objective
 from robosim.tasks.observation import Layout
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig, load_task
@@ -25,11 +25,14 @@ CAMERAS = ("task", "side", "overview", "close")
 
 
 class GrainEnv(gymnasium.Env):
-    """A tool and grains; see the classes of the sub-tasks."""
+    """A tool and grains. The classes of `robosim.envs.sub_tasks` describe spaces, rewards and arguments.
+
+    Raises UnknownName, ConfigError for arguments that cannot be used.
+    """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
     TASK: str = ""
-    """Name of the configuration below configs/tasks, or of the task's file without folder and ending."""
+    """Name of the task of configs/tasks, or of the task's file without folder and extension."""
 
     def __init__(
         self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
@@ -37,18 +40,18 @@ class GrainEnv(gymnasium.Env):
         randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
         camera: str = "task", grasp: Grip = "weld", load: Load | None = None, **numbers: float,
     ) -> None:
-        for what, given, valid in (("render_mode", render_mode, (None, *self.metadata["render_modes"])),
-                                   ("grasp", grasp, get_args(Grip))):
-            if given not in valid:
-                raise UnknownName(what, given, [name for name in valid if name])
+        for option, value, valid in (("render_mode", render_mode, (None, *self.metadata["render_modes"])),
+                                     ("grasp", grasp, get_args(Grip))):
+            if value not in valid:
+                raise UnknownName(option, value, [name for name in valid if name])
         if render_mode is not None and camera not in CAMERAS:
             raise UnknownName("camera", camera, CAMERAS)
-        self.action_repeat = checked_repeat(action_repeat)
-        checked_horizon(horizon)
+        self.action_repeat = check_action_repeat(action_repeat)
+        check_horizon(horizon)
         if not (task or self.TASK):
             raise ConfigError(f"task {task!r}; accepted: a task's .yaml file, or a TaskConfig")
         self.source = task if isinstance(task, str) else self.TASK
-        """What commands call this task: a sub-task's name or a file; empty for a TaskConfig."""
+        """The task as given to commands: a sub-task's name or a file; empty for a TaskConfig."""
         self.TASK = self.TASK or task_name(self.source)
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
                            randomize=randomize, mobile=arm, load=load)
@@ -60,25 +63,25 @@ class GrainEnv(gymnasium.Env):
         rate = max(1, round(1.0 / (action_repeat * self.task.step_dt)))
         self.metadata = {**type(self).metadata, "render_fps": rate}
         self.episode = Episode(self.task, horizon)
-        self.carrier = self._carrier(grasp)
-        self.actions = Actions(self.task, clip=clip_actions)
+        self.carrier = self._build_carrier(grasp)
+        self.actions = ActionScaling(self.task, clip=clip_actions)
         self.action_space, self.observation_space = self.actions.space, self.world.observer.space
         self.observation_slices = self.world.observer.slices
         self.observation: Any = None
-        """What `reset` or `step` returned last."""
+        """The last observation of `reset` or `step`."""
         self._renderer = None
 
     def _check_kind(self) -> None:
-        """A registered sub-task stays what its name says, whatever numbers it is given."""
+        """Raise ConfigError where a registered sub-task is given a task of another kind or tool."""
         own = load_task(self.TASK)
-        given, wanted = (f"{task.kind} with the {task.tool}" for task in (self.task, own))
-        if given != wanted:
-            raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {wanted}; any other as "
+        given, accepted = (f"{task.kind} with the {task.tool}" for task in (self.task, own))
+        if given != accepted:
+            raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other as "
                               f"robosim.envs.GrainEnv(task=...)")
 
     @property
     def reward(self) -> Reward:
-        """Of the running episode."""
+        """Reward and score of the running episode."""
         return self.episode.reward
 
     @property
@@ -86,80 +89,92 @@ class GrainEnv(gymnasium.Env):
         """Steps of `step_dt` since the episode's start."""
         return self.episode.step_count
 
-    def _carrier(self, grasp: Grip) -> Carrier:
-        """What moves the tool."""
+    def _build_carrier(self, grasp: Grip) -> Carrier:
+        """Build what moves the tool; the arm's modules are imported only with an arm."""
         if not self.arm:
             return KinematicTool(self.task, self.solver)
-        from robosim.envs.arm_tool import ArmTool  # without an arm nothing of it is loaded
+        from robosim.envs.arm_tool import ArmTool
 
         return ArmTool(self.task, self.solver, grasp)
 
-    # an episode -----------------------------------------------------------------------------------------------------
+    # episodes -------------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode. options: {"nominal": True} for the start without its random displacement."""
+        """Start an episode; return the observation and info.
+
+        options: {"nominal": True} for the start without its random displacement.
+        Raises UnknownName for another option.
+        """
         super().reset(seed=seed)
-        nominal, world = checked_options(options), self.world
-        law = world.drawn_law(self.np_random)
+        nominal, world = is_nominal_start(options), self.world
+        law = world.draw_law(self.np_random)
         if law is not None:
             self.solver.set_material(0, law)
-        tool, pile = world.drawn_start(self.np_random, nominal=nominal)
-        self.solver.load(world.placed(self.carrier.restart(tool), pile))
+        tool, pile = world.draw_start(self.np_random, nominal=nominal)
+        self.solver.load(world.start_state(self.carrier.restart(tool), pile))
         self.counter.restart()
-        now, pose = self.counter.read(), self.solver.collider_pose(TOOL)
-        info = self.episode.restart(pose, now)
-        self.observation = world.observer.read(world.grains(), pose, now, 0.0)
+        counts, pose = self.counter.read(), self.solver.collider_pose(TOOL)
+        info = self.episode.restart(pose, counts)
+        self.observation = world.observer.read(world.grains(), pose, counts, 0.0)
         if self.render_mode == "human":
             self.render()
         return copy.deepcopy(self.observation), info
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Hold an action for `action_repeat` steps of the simulation, or until the episode ends."""
+        """Apply an action for `action_repeat` steps, or until the episode ends.
+
+        Returns observation, reward, terminated, truncated and info. Where the simulation diverges, the observation is
+        the last finite one and info["diverged"] has the reason.
+        Raises ConfigError for an action that cannot be used, and where no episode is running.
+        """
         episode, world = self.episode, self.world
-        steps = episode.steps(self.action_repeat)
+        steps = episode.begin_action(self.action_repeat)
         try:
-            for reading, pose in self.carrier.hold(*self.actions.velocities(action), steps):
-                episode.take(self.counter.translate(reading), pose)
+            for reading, pose in self.carrier.advance(*self.actions.velocities(action), steps):
+                episode.add_step(self.counter.translate(reading), pose)
         except (mpm.SimulationDiverged, RobotDiverged) as error:
-            episode.give_up(error)
-        else:  # after an error the last good observation is the last there is; a NaN is never traded for a reward
+            episode.diverge(error)
+        else:
             grains = world.sample.values if world.sample is not None else world.grains()
-            self.observation = world.observer.read(grains, episode.pose, episode.now, episode.progress)
-        reward, ended, cut, info = episode.outcome()
-        if self.carrier.strain:
-            info["arm"] = dict(self.carrier.strain)
+            self.observation = world.observer.read(grains, episode.pose, episode.counts, episode.progress)
+        reward, terminated, truncated, info = episode.end_action()
+        if self.carrier.arm_readings:
+            info["arm"] = dict(self.carrier.arm_readings)
         if self.render_mode == "human":
             self.render()
-        return copy.deepcopy(self.observation), reward, ended, cut, info
+        return copy.deepcopy(self.observation), reward, terminated, truncated, info
 
-    # differentiating -------------------------------------------------------------------------------------------------
+    # gradients ------------------------------------------------------------------------------------------------------
     def rollout(self, n_steps: int | None = None, **options: Any) -> mpm.Rollout:
-        """Differentiable future from the present state over `n_steps` of `step_dt`, None: a whole episode; options as
-        `mpm.Rollout` takes them. The tool is moved, not carried: raises mpm.InvalidValue with an arm."""
+        """Build a differentiable rollout from the present state.
+
+        n_steps: of `step_dt`; None: a whole episode. options: as of `mpm.Rollout`.
+        Raises mpm.InvalidValue with an arm, because the rollout prescribes the tool's motion.
+        """
         steps = self.task.steps if n_steps is None else n_steps
         return mpm.Rollout(self.solver, steps, step_dt=self.task.step_dt, **options)
 
     def objective(self) -> Any:
-        """The sub-task's reward as a loss for that."""
-        return objective(self.task)
+        """Build the loss of a rollout from the sub-task's reward."""
+        return build_objective(self.task)
 
     def reach(self) -> Any:
-        """What the arm would have to do to carry this task's tool: see `robosim.envs.reach.Reach`."""
-        from robosim.envs.reach import Reach  # as above
+        """Build the arm's kinematics under this task's tool, a `robosim.envs.reach.Reach`."""
+        from robosim.envs.reach import Reach  # imports the arm's modules
 
         return Reach(self.task)
 
-    # keeping and drawing --------------------------------------------------------------------------------------------
+    # rendering ------------------------------------------------------------------------------------------------------
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The picture (height, width, 3), or None with "human", which shows it."""
+        """Return a picture (height, width, 3), uint8, or show it in a window with render_mode="human"."""
         if self.render_mode is None:
             gymnasium.logger.warn("render: the environment was made without a render_mode")
             return None
         if self._renderer is None:
-            from robosim.envs.picture import Picture  # nothing of it is loaded until somebody draws
+            from robosim.envs.picture import Picture  # opens an OpenGL context
 
-            self._renderer = Picture(self.task, self.material, self.camera, arm=self.carrier.spec(),
+            self._renderer = Picture(self.task, self.material, self.camera, arm=self.carrier.build_spec(),
                                      window=self.render_mode == "human")
-        return self._renderer.draw(self.solver, self.carrier.robot)
+        return self._renderer.draw(self.solver, self.carrier.robot_data)
 
     def close(self) -> None:
         """Free the renderer."""

@@ -9,20 +9,24 @@ from robosim.errors import ConfigError
 from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
 from robosim.scene.build import add_container, compiled, load_spec, quiet_prefixes
 from robosim.tasks.counting import TOOL
+from robosim.tasks.field import grain_volume
 from robosim.tasks.task import RegionConfig, TaskConfig
-from robosim.tasks.task_field import grain_volume
 
 WIDTH, HEIGHT = 640, 480
+"""Size of a picture in pixels."""
 
 
 class Picture:
-    """Draws a solver's grains and tool."""
+    """Draws a solver's grains and tool.
+
+    arm: specification of the scene with the arm; None: the tool alone. window: show pictures instead of returning them.
+    """
 
     def __init__(self, task: TaskConfig, material: MaterialConfig, camera: str, *, arm: mujoco.MjSpec | None = None,
                  window: bool = False) -> None:
-        spec = arm if arm is not None else _bare(task)
-        _marks(spec, task)
-        _cameras(spec, task)
+        spec = arm if arm is not None else _build_scene_without_arm(task)
+        _add_regions(spec, task)
+        _add_cameras(spec, task)
         apply_quality(spec)
         add_grain_skin(spec, task.grains.count, GRAIN_RADIUS * grain_volume(task) ** (1 / 3), material.colour)
         self._model = compiled(spec)
@@ -30,10 +34,13 @@ class Picture:
         self._renderer = SceneRenderer(self._model, task.grains.count, WIDTH, HEIGHT)
         self._camera, self._window = camera, _Window() if window else None
 
-    def draw(self, solver: mpm.Solver, robot: mujoco.MjData | None) -> np.ndarray | None:
-        """The picture (height, width, 3), or None once it is in the window. robot: whose posture is drawn."""
-        if robot is not None:
-            self._data.qpos[:] = robot.qpos
+    def draw(self, solver: mpm.Solver, robot_data: mujoco.MjData | None) -> np.ndarray | None:
+        """Return a picture (height, width, 3), uint8; None where it is shown in a window.
+
+        robot_data: the posture of the arm; None: the tool is drawn at its collider's pose.
+        """
+        if robot_data is not None:
+            self._data.qpos[:] = robot_data.qpos
         else:
             pose = solver.collider_pose(TOOL)
             self._data.mocap_pos[0], self._data.mocap_quat[0] = pose.position, pose.quaternion
@@ -50,8 +57,8 @@ class Picture:
             self._window.close()
 
 
-def _bare(task: TaskConfig) -> mujoco.MjSpec:
-    """Table, container, and the tool on a body that goes where it is put."""
+def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
+    """Build table, container, and the tool on a mocap body."""
     spec = load_spec("workcell", "workcell.xml")
     carrier = spec.worldbody.add_body(name="carrier", mocap=True)
     with quiet_prefixes():
@@ -61,32 +68,33 @@ def _bare(task: TaskConfig) -> mujoco.MjSpec:
     return spec
 
 
-def _marks(spec: mujoco.MjSpec, task: TaskConfig) -> None:
-    """The target where it meets the table, or its box in the air; the stand."""
+def _add_regions(spec: mujoco.MjSpec, task: TaskConfig) -> None:
+    """Add the target, where it meets the table or as a box in the air, and the stand."""
     if task.kind != "scoop":
         add_mark(spec, task.target)
     if task.stand is not None:
-        _block(spec, task.stand)
+        _add_block(spec, task.stand)
 
 
-def _block(spec: mujoco.MjSpec, region: RegionConfig) -> None:
+def _add_block(spec: mujoco.MjSpec, region: RegionConfig) -> None:
+    """Add a block without contacts or mass."""
     spec.worldbody.add_geom(name="stand", type=mujoco.mjtGeom.mjGEOM_BOX, pos=list(region.centre), contype=0,
                             conaffinity=0, mass=0, size=list(region.half), rgba=[0.55, 0.42, 0.30, 1.0])
 
 
-def _cameras(spec: mujoco.MjSpec, task: TaskConfig) -> None:
-    """Two cameras that hold start and goal."""
+def _add_cameras(spec: mujoco.MjSpec, task: TaskConfig) -> None:
+    """Add two cameras that see start and goal."""
     middle = 0.5 * (np.array(task.start.position) + np.array(task.goal))
     width = np.linalg.norm(np.array(task.start.position) - task.goal) + 0.30
     spec.worldbody.add_body(name="task_target", pos=(middle - [0.0, 0.0, 0.03]).tolist())
-    for name, way in (("task", [0.85, -0.25, 0.55]), ("side", [1.0, 0.0, 0.12])):
-        place = middle + 1.5 * width * np.array(way) / np.linalg.norm(way)
-        spec.worldbody.add_camera(name=name, pos=place.tolist(), fovy=34.0, targetbody="task_target",
+    for name, direction in (("task", [0.85, -0.25, 0.55]), ("side", [1.0, 0.0, 0.12])):
+        position = middle + 1.5 * width * np.array(direction) / np.linalg.norm(direction)
+        spec.worldbody.add_camera(name=name, pos=position.tolist(), fovy=34.0, targetbody="task_target",
                                   mode=mujoco.mjtCamLight.mjCAMLIGHT_TARGETBODY)
 
 
 class _Window:
-    """A window that shows frames; pygame is imported with the first."""
+    """A window that shows frames; pygame is an optional dependency, imported with the first window."""
 
     def __init__(self) -> None:
         try:
@@ -98,7 +106,7 @@ class _Window:
         self._screen = None
 
     def show(self, frame: np.ndarray) -> None:
-        """Replace what the window shows."""
+        """Show a frame (height, width, 3)."""
         if self._screen is None:
             self._pygame.display.init()
             self._screen = self._pygame.display.set_mode((frame.shape[1], frame.shape[0]))
@@ -107,6 +115,6 @@ class _Window:
         self._pygame.display.flip()
 
     def close(self) -> None:
-        """Close it."""
+        """Close the window."""
         if self._screen is not None:
             self._pygame.display.quit()

@@ -1,7 +1,7 @@
-"""What a commanded motion of the tool asks of the arm: joint speeds and ranges, and a penalty on what is too much.
+"""Joint motion that an arm needs to carry a tool along a commanded motion, and a penalty on limits exceeded.
 
-No grains and no smoothing: joint angles q follow q' = J#(q) V, the damped inverse of the Jacobian, from the task's own
-posture. Where the tool leaves the arm's reach, or goes through a singular posture, speeds grow beyond the limits.
+No grains and no smoothing: joint angles q follow q' = J#(q) V with the damped inverse of the Jacobian, from the task's
+own start posture. Where the tool leaves the arm's reach, or in a singular posture, the speeds exceed the limits.
 """
 
 from typing import NamedTuple
@@ -16,20 +16,22 @@ from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.tasks.task import TaskConfig
 
 DAMPING = 1e-6
-"""Added to J J^T: speeds stay finite in singular postures."""
-SMALL = 1e-6
-"""Step [rad] of the differences that give the inverse's own derivatives: exact to 1e-9."""
+"""Added to J J^T, so that speeds stay finite in singular postures."""
+DIFFERENCE = 1e-6
+"""Step [rad] of the central differences that give the inverse's own derivatives, exact to 1e-9."""
 
 
-class Demands(NamedTuple):
-    """Of every step: joint angles [rad] (n + 1, 7), joint speeds [rad/s] (n, 7)."""
+class JointMotion(NamedTuple):
+    """Joint angles and speeds of every step."""
 
     q: np.ndarray
+    """Angles [rad] (n + 1, 7)."""
     speeds: np.ndarray
+    """Speeds [rad/s] (n, 7)."""
 
 
 class Reach:
-    """An arm under a task's tool."""
+    """An arm that carries a task's tool exactly as commanded."""
 
     def __init__(self, task: TaskConfig) -> None:
         self._arm, self._dt = Arm(task.tool), task.step_dt
@@ -37,9 +39,12 @@ class Reach:
         self._middle = 0.5 * (self._arm.upper + self._arm.lower)
         self._half = 0.5 * (self._arm.upper - self._arm.lower)
 
-    def demands(self, start: Pose, linear: np.ndarray, angular: np.ndarray) -> Demands:
-        """Joint motion under world velocities of the tool, linear [m/s] and angular [rad/s], (n, 3) each, from a pose;
-        raises UnreachableWaypoint where the arm cannot hold that."""
+    def joint_motion(self, start: Pose, linear: np.ndarray, angular: np.ndarray) -> JointMotion:
+        """Integrate the joint motion under tool velocities from a pose.
+
+        linear [m/s] (n, 3), angular [rad/s] (n, 3): in world axes.
+        Raises UnreachableWaypoint where the arm cannot reach the start.
+        """
         posture = solve(self._arm, start, self._rest, rest=self._rest)
         if not posture.converged:
             raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)
@@ -47,50 +52,58 @@ class Reach:
         for V in np.concatenate([linear, angular], 1):
             speeds.append(self._speeds(q[-1], V))
             q.append(q[-1] + self._dt * speeds[-1])
-        return Demands(np.array(q), np.array(speeds))
+        return JointMotion(np.array(q), np.array(speeds))
 
-    def told(self, start: Pose, linear: np.ndarray, angular: np.ndarray) -> dict[str, float]:
-        """Largest speed and angle as shares of their limits, the first step [s] at which either is passed (-1: none),
-        and how far [m] the arm's tool is from where it should be at the end."""
-        found = self.demands(start, linear, angular)
-        speeds = np.abs(found.speeds / SPEED_LIMITS).max(1)
-        angles = np.abs((found.q - self._middle) / self._half).max(1)
+    def readings(self, start: Pose, linear: np.ndarray, angular: np.ndarray) -> dict[str, float]:
+        """Return how far a motion uses the joints' limits.
+
+        speed_limit_ratio_max, joint_limit_ratio_max: largest speed and angle over their limits.
+        first_violation_time [s]: of the first step above a limit, -1 without one.
+        end_position_error [m]: of the tool at the end.
+        """
+        motion = self.joint_motion(start, linear, angular)
+        speeds = np.abs(motion.speeds / SPEED_LIMITS).max(1)
+        angles = np.abs((motion.q - self._middle) / self._half).max(1)
         over = np.flatnonzero((speeds > 1.0) | (angles[1:] > 1.0))
         end = start.position + self._dt * linear.sum(0)
-        miss = np.linalg.norm(self._arm.tool_pose(found.q[-1]).position - end)
+        error = np.linalg.norm(self._arm.tool_pose(motion.q[-1]).position - end)
         return {"speed_limit_ratio_max": float(speeds.max()), "joint_limit_ratio_max": float(angles.max()),
-                "first_over": float(over[0] * self._dt) if len(over) else -1.0, "miss_at_the_end": float(miss)}
+                "first_violation_time": float(over[0] * self._dt) if len(over) else -1.0,
+                "end_position_error": float(error)}
 
     def penalty(self, start: Pose, linear: np.ndarray,
                 angular: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
-        """Mean over the steps of the squares by which joints pass their limits of speed and range, as shares of these,
-        and its derivatives by linear and angular (n, 3)."""
-        found, n, dt = self.demands(start, linear, angular), len(linear), self._dt
-        fast = np.maximum(np.abs(found.speeds) / SPEED_LIMITS - 1.0, 0.0)
-        offset = (found.q[1:] - self._middle) / self._half
+        """Return the penalty on exceeded joint limits and its derivatives by linear and angular (n, 3).
+
+        It is the mean over the steps of the squared excesses of speed and angle, as shares of their limits.
+        """
+        motion, n, dt = self.joint_motion(start, linear, angular), len(linear), self._dt
+        fast = np.maximum(np.abs(motion.speeds) / SPEED_LIMITS - 1.0, 0.0)
+        offset = (motion.q[1:] - self._middle) / self._half
         far = np.maximum(np.abs(offset) - 1.0, 0.0)
-        by_speed = 2.0 / n * fast * np.sign(found.speeds) / SPEED_LIMITS
+        by_speed = 2.0 / n * fast * np.sign(motion.speeds) / SPEED_LIMITS
         by_angle = 2.0 / n * far * np.sign(offset) / self._half
-        bars, later = np.zeros((n, 6)), np.zeros(7)  # later: derivative by the angles after the step
         twists = np.concatenate([linear, angular], 1)
+        twist_bar, q_bar = np.zeros((n, 6)), np.zeros(7)  # q_bar: adjoint of the angles after a step
         for k in reversed(range(n)):
-            later = later + by_angle[k]
-            answer = by_speed[k] + dt * later
-            if not answer.any():
+            q_bar = q_bar + by_angle[k]
+            speed_bar = by_speed[k] + dt * q_bar
+            if not speed_bar.any():
                 continue
-            bars[k] = self._inverse(found.q[k]).T @ answer
-            slopes = [(self._speeds(found.q[k] + d, twists[k]) - self._speeds(found.q[k] - d, twists[k])) @ answer
-                      for d in SMALL * np.eye(7)]
-            later = later + np.array(slopes) / (2.0 * SMALL)
-        return float((fast**2 + far**2).sum() / n), (bars[:, :3], bars[:, 3:])
+            twist_bar[k] = self._inverse(motion.q[k]).T @ speed_bar
+            gradient = [(self._speeds(motion.q[k] + d, twists[k]) - self._speeds(motion.q[k] - d, twists[k]))
+                        @ speed_bar for d in DIFFERENCE * np.eye(7)]
+            q_bar = q_bar + np.array(gradient) / (2.0 * DIFFERENCE)
+        return float((fast**2 + far**2).sum() / n), (twist_bar[:, :3], twist_bar[:, 3:])
 
     def _inverse(self, q: np.ndarray) -> np.ndarray:
-        """Joint speeds by the tool's twist in world axes (7, 6)."""
+        """Return the matrix (7, 6) from the tool's twist in world axes to joint speeds."""
         J = self._arm.jacobian(q)
         R = self._arm.placement(q).rotation
-        turn = np.zeros((6, 6))
-        turn[:3, :3] = turn[3:, 3:] = R.T
-        return J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(6), turn)
+        to_tool_axes = np.zeros((6, 6))
+        to_tool_axes[:3, :3] = to_tool_axes[3:, 3:] = R.T
+        return J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(6), to_tool_axes)
 
     def _speeds(self, q: np.ndarray, V: np.ndarray) -> np.ndarray:
+        """Return the joint speeds [rad/s] (7,) under a twist V (6,) of the tool in world axes."""
         return self._inverse(q) @ V

@@ -1,15 +1,15 @@
 """The eight sub-tasks as Gymnasium environments; their pages are made from configs/tasks."""
 
 from robosim.envs.grain_env import GrainEnv
-from robosim.tasks.page import page
+from robosim.tasks.page import build_page
 
 
 class SubTask(GrainEnv):
-    """A sub-task by its class's name."""
+    """Base of the sub-tasks: the class's name is the task's, and its docstring the task's page."""
 
     def __init_subclass__(cls) -> None:
         cls.TASK = cls.__name__
-        cls.__doc__ = page(cls.TASK)
+        cls.__doc__ = build_page(cls.TASK)
 
 
 class SpoonScoop(SubTask):

@@ -1,17 +1,13 @@
-"""Several environments at once: `gymnasium.make_vec("robosim/SpoonPour-v0", num_envs=8)`.
+"""Vector environments: `gymnasium.make_vec("robosim/SpoonPour-v0", num_envs=8)`.
 
-Those of one process share a field and a launch; with more than one core they are dealt out to a process for each.
-Processes are spawned, never forked: the backend of the field does not survive a fork. Hence a script that makes one
-needs the usual `if __name__ == "__main__":`, or `workers=1`.
+Environments of one process share a field and a launch; with several cores there is a process for each. Processes are
+spawned, because the field's backend does not survive a fork. A script that makes a vector environment therefore needs
+`if __name__ == "__main__":`, or `workers=1`.
 """
 
-import contextlib
-import multiprocessing
 import os
-import traceback
 from functools import partial
-from multiprocessing.connection import Connection
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -19,39 +15,43 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
 from robosim.envs.batch import GrainBatch, Info
+from robosim.envs.remote_batch import BatchError, RemoteBatch, call_batch
 from robosim.errors import ConfigError, RobosimError
 
 
 def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str | None = None,
                 workers: int | None = None, **options: Any) -> gymnasium.vector.VectorEnv:
-    """The vector environment of a sub-task; options go to every environment. Arms and pictures are not shared: with
-    them every environment has a process of its own."""
+    """Make the vector environment of a sub-task; options go to every environment.
+
+    With an arm or pictures, every environment has a process of its own.
+    Raises ConfigError for num_envs or workers that cannot be used.
+    """
     options.pop("max_episode_steps", None)  # the task's own horizon holds
     if num_envs < 1:
         raise ConfigError(f"num_envs = {num_envs}; accepted: a whole number from 1 on")
     if not arm and render_mode is None:
-        for unused in ("grasp", "camera"):  # of arms and pictures
+        for unused in ("grasp", "camera"):  # options of arms and pictures
             options.pop(unused, None)
         return GrainVectorEnv(name, num_envs, workers=workers, **options)
     if workers not in (None, num_envs):
         raise ConfigError(f"workers = {workers}; accepted with an arm or pictures: None, one for each environment")
-    whole = options | {"arm": arm, "render_mode": render_mode}
-    return AsyncVectorEnv([partial(_one, name, whole)] * num_envs, context="spawn",
+    every_option = options | {"arm": arm, "render_mode": render_mode}
+    return AsyncVectorEnv([partial(_make_in_process, name, every_option)] * num_envs, context="spawn",
                           autoreset_mode=AutoresetMode.SAME_STEP)
 
 
-def _one(name: str, options: dict[str, Any]) -> gymnasium.Env:
-    """One whole environment, in its process."""
-    import robosim  # noqa: F401  (registers the ids there)
+def _make_in_process(name: str, options: dict[str, Any]) -> gymnasium.Env:
+    """Make one environment in a spawned process, where the ids are not registered yet."""
+    import robosim  # noqa: F401  (registers the ids)
 
     return gymnasium.make(f"robosim/{name}-v0", **options)
 
 
 class GrainVectorEnv(gymnasium.vector.VectorEnv):
-    """Environments of one sub-task in step; one that ends begins anew in the same step, and its last observation and
-    info are in `infos["final_obs"]` and `infos["final_info"]`.
+    """Environments of one sub-task that step together.
 
-    workers: processes, None: as many as there are cores and environments; 1: this process alone.
+    An environment that ends starts again in the same step; its last observation and info are in `infos["final_obs"]`
+    and `infos["final_info"]`. workers: processes; None: one per core, at most one per environment; 1: this process.
     """
 
     def __init__(self, name: str, num_envs: int, *, workers: int | None = None, **options: Any) -> None:
@@ -63,12 +63,13 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
         sizes = [len(part) for part in np.array_split(np.arange(num_envs), workers)]
         ends = np.cumsum(sizes)
         self._parts = [slice(end - size, end) for end, size in zip(ends, sizes)]
-        self._batches: list[Any] = []
+        self.batches: list[Any] = []
+        """Batches of the environments, in this process or in others."""
         try:
             for part, size in zip(self._parts, sizes):
-                kind = GrainBatch if workers == 1 else partial(Remote, first=int(part.start))
-                self._batches.append(kind(name, size, **options))
-            self.single_observation_space, self._actions = self._all("spaces")[0]
+                kind = GrainBatch if workers == 1 else partial(RemoteBatch, first=int(part.start))
+                self.batches.append(kind(name, size, **options))
+            self.single_observation_space, self._actions = self._call("spaces")[0]
         except BaseException:
             self.close()
             raise
@@ -78,133 +79,68 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
 
     def reset(self, *, seed: int | list[int | None] | None = None,
               options: dict[str, Any] | None = None) -> tuple[Any, Info]:
-        """Start episodes; options: {"nominal": True}, and "reset_mask" (n,) where only some begin anew."""
+        """Start episodes; return observations and infos.
+
+        seed: one number, raised by one from environment to environment, or a list. options: {"nominal": True} for the
+        start without random displacement, "reset_mask" (n,) for the environments that start again.
+        Raises ConfigError, UnknownName for a seed or options that cannot be used.
+        """
         seeds = [None if seed is None else seed + e for e in range(self.num_envs)] if not isinstance(seed, list) \
             else seed
         if len(seeds) != self.num_envs:
             raise ConfigError(f"seed has {len(seeds)} entries; accepted: {self.num_envs}, or one number")
         options = dict(options or {})
-        chosen = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, bool)))
-        if chosen.shape != (self.num_envs,) or chosen.dtype != bool or not chosen.any():
-            raise ConfigError(f"reset_mask = {chosen}; accepted: {self.num_envs} of True or False, some of them True")
-        answers = self._all("reset", *[(seeds[part], options, chosen[part]) for part in self._parts])
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            raise ConfigError(f"reset_mask = {mask}; accepted: {self.num_envs} of True or False, some of them True")
+        results = self._call("reset", *[(seeds[part], options, mask[part]) for part in self._parts])
         infos: Info = {}
-        for e, info in enumerate(info for _, part in answers for info in part):
+        for e, info in enumerate(info for _, part in results for info in part):
             infos = self._add_info(infos, info, e)
-        return self._joined([seen for part, _ in answers for seen in part]), infos
+        return self._stack([observation for part, _ in results for observation in part]), infos
 
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, Info]:
-        """Hold an action (n, dimensions) in each."""
+        """Apply actions (n, dimensions); return observations, rewards, terminated, truncated and infos.
+
+        Raises ConfigError for an action that cannot be used, before any environment moves.
+        """
         if np.shape(actions) != self.action_space.shape:
             raise ConfigError(f"actions have shape {np.shape(actions)}; accepted: {self.action_space.shape}")
-        for e, action in enumerate(actions):  # here: one process must not step while another refuses
+        for e, action in enumerate(actions):  # checked here, or one process would step while another refuses
             self._actions.velocities(action, f"action of environment {e}")
-        answers = self._all("step", *[(actions[part],) for part in self._parts])
+        results = self._call("step", *[(actions[part],) for part in self._parts])
         infos: Info = {}
-        every = [(info, final) for answer in answers for info, final in zip(*answer[4:])]
-        for e, (info, final) in enumerate(every):
+        pairs = [(info, final) for result in results for info, final in zip(*result[4:])]
+        for e, (info, final) in enumerate(pairs):
             infos = self._add_info(self._add_info(infos, final, e), info, e)
-        rewards, ended, cut = (np.concatenate([answer[k] for answer in answers]) for k in (1, 2, 3))
-        return self._joined([seen for answer in answers for seen in answer[0]]), rewards, ended, cut, infos
+        rewards, terminated, truncated = (np.concatenate([result[k] for result in results]) for k in (1, 2, 3))
+        observations = self._stack([observation for result in results for observation in result[0]])
+        return observations, rewards, terminated, truncated, infos
 
-    def _joined(self, seen: list[Any]) -> Any:
-        """Observations in one array, or one for each part."""
-        return concatenate(self.single_observation_space, seen,
+    def _stack(self, observations: list[Any]) -> Any:
+        """Stack observations into one array, or into one for each part."""
+        return concatenate(self.single_observation_space, observations,
                            create_empty_array(self.single_observation_space, self.num_envs))
 
-    def _all(self, what: str, *arguments: tuple) -> list[Any]:
-        """Ask all batches at once."""
-        given = arguments or [()] * len(self._batches)
-        if len(self._batches) == 1 and isinstance(self._batches[0], GrainBatch):
-            return [asked(self._batches[0], what, given[0])]
+    def _call(self, method: str, *arguments: tuple) -> list[Any]:
+        """Call a method of all batches at once, with arguments for each; return their results."""
+        per_batch = arguments or [()] * len(self.batches)
+        if len(self.batches) == 1 and isinstance(self.batches[0], GrainBatch):
+            return [call_batch(self.batches[0], method, per_batch[0])]
         try:
-            for batch, these in zip(self._batches, given):
-                batch.send(what, these)
-            answers = [batch.receive() for batch in self._batches]
-        except BaseException:  # an answer that is left would be taken for that to a later question
+            for batch, these in zip(self.batches, per_batch):
+                batch.send(method, these)
+            results = [batch.receive() for batch in self.batches]
+        except BaseException:  # a result left in a pipe would be taken for that of a later request
             self.close()
             raise
-        for answer in answers:
-            if isinstance(answer, Failure):
-                raise answer.error from RobosimError(answer.where)
-        return answers
+        for result in results:
+            if isinstance(result, BatchError):
+                raise result.error from RobosimError(result.traceback)
+        return results
 
     def close_extras(self, **_: Any) -> None:
         """End the processes."""
-        for batch in self._batches:
-            if isinstance(batch, Remote):
+        for batch in self.batches:
+            if isinstance(batch, RemoteBatch):
                 batch.close()
-
-
-def asked(batch: GrainBatch, what: str, arguments: tuple) -> Any:
-    """What a batch answers."""
-    if what == "spaces":
-        return batch.observation_space, batch.actions
-    return getattr(batch, what)(*arguments)
-
-
-class Failure(NamedTuple):
-    """What came instead of an answer."""
-
-    error: Exception
-    where: str
-    """Its traceback in the other process."""
-
-
-class Remote:
-    """A batch in a process of its own."""
-
-    def __init__(self, name: str, n: int, *, first: int, **options: Any) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._here, there = context.Pipe()
-        self._process = context.Process(target=_serve, args=(there, name, n, options), daemon=True,
-                                        name=f"environments {first} to {first + n - 1}")
-        self._process.start()
-        there.close()
-
-    def send(self, what: str, arguments: tuple) -> None:
-        """Ask."""
-        with contextlib.suppress(OSError):  # the process has ended; `receive` says so
-            self._here.send((what, arguments))
-
-    def receive(self) -> Any:
-        """Its answer, or the error that came instead."""
-        try:
-            return self._here.recv()
-        except (EOFError, OSError):
-            self._process.join(1.0)
-            return Failure(RobosimError(f"the process of {self._process.name} ended with exit code "
-                                        f"{self._process.exitcode}"), "while it was asked")
-
-    def close(self) -> None:
-        """End the process."""
-        self._here.close()
-        self._process.join(5.0)
-        if self._process.is_alive():
-            self._process.terminate()
-            self._process.join()
-
-
-def _serve(pipe: Connection, name: str, n: int, options: dict[str, Any]) -> None:
-    """Answer until the other end closes."""
-    try:
-        batch = GrainBatch(name, n, **options)
-    except Exception as error:
-        batch, failure = None, Failure(error, traceback.format_exc())
-    else:
-        failure = None
-    while True:
-        try:
-            what, arguments = pipe.recv()
-        except (EOFError, KeyboardInterrupt):
-            return
-        try:
-            answer = failure if batch is None else asked(batch, what, arguments)
-        except KeyboardInterrupt:
-            return
-        except Exception as error:
-            answer = Failure(error, traceback.format_exc())
-        try:
-            pipe.send(answer)
-        except OSError:  # nobody is there any more
-            return

@@ -1,4 +1,4 @@
-"""What episodes of a sub-task run in: field, counter and observer, and the starts that are drawn for them."""
+"""The simulated world of a sub-task: field, counter and observer, and the random starts of episodes."""
 
 import itertools
 import math
@@ -9,23 +9,25 @@ import numpy as np
 import mpm
 from mpm.materials.stable_step import material_bound
 from robosim.config.materials import Law, law_of, load_material, overridden
-from robosim.envs.handover import Load, loaded, placed, state_of
-from robosim.envs.start import settled
+from robosim.envs.start import settled_state
 from robosim.errors import ConfigError, UnknownName
 from robosim.tasks.counting import TOOL, TaskCounter
+from robosim.tasks.field import build_solver, largest_step
+from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
 from robosim.tasks.observation import Layout, Observer
 from robosim.tasks.task import TaskConfig, load_task
-from robosim.tasks.task_field import build_solver, substep
 
 Ranges = dict[str, tuple[float, float]]
+"""Number of a material -> its lowest and highest value."""
 
 
 class World:
-    """A sub-task with a material; one environment runs in it, or several in turns.
+    """A sub-task with a material; one environment runs in it, or a batch of them.
 
-    name: of the file that its settled start is kept in. numbers: of the material, in place of its own. randomize:
-    ranges that episodes draw numbers of the material from. mobile: contact moves the tool, too. load: what another
-    sub-task has left in the tool, in place of the task's own grains and material.
+    name: of the file that the settled start is cached in. numbers: of the material, in place of its own. randomize:
+    ranges that each episode draws numbers of the material from. mobile: contact moves the tool, too. load: what
+    another sub-task has left in the tool, in place of the task's own grains and material.
+    Raises ConfigError, UnknownName for options that cannot be used.
     """
 
     def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None, obs: Layout = "flat",
@@ -35,31 +37,31 @@ class World:
             raise UnknownName("obs", obs, get_args(Layout))
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
         if load is not None:
-            self.task = loaded(name, self.task, load)
+            self.task = task_with_load(name, self.task, load)
         own = load.material if load is not None and material is None else load_material(material or self.task.material)
         self.material = overridden(own, numbers or {}, "option, or number of this material,")
-        self.randomize = self._ranges(randomize or {})
+        self.randomize = self._check_ranges(randomize or {})
         mpm.init()
-        self.load, places = load, None if load is None else placed(self.task, load)
-        self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, places=places,
+        self.load, positions = load, None if load is None else load_positions(self.task, load)
+        self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, positions=positions,
                                    volume=None if load is None else load.volume)
         self.counter = TaskCounter(self.task, self.solver)
         self.observer = Observer(self.task, self.solver, obs)
-        self.sample = mpm.Sample(self.solver, self.observer.chosen) if len(self.observer.chosen) else None
+        self.sample = mpm.Sample(self.solver, self.observer.grains) if len(self.observer.grains) else None
         self.counter.attach(self.sample)
         if load is None:
-            self._state = settled(name, self.task, self.material, self.solver)
+            self._settled = settled_state(name, self.task, self.material, self.solver)
         else:
-            self._state = state_of(self.task, load, self.solver)
-            self.solver.load(self._state)
+            self._settled = load_state(self.task, load, self.solver)
+            self.solver.load(self._settled)
 
-    def _ranges(self, randomize: Ranges) -> Ranges:
-        """The ranges, checked: known numbers, and no pair that the time step cannot follow."""
+    def _check_ranges(self, randomize: Ranges) -> Ranges:
+        """Return the ranges; raise ConfigError for a pair that is no range or needs a smaller time step."""
         for name, given in randomize.items():
             low, high = given if np.ndim(given) == 1 and len(given) == 2 else (math.nan, math.nan)
             if not low <= high:
                 raise ConfigError(f"randomize: {name} = {given!r}; accepted: (lowest, highest)")
-        dt = substep(self.task, law_of(self.material))
+        dt = largest_step(self.task, law_of(self.material))
         for corner in itertools.product(*randomize.values()):
             numbers = dict(zip(randomize, corner))
             bound = material_bound(self.task.field.cell, law_of(overridden(self.material, numbers)))
@@ -68,15 +70,18 @@ class World:
                                   f"take a softer or a heavier material")
         return dict(randomize)
 
-    def drawn_law(self, rng: np.random.Generator) -> Law | None:
-        """The material of an episode, None: as ever."""
+    def draw_law(self, rng: np.random.Generator) -> Law | None:
+        """Draw the material of an episode; None: it is not randomized."""
         if not self.randomize:
             return None
         numbers = {name: float(rng.uniform(*pair)) for name, pair in self.randomize.items()}
         return law_of(overridden(self.material, numbers))
 
-    def drawn_start(self, rng: np.random.Generator, *, nominal: bool) -> tuple[mpm.Pose, np.ndarray]:
-        """Where the tool begins, and by how much [m] (3,) a pile or container's grains are moved aside."""
+    def draw_start(self, rng: np.random.Generator, *, nominal: bool) -> tuple[mpm.Pose, np.ndarray]:
+        """Draw the tool's pose and the displacement [m] (3,) of grains that are not in the tool.
+
+        nominal: the task's own start, and nothing is drawn.
+        """
         start, action = self.task.start, self.task.action
         if nominal:
             return start.pose, np.zeros(3)
@@ -84,9 +89,12 @@ class World:
         pile = rng.uniform(-1.0, 1.0, 3) * start.pile_spread
         return mpm.Pose(np.clip(start.position + tool, action.lower, action.upper), start.pose.quaternion), pile
 
-    def placed(self, tool: mpm.Pose, pile: np.ndarray) -> dict[str, np.ndarray]:
-        """The settled state with the tool at a pose; grains in it go with it, others by `pile`."""
-        state, origin = dict(self._state), self.solver.grid.origin
+    def start_state(self, tool: mpm.Pose, pile: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the settled state with the tool at a pose.
+
+        Grains in the tool move with it; others are displaced by pile [m] (3,).
+        """
+        state, origin = dict(self._settled), self.solver.grid.origin
         if self.task.carried:
             local = self.task.start.pose.inverse().apply(state["x"] + origin)
             state["x"] = tool.apply(local) - origin
@@ -97,12 +105,15 @@ class World:
         return state
 
     def grains(self) -> np.ndarray:
-        """Observed grains (n, 6) of the solver's present state."""
+        """Return position [m] and velocity [m/s] of the observed grains (n, 6) in the solver's present state."""
         return self.sample.read() if self.sample is not None else np.zeros((0, 6), np.float32)
 
 
-def checked_options(options: dict[str, Any] | None) -> bool:
-    """Whether options of a reset ask for the nominal start."""
+def is_nominal_start(options: dict[str, Any] | None) -> bool:
+    """Return whether the options of a reset ask for the start without random displacement.
+
+    Raises UnknownName for an option that does not exist.
+    """
     unknown = set(options or {}) - {"nominal"}
     if unknown:
         raise UnknownName("option of reset", sorted(unknown)[0], ["nominal"])

@@ -1,4 +1,4 @@
-"""`robosim evaluate`: episodes of a policy on a sub-task, their scores as table, JSON and film."""
+"""`robosim evaluate`: episodes of a policy on a sub-task, their scores as text and JSON, and a film of the first."""
 
 import sys
 from pathlib import Path
@@ -10,41 +10,46 @@ from tqdm import tqdm
 from robosim.config.output import OutputFolder
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
-from robosim.evaluation.policies import learnt_with, policy
+from robosim.evaluation.policies import make_policy, training_options
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
 
 
 def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = None, seed: int = 0, film: bool = True,
              nominal: bool = False, **options: Any) -> int:
-    """Run episodes with seeds from `seed` on, or from the task's own start (None: five, or the one of them all that
-    begin alike); options go to the environment, which sees and holds as a policy's file says. Returns 0."""
+    """Run episodes of a policy, print their scores, and write evaluation.json and episode.mp4 into a folder.
+
+    name: of the policy, or its file, whose own options of the environment prevail. episodes: None: five, or one where
+    all are the same because they begin at the task's own start (nominal). seed: of the first; the next one's is one
+    higher. options: of the environment. Returns 0.
+    Raises ConfigError, UnknownName for what cannot be used, before any work.
+    """
     episodes = episodes or (1 if nominal else 5)
-    options |= learnt_with(name)
+    options |= training_options(name)
     made = make(task, render_mode="rgb_array" if film and out else None, **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
-    policy(name, env, seed)  # complain before any work
+    make_policy(name, env, seed)  # raises for a policy that does not fit
     folder = OutputFolder(out) if out else None
     if folder:
         folder.clear(("episode.mp4",))
     rows = []
     try:
         for k in tqdm(range(episodes), desc=f"{task}, {name}", file=sys.stderr):
-            writer = _writer(folder, env) if k == 0 and film else None
-            rows.append(_episode(env, name, seed + k, writer, nominal))
+            writer = _open_film(folder, env) if k == 0 and film else None
+            rows.append(_run_episode(env, name, seed + k, writer, nominal))
             if folder:
-                folder.write_json("evaluation.json", summary(task, name, rows))
+                folder.write_json("evaluation.json", summarize(task, name, rows))
     finally:
         made.close()
-    values = summary(task, name, rows)
+    values = summarize(task, name, rows)
     for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):
         print(f"{key:28s} {values[key]}")
     return 0
 
 
-def _writer(folder: OutputFolder | None, env: GrainEnv) -> Mp4Writer | None:
-    """The film's writer, or None with a word on why."""
+def _open_film(folder: OutputFolder | None, env: GrainEnv) -> Mp4Writer | None:
+    """Open the film's file; None, and the reason on stderr, where pictures cannot be drawn."""
     if folder is None:
         return None
     try:
@@ -55,15 +60,13 @@ def _writer(folder: OutputFolder | None, env: GrainEnv) -> Mp4Writer | None:
     return Mp4Writer(folder.path / "episode.mp4", fps=env.metadata["render_fps"])
 
 
-def _episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool) -> dict[str, Any]:
-    """One episode's figures; the film gets a frame per action."""
+def _run_episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool) -> dict[str, Any]:
+    """Run one episode and return its figures; the film takes a frame after each action."""
     env.reset(seed=seed, options={"nominal": nominal})
-    act, total, over, info = policy(name, env, seed), 0.0, False, {}
-    actions = []
+    policy, total, over, info = make_policy(name, env, seed), 0.0, False, {}
     try:
         while not over:
-            actions.append(act())
-            _, reward, terminated, truncated, info = env.step(actions[-1])
+            _, reward, terminated, truncated, info = env.step(policy())
             total, over = total + reward, terminated or truncated
             if writer is not None and (frame := env.render()) is not None:
                 writer.add(frame)
@@ -75,8 +78,11 @@ def _episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nomi
             **({"arm": info["arm"]} if "arm" in info else {})}
 
 
-def summary(task: str, name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Means and standard deviations over episodes, and the episodes."""
+def summarize(task: str, name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return means and standard deviations over episodes, and the episodes' own figures.
+
+    Readings of the arm are the largest of all episodes, because a single one may exceed a limit.
+    """
     values: dict[str, Any] = {"task": task, "policy": name, "episodes": rows}
     for key in ("return", "tcs"):
         numbers = [row[key] for row in rows]
@@ -84,6 +90,6 @@ def summary(task: str, name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
     values["success_rate"] = float(np.mean([row["is_success"] for row in rows]))
     for key in rows[0]["readings"]:
         values[f"readings.{key}"] = float(np.mean([row["readings"][key] for row in rows]))
-    for key in rows[0].get("arm", ()):  # what one episode alone asks of the arm is asked
+    for key in rows[0].get("arm", ()):
         values[f"arm.{key}"] = max(row["arm"][key] for row in rows)
     return values

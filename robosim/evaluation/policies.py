@@ -1,4 +1,4 @@
-"""What acts in an environment: nothing, chance, the task's script, recorded actions, a learned network."""
+"""Policies of an environment: none, random, scripted, recorded actions, a learned network."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,11 +14,15 @@ from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
 
 Policy = Callable[[], np.ndarray]
-"""The next action of the episode."""
+"""Returns the next action (dimensions,) of the episode."""
 
 
-def policy(name: str, env: GrainEnv, seed: int) -> Policy:
-    """The policy of one episode, by name or from a .npz file with the array `actions` (n, dimensions)."""
+def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
+    """Make the policy of one episode, by name or from a .npz file.
+
+    A file holds the array `actions` (n, dimensions), or a network as `robosim train` exports it.
+    Raises UnknownName for what is neither, ConfigError for a file that does not fit the environment.
+    """
     n = env.task.action.dimensions
     if name == "zero":
         return lambda: np.zeros(n, np.float32)
@@ -26,32 +30,36 @@ def policy(name: str, env: GrainEnv, seed: int) -> Policy:
         rng = np.random.default_rng(seed)
         return lambda: rng.uniform(-1.0, 1.0, n).astype(np.float32)
     if name == "scripted":
-        return Script(env)
+        return ScriptedPolicy(env)
     if name == "learned":
-        shipped = trained(env.TASK)
-        if shipped is None:
-            raise ConfigError(f"policy 'learned': none ships for {env.TASK or 'a task of your own'}; `robosim train` "
-                              f"learns one")
-        return Replay(shipped, _stored(shipped), env)
+        bundled = trained(env.TASK)
+        if bundled is None:
+            raise ConfigError(f"policy 'learned': there is no bundled motion for {env.TASK or 'this task'}; "
+                              f"`robosim train` learns one, give its .npz file")
+        return ReplayPolicy(bundled, _load(bundled), env)
     if Path(name).is_file():
-        stored = _stored(Path(name))
-        return Network(Path(name), stored, env) if "weight_0" in stored else Replay(Path(name), stored, env)
+        arrays = _load(Path(name))
+        return NetworkPolicy(Path(name), arrays, env) if "weight_0" in arrays else \
+            ReplayPolicy(Path(name), arrays, env)
     raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions`, or with a network")
 
 
-def learnt_with(name: str) -> dict[str, Any]:
-    """Options of the environment that the network or the motion in a file was learnt in; none for any other policy."""
+def training_options(name: str) -> dict[str, Any]:
+    """Return the environment's options that a policy file was learned with; none for any other policy.
+
+    Raises ConfigError for a file that cannot be read.
+    """
     if not Path(name).is_file():
         return {}
-    stored = _stored(Path(name))
-    kinds: dict[str, tuple[str, type]] = {"hold": ("action_repeat", int)}
-    if "weight_0" in stored:
-        kinds["obs"] = ("obs", str)
-    return {option: kind(stored[key]) for key, (option, kind) in kinds.items() if key in stored}
+    arrays = _load(Path(name))
+    options: dict[str, tuple[str, type]] = {"hold": ("action_repeat", int)}
+    if "weight_0" in arrays:
+        options["obs"] = ("obs", str)
+    return {option: kind(arrays[key]) for key, (option, kind) in options.items() if key in arrays}
 
 
-def _stored(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a .npz file."""
+def _load(path: Path) -> dict[str, np.ndarray]:
+    """Load the arrays of a .npz file; raise ConfigError for one that cannot be read."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             return dict(stored)
@@ -59,71 +67,77 @@ def _stored(path: Path) -> dict[str, np.ndarray]:
         raise ConfigError(f"{path}: cannot be read as a .npz file: {error}") from error
 
 
-class Script:
-    """Follows the poses of the task's script: smooth in time between them."""
+class ScriptedPolicy:
+    """Follows the waypoints of the task's script from where the tool is."""
 
     def __init__(self, env: GrainEnv) -> None:
-        self._env, self._way = env, env.task.way(env.carrier.commanded.position)
+        self._env, self._path = env, env.task.scripted_path(env.carrier.commanded.position)
 
     def __call__(self) -> np.ndarray:
         env, task, action = self._env, self._env.task, self._env.task.action
         now = env.carrier.commanded
-        held = min(env.action_repeat, task.steps - env.step_count) * task.step_dt
-        wanted = self._way.pose(env.step_count * task.step_dt + held)
-        velocity = (wanted.position - now.position) / (held * action.speed)
+        duration = min(env.action_repeat, task.steps - env.step_count) * task.step_dt
+        target = self._path.pose(env.step_count * task.step_dt + duration)
+        velocity = (target.position - now.position) / (duration * action.speed)
         if action.dimensions == 6:
-            turn = now.matrix @ relative_rotation(now.quaternion, wanted.quaternion)
-            velocity = np.concatenate([velocity, turn / (held * action.angular_speed)])
+            rotation = now.matrix @ relative_rotation(now.quaternion, target.quaternion)
+            velocity = np.concatenate([velocity, rotation / (duration * action.angular_speed)])
         return np.clip(velocity, -1.0, 1.0).astype(np.float32)
 
 
-class Replay:
-    """Recorded actions, one after the other; when they are used up, none. A file may say for how many steps each is
-    meant to be held, as `hold`."""
+class ReplayPolicy:
+    """Recorded actions, one after the other, and zeros after the last.
 
-    def __init__(self, path: Path, stored: dict[str, np.ndarray], env: GrainEnv) -> None:
-        if "actions" not in stored:
-            raise ConfigError(f"{path}: holds {', '.join(stored)}; accepted: an array `actions`, or `weight_0`, "
+    A file may state the steps that each action is meant for, as `hold`; the environment's action_repeat must divide it.
+    Raises ConfigError for actions of another shape, task or action_repeat.
+    """
+
+    def __init__(self, path: Path, arrays: dict[str, np.ndarray], env: GrainEnv) -> None:
+        if "actions" not in arrays:
+            raise ConfigError(f"{path}: holds {', '.join(arrays)}; accepted: an array `actions`, or `weight_0`, "
                               f"`bias_0` and so on")
-        dimensions, actions = env.task.action.dimensions, stored["actions"]
-        hold = int(stored.get("hold", env.action_repeat))
+        dimensions, actions = env.task.action.dimensions, arrays["actions"]
+        steps = int(arrays.get("hold", env.action_repeat))
         if actions.ndim != 2 or actions.shape[1] != dimensions:
             raise ConfigError(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions})")
-        made_for = str(stored.get("task", env.TASK))
-        if type(env).TASK and made_for != env.TASK:  # in a scene of their own people may try any motion
-            raise ConfigError(f"{path}: actions for {made_for}; accepted: for {env.TASK}")
-        if hold % env.action_repeat:
-            raise ConfigError(f"{path}: each action is held for {hold} steps; the environment acts every "
-                              f"{env.action_repeat}; accepted: an action_repeat that divides it")
-        self._actions = iter(np.repeat(np.asarray(actions, np.float32), hold // env.action_repeat, axis=0))
-        self._none = np.zeros(dimensions, np.float32)
+        recorded_for = str(arrays.get("task", env.TASK))
+        if type(env).TASK and recorded_for != env.TASK:  # a task file takes any motion that fits
+            raise ConfigError(f"{path}: actions for {recorded_for}; accepted: for {env.TASK}")
+        if steps % env.action_repeat:
+            raise ConfigError(f"{path}: its actions are for {steps} steps each; the environment acts every "
+                              f"{env.action_repeat}; accepted: an action_repeat that divides {steps}")
+        self._actions = iter(np.repeat(np.asarray(actions, np.float32), steps // env.action_repeat, axis=0))
+        self._zero = np.zeros(dimensions, np.float32)
 
     def __call__(self) -> np.ndarray:
-        return next(self._actions, self._none)
+        return next(self._actions, self._zero)
 
 
-class Network:
-    """A learned policy: layers W x + b, each followed by what `activations` names, the last one kept within -1 and 1 as
-    `bound` says; `obs` and `hold` are the environment's that it was learnt in."""
+class NetworkPolicy:
+    """A learned network: layers W x + b, each followed by the function that `activations` names.
+
+    `bound` names how the last layer is kept within -1 and 1; `obs` and `hold` are the layout and the action_repeat that
+    the network was learned with. Raises ConfigError for a network that does not fit the environment.
+    """
 
     FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
         "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
 
-    def __init__(self, path: Path, stored: dict[str, np.ndarray], env: GrainEnv) -> None:
-        names = [str(name) for name in stored.get("activations", [])]
+    def __init__(self, path: Path, arrays: dict[str, np.ndarray], env: GrainEnv) -> None:
+        names = [str(name) for name in arrays.get("activations", [])]
         try:
-            self._layers = [(stored[f"weight_{k}"], stored[f"bias_{k}"], self.FUNCTIONS[name])
+            self._layers = [(arrays[f"weight_{k}"], arrays[f"bias_{k}"], self.FUNCTIONS[name])
                             for k, name in enumerate(names)]
-            self._bounded = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(stored["bound"])]
+            self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
         except KeyError as error:
             raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
-        taken, given = self._layers[0][0].shape[1], env.observation_space.shape
-        if given != (taken,) or self._layers[-1][0].shape[0] != env.task.action.dimensions:
-            raise ConfigError(f"{path}: sees {taken} numbers, gives {self._layers[-1][0].shape[0]}; this environment "
-                              f"shows {given} and takes {env.task.action.dimensions}; it was learnt with obs="
-                              f"{stored.get('obs', '?')}, task {stored.get('task', '?')}")
-        if int(stored.get("hold", env.action_repeat)) != env.action_repeat:
-            raise ConfigError(f"{path}: learnt with action_repeat={stored['hold']}; the environment has "
+        inputs, outputs = self._layers[0][0].shape[1], self._layers[-1][0].shape[0]
+        if env.observation_space.shape != (inputs,) or outputs != env.task.action.dimensions:
+            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes "
+                              f"{env.observation_space.shape} and takes {env.task.action.dimensions}; the network was "
+                              f"learned with obs={arrays.get('obs', '?')} for {arrays.get('task', '?')}")
+        if int(arrays.get("hold", env.action_repeat)) != env.action_repeat:
+            raise ConfigError(f"{path}: learned with action_repeat={arrays['hold']}; the environment has "
                               f"{env.action_repeat}")
         self._env = env
 
@@ -131,4 +145,4 @@ class Network:
         x = self._env.observation
         for W, b, function in self._layers:
             x = function(W @ x + b)
-        return self._bounded(x).astype(np.float32)
+        return self._bound(x).astype(np.float32)

@@ -12,7 +12,7 @@ from robosim.config.resources import trained
 from robosim.envs.carrier import Carrier
 from robosim.errors import ConfigError
 from robosim.rehearsal.pose_sequences import SAMPLING
-from robosim.tasks.actions import Actions
+from robosim.tasks.actions import ActionScaling
 from robosim.tasks.task import TaskConfig, load_task
 
 
@@ -51,7 +51,7 @@ def shipped(config: RehearsalConfig, name: str) -> Path:
 def motion_of(path: Path, name: str, task: TaskConfig) -> Motion:
     """The motion of a file for a sub-task, from its nominal start to where it has done its work; raises ConfigError for
     a file that is none."""
-    scale, carrier = Actions(task), Carrier(task)
+    scale, carrier = ActionScaling(task), Carrier(task)
     poses = [carrier.restart(task.start.pose)]
     try:
         with np.load(path, allow_pickle=False) as stored:

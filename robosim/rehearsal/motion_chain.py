@@ -15,12 +15,12 @@ import robosim.envs  # noqa: F401  (registers the ids)
 from robosim.config.output import OutputFolder, aligned
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
-from robosim.envs.handover import Load, taken
 from robosim.errors import ConfigError
-from robosim.evaluation.policies import learnt_with, policy
+from robosim.evaluation.policies import make_policy, training_options
 from robosim.rehearsal.learned import shipped
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
+from robosim.tasks.handover import Load, take_load
 
 FRAME_RATE = 50
 """Frames a second: one for each action of ten steps of 2 ms."""
@@ -72,11 +72,11 @@ def played(task: str, path: Path, *, material: str | None = None, load: Load | N
            writer: Mp4Writer | None = None) -> tuple[dict[str, Any], Load | None]:
     """Figures of an episode, and what the tool holds after it; None where the field diverged, or nothing is held."""
     made = gymnasium.make(f"robosim/{task}-v0", material=material, load=load,
-                          render_mode="rgb_array" if writer else None, **learnt_with(str(path)))
+                          render_mode="rgb_array" if writer else None, **training_options(str(path)))
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
     env.reset(seed=0, options={"nominal": True})
-    act, over, info = policy(str(path), env, 0), False, {}
+    act, over, info = make_policy(str(path), env, 0), False, {}
     while not over:
         _, _, ended, cut, info = env.step(act())
         over = ended or cut
@@ -87,14 +87,14 @@ def played(task: str, path: Path, *, material: str | None = None, load: Load | N
               **info["readings"], "diverged": info.get("diverged")}
     turn = env.task.reward.turn
     if turn is not None:
-        angle = math.degrees(env.episode.turned())
+        angle = math.degrees(env.episode.tool_rotation())
         values |= {"turned_deg": angle, "wanted_deg": turn.angle_deg,
                    "relative_turn_error": abs(np.remainder(angle - turn.angle_deg + 180, 360) - 180)
                    / abs(turn.angle_deg)}
     left = None
     if not info.get("diverged"):
         try:
-            left = taken(env)
+            left = take_load(env)
             values["held"] = left.count
         except ConfigError:
             values["held"] = 0

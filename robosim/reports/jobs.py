@@ -1,4 +1,7 @@
-"""Work in processes of its own, each pinned to a core: a crash is one answer less, and seconds are not disturbed."""
+"""Jobs in processes of their own, each pinned to a core.
+
+A crash costs one result, and measured times are not disturbed by other jobs.
+"""
 
 import ctypes
 import json
@@ -12,71 +15,78 @@ from collections.abc import Iterator, Sequence
 from typing import IO, Any, NamedTuple
 
 PR_SET_PDEATHSIG = 1
-"""linux/prctl.h"""
+"""Option of prctl: the signal to get when the parent ends. Source: linux/prctl.h."""
 PARENT = "ROBOSIM_PARENT"
-"""Variable with the process that began this one."""
-Work = tuple[str, Sequence[str]]
-"""A module with a `main`, and the words that it is given; the core is added as the last."""
+"""Environment variable with the id of the process that started a job."""
+Job = tuple[str, Sequence[str]]
+"""A module with a `main` and its arguments; the core is added as the last one. It prints JSON on its last line."""
 
 
-def worked_off(waiting: Sequence[Work], jobs: int) -> Iterator[tuple[int, Any, str]]:
-    """Places in `waiting` as the work there comes to its end, with the JSON value of the last line that it printed, or
-    None and its last words."""
-    queue, active = list(enumerate(waiting)), {}
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
-    try:
-        while queue or active:
-            for core in cores[:jobs]:
-                if queue and core not in active:
-                    place, work = queue.pop(0)
-                    active[core] = (place, started(work, core))
-            time.sleep(0.02)
-            for core, (place, process) in list(active.items()):
-                if process.process.poll() is not None:
-                    del active[core]
-                    yield place, *answer(process)
-    finally:
-        for _, process in active.values():
-            process.process.kill()
-
-
-class Started(NamedTuple):
-    """A process, and where its words go."""
+class RunningJob(NamedTuple):
+    """A job's process and the files that take its output; a full pipe would stop it."""
 
     process: subprocess.Popen
-    said: IO[str]
-    complained: IO[str]
+    stdout: IO[str]
+    stderr: IO[str]
 
 
-def started(work: Work, core: int) -> Started:
-    """The process of a piece of work."""
-    said, complained = (tempfile.TemporaryFile("w+") for _ in range(2))  # noqa: SIM115  (a full pipe would stop it)
-    process = subprocess.Popen([sys.executable, "-m", work[0], *work[1], str(core)], stdout=said, stderr=complained,
+def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Any, str]]:
+    """Run jobs, as many at a time as there are processes, and yield each as it ends.
+
+    Yields its index, the JSON value of the last line on stdout, and "". Where there is no such value it is None, and
+    the last line on stderr, or how the process ended, is the reason.
+    """
+    waiting, running = list(enumerate(jobs)), {}
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+    try:
+        while waiting or running:
+            for core in cores[:processes]:
+                if waiting and core not in running:
+                    index, job = waiting.pop(0)
+                    running[core] = (index, _start(job, core))
+            time.sleep(0.02)
+            for core, (index, job) in list(running.items()):
+                if job.process.poll() is not None:
+                    del running[core]
+                    yield index, *_result(job)
+    finally:
+        for _, job in running.values():
+            job.process.kill()
+
+
+def _start(job: Job, core: int) -> RunningJob:
+    """Start a job's process."""
+    stdout, stderr = (tempfile.TemporaryFile("w+") for _ in range(2))  # noqa: SIM115  (closed with the result)
+    module, arguments = job
+    process = subprocess.Popen([sys.executable, "-m", module, *arguments, str(core)], stdout=stdout, stderr=stderr,
                                env={**os.environ, "OMP_NUM_THREADS": "1", PARENT: str(os.getpid())})
-    return Started(process, said, complained)
+    return RunningJob(process, stdout, stderr)
 
 
-def answer(started: Started) -> tuple[Any, str]:
-    """What a process said: a value, or why it ended."""
+def _result(job: RunningJob) -> tuple[Any, str]:
+    """Return the value that an ended job printed and "", or None and the reason."""
     lines = []
-    for file in (started.said, started.complained):
+    for file in (job.stdout, job.stderr):
         file.seek(0)
         lines.append(file.read().strip().splitlines())
         file.close()
-    code = started.process.wait()
+    code = job.process.wait()
     if code < 0:
         return None, f"killed by signal {-code}"
     try:
         return json.loads(lines[0][-1]), ""
     except (IndexError, ValueError):
-        return None, (lines[1] or [f"ended with {code}"])[-1]
+        return None, (lines[1] or [f"ended with exit code {code}"])[-1]
 
 
-def pin(core: str) -> None:
-    """Keep this process on a core, and let it end with the one that began it, where the system can."""
+def pin_to_core(core: str) -> None:
+    """Pin this process to a core and, on Linux, end it together with the process that started it.
+
+    A job that outlived a killed report would disturb the times measured on its core.
+    """
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {int(core)})
-    if sys.platform == "linux":  # a killed report would leave its case behind, on the core that the next one times on
+    if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.environ.get(PARENT, str(os.getppid())) != str(os.getppid()):  # it was gone before
+        if os.environ.get(PARENT, str(os.getppid())) != str(os.getppid()):  # the parent ended before prctl
             raise SystemExit(1)

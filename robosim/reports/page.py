@@ -1,4 +1,4 @@
-"""A page that needs nothing but itself: pictures as SVG inside it, tables that sort where their head is clicked."""
+"""Self-contained HTML pages: plots as inline SVG, tables that sort by the column whose head is clicked."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -28,55 +28,62 @@ for (const head of document.querySelectorAll("th")) head.onclick = () => {
 """
 
 
+STATUSES = ("pass", "fail", "not run", "stable", "refused", "unstable")
+"""Words that a table shows in a colour of their own."""
+HeatCell = tuple[str, str, str]
+"""Text of a cell, its status, and its tooltip."""
+
+
 class Page:
-    """Parts of a page, top to bottom."""
+    """A page, built from top to bottom, with the command, commit and machine in its header."""
 
     def __init__(self, title: str) -> None:
         self.title, self._parts = title, []
-        told = provenance()
-        rows = "".join(f"<br><small>{escape(key)}: {escape(value)}</small>" for key, value in told.items()
+        made_by = provenance()
+        rows = "".join(f"<br><small>{escape(key)}: {escape(value)}</small>" for key, value in made_by.items()
                        if key != "command")
-        self._parts.append(f"<header><h1>{escape(title)}</h1><code>{escape(told['command'])}</code>{rows}</header>")
+        self._parts.append(f"<header><h1>{escape(title)}</h1><code>{escape(made_by['command'])}</code>{rows}</header>")
 
-    def heading(self, text: str) -> None:
-        """A heading."""
+    def add_heading(self, text: str) -> None:
+        """Add a heading."""
         self._parts.append(f"<h2>{escape(text)}</h2>")
 
-    def text(self, text: str) -> None:
-        """A paragraph."""
+    def add_text(self, text: str) -> None:
+        """Add a paragraph."""
         self._parts.append(f"<p>{escape(text)}</p>")
 
-    def picture(self, svg: str, under: str = "") -> None:
-        """A plot."""
-        self._parts.append(f"<figure>{svg}<figcaption><small>{escape(under)}</small></figcaption></figure>")
+    def add_plot(self, svg: str, caption: str = "") -> None:
+        """Add a plot with a caption."""
+        self._parts.append(f"<figure>{svg}<figcaption><small>{escape(caption)}</small></figcaption></figure>")
 
-    def table(self, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """A table; numbers are shown with four digits and sorted by their value, verdicts are coloured."""
-        body = "".join(f"<tr>{''.join(cell(value) for value in row)}</tr>" for row in rows)
+    def add_table(self, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+        """Add a table; numbers have four digits and sort by value, statuses are coloured."""
+        body = "".join(f"<tr>{''.join(_table_cell(value) for value in row)}</tr>" for row in rows)
         self._parts.append(f"<table><thead><tr>{''.join(f'<th>{escape(h)}</th>' for h in head)}</tr></thead>"
                            f"<tbody>{body}</tbody></table>")
 
-    def heat(self, rows: dict[str, list[tuple[str, str, str]]]) -> None:
-        """Rows of coloured cells: (words in it, verdict, words when the pointer rests on it)."""
+    def add_heat_map(self, rows: dict[str, list[HeatCell]]) -> None:
+        """Add rows of cells, coloured by status, with tooltips."""
         width = max(map(len, rows.values()), default=0)
         body = "".join(
             f"<tr><th>{escape(name)}</th>" + "".join(
-                f'<td class="{escape(kind)}" title="{escape(more)}">{escape(text)}</td>' for text, kind, more in cells)
+                f'<td class="{escape(status)}" title="{escape(tooltip)}">{escape(text)}</td>'
+                for text, status, tooltip in cells)
             + "<td></td>" * (width - len(cells)) + "</tr>" for name, cells in rows.items())
         self._parts.append(f"<table class=heat><tbody>{body}</tbody></table>")
 
     def html(self) -> str:
-        """The whole."""
+        """Return the page as HTML."""
         return (f"<!doctype html><html lang=en><meta charset=utf-8><title>{escape(self.title)}</title>"
                 f"<style>{STYLE}</style>{''.join(self._parts)}<script>{SCRIPT}</script></html>")
 
 
-def cell(value: object) -> str:
-    """A cell of a table."""
+def _table_cell(value: object) -> str:
+    """Return a value as a cell of a table."""
     if value is None:
         return "<td></td>"
     if isinstance(value, float | int) and not isinstance(value, bool):
         return f'<td class=number data-value="{value!r}">{value:.4g}</td>'
-    words = str(value)
-    kind = words.replace(" ", "-") if words in ("pass", "fail", "not run", "stable", "refused", "unstable") else ""
-    return f'<td class="{kind}">{escape(words)}</td>'
+    text = str(value)
+    css_class = text.replace(" ", "-") if text in STATUSES else ""
+    return f'<td class="{css_class}">{escape(text)}</td>'

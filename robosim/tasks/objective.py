@@ -1,7 +1,7 @@
-"""A sub-task's reward as a loss that can be differentiated: distances, turn, and what draws a tool to its material.
+"""Differentiable counterpart of a sub-task's reward, for demonstrations by gradient descent.
 
-As in the paper, terms that count grains are left out: they have no slope. Collisions are counted in the reward, too;
-here they become depths.
+Terms that count grains have no gradient and are left out (arXiv 2406.09178, Algorithm 2). Two terms are added: the
+distance from the tool to its material, and the depth by which the tool enters a container's clearance.
 """
 
 import math
@@ -13,37 +13,40 @@ from robosim.shapes import tool_shape
 from robosim.tasks.counting import container_points, observed_grains, whole_tool_sdf
 from robosim.tasks.task import TaskConfig
 
-DRAWN = 0.3
-"""What the distance [in references] from a tool to its material costs, as a share of the reward's total."""
-KEPT_OFF, DEEP = 0.004, 0.01
-"""Distance [m] of a tool to a container from which on it costs, and how much nearer it costs what a collision does in
-the reward: steeper, a brush with the wall outweighs every slope of the grains."""
-LOOSE = 0.35
-"""Share of an episode after which a tool that scoops is not drawn to what it leaves behind."""
+ATTRACTION = 0.3
+"""Weight of the tool's distance to its material, as a share of the reward's total per reference distance."""
+ATTRACTION_SHARE = 0.35
+"""Share of an episode in which a scooping tool is attracted; later it would follow the grains it leaves behind."""
+CLEARANCE, COLLISION_DEPTH = 0.004, 0.01
+"""Distance [m] from tool to container below which the loss grows, and depth [m] below that which costs as much as a
+collision does in the reward. A steeper slope would let a brush with the wall outweigh every gradient of the grains."""
 
 
-def objective(task: TaskConfig) -> Loss:
-    """The loss of an episode: minus the reward's distance term, up to its constant, and the error of the turn; the
-    count of what was poured out becomes its height above the plane below which it counts."""
+def build_objective(task: TaskConfig) -> Loss:
+    """Build the loss of an episode from a task's reward.
+
+    It is minus the reward's distance term up to a constant, plus the error of the tool's rotation. Where grains are
+    poured, the height of each grain above the bounds' lower plane replaces the count of poured grains.
+    """
     distance, n = task.reward.distance, task.grains.counted
     scale = distance.total / (task.steps * n * distance.reference)
-    chosen = None if task.grains.elites else observed_grains(task)
-    parts: list[Loss] = [WeightedDistance(np.array(task.goal), np.array(distance.weights), chosen, scale,
+    counted = None if task.grains.elites else observed_grains(task)
+    terms: list[Loss] = [WeightedDistance(np.array(task.goal), np.array(distance.weights), counted, scale,
                                           task.grains.elites)]
     if task.kind == "pour":
         plane = task.bounds.centre[2] - task.bounds.half[2]
-        fallen = 2.0 * task.reward.poured / (task.steps * (task.start.position[2] - plane))
-        parts.append(Above(plane, chosen, fallen))
+        per_metre = 2.0 * task.reward.poured / (task.steps * (task.start.position[2] - plane))
+        terms.append(Above(plane, counted, per_metre))
     turn = task.reward.turn
     if turn is not None:
-        parts.append(Turned(task.start.pose.matrix, math.radians(turn.angle_deg), task.steps, turn.scale))
+        terms.append(Turned(task.start.pose.matrix, math.radians(turn.angle_deg), task.steps, turn.scale))
     if not task.carried:
         interior = tool_shape(task.tool).interior
-        drawn = np.full(task.steps, DRAWN * distance.total / (task.steps * distance.reference))
+        weights = np.full(task.steps, ATTRACTION * distance.total / (task.steps * distance.reference))
         if task.kind == "scoop":
-            drawn[round(LOOSE * task.steps) :] = 0.0
-        parts.append(Attraction(np.array(interior.centre), chosen, 0.0, drawn))
+            weights[round(ATTRACTION_SHARE * task.steps) :] = 0.0
+        terms.append(Attraction(np.array(interior.centre), counted, 0.0, weights))
     points = container_points(task)
     if points is not None:
-        parts.append(Clear(points, whole_tool_sdf(task), KEPT_OFF, -task.reward.collision / DEEP))
-    return Sum(tuple(parts))
+        terms.append(Clear(points, whole_tool_sdf(task), CLEARANCE, -task.reward.collision / COLLISION_DEPTH))
+    return Sum(tuple(terms))

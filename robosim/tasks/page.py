@@ -1,78 +1,170 @@
-"""The page of an environment: its docstring, made of the same configuration that the code runs on."""
+"""The page of an environment, its docstring: made from the configuration that the environment runs on.
 
+Headings and tables follow Gymnasium's environment pages.
+"""
+
+import numpy as np
+
+import mpm
+from robosim.config.materials import law_of, load_material
+from robosim.tasks.field import largest_step
+from robosim.tasks.observation import grain_bounds, tool_bounds
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import RegionConfig, TaskConfig, load_task
 
-PAGE = """{description}
+PAGE = """{summary}
 
-    env = gymnasium.make("robosim/{name}-v0", material="{material}")
+## Description
+{count} grains of {material} and a {tool}, which the agent moves. An episode has {steps} steps of {step_dt} s; each
+action is repeated for `action_repeat` of them, 10 by default, so that an episode takes {decisions} actions.
 
-An episode is {steps} steps of {step_dt} s; an action is held for `action_repeat` (default 10) of them.
+```python
+import gymnasium, robosim
+env = gymnasium.make("robosim/{name}-v0")
+```
 
-Action: Box(-1, 1, ({n},)), velocities of the tool in world axes.
+## Action Space
+`Box(-1, 1, ({n},), float32)`: velocities of the tool in world axes, z up. The origin of the tool's frame stays in the
+box from {lower} m to {upper} m.
 
-| component | 1 means |
-|---|---|
+| Num | Action | Min | Max | Unit of 1 |
+|---|---|---|---|---|
 {actions}
 
-Observation (obs="flat"): float32; `env.unwrapped.observation_slices` tells what stands where. Positions [m] and
-velocities [m/s] of {observed} of {count} grains, the tool's {pose}, the share of the episode that has passed.
-Other layouts: "dict", "moments", "positions", "velocities", "none", "all".
+## Observation Space
+`Box(({size},), float32)` with `obs="flat"`; `env.unwrapped.observation_slices` names the parts. World frame.
 
-Reward: the sum of the terms below over the steps of a held action; `info["reward_terms"]` has each.
-`info["tcs"]`, `info["tcs_terms"]`: the score so far, without distance and contact.
+| Num | Observation | Min | Max | Unit |
+|---|---|---|---|---|
+{observations}
 
-| term | per | value |
+Other layouts: "dict" (a `Dict` of particles, tool and time), "moments" (statistics of all grains), "positions",
+"velocities", "none" (no grains) and "all" (every grain).
+
+## Rewards
+The sum of these terms over the steps of an action; `info["reward_terms"]` has each of them.
+
+| Term | Per | Value |
 |---|---|---|
 {terms}
 
-Score of a tool that never moves {worst:.2f}, of a perfect motion {best:.2f}. Success: {success}.
-Start: the tool at {start} m, {spread}; grains settled, {material} unless `material` says otherwise.
-Target: {target}. Lost grains: outside {bounds}.
+`info["tcs"]` is the task completion score, the sum of all terms but distance and contact over the episode;
+`info["tcs_terms"]` has its parts. A tool that never moves scores {worst:.2f}, a perfect motion {best:.2f}.
+`info["is_success"]` holds with {success}.
+Target: {target}. A grain is lost outside {bounds}, unless the tool holds it.
+
+## Starting State
+The grains are settled and at rest. The tool's frame is at {start} m, displaced at random by at most {spread} m along
+each axis; `reset(options={{"nominal": True}})` leaves the displacement out.
+
+## Episode End
+Terminated: after {steps} steps, or when the simulation diverges (`info["diverged"]` has the reason, the terms are the
+worst there are, and the observation is the last finite one).
+Truncated: after {steps} steps instead, with `horizon="truncate"`.
+
+## Arguments
+| Argument | Default | Meaning |
+|---|---|---|
+| `material` | "{material}" | a material of configs/materials, or the path of a .yaml file |
+| `action_repeat` | 10 | steps that an action is repeated for |
+| `obs` | "flat" | layout of the observation |
+| `horizon` | "terminate" | "terminate" or "truncate": how an episode of full length ends |
+| `clip_actions` | False | clip finite actions outside -1 to 1 instead of raising ConfigError |
+| `randomize` | None | number of the material -> (lowest, highest), drawn for every episode |
+| `arm` | False | the whole arm carries the tool, with two-way coupling |
+| `grasp` | "weld" | "weld" or "friction": how the arm's hand holds the tool |
+| `render_mode` | None | "rgb_array" or "human" |
+| `camera` | "task" | "task", "side", "overview" or "close" |
+| `task` | None | a TaskConfig or a task's .yaml file of the same kind and tool |
+| any number of the material | its own | such as `E=2e5` [Pa] or `friction_angle_deg=25.0` |
+
+## Version History
+* v0: initial version
 """
 
 
-def page(name: str) -> str:
-    """The text for a sub-task."""
+def build_page(name: str) -> str:
+    """Write the page of a sub-task, by name or file. Raises ConfigError for a file that cannot be used."""
     task = load_task(name)
     worst, best = Reward(task).extremes()
-    n = task.action.dimensions
-    rows = [f"| {axis} | {task.action.speed} m/s |" for axis in "xyz"]
-    rows += [f"| turn about {axis} | {task.action.angular_speed} rad/s |" for axis in "xyz"[: n - 3]]
-    success = f"{task.success.delivered:.0%} of {task.grains.counted} grains on the target"
-    if task.success.turn_error_deg is not None:
-        success += f", turned to within {task.success.turn_error_deg:g} deg"
+    observations, size = _observation_rows(task)
     return PAGE.format(
-        name=name, description=task.description[0].upper() + task.description[1:] + ".", material=task.material,
-        steps=task.steps, step_dt=task.step_dt, n=n, actions="\n".join(rows), count=task.grains.count,
-        observed=task.grains.count // task.grains.observe_every, worst=worst, best=best, success=success,
-        pose="position" if n == 3 else "position and quaternion (w, x, y, z)", terms="\n".join(_terms(task)),
-        start=task.start.position, spread=f"displaced at random by at most {task.start.spread} m",
-        target=_region(task.target), bounds=_region(task.bounds))
+        summary=task.description[0].upper() + task.description[1:] + ".", name=name, material=task.material,
+        tool=task.tool, count=task.grains.count, steps=task.steps, step_dt=task.step_dt,
+        decisions=-(-task.steps // 10), n=task.action.dimensions, lower=task.action.lower, upper=task.action.upper,
+        actions=_table(_action_rows(task)), observations=_table(observations), size=size,
+        terms=_table(_term_rows(task)), worst=worst, best=best, success=_success(task), start=task.start.position,
+        spread=task.start.spread, target=_region(task.target), bounds=_region(task.bounds))
 
 
-def _terms(task: TaskConfig) -> list[str]:
-    """Rows of the table of rewards."""
-    weights, n, distance = task.reward, task.grains.counted, task.reward.distance
-    reward = Reward(task)
-    which = "grains closest to the goal" if task.grains.elites else "observed grains"
-    rows = [f"| distance | step | {reward.beta:.4g} ({reward.gamma:.4g} - sum over the {n} {which} of "
-            f"{distance.weights} . abs(x - {task.goal})) |"]
+def _table(rows: list[tuple[object, ...]]) -> str:
+    """Format the rows of a table."""
+    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows)
+
+
+def _action_rows(task: TaskConfig) -> list[tuple[object, ...]]:
+    """Return the rows of the table of actions."""
+    action = task.action
+    rows = [(f"velocity along {axis}", f"{action.speed} m/s") for axis in "xyz"]
+    rows += [(f"angular velocity about {axis}", f"{action.angular_speed} rad/s")
+             for axis in "xyz"[: action.dimensions - 3]]
+    return [(k, quantity, -1, 1, unit) for k, (quantity, unit) in enumerate(rows)]
+
+
+def _observation_rows(task: TaskConfig) -> tuple[list[tuple[object, ...]], int]:
+    """Return the rows of the table of observations, and the number of entries of one."""
+    field, n = task.field, task.grains.count // task.grains.observe_every
+    grid = mpm.Grid(field.region_lower, field.region_upper, field.cell)
+    lower, upper = grain_bounds(grid, largest_step(task, law_of(load_material(task.material))))
+    tool = tool_bounds(task, grid)
+    begin = 6 * n
+    rows: list[tuple[object, ...]] = [
+        ("6 k to 6 k + 2", f"position of grain k, of {n} of {task.grains.count} grains",
+         _vector(lower[:3]), _vector(upper[:3]), "m"),
+        ("6 k + 3 to 6 k + 5", "velocity of grain k", _vector(lower[3:]), _vector(upper[3:]), "m/s"),
+        (f"{begin} to {begin + 2}", "position of the tool's frame", _vector(tool[0][:3]), _vector(tool[1][:3]), "m")]
+    if task.action.dimensions == 6:
+        rows.append((f"{begin + 3} to {begin + 6}", "its quaternion (w, x, y, z)", "-1.01", "1.01", "1"))
+    size = begin + len(tool[0]) + 1
+    return [*rows, (size - 1, "share of the episode that is over", 0, 1, "1")], size
+
+
+def _vector(values: np.ndarray) -> str:
+    """Format a vector with three digits."""
+    return f"({', '.join(f'{value:.3g}' for value in values)})"
+
+
+def _success(task: TaskConfig) -> str:
+    """Describe what counts as success."""
+    words = f"{task.success.delivered:.0%} of {task.grains.counted} grains on the target"
+    if task.success.turn_error_deg is not None:
+        words += f" and the tool rotated to within {task.success.turn_error_deg:g} deg"
+    return words
+
+
+def _term_rows(task: TaskConfig) -> list[tuple[object, ...]]:
+    """Return the rows of the table of rewards."""
+    weights, n, distance, reward = task.reward, task.grains.counted, task.reward.distance, Reward(task)
+    counted = "grains closest to the goal" if task.grains.elites else "observed grains"
+    rows: list[tuple[object, ...]] = [
+        ("distance", "step", f"{reward.beta:.4g} ({reward.gamma:.4g} - sum over the {n} {counted} of "
+         f"{distance.weights} . abs(x - {task.goal}))")]
     if task.kind == "pour":
-        return [*rows, f"| target | grain that leaves the bounds | +{weights.target} over the target, else "
-                f"-{weights.target} |", f"| poured | grain, last step | +{weights.poured} outside the bounds, else "
-                f"-{weights.poured} |"]
-    rows += [f"| lost | grain that leaves the bounds | {weights.lost} |",
-             f"| target | grain of the {n}, last step | +{weights.target} on the target, else -{weights.target} |"]
+        return [*rows, ("target", "grain that leaves the bounds",
+                        f"+{weights.target} over the target, else -{weights.target}"),
+                ("poured", "grain, last step", f"+{weights.poured} outside the bounds, else -{weights.poured}")]
+    rows += [("lost", "grain that leaves the bounds", weights.lost),
+             ("target", f"grain of the {n}, last step", f"+{weights.target} on the target, else -{weights.target}")]
     if weights.turn is not None:
         turn = weights.turn
-        rows += [f"| contact | grain that touches the tool, step | +{weights.contact} |",
-                 f"| collision | step in which the tool hits the container | {weights.collision} |",
-                 f"| turn | last step | {turn.scale:g} ({turn.margin:g} - abs(angle - {turn.angle_deg:g} deg), rad) |"]
+        rows += [("contact", "grain that touches the tool, step", f"+{weights.contact}"),
+                 ("collision", "step in which the tool hits the container", weights.collision),
+                 ("turn", "last step", f"{turn.scale:g} ({turn.margin:g} - abs(rotation - {turn.angle_deg:g} deg)), "
+                  f"in rad")]
     return rows
 
 
 def _region(region: RegionConfig) -> str:
-    """A region in words."""
+    """Describe a region."""
     shape = "cylinder" if region.round else "box"
     return f"a {shape} about {region.centre} m with half sizes {region.half} m"

@@ -36,10 +36,10 @@ def compared(page: Page, old: dict[str, Any], new: dict[str, Any]) -> list[list[
                 rows.append([*named(run), name, was["errors"][name], now["errors"][name], error,
                              was["seconds"], now["seconds"], seconds])
     rows.sort(key=lambda row: -size(float(str(row[5]))))
-    page.heading("Since the other report")
-    page.text(f"{whose} before; runs whose error or seconds changed "
+    page.add_heading("Since the other report")
+    page.add_text(f"{whose} before; runs whose error or seconds changed "
               f"by more than {NOTABLE - 1:.0%}. Below 1 is better.")
-    page.table(["case", "choices", "error of", "before", "now", "ratio", "seconds before", "now", "ratio"], rows)
+    page.add_table(["case", "choices", "error of", "before", "now", "ratio", "seconds before", "now", "ratio"], rows)
     return rows
 
 

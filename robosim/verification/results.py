@@ -10,8 +10,8 @@ from typing import Any
 from tqdm import tqdm
 
 from robosim.errors import ConfigError
-from robosim.reports.jobs import worked_off
-from robosim.reports.provenance import version_of
+from robosim.reports.jobs import run_jobs
+from robosim.reports.provenance import code_digest
 from robosim.verification.cases import find, module_name
 from robosim.verification.cases.record import Record
 
@@ -40,7 +40,7 @@ class Run:
 
 def planned(names: list[str], quick: bool) -> list[Run]:
     """Runs of cases, with the version of the code as it is now."""
-    return [Run(name, choices, version_of(module_name(name))) for name in names
+    return [Run(name, choices, code_digest(module_name(name))) for name in names
             for choices in (find(name).QUICK if quick else find(name).SWEEP)]
 
 
@@ -78,7 +78,7 @@ def carried_out(runs: list[Run], path: Path, jobs: int) -> list[Run]:
     waiting = [run for run in runs if run.key not in known]
     progress = tqdm(initial=len(runs) - len(waiting), total=len(runs), unit="run", file=sys.stderr)
     work = [("robosim.verification.run_one", (run.case, json.dumps(run.choices))) for run in waiting]
-    for place, found, failed in worked_off(work, jobs):
+    for place, found, failed in run_jobs(work, jobs):
         record = Record(**found) if found is not None else None
         run = replace(waiting[place], record=record, failed=failed)
         written(path, run)

@@ -9,7 +9,7 @@ import warnings
 from dataclasses import asdict
 
 import mpm
-from robosim.reports.jobs import pin
+from robosim.reports.jobs import pin_to_core
 from robosim.verification.cases import find
 from robosim.verification.stability.field import judged
 
@@ -17,7 +17,7 @@ from robosim.verification.stability.field import judged
 def main() -> None:
     """Run it."""
     *words, core = sys.argv[1:]
-    pin(core)
+    pin_to_core(core)
     mpm.init()
     if words[0] == "--cell":
         print(json.dumps(asdict(judged(words[1], json.loads(words[2])))))

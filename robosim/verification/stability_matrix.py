@@ -10,9 +10,9 @@ from tqdm import tqdm
 
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError
-from robosim.reports.jobs import worked_off
+from robosim.reports.jobs import run_jobs
 from robosim.reports.page import Page
-from robosim.reports.provenance import provenance, version_of
+from robosim.reports.provenance import code_digest, provenance
 from robosim.verification.analysis import finite
 from robosim.verification.stability.cell import Verdict
 from robosim.verification.stability.field import AXES, axis_named
@@ -35,12 +35,12 @@ def stability(axes: list[str], out: Path, jobs: int = 1) -> int:
     holds, judged by the same code, are not judged again."""
     cells = [(axis, value) for axis in axes or AXES for value in axis_named(axis)[1]]
     folder = OutputFolder(out)
-    code = version_of("robosim.verification.stability.field")
+    code = code_digest("robosim.verification.stability.field")
     known = {key(v["axis"], v["value"]): v for v in stored(folder.path / "stability.json", code)}
     waiting = [(axis, value) for axis, value in cells if key(axis, value) not in known]
     work = [("robosim.verification.run_one", ("--cell", axis, json.dumps(value))) for axis, value in waiting]
     progress = tqdm(initial=len(cells) - len(waiting), total=len(cells), unit="cell", file=sys.stderr)
-    for place, found, failed in worked_off(work, jobs):
+    for place, found, failed in run_jobs(work, jobs):
         axis, value = waiting[place]
         ended = Verdict(axis, value, "unstable", f"{ENDED}{failed}")
         known[key(axis, value)] = finite(found) or asdict(ended)
@@ -77,16 +77,16 @@ def drawn(verdicts: list[dict[str, Any]]) -> Page:
     """The page: heat map first."""
     page = Page("Stiff and extreme cases")
     counts = {kind: sum(v["verdict"] == kind for v in verdicts) for kind in ("stable", "refused", "unstable")}
-    page.text(", ".join(f"{n} {kind}" for kind, n in counts.items()) + ". Rest the pointer on a cell for its readings.")
+    page.add_text(", ".join(f"{n} {kind}" for kind, n in counts.items()) + ". Point at a cell for its readings.")
     rows: dict[str, list[tuple[str, str, str]]] = {}
     for v in verdicts:
         readings = "\n".join(f"{name} {value:.4g}" for name, value in v["readings"].items() if value is not None)
         rows.setdefault(v["axis"], []).append((str(v["value"]), v["verdict"], f"{v['reason']}\n{readings}".strip()))
-    page.heat(rows)
-    page.heading("What stable means")
+    page.add_heat_map(rows)
+    page.add_heading("What stable means")
     for what, words in DEFINITIONS.items():
-        page.text(f"{what}: {words}.")
-    page.heading("Every cell")
-    page.table(["axis", "value", "verdict", "reason"],
+        page.add_text(f"{what}: {words}.")
+    page.add_heading("Every cell")
+    page.add_table(["axis", "value", "verdict", "reason"],
                [[v["axis"], v["value"], v["verdict"], v["reason"]] for v in verdicts])
     return page

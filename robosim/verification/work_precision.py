@@ -66,29 +66,29 @@ def summed_up(results: dict[str, Any], path: Path, quick: bool) -> int:
 def drawn(results: dict[str, Any], runs: list[Run], others: dict[str, Any] | None, speed: float | None) -> Page:
     """The page."""
     page = Page("Error against run time")
-    page.heading("Claims")
-    page.table(["case", "claim", "found", "from", "to", "verdict"],
+    page.add_heading("Claims")
+    page.add_table(["case", "claim", "found", "from", "to", "verdict"],
                [[name, c["claim"], c["found"], c["low"], c["high"], c["verdict"]] for name, result in results.items()
                 for c in result["claims"]])
     for name, result in results.items():
-        page.heading(name)
-        page.text(f"Reference: {result['source']}")
+        page.add_heading(name)
+        page.add_text(f"Reference: {result['source']}")
         records = [run.record for run in runs if run.case == name and run.record is not None]
         if records:
-            page.picture(diagram(name, records, others, speed), "Seconds after compilation, on one core.")
+            page.add_plot(diagram(name, records, others, speed), "Seconds after compilation, on one core.")
             rows = []
             for one in result["series"]:
                 rows.append([one["label"], len(one["points"]), ", ".join(f"{o:.2f}" for o in one["orders"]),
                              one["seconds_to_1_percent"], min(p[1] for p in one["points"])])
-            page.table(["series", "runs", "observed orders", "seconds to 1 %", f"least {result['headline']}"], rows)
+            page.add_table(["series", "runs", "observed orders", "seconds to 1 %", f"least {result['headline']}"], rows)
             keys = sorted({key for r in records for key in r.choices})
             errors = sorted({key for r in records for key in r.errors})
-            page.table([*keys, "grains", "steps", "seconds", "compiling [s]", "memory [MB]", *errors],
+            page.add_table([*keys, "grains", "steps", "seconds", "compiling [s]", "memory [MB]", *errors],
                        [[*(str(r.choices.get(key, "")) if not isinstance(r.choices.get(key), float)
                            else r.choices[key] for key in keys), r.particles, r.steps, r.seconds, r.compile_seconds,
                          r.peak_bytes / 1e6, *(r.errors.get(key) for key in errors)] for r in records])
         for failed in result["failed"]:
-            page.text(f"No result at {told(failed['choices'])}: {failed['reason']}")
+            page.add_text(f"No result at {told(failed['choices'])}: {failed['reason']}")
     return page
 
 
@@ -101,15 +101,15 @@ def diagram(name: str, records: list, others: dict[str, Any] | None, speed: floa
         points = [(r.seconds, max(abs(value(r, module.HEADLINE)), 1e-17)) for r in members]
         words = [f"{told(r.choices)}\n{r.particles} grains, {r.steps} steps\n{r.seconds:.3g} s, "
                  f"{module.HEADLINE} {value(r, module.HEADLINE):.3g}" for r in members]
-        plot.line(points, words, label)
+        plot.add_series(points, words, label)
         everything += points
-    plot.front([everything[k] for k in front(everything)])
+    plot.add_front([everything[k] for k in front(everything)])
     if name == "column_collapse" and others is not None:
         draw_peers(plot, others, speed)
     bounds = [check.high for check in module.CHECKS if isinstance(check, Within) and check.name == module.HEADLINE
               and check.high > 0]
     if bounds:
-        plot.band(min(bounds))
+        plot.add_band(min(bounds))
     return plot.svg()
 
 
@@ -125,7 +125,7 @@ def draw_peers(plot: Plot, others: dict[str, Any], speed: float | None) -> None:
         places = [(p["seconds"] * factor, abs(p["r99_m"] / rim - 1)) for p in points]
         words = [f"{code}\ncell {p['cell_m']} m, {p['particles']} grains, {p.get('cores', 1)} cores\n"
                  f"{p['seconds']} s there, {p['seconds'] * factor:.3g} s here" for p in points]
-        plot.line(places, words, code + (" (seconds of another machine)" if factor == 1.0 else ""), own=False)
+        plot.add_series(places, words, code + (" (seconds of another machine)" if factor == 1.0 else ""), joined=False)
 
 
 def peers(path: Path) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def test_a_start_follows_the_script_and_rests():
     assert not actions[37:].any()
     linear, angular = hold.twists(actions)
     assert not linear[370:].any()
-    way, matrix = task.way(), task.start.pose.matrix
+    way, matrix = task.scripted_path(), task.start.pose.matrix
     for w in angular[:370]:
         matrix = rotation_matrix(task.step_dt * w) @ matrix
     place = np.array(task.start.position) + task.step_dt * linear.sum(0)
@@ -152,12 +152,12 @@ def test_what_a_motion_asks_of_the_arm():
     slow = reach.penalty(start, 0.02 * linear, 0.02 * angular)
     assert slow[0] == 0.0
     assert not np.any(slow[1])
-    told = reach.told(start, linear, angular)
+    told = reach.readings(start, linear, angular)
     assert told["speed_limit_ratio_max"] > 1.0
-    assert 0.0 <= told["first_over"] <= 0.12
-    calm = reach.told(start, 0.05 * linear, 0.05 * angular)
-    assert calm["first_over"] == -1.0
-    assert calm["miss_at_the_end"] < 1e-4
+    assert 0.0 <= told["first_violation_time"] <= 0.12
+    calm = reach.readings(start, 0.05 * linear, 0.05 * angular)
+    assert calm["first_violation_time"] == -1.0
+    assert calm["end_position_error"] < 1e-4
 
 
 @pytest.mark.slow

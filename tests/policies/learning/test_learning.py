@@ -18,7 +18,7 @@ from policies.learning.network import export  # noqa: E402
 from policies.learning.presets import load_preset, methods  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
-from robosim.evaluation.policies import Network  # noqa: E402
+from robosim.evaluation.policies import NetworkPolicy  # noqa: E402
 
 torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
@@ -88,7 +88,7 @@ def test_a_policy_as_a_file_acts_as_it_does(tmp_path, kind):
         seen = rng.standard_normal(3)
         x = seen
         for k, name in enumerate(stored["activations"]):
-            x = Network.FUNCTIONS[str(name)](stored[f"weight_{k}"] @ x + stored[f"bias_{k}"])
+            x = NetworkPolicy.FUNCTIONS[str(name)](stored[f"weight_{k}"] @ x + stored[f"bias_{k}"])
         x = np.tanh(x) if stored["bound"] == "tanh" else np.clip(x, -1.0, 1.0)
         wanted, _ = model.predict(((seen - offset) * factor).astype(np.float32), deterministic=True)
         assert 2.0 * x == pytest.approx(wanted, abs=1e-4)  # the pendulum's torque is -2 to 2
@@ -165,11 +165,12 @@ def test_every_method_runs_on_grains(tmp_path, method):
     assert status["state"] == "finished" and status["episodes"] >= 1
     assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)
     if (out / "best_policy.npz").is_file():
-        from robosim.evaluation.policies import learnt_with, policy
+        from robosim.evaluation.policies import make_policy, training_options
 
         stored = dict(np.load(out / "best_policy.npz"))
-        env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", **learnt_with(str(out / "best_policy.npz"))).unwrapped
+        options = training_options(str(out / "best_policy.npz"))
+        env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", **options).unwrapped
         seen = env.reset(seed=0)[0]
-        action = policy(str(out / "best_policy.npz"), env, 0)()
+        action = make_policy(str(out / "best_policy.npz"), env, 0)()
         assert action.shape == (3,) and np.all(np.abs(action) <= 1.0) and np.abs(action).max() > 0
         assert stored["weight_0"].shape[1] == len(seen)

@@ -97,7 +97,7 @@ def test_a_damaged_start_is_made_anew(env: GrainEnv, capsys: pytest.CaptureFixtu
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     first = gymnasium.make(ID).reset(seed=0)[0]
-    assert "made anew" in capsys.readouterr().err
+    assert "corrupt; rebuilding" in capsys.readouterr().err
     assert path.stat().st_size == pytest.approx(len(whole), rel=0.01)
     second = gymnasium.make(ID).reset(seed=0)[0]
     assert capsys.readouterr().err == "" and np.array_equal(first, second)
@@ -113,11 +113,11 @@ def test_numbers_of_a_material_can_be_given() -> None:
 
 
 def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: Path) -> None:
-    from robosim.evaluation.policies import policy
+    from robosim.evaluation.policies import make_policy
 
     def run(name: str) -> tuple[float, list[np.ndarray]]:
         env.reset(seed=2)
-        act, total, over, actions = policy(name, env, 2), 0.0, False, []
+        act, total, over, actions = make_policy(name, env, 2), 0.0, False, []
         while not over:
             actions.append(act())
             _, reward, over, _, _ = env.step(actions[-1])
@@ -129,9 +129,9 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
     assert run(str(tmp_path / "actions.npz"))[0] == total
     np.savez(tmp_path / "wrong.npz", actions=np.zeros((4, 6)))
     with pytest.raises(robosim.ConfigError, match=r"\(4, 6\); accepted: \(n, 3\)"):
-        policy(str(tmp_path / "wrong.npz"), env, 0)
+        make_policy(str(tmp_path / "wrong.npz"), env, 0)
     with pytest.raises(robosim.UnknownName, match="random, scripted, zero"):
-        policy("clever", env, 0)
+        make_policy("clever", env, 0)
 
 
 def test_a_stiffer_material_takes_the_step_that_it_needs() -> None:

@@ -13,7 +13,7 @@ import robosim  # noqa: F401  (registers the environments)
 from robosim.config.resources import trained
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
-from robosim.evaluation.policies import policy
+from robosim.evaluation.policies import make_policy
 from robosim.shapes.spoon import INTERIOR
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.observation import Observer
@@ -45,7 +45,7 @@ def scoop() -> GrainEnv:
 def episode(env: GrainEnv, name: str, seed: int = 0, **reset: Any) -> tuple[float, dict, list[np.ndarray]]:
     """Return, last info and observations of an episode."""
     observation, _ = env.reset(seed=seed, **reset)
-    act, total, over, info, seen = policy(name, env, seed), 0.0, False, {}, [observation]
+    act, total, over, info, seen = make_policy(name, env, seed), 0.0, False, {}, [observation]
     while not over:
         observation, reward, terminated, truncated, info = env.step(act())
         total, over = total + reward, terminated or truncated
@@ -82,7 +82,7 @@ def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
     total = sum(sum(reward.step(now, 0.0, now is way).values()) for now in (none, way))
     assert reward.tcs == pytest.approx(EXTREMES[name][1], abs=1e-9)
     assert total == pytest.approx(reward.tcs + 2 * reward.beta * reward.gamma)
-    assert reward.succeeded(way)
+    assert reward.is_success(way)
 
 
 @pytest.mark.parametrize("name", MOST)
@@ -125,9 +125,9 @@ def test_same_seed_same_bits_and_seeds_differ(pour: GrainEnv) -> None:
 def test_score_does_not_depend_on_how_long_an_action_is_held(pour: GrainEnv) -> None:
     """The same commands given in steps of 20 and of 2 ms: the same physics, launch by launch or in one."""
     commands = []
-    act = policy("scripted", pour, 0)
+    act = make_policy("scripted", pour, 0)
     pour.reset(seed=0)
-    act, over, total = policy("scripted", pour, 0), False, 0.0
+    act, over, total = make_policy("scripted", pour, 0), False, 0.0
     while not over:
         commands.append(act())
         _, reward, over, _, info = pour.step(commands[-1])
@@ -270,9 +270,9 @@ def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
 ])
 def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: Any, length: int) -> None:
     observer = Observer(pour.task, pour.solver, layout)
-    grains = mpm.Sample(pour.solver, observer.chosen) if layout != "none" else None
+    grains = mpm.Sample(pour.solver, observer.grains) if layout != "none" else None
     pour.reset(seed=0)
-    act = policy("random", pour, 0)
+    act = make_policy("random", pour, 0)
     for _ in range(20):
         pour.step(act())
         seen = observer.read(grains.read() if grains else np.zeros((0, 6)), pour.episode.pose, pour.counter.read(), 0.2)
@@ -302,7 +302,7 @@ def test_shipped_motions_do_what_they_ship_for(name: str) -> None:
     env = GrainEnv(task=name)
     env.TASK = name
     env.reset(options={"nominal": True})
-    act, over, info = policy("learned", env, 0), False, {}
+    act, over, info = make_policy("learned", env, 0), False, {}
     while not over:
         _, _, terminated, truncated, info = env.step(act())
         over = terminated or truncated

@@ -100,7 +100,7 @@ def compared(vector: gymnasium.vector.VectorEnv, name: str, **options: Any) -> N
 
 def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> None:
     """A grain of one becomes a NaN: that episode ends, says why, begins anew; the others notice nothing."""
-    batch = carried._batches[0]  # pyright: ignore[reportAttributeAccessIssue]
+    batch = carried.batches[0]  # pyright: ignore[reportAttributeAccessIssue]
     given = actions(carried, 2)
     first, second = next(given), next(given)
     carried.reset(seed=3)
@@ -165,7 +165,7 @@ def test_processes_share_the_work_and_tell_when_one_dies() -> None:
         with pytest.raises(ConfigError, match="environment 2"):
             two.step(np.array([[0, 0, 0], [0, 0, 0], [9, 0, 0]], np.float32))
         assert equal(one.step(action), two.step(action))
-        os.kill(two._batches[1]._process.pid, 9)
+        os.kill(two.batches[1].process.pid, 9)
         with pytest.raises(RobosimError, match="environments 2 to 2 ended with exit code -9"):
             two.step(action)
     finally:

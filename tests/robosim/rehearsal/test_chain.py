@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 import robosim
 from robosim.config.rehearsal import load_rehearsal
-from robosim.envs import handover
 from robosim.errors import ConfigError
 from robosim.rehearsal.learned import shipped
 from robosim.rehearsal.motion_chain import chain
+from robosim.tasks import handover
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
 
@@ -20,12 +20,12 @@ from robosim.tasks.task import load_task
 def test_strains_turn_with_the_tool():
     """A stretch along x, turned a quarter about z, is one along y; there and back changes nothing."""
     quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
-    assert handover.turned(np.array([[0.1, 0, 0, 0.02, 0, 0]]), quarter) == pytest.approx(
+    assert handover.rotate_strain(np.array([[0.1, 0, 0, 0.02, 0, 0]]), quarter) == pytest.approx(
         np.array([[0, 0.1, 0, -0.02, 0, 0]]))
     e, R = np.random.default_rng(0).normal(size=(5, 6)), Rotation.random(rng=1).as_matrix()
-    assert handover.turned(handover.turned(e, R), R.T) == pytest.approx(e)
-    matrices = e[:, handover.PLACES]
-    assert np.linalg.eigvalsh(handover.turned(e, R)[:, handover.PLACES]) == pytest.approx(np.linalg.eigvalsh(matrices))
+    assert handover.rotate_strain(handover.rotate_strain(e, R), R.T) == pytest.approx(e)
+    before, after = e[:, handover.MATRIX_FROM_SIX], handover.rotate_strain(e, R)[:, handover.MATRIX_FROM_SIX]
+    assert np.linalg.eigvalsh(after) == pytest.approx(np.linalg.eigvalsh(before))
 
 
 def test_the_next_sub_task_begins_with_what_is_left():
@@ -39,16 +39,16 @@ def test_the_next_sub_task_begins_with_what_is_left():
     state = first.solver.state()
     state["x"][:50, 2] += 0.2  # these have left the spoon
     first.solver.load(state)
-    load = handover.taken(first)
+    load = handover.take_load(first)
     assert load.count == first.task.grains.count - 50 and load.material == first.material
     second = gymnasium.make("robosim/SpoonPour-v0", load=load).unwrapped
     second.reset(options={"nominal": True})
     local = second.solver.collider_pose(TOOL).inverse().apply(second.solver.positions())
-    assert local == pytest.approx(load.places, abs=1e-6)
+    assert local == pytest.approx(load.positions, abs=1e-6)
     assert second.material == first.material and second.task.grains.count == load.count
     assert second.solver.masses().sum() == pytest.approx(first.solver.masses()[50:].sum())
     turn = second.task.start.pose.matrix @ first.solver.collider_pose(TOOL).matrix.T
-    strains = handover.turned(first.solver.state()["e"][50:], turn)
+    strains = handover.rotate_strain(first.solver.state()["e"][50:], turn)
     assert second.solver.state()["e"] == pytest.approx(strains, abs=1e-6) and np.abs(strains).max() > 1e-5
     for _ in range(3):
         _, _, _, _, info = second.step(np.zeros(6, np.float32))
@@ -56,7 +56,7 @@ def test_the_next_sub_task_begins_with_what_is_left():
     assert np.linalg.norm(second.solver.velocities(), axis=1).max() < 0.1
     for task in ("ScoopPour", "SpoonScoop"):
         with pytest.raises(ConfigError, match="accepted: a sub-task that begins with a full spoon, as SpoonTranslate"):
-            handover.loaded(task, load_task(task), load)
+            handover.task_with_load(task, load_task(task), load)
 
 
 def test_motions_are_those_of_a_folder_where_one_is_given(tmp_path):

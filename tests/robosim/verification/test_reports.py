@@ -19,7 +19,7 @@ from robosim.benchmarks.explain import explain, judged
 from robosim.errors import ConfigError, UnknownName
 from robosim.reports import provenance
 from robosim.reports.page import Page
-from robosim.reports.provenance import files_of, version_of
+from robosim.reports.provenance import code_digest, source_files
 from robosim.verification import results as module
 from robosim.verification.analysis import findings, finite, front, seconds_to
 from robosim.verification.cases import NAMES, find
@@ -115,7 +115,7 @@ def test_a_report_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     outside = [link for link in re.findall(r'(?:src|href)="([^"]*)"', page) if not link.startswith("#")]
     assert not outside
     run = []
-    monkeypatch.setattr(module, "worked_off", lambda work, jobs: run.append(work) or iter(()))
+    monkeypatch.setattr(module, "run_jobs", lambda work, jobs: run.append(work) or iter(()))
     with pytest.raises(KeyError):  # only what failed would be run again
         report(["free_fall"], tmp_path, quick=True)
     assert [json.loads(words[1]) for _, words in run[0]] == [{"precision": "f16"}]
@@ -132,18 +132,18 @@ def test_other_code_is_run_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     def version(changed: str) -> str:
         with (tmp_path / "mpm" / f"{changed}.py").open("a") as file:
             file.write("\n")
-        version_of.cache_clear()
-        return version_of("mpm.case")
+        code_digest.cache_clear()
+        return code_digest("mpm.case")
 
     seen = [version("c"), version("c"), version("b"), version("case")]
-    version_of.cache_clear()
+    code_digest.cache_clear()
     assert seen[0] == seen[1] and len(set(seen)) == 3
 
 
 def test_shapes_of_tools_are_code_that_counts() -> None:
-    for name in ("robosim.benchmarks.settings", "robosim.evaluation.materials",
+    for name in ("robosim.benchmarks.settings", "robosim.evaluation.material_episode",
                  "robosim.verification.cases.robot.arm_limits"):
-        assert {"spoon.py", "scoop.py", "bottle.py", "shovel.py"} <= {path.name for path in files_of(name)}
+        assert {"spoon.py", "scoop.py", "bottle.py", "shovel.py"} <= {path.name for path in source_files(name)}
 
 
 @pytest.mark.parametrize("content", ["{", '{"case": "bar"}\n', "[1, 2]\n"])
@@ -314,7 +314,7 @@ def test_the_page_works_in_a_browser(tmp_path: Path) -> None:
     if browser is None:
         pytest.skip("needs chromium")
     page = Page("sorts")
-    page.table(["n"], [[3.0], [1.0], [2.0]])
+    page.add_table(["n"], [[3.0], [1.0], [2.0]])
     path = tmp_path / "index.html"
     path.write_text(page.html().replace("</script>", ';document.querySelector("th").click();</script>'))
     seen = subprocess.run([browser, "--headless", "--no-sandbox", "--dump-dom", path.as_uri()], capture_output=True,

@@ -60,7 +60,7 @@ def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert 'class="unstable" title=' in page and "1 stable, 0 refused, 1 unstable" in page
     asked = []
     answers = iter([(0, None, "again")])
-    monkeypatch.setattr(stability_matrix, "worked_off", lambda work, jobs: asked.extend(work) or answers)
+    monkeypatch.setattr(stability_matrix, "run_jobs", lambda work, jobs: asked.extend(work) or answers)
     assert stability(["payload"], tmp_path) == 1
     assert [words for _, words in asked] == [("--cell", "payload", '"heavy"')]  # what gave no answer is judged again
     (tmp_path / "stability.json").write_text("{")

@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from robosim.evaluation.policies import Script
+from robosim.evaluation.policies import ScriptedPolicy
 from robosim.verification.cases.criteria import Within
 from robosim.verification.cases.record import Clock, Record
 
@@ -30,7 +30,7 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
 
     env: Any = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped
     env.reset(options={"nominal": True})
-    carrier, script, clock = env.carrier, Script(env), Clock(env.solver)
+    carrier, script, clock = env.carrier, ScriptedPolicy(env), Clock(env.solver)
     torque, speed, over, info = 0.0, 0.0, False, {}
 
     def step() -> None:
@@ -44,4 +44,4 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
         speed = max(speed, float(np.abs(carrier.data.qvel[carrier.scene.arm_dofs] / SPEEDS).max()))
     errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturated}
     return clock.record(NAME, {"task": task, "material": material}, errors, score=info["tcs"],
-                        tool_lag=carrier.strain["tool_lag_max"])
+                        tool_lag=carrier.arm_readings["tool_lag_max"])

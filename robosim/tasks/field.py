@@ -1,0 +1,82 @@
+"""The MPM field of a sub-task: its grains, its tool and its container."""
+
+import numpy as np
+
+import mpm
+from mpm.geometry.sampled_sdf import Lattice
+from mpm.materials.stable_step import chosen_step, material_bound
+from robosim.config.materials import Law
+from robosim.scene.build import inner_size
+from robosim.scene.fill import container_colliders, places_in_tool
+from robosim.scene.frames import container_pose
+from robosim.shapes import tool_shape
+from robosim.tasks.task import TaskConfig
+
+TOOL_SDF_POINTS = 4
+"""Points of the tool's sampled signed distance along a cell."""
+
+
+def grain_volume(task: TaskConfig) -> float:
+    """Return the volume of one grain [m^3]."""
+    for name, container in task.containers.items():
+        size = inner_size(name)
+        return float(size[0] * size[1] * container.fill_height) / task.grains.count
+    if task.start.pile is not None:
+        return 8.0 * float(np.prod(task.start.pile.half)) / task.grains.count
+    return task.field.cell**3 / task.field.grains_per_cell
+
+
+def fill_positions(task: TaskConfig, tool: Lattice) -> np.ndarray:
+    """Place the grains before they settle: positions [m] (count, 3) in the world.
+
+    They are the lowest sites that the tool, container or pile has. tool: its signed distance.
+    Raises mpm.InvalidValue where the grains do not fit.
+    """
+    spacing = grain_volume(task) ** (1.0 / 3.0)
+    rng = np.random.default_rng(0)
+    if task.container is not None and task.container_place is not None:
+        half, container = inner_size(task.container) / 2.0, task.container_place
+        upper = np.array([half[0], half[1], container.fill_height + spacing])
+        sites = container_pose(container).apply(mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng))
+        keys = sites[:, 2]
+    elif task.start.pile is not None:
+        centre, half = np.array(task.start.pile.centre), np.array(task.start.pile.half)
+        sites = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
+        keys = sites[:, 2] + 0.3 * np.linalg.norm(sites[:, :2] - centre[:2], axis=1)  # a heap, not a slab
+    else:
+        region, pose = tool_shape(task.tool).interior, task.start.pose
+        local = places_in_tool(task.tool, tool, spacing, rng)
+        sites = pose.apply(local)
+        keys = sites[:, 2] + 0.6 * np.linalg.norm(local[:, :2] - np.array(region.centre)[:2], axis=1)
+    if len(sites) < task.grains.count:
+        raise mpm.InvalidValue(f"{task.grains.count} grains of {grain_volume(task) * 1e9:.0f} mm^3 do not fit: "
+                               f"{len(sites)} places; accepted: at most that many grains.count")
+    return sites[np.argsort(keys, kind="stable")[: task.grains.count]]
+
+
+def requested_step(task: TaskConfig, law: Law) -> float | None:
+    """Return the task's own substep [s]; None where the law is too stiff for it and the solver chooses."""
+    dt = task.field.dt
+    return None if dt is None or dt > material_bound(task.field.cell, law) else dt
+
+
+def largest_step(task: TaskConfig, law: Law) -> float:
+    """Return the largest substep [s] that a task's field takes with a law."""
+    return chosen_step(requested_step(task, law), material_bound(task.field.cell, law))
+
+
+def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions: np.ndarray | None = None,
+                 volume: float | None = None) -> mpm.Solver:
+    """Build the solver with its grains as filled, not yet settled.
+
+    mobile: contact moves the tool, too. positions [m] (n, 3) and volume [m^3] of a grain: in place of the task's own.
+    """
+    field = task.field
+    sdf = mpm.Sdf.from_mesh(tool_shape(task.tool).head(task.tool_wall), spacing=field.cell / TOOL_SDF_POINTS)
+    colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
+    colliders += container_colliders(task.containers, field)
+    grains = fill_positions(task, sdf) if positions is None else positions
+    body = mpm.Body(law, grains, volume=volume or grain_volume(task))
+    return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
+                      colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
+                      dt=requested_step(task, law), transfer_interval=field.transfer_interval)
