@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT.parent))  # the script also runs from a plain checkout
 
 from robosim.shapes import TOOLS, tool_shape  # noqa: E402
-from robosim.shapes.container import container_shell  # noqa: E402
+from robosim.shapes.container import make_container_shell  # noqa: E402
 from robosim.shapes.lofts import (  # noqa: E402
     bezier,
     loft,
@@ -195,8 +195,8 @@ def main() -> None:
     total += write(hand(), ROOT / "grippers/robotiq_3f/assets", "")
     for tool in TOOLS:
         total += write(tool_shape(tool).visuals(), ROOT / f"tools/{tool}/assets", "")
-    boxes = {"source": container_shell((0.16, 0.13, 0.08)), "target": container_shell((0.16, 0.16, 0.08)),
-             "tray": container_shell((0.20, 0.15, 0.08))}
+    boxes = {"source": make_container_shell((0.16, 0.13, 0.08)), "target": make_container_shell((0.16, 0.16, 0.08)),
+             "tray": make_container_shell((0.20, 0.15, 0.08))}
     total += write(boxes, ROOT / "containers/assets", "")
     print(f"{total / 1e6:.2f} MB of meshes")
 

@@ -17,8 +17,8 @@ from robosim.robot.joint_smoother import JointSmoother
 from robosim.robot.model import Arm
 from robosim.robot.servo import Servo
 from robosim.robot.timing import JointState
-from robosim.scene.build import compile_scene, scene_spec
-from robosim.scene.clearance import Touches
+from robosim.scene.build import build_scene_spec, compile_scene
+from robosim.scene.collisions import ContactCounter
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import Grasp
 from robosim.tasks.counting import TOOL
@@ -63,14 +63,14 @@ class ArmTool(Carrier):
         self._smoother = JointSmoother(self._robot, task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check(self.model, self.data, self.scene.arm_dofs)
-        self._touches = Touches(self.model, self.data, task.tool, task.containers)
+        self._contacts = ContactCounter(self.model, self.data, task.tool, task.containers)
         self._torque_ratio = self._lag = 0.0
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build a new specification of the rigid scene."""
-        return scene_spec(self._task.tool, self._grip, self._task.containers, self._task.step_dt, contact=True)
+        return build_scene_spec(self._task.tool, self._grip, self._task.containers, self._task.step_dt, contact=True)
 
     def _close_fingers(self) -> None:
         """Keep the start posture until the fingers are closed and, in a grasp by friction, carry the tool alone."""
@@ -105,7 +105,7 @@ class ArmTool(Carrier):
         mujoco.mj_forward(self.model, self.data)
         self._smoother.restart(self._q)
         self._torque_ratio = self._lag = 0.0
-        self._touches.restart()
+        self._contacts.restart()
         self.grasp.restart()
         self.plugin.restart()
         super().restart(pose)
@@ -119,7 +119,7 @@ class ArmTool(Carrier):
             self._apply_torques(self._smoother.step(q, (q - self._q) / self._dt))
             self._q = q
             self.plugin.step()
-            self.grasp.watch()
+            self.grasp.measure_slip()
             self._update_readings()
             yield self.plugin.read[-1], self._solver.collider_pose(TOOL)
 
@@ -128,7 +128,7 @@ class ArmTool(Carrier):
         ratio = np.abs(self.servo.demand / self._arm.torque_limits).max()
         lag = np.linalg.norm(self.data.xpos[self.scene.tool] - self.commanded.position)
         self._torque_ratio, self._lag = max(self._torque_ratio, float(ratio)), max(self._lag, float(lag))
-        self._touches.count()
+        self._contacts.count()
 
     @property
     def arm_readings(self) -> dict[str, float]:
@@ -139,7 +139,7 @@ class ArmTool(Carrier):
         tool with the table, summed over all steps.
         """
         return {"torque_limit_ratio_max": self._torque_ratio, "tool_lag_max": self._lag,
-                "surroundings_contacts": float(self._touches.robot_surroundings)}
+                "surroundings_contacts": float(self._contacts.robot_surroundings_contacts)}
 
     def _apply_torques(self, target: JointState) -> None:
         """Set the motors' torques for a joint state."""

@@ -7,7 +7,8 @@ import mpm
 from robosim.config.materials import MaterialConfig
 from robosim.errors import ConfigError
 from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
-from robosim.scene.build import add_container, compiled, load_spec, quiet_prefixes
+from robosim.scene.build import add_container
+from robosim.scene.models import allow_empty_prefixes, compile_spec, load_spec
 from robosim.tasks.counting import TOOL
 from robosim.tasks.field import grain_volume
 from robosim.tasks.task import RegionConfig, TaskConfig
@@ -29,7 +30,7 @@ class Picture:
         _add_cameras(spec, task)
         apply_quality(spec)
         add_grain_skin(spec, task.grains.count, GRAIN_RADIUS * grain_volume(task) ** (1 / 3), material.colour)
-        self._model = compiled(spec)
+        self._model = compile_spec(spec)
         self._data = mujoco.MjData(self._model)
         self._renderer = SceneRenderer(self._model, task.grains.count, WIDTH, HEIGHT)
         self._camera, self._window = camera, _Window() if window else None
@@ -61,7 +62,7 @@ def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
     """Build table, container, and the tool on a mocap body."""
     spec = load_spec("workcell", "workcell.xml")
     carrier = spec.worldbody.add_body(name="carrier", mocap=True)
-    with quiet_prefixes():
+    with allow_empty_prefixes():
         carrier.add_frame().attach_body(load_spec("tools", task.tool, f"{task.tool}.xml").body(task.tool), "", "")
         for name, container in task.containers.items():
             add_container(spec, name, container)

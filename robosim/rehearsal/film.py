@@ -13,7 +13,8 @@ from robosim.rehearsal import CAMERAS
 from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
 from robosim.rendering.video import Mp4Writer, contact_sheet
-from robosim.scene.build import compiled, rehearsal_spec
+from robosim.scene.build import build_rehearsal_spec
+from robosim.scene.models import compile_spec
 
 FRAME_RATE = 30
 SHEET_MOMENTS = 9
@@ -41,13 +42,13 @@ class Film:
         self._captions: list[str] = []
 
     def _drawn_model(self, config: RehearsalConfig, material: MaterialConfig) -> mujoco.MjModel:
-        spec = rehearsal_spec(config)
+        spec = build_rehearsal_spec(config)
         apply_quality(spec)
         if config.area is not None:
             add_mark(spec, config.area)
         radius = GRAIN_RADIUS * self._rehearsal.grains.grain_volume ** (1 / 3)
         add_grain_skin(spec, len(self._rehearsal.solver.positions()), radius, material.colour)
-        return compiled(spec)
+        return compile_spec(spec)
 
     def look(self) -> None:
         """Add a frame when its time has come."""

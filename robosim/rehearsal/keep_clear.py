@@ -5,7 +5,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from mpm.geometry.rigid_motion import Pose
 from robosim.rehearsal.pose_sequences import SAMPLING, rounded
-from robosim.scene.clearance import RigidParticles
+from robosim.scene.container_clearance import ContainerSurface
 
 CLEAR = 0.002
 """Least distance [m] of tool and containers: as much as the arm may be off its path there."""
@@ -18,7 +18,7 @@ ROUNDS, LOOK_EVERY, ENOUGH = 8, 10, 1e-4
 missing [m] in the end."""
 
 
-def kept_clear(particles: RigidParticles, places: np.ndarray, turns: np.ndarray) -> np.ndarray:
+def kept_clear(particles: ContainerSurface, places: np.ndarray, turns: np.ndarray) -> np.ndarray:
     """Positions (n, 3) [m] of a tool with quaternions (n, 4), moved away from containers where it came closer to one
     than CLEAR; as they were where that cannot be had within FARTHEST.
 
@@ -37,11 +37,11 @@ def kept_clear(particles: RigidParticles, places: np.ndarray, turns: np.ndarray)
     return places
 
 
-def pushes(particles: RigidParticles, places: np.ndarray, turns: np.ndarray) -> np.ndarray:
+def pushes(particles: ContainerSurface, places: np.ndarray, turns: np.ndarray) -> np.ndarray:
     """Displacements (n, 3) [m] of a tool at poses (n, 3), (n, 4) that lead away from the containers."""
     push = np.zeros_like(places)
     for k in range(0, len(places), LOOK_EVERY):
-        push[k] = particles.push(Pose(places[k], turns[k] / np.linalg.norm(turns[k])), CLEAR)
+        push[k] = particles.compute_displacement(Pose(places[k], turns[k] / np.linalg.norm(turns[k])), CLEAR)
     return push
 
 

@@ -14,7 +14,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.keep_clear import kept_clear
 from robosim.rehearsal.learned import chain
 from robosim.rehearsal.pose_sequences import ROUNDING, SAMPLING, alike, joined, rounded
-from robosim.scene.clearance import RigidParticles
+from robosim.scene.container_clearance import ContainerSurface
 
 REST = 0.5
 """[s] at rest where the load is weighed."""
@@ -65,7 +65,7 @@ class LearnedPath:
         """Largest distance [m] by which the tool was moved away from a container."""
         if config.containers:
             learnt, quaternions = self._raw
-            self._raw = kept_clear(RigidParticles(config), learnt, quaternions), quaternions
+            self._raw = kept_clear(ContainerSurface(config), learnt, quaternions), quaternions
             self.kept_clear_by = float(np.linalg.norm(self._raw[0] - learnt, axis=1).max())
         self._lengths = np.full(count - 1, SAMPLING)
         self._lay()

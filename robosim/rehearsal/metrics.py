@@ -9,8 +9,8 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.rehearsal.waypoint_path import CommandedPath
 from robosim.robot.model import SPEED_LIMITS
-from robosim.scene.build import inner_size
-from robosim.scene.count import in_container, in_tool
+from robosim.scene.grain_regions import is_in_container, is_in_tool
+from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.shapes.tool import WALL
 
@@ -71,9 +71,9 @@ def figures(run: Rehearsal) -> dict[str, object]:
         **fate,
         "wrist_payload": payload,
         "wrist_payload_relative_error": None if payload is None else _ratio(abs(payload - scooped), scooped),
-        "tool_container_contacts": run.contacts.tool_container,
+        "tool_container_contacts": run.contacts.tool_container_contacts,
         "tool_container_depth": run.contacts.tool_container_depth,
-        "robot_surroundings_contacts": run.contacts.robot_surroundings,
+        "robot_surroundings_contacts": run.contacts.robot_surroundings_contacts,
         "momentum_residual": max(linear or 0.0, angular or 0.0),
         "momentum_residual_linear": linear, "momentum_residual_angular": angular,
         "velocity_limit_ratio_max": float((np.abs(rec.array("qd")) / SPEED_LIMITS).max()),
@@ -133,10 +133,10 @@ def fates(run: Rehearsal, positions: np.ndarray) -> dict[str, float | None]:
     mass, config = run.solver.masses(), run.config
     carried = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
     nowhere = np.zeros(len(mass), bool)
-    place = {name: in_container(positions, c, inner_size(name)) for name, c in config.containers.items()}
+    place = {name: is_in_container(positions, c, read_inner_size(name)) for name, c in config.containers.items()}
     there = config.area.region.holds(positions) if config.area else place.get(config.sink or "", nowhere)
     back = place.get(config.source or "", nowhere)
-    held = in_tool(config.tool, positions, run.tool_pose())
+    held = is_in_tool(config.tool, positions, run.tool_pose())
     if config.area and config.weigh_at is not None:  # what is still in a tool above the area is not there yet
         there &= ~held
     held &= ~there & ~back

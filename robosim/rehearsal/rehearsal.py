@@ -21,12 +21,13 @@ from robosim.robot.model import Arm
 from robosim.robot.servo import Servo
 from robosim.robot.timing import JointState, SmoothMotion, excess
 from robosim.robot.torque_sensors import TorqueSensors
-from robosim.scene import fill as grain_field
-from robosim.scene.build import ARM_JOINTS, Scene, compile_scene, rehearsal_spec
-from robosim.scene.clearance import Contacts
-from robosim.scene.count import at_the_border, in_tool
+from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
+from robosim.scene.collisions import CollisionMonitor
+from robosim.scene.field import build_field
 from robosim.scene.frames import body_pose
+from robosim.scene.grain_regions import is_at_border, is_in_tool
 from robosim.scene.grasp import Grasp
+from robosim.scene.robot_spec import ARM_JOINTS
 
 ROUNDS, MARGIN = 20, 0.92
 """How often a learnt motion is slowed down where the arm cannot follow it, and to what share of its limits."""
@@ -81,14 +82,14 @@ class Rehearsal:
                  material: MaterialConfig | None = None) -> None:
         self.config, self.plan = config, planned
         self.material: MaterialConfig = material or load_material(config.material)
-        self.scene: Scene = compile_scene(rehearsal_spec(config), config.tool)
+        self.scene: Scene = compile_scene(build_rehearsal_spec(config), config.tool)
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
         self.data.qpos[self.scene.arm_qpos] = planned.motion.state(0.0).q
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.model, self.data, self.scene.tool)
         self.sensors = TorqueSensors(self.model, self.data, ARM_JOINTS, planned.arm)
         law = law_of(self.material)
-        self.grains = grain_field.build(config, law, self.tool_pose(), seed)
+        self.grains = build_field(config, law, self.tool_pose(), seed)
         self.solver = self.grains.solver
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
                                      coupling=config.coupling)
@@ -97,7 +98,7 @@ class Rehearsal:
         self.recording = Recording()
         self.seed = seed
         self.duration = config.grasp_time + planned.motion.duration
-        self.contacts = Contacts(self.model, self.data, config)
+        self.contacts = CollisionMonitor(self.model, self.data, config)
         self._grain_mass = float(self.solver.masses()[0])
         self.scooped: np.ndarray | None = None
         """Which grains (n,) hung in the tool when it was weighed."""
@@ -141,13 +142,13 @@ class Rehearsal:
         if self.time >= self.config.grasp_time:
             self.grasp.release()
         self.plugin.step()
-        self.grasp.watch()
+        self.grasp.measure_slip()
         self.contacts.count()
         self.recording.steps.append(self._read(torque, q, speeds, twist))
         if index % SAMPLE_EVERY == 0:
             self.recording.samples.append(self._sample())
         if self.scooped is None and self.time >= self._weighed:
-            self.scooped = in_tool(self.config.tool, self.solver.positions(), self.tool_pose())
+            self.scooped = is_in_tool(self.config.tool, self.solver.positions(), self.tool_pose())
         if index % ENERGY_EVERY == 0:
             self.recording.energies.append(EnergySample(self.time, *self.solver.energy()))
         if index % KEEP_EVERY == 0:
@@ -197,8 +198,8 @@ class Rehearsal:
 
     def _sample(self) -> Sample:
         positions = self.solver.positions()
-        mass = self._grain_mass * in_tool(self.config.tool, positions, self.tool_pose()).sum()
-        return Sample(self.time, float(mass), int(at_the_border(positions, self.solver.grid).sum()))
+        mass = self._grain_mass * is_in_tool(self.config.tool, positions, self.tool_pose()).sum()
+        return Sample(self.time, float(mass), int(is_at_border(positions, self.solver.grid).sum()))
 
     def save_last_good_state(self, path: Path) -> None:
         """The last sampled state whose numbers were finite: grains, joints, time."""

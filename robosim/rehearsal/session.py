@@ -17,7 +17,7 @@ from robosim.rehearsal.plots import plot_report
 from robosim.rehearsal.rehearsal import Rehearsal, plan
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.robot.ros_trajectory import joint_trajectory
-from robosim.scene import fill as grains
+from robosim.scene.field import check_field
 
 RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
            "last_good_state.npz")
@@ -48,7 +48,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
               "motions": motions and str(motions.resolve())}
     config = placed(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
     substance = load_material(config.material)
-    grains.check(config, law_of(substance))
+    check_field(config, law_of(substance))
     if camera is not None:
         check_camera(camera)
     folder = OutputFolder(out)

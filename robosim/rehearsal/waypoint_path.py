@@ -8,8 +8,8 @@ import numpy as np
 from mpm.geometry.rigid_motion import Pose, Twist, exponential, logarithm
 from robosim.config.rehearsal import PathConfig, RehearsalConfig
 from robosim.errors import ConfigError
-from robosim.scene.build import inner_size
 from robosim.scene.frames import container_pose, waypoint_pose
+from robosim.scene.models import read_inner_size
 
 SMOOTHSTEP_SLOPE = 1.875
 """Largest slope of the quintic smoothstep: the peak of the acceleration, in units of the mean."""
@@ -105,7 +105,7 @@ class CommandedPath:
     def inside(pose: Pose, config: RehearsalConfig) -> bool:
         """Whether the tool's frame is in or just above a container's opening."""
         for name, container in config.containers.items():
-            size = inner_size(name)
+            size = read_inner_size(name)
             p = container_pose(container).inverse().apply(pose.position[None])[0]
             if np.all(np.abs(p[:2]) < size[:2] / 2.0 + INSIDE) and p[2] < size[2] + INSIDE:
                 return True

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim.scene.build import compiled, robot_spec
+from robosim.scene.models import compile_spec
+from robosim.scene.robot_spec import build_robot_spec
 
 
 def _text(values: np.ndarray) -> str:
@@ -17,7 +18,7 @@ def _text(values: np.ndarray) -> str:
 
 def write_robot_only(tool: str, path: Path) -> None:
     """Write arm, hand and tool without geometry, contact or actuators."""
-    model = compiled(robot_spec(tool))
+    model = compile_spec(build_robot_spec(tool))
     root = ET.Element("mujoco", model="robot")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     elements = {0: ET.SubElement(root, "worldbody")}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from robosim.robot.timing import SmoothMotion
-from robosim.scene.build import ARM_JOINTS
+from robosim.scene.robot_spec import ARM_JOINTS
 
 EVERY = 0.01
 """[s] between points: a controller that joins them by quintics stays on the motion, whose knots are 0.04 s apart."""

@@ -1,4 +1,4 @@
-"""Frames read from MuJoCo, and frames named in configurations."""
+"""World poses of MuJoCo bodies, containers and waypoints."""
 
 import mujoco
 import numpy as np
@@ -10,20 +10,20 @@ from robosim.config.scene import ContainerConfig
 
 
 def body_pose(data: mujoco.MjData, body: int) -> Pose:
-    """World pose of a body's frame."""
+    """Return the world pose of a body's frame."""
     return Pose(data.xpos[body].copy(), data.xquat[body].copy())
 
 
 def container_pose(container: ContainerConfig) -> Pose:
-    """World pose of a container: origin in the middle of its inner floor."""
-    turn = Rotation.from_euler("z", container.yaw_deg, degrees=True)
-    return Pose(np.asarray(container.position), turn.as_quat(scalar_first=True))
+    """Return the world pose of a container's frame: origin at the centre of its inner floor, z up."""
+    rotation = Rotation.from_euler("z", container.yaw_deg, degrees=True)
+    return Pose(np.asarray(container.position), rotation.as_quat(scalar_first=True))
 
 
 def waypoint_pose(waypoint: WaypointConfig, containers: dict[str, ContainerConfig]) -> Pose:
-    """World pose of the tool's frame at a waypoint."""
-    turn = Rotation.from_euler("xyz", waypoint.rotation_deg, degrees=True)
-    local = Pose(np.asarray(waypoint.position), turn.as_quat(scalar_first=True))
+    """Return the world pose of the tool's frame at a waypoint."""
+    rotation = Rotation.from_euler("xyz", waypoint.rotation_deg, degrees=True)
+    local = Pose(np.asarray(waypoint.position), rotation.as_quat(scalar_first=True))
     if waypoint.frame == "world":
         return local
     return container_pose(containers[waypoint.frame]) @ local

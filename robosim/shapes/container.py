@@ -9,7 +9,7 @@ from robosim.shapes.lofts import loft
 Array = NDArray[np.float64]
 
 
-def container_shell(inner_size: ArrayLike, wall: float = 0.006, corner: float = 0.008) -> trimesh.Trimesh:
+def make_container_shell(inner_size: ArrayLike, wall: float = 0.006, corner: float = 0.008) -> trimesh.Trimesh:
     """Return an open-topped box with rounded upright edges; origin at the centre of the inner floor, z up.
 
     inner_size (3,) is the cavity in m, wall the thickness of walls and floor (the default: the real one), corner the

@@ -11,10 +11,10 @@ import trimesh
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.observers.tally import MAX_LOOKS
-from robosim.scene.build import inner_size
 from robosim.scene.frames import container_pose
+from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.container import container_shell
+from robosim.shapes.container import make_container_shell
 from robosim.tasks.task import TaskConfig
 
 TOOL = 0
@@ -98,7 +98,7 @@ def container_points(task: TaskConfig) -> np.ndarray | None:
     """Sample the container's surface: points [m] (WALL_POINTS, 3) in the world; None without a container."""
     points = None
     for name, container in task.containers.items():
-        shell = container_shell(inner_size(name))
+        shell = make_container_shell(read_inner_size(name))
         points = container_pose(container).apply(trimesh.sample.sample_surface(shell, WALL_POINTS, seed=0)[0])
     return points
 

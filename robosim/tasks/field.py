@@ -6,9 +6,10 @@ import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import chosen_step, material_bound
 from robosim.config.materials import Law
-from robosim.scene.build import inner_size
-from robosim.scene.fill import container_colliders, places_in_tool
+from robosim.scene.field import build_container_colliders
+from robosim.scene.fill import sample_in_tool
 from robosim.scene.frames import container_pose
+from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
 
@@ -19,7 +20,7 @@ TOOL_SDF_POINTS = 4
 def grain_volume(task: TaskConfig) -> float:
     """Return the volume of one grain [m^3]."""
     for name, container in task.containers.items():
-        size = inner_size(name)
+        size = read_inner_size(name)
         return float(size[0] * size[1] * container.fill_height) / task.grains.count
     if task.start.pile is not None:
         return 8.0 * float(np.prod(task.start.pile.half)) / task.grains.count
@@ -35,7 +36,7 @@ def fill_positions(task: TaskConfig, tool: Lattice) -> np.ndarray:
     spacing = grain_volume(task) ** (1.0 / 3.0)
     rng = np.random.default_rng(0)
     if task.container is not None and task.container_place is not None:
-        half, container = inner_size(task.container) / 2.0, task.container_place
+        half, container = read_inner_size(task.container) / 2.0, task.container_place
         upper = np.array([half[0], half[1], container.fill_height + spacing])
         sites = container_pose(container).apply(mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng))
         keys = sites[:, 2]
@@ -45,7 +46,7 @@ def fill_positions(task: TaskConfig, tool: Lattice) -> np.ndarray:
         keys = sites[:, 2] + 0.3 * np.linalg.norm(sites[:, :2] - centre[:2], axis=1)  # a heap, not a slab
     else:
         region, pose = tool_shape(task.tool).interior, task.start.pose
-        local = places_in_tool(task.tool, tool, spacing, rng)
+        local = sample_in_tool(task.tool, tool, spacing, rng)
         sites = pose.apply(local)
         keys = sites[:, 2] + 0.6 * np.linalg.norm(local[:, :2] - np.array(region.centre)[:2], axis=1)
     if len(sites) < task.grains.count:
@@ -74,7 +75,7 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
     field = task.field
     sdf = mpm.Sdf.from_mesh(tool_shape(task.tool).head(task.tool_wall), spacing=field.cell / TOOL_SDF_POINTS)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
-    colliders += container_colliders(task.containers, field)
+    colliders += build_container_colliders(task.containers, field)
     grains = fill_positions(task, sdf) if positions is None else positions
     body = mpm.Body(law, grains, volume=volume or grain_volume(task))
     return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],

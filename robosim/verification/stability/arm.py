@@ -17,7 +17,7 @@ from robosim.robot.inverse_kinematics import HOME, solve_path
 from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.robot.servo import Servo
 from robosim.robot.timing import JointState, SmoothMotion
-from robosim.scene.build import Scene, compile_scene, scene_spec
+from robosim.scene.build import Scene, build_scene_spec, compile_scene
 from robosim.verification.stability.cell import G, Verdict, verdict_of
 
 TOOL = "spoon"
@@ -37,7 +37,7 @@ def arm() -> Arm:
 def scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotConfig]:
     """The arm alone, at rest in its home posture, with its servo; raises ConfigError for a step that it cannot hold."""
     robot = load_robot("iiwa14")
-    made = compile_scene(scene_spec(TOOL, "weld", {}, host_step, contact=False), TOOL)
+    made = compile_scene(build_scene_spec(TOOL, "weld", {}, host_step, contact=False), TOOL)
     data = mujoco.MjData(made.model)
     data.qpos[made.arm_qpos] = HOME
     mujoco.mj_forward(made.model, data)

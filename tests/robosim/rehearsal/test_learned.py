@@ -21,12 +21,13 @@ from robosim.rehearsal.pose_sequences import JOINING, ROUNDING, SAMPLING
 from robosim.rehearsal.rehearsal import plan
 from robosim.robot.ros_trajectory import joint_trajectory
 from robosim.robot.timing import excess
-from robosim.scene import fill as grains
-from robosim.scene.build import inner_size
-from robosim.scene.clearance import tool_distance
+from robosim.scene.container_clearance import build_real_tool_sdf
+from robosim.scene.field import build_tool_sdf, check_field
+from robosim.scene.fill import fill
 from robosim.scene.frames import container_pose
+from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.container import container_shell
+from robosim.shapes.container import make_container_shell
 from robosim.tasks.task import load_task
 
 
@@ -98,13 +99,13 @@ def test_slowing_down_keeps_the_way(chained):
     assert faster.duration == pytest.approx(path.duration)
 
 
-SOURCE = container_shell(inner_size("source")).subdivide_to_size(0.003).vertices
+SOURCE = make_container_shell(read_inner_size("source")).subdivide_to_size(0.003).vertices
 
 
 def gap(config: RehearsalConfig, pose: mpm.Pose) -> float:
     """Least distance [m] of the tool at a pose and the source's corners, edges and faces."""
     points = container_pose(config.containers["source"]).apply(SOURCE)
-    return float(tool_distance(config.tool).distance(pose.inverse().apply(points)).min())
+    return float(build_real_tool_sdf(config.tool).distance(pose.inverse().apply(points)).min())
 
 
 def test_a_tool_is_kept_clear_of_containers(chained, tmp_path):
@@ -188,9 +189,9 @@ def test_motions_that_do_not_fit_are_refused(monkeypatch, tmp_path):
 def test_material_is_where_it_was_asked_for():
     """In the bottle up to its height and not in its wall; on the table as large as the block. Too much is refused."""
     bottle, rng = load_rehearsal("bottle"), np.random.default_rng(0)
-    sdf = grains.tool_sdf("bottle", bottle.collision_thickness)
+    sdf = build_tool_sdf("bottle", bottle.collision_thickness)
     pose = mpm.Pose(np.array([0.7, 0.1, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
-    places, volume = grains.fill(bottle, sdf, pose, rng)
+    places, volume = fill(bottle, sdf, pose, rng)
     local, region = places - pose.position, tool_shape("bottle").interior
     assert region.holds(local).all() and (sdf.distance(local) > 0).all()
     height = local[:, 2].max() - (region.centre[2] - region.half[2])
@@ -198,11 +199,11 @@ def test_material_is_where_it_was_asked_for():
     # a body of 3 cm radius, filled to some 5 cm above its floor
     assert volume * len(places) == pytest.approx(np.pi * 0.03**2 * 0.052, rel=0.15)
     shovel = load_rehearsal("shovel")
-    places, volume = grains.fill(shovel, sdf, pose, rng)
+    places, volume = fill(shovel, sdf, pose, rng)
     assert volume * len(places) == pytest.approx(0.05 * 0.05 * 0.015, rel=1e-9)
     assert (np.abs(places - shovel.pile.centre) <= np.array(shovel.pile.half) + 1e-12).all()
     with pytest.raises(ConfigError, match="tool_fill_height = 0.2 m; accepted: up to"):
-        grains.check(load_rehearsal("bottle", {"tool_fill_height": 0.2}), mpm.Elastic(E=1e5, nu=0.2, density=1000.0))
+        check_field(load_rehearsal("bottle", {"tool_fill_height": 0.2}), mpm.Elastic(E=1e5, nu=0.2, density=1000.0))
 
 
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])
@@ -211,7 +212,7 @@ def test_every_script_can_be_planned(name):
     config = load_rehearsal(name)
     assert plan(config).solution.margin > 0.01
     for material in ("salt", "sugar", "flour", "sand", "paper"):
-        grains.check(config, law_of(load_material(material)))
+        check_field(config, law_of(load_material(material)))
 
 
 def test_the_scoops_learnt_motions_are_within_reach():

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robosim.robot.model import SPEED_LIMITS, Arm
-from robosim.scene.build import ARM_JOINTS, compiled, load_spec, robot_spec
+from robosim.scene.models import compile_spec, load_spec
+from robosim.scene.robot_spec import ARM_JOINTS, build_robot_spec
 from robosim.shapes.handle import grip_pose
 from robosim.shapes.spoon import HANDLE_START
 from robosim.verification.cases.robot import two_models
@@ -13,7 +14,7 @@ from robosim.verification.cases.robot import two_models
 
 @pytest.fixture(scope="module")
 def pair():
-    model = compiled(robot_spec("spoon"))
+    model = compile_spec(build_robot_spec("spoon"))
     return model, Arm("spoon")
 
 

@@ -1,10 +1,10 @@
-"""The spoon's wall holds what it carries, and the force on it is the weight in it."""
+"""The spoon's wall retains its grains, and the force on it is their weight."""
 
 import numpy as np
 import pytest
 
 import mpm
-from robosim.scene.fill import tool_sdf
+from robosim.scene.field import build_tool_sdf
 from robosim.shapes.spoon import BOWL
 
 CELL = 0.005
@@ -18,13 +18,13 @@ def filled_spoon(thickness: float, offset: np.ndarray) -> tuple[mpm.Solver, mpm.
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (0.22, 0.2, 0.2), CELL),
         bodies=[mpm.Body(salt, pose.apply(inside), volume=(CELL / 2) ** 3)],
-        colliders=[mpm.Collider(tool_sdf("spoon", thickness), friction=0.1, pose=pose)],
+        colliders=[mpm.Collider(build_tool_sdf("spoon", thickness), friction=0.1, pose=pose)],
     )
     return solver, pose
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
-def test_nothing_leaks_at_rest_or_shaken(seed: int) -> None:
+def test_no_grain_leaks_at_rest_or_shaken(seed: int) -> None:
     """At rest for 0.2 s, then shaken by 3 mm at 8 Hz: every grain stays in the bowl; at rest the load is the weight."""
     offset = np.random.default_rng(seed).uniform(-CELL, CELL, 3)
     solver, start = filled_spoon(0.0025, offset)
@@ -40,6 +40,6 @@ def test_nothing_leaks_at_rest_or_shaken(seed: int) -> None:
         if 50 <= step < 100:
             forces.append(-solver.collider_impulse(0).force / 2e-3)
     local = pose.inverse().apply(solver.positions())
-    assert local[:, 2].max() < 0.01  # nothing was thrown over the rim, so what is outside came through the wall
+    assert local[:, 2].max() < 0.01  # none passed over the rim, so one outside leaked through the wall
     assert ((local / (BOWL + 0.002)) ** 2).sum(1)[local[:, 2] < 0].max() < 1.0
     assert np.mean(forces, axis=0) == pytest.approx([0, 0, weight], abs=0.01 * weight)

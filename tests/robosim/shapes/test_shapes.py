@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from robosim.scene.build import load_spec
+from robosim.scene.models import load_spec
 from robosim.shapes import TOOLS, tool_shape
 from robosim.shapes.bottle import BODY, NECK, NECK_RADIUS, RADIUS, profile, vessel
-from robosim.shapes.container import container_shell
+from robosim.shapes.container import make_container_shell
 from robosim.shapes.lofts import loft, revolve, sweep
 from robosim.shapes.spoon import BOWL
 from robosim.shapes.tool import WALL
@@ -47,7 +47,7 @@ def test_cavities_are_what_their_dimensions_give() -> None:
     outer = profile(WALL)
     hull = np.pi / 3 * np.diff(outer[:, 1]) * (outer[:-1, 0] ** 2 + outer[:-1, 0] * outer[1:, 0] + outer[1:, 0] ** 2)
     assert solid == pytest.approx(hull.sum(), rel=0.01)
-    box = container_shell((0.2, 0.15, 0.08))
+    box = make_container_shell((0.2, 0.15, 0.08))
     assert box.is_watertight and box.body_count == 1
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import mpm
 from robosim.config.materials import law_of, load_material
 from robosim.coupling.plugin import GranularPlugin
-from robosim.scene.fill import tool_sdf
+from robosim.scene.field import build_tool_sdf
 from robosim.shapes.spoon import BOWL
 from robosim.verification.cases.criteria import Within
 from robosim.verification.cases.record import Clock, Record
@@ -49,7 +49,7 @@ def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 
     inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
     body = mpm.Body(law_of(load_material(material)), inside + [0.08, 0.06, 0.08], volume=(cell / 2) ** 3)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body],
-                        colliders=[mpm.Collider(tool_sdf("spoon", thickness), friction=0.1)])
+                        colliders=[mpm.Collider(build_tool_sdf("spoon", thickness), friction=0.1)])
     plugin = GranularPlugin(model, data, solver, bodies={"spoon": 0}, coupling=coupling)  # pyright: ignore[reportArgumentType]
     mass, clock, errors = float(solver.masses().sum()), Clock(solver), {}
     gravity = np.array([0.0, 0.0, -9.81])

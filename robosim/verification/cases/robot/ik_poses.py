@@ -10,7 +10,8 @@ from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
 from robosim.robot.inverse_kinematics import solve
 from robosim.robot.model import Arm
-from robosim.scene.build import ARM_JOINTS, compiled, robot_spec
+from robosim.scene.models import compile_spec
+from robosim.scene.robot_spec import ARM_JOINTS, build_robot_spec
 from robosim.verification.cases.criteria import Within
 from robosim.verification.cases.record import Record
 
@@ -30,7 +31,7 @@ ACCURACY = 1e-6
 
 def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
     """Shares of poses that were not solved or solved wrongly; restarts: postures that a pose is tried from at most."""
-    arm, model = Arm("spoon"), compiled(robot_spec("spoon"))
+    arm, model = Arm("spoon"), compile_spec(build_robot_spec("spoon"))
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     places = [model.joint(name).qposadr[0] for name in ARM_JOINTS]
     middle = 0.5 * (arm.lower + arm.upper)

@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio
 
 from robosim.robot.model import Arm
-from robosim.scene.build import compiled, robot_spec
+from robosim.scene.models import compile_spec
+from robosim.scene.robot_spec import build_robot_spec
 from robosim.verification.cases.criteria import Within
 from robosim.verification.cases.record import Record
 
@@ -24,7 +25,7 @@ CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
 
 def measure(*, states: int = 500) -> Record:
     """Largest differences over random states of arm, fingers and tool."""
-    model, arm, rng = compiled(robot_spec("spoon")), Arm("spoon"), np.random.default_rng(7)
+    model, arm, rng = compile_spec(build_robot_spec("spoon")), Arm("spoon"), np.random.default_rng(7)
     data = mujoco.MjData(model)
     ids = [arm.model.getJointId(model.joint(j).name) for j in range(model.njnt)]
     q_index = np.array([arm.model.joints[i].idx_q for i in ids])

@@ -1,0 +1,95 @@
+"""Signed distances between the tool and points on the containers' surfaces."""
+
+from functools import cache
+
+import numpy as np
+import trimesh
+
+from mpm import Pose
+from mpm.geometry.sampled_sdf import Lattice
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.scene.field import build_tool_sdf
+from robosim.scene.frames import container_pose
+from robosim.scene.models import read_inner_size
+from robosim.shapes.container import make_container_shell
+from robosim.shapes.tool import WALL
+
+POINTS_PER_CONTAINER = 20_000
+"""Sampled points on the surface of each container: about 2 mm apart."""
+BOX_MARGIN = 1e-5
+"""[m] by which the tool's bounding box is enlarged for the first selection of points: above single-precision error."""
+DIFFERENCE_STEP = 1e-3
+"""[m] of the central differences of the tool's signed distance: the spacing of its lattice."""
+
+
+@cache
+def build_real_tool_sdf(tool: str) -> Lattice:
+    """Build the signed distance of a tool with its real wall, in its own frame.
+
+    It is evaluated on the host only, so all scenes share one.
+    """
+    return build_tool_sdf(tool, WALL)
+
+
+class ContainerSurface:
+    """Points on the surfaces of a rehearsal's containers, tested against the tool's signed distance.
+
+    Poses are world poses of the tool's frame.
+    """
+
+    def __init__(self, config: RehearsalConfig) -> None:
+        self._sdf = build_real_tool_sdf(config.tool)
+        points = []
+        for name, container in config.containers.items():
+            shell = make_container_shell(read_inner_size(name))
+            local = trimesh.sample.sample_surface(shell, POINTS_PER_CONTAINER, seed=0)[0]
+            points.append(container_pose(container).apply(local))
+        self._points = np.concatenate(points)
+        self._points_f32 = np.ascontiguousarray(self._points.T, np.float32)
+        """The same (3, n), for the selection of the few that lie in the tool's bounding box."""
+        low, high = self._sdf.bounds if isinstance(self._sdf, Lattice) else (-self._sdf.radius, self._sdf.radius)
+        self._low, self._high = np.broadcast_to(low, 3) - BOX_MARGIN, np.broadcast_to(high, 3) + BOX_MARGIN
+        self._rim = self._points[:, 2].max()
+        self.penetrations = 0
+        """Points inside the tool, summed over all calls of `record_penetrations`."""
+        self.depth = 0.0
+        """Largest penetration depth [m] over these calls."""
+
+    def record_penetrations(self, pose: Pose) -> None:
+        """Add the points inside the tool at a pose to `penetrations` and `depth`."""
+        points = self._select_near(pose, 0.0)
+        if len(points):
+            distance = self._sdf.distance(points)
+            self.penetrations += int(np.sum(distance < 0))
+            self.depth = max(self.depth, float(-distance.min()))
+
+    def compute_displacement(self, pose: Pose, margin: float) -> np.ndarray:
+        """Compute the displacement (3,) [m] of the tool that restores a clearance of `margin` [m].
+
+        It leads away from the closest point, along the gradient of the signed distance; zero where no point is closer
+        than the margin.
+        """
+        points = self._select_near(pose, margin)
+        distance = self._sdf.distance(points) if len(points) else np.array([margin])
+        closest = int(distance.argmin())
+        if distance[closest] >= margin:
+            return np.zeros(3)
+        stencil = points[closest] + DIFFERENCE_STEP * np.concatenate([np.eye(3), -np.eye(3)])
+        gradient = np.subtract(*self._sdf.distance(stencil).reshape(2, 3))
+        length = np.linalg.norm(gradient)
+        if length == 0.0:  # on the medial surface of the tool no direction is better than its opposite
+            return np.zeros(3)
+        return -(margin - distance[closest]) * (pose.matrix @ gradient) / length
+
+    def _select_near(self, pose: Pose, margin: float) -> np.ndarray:
+        """Select the points (n, 3) [m], in the tool's frame, that may be closer to it than `margin` [m].
+
+        All others lie outside the box of the tool's lattice, which holds the tool.
+        """
+        if pose.position[2] - self._sdf.radius - margin >= self._rim:
+            return np.empty((0, 3))
+        R = pose.matrix.T
+        origin, inside = R @ pose.position, np.ones(len(self._points), bool)
+        for x, low, high in zip(R.astype(np.float32) @ self._points_f32, self._low + origin, self._high + origin):
+            inside &= (x > np.float32(low - margin)) & (x < np.float32(high + margin))
+        return pose.inverse().apply(self._points[inside])
