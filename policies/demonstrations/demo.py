@@ -1,6 +1,5 @@
 """`robosim demo`: demonstrations by descent through the field (arXiv 2406.09178, Algorithm 2), or by CMA-ES."""
 
-import argparse
 import subprocess
 import sys
 import tempfile
@@ -11,55 +10,15 @@ from zipfile import BadZipFile
 import numpy as np
 
 import mpm
+from policies.demonstrations import RATE
 from policies.demonstrations.action_repeat import Hold
 from policies.demonstrations.curves import draw
-from policies.demonstrations.generator import FLUID, METHODS, STAND_INS, Maker, Wanted, make_some, played
+from policies.demonstrations.generator import FLUID, STAND_INS, Maker, Wanted, make_some, played
 from policies.demonstrations.workers import pool
 from policies.learning.environments import made
 from policies.learning.files import claim, write_json
 
-RATE = 0.05
-"""Step in actions of -1 to 1."""
 SCRIPT = "script"
-EXAMPLE = """examples:
-  robosim demo SpoonTranslate --n 2 --jobs 2 --out out/demo
-  robosim demo SpoonScoop --from script --until 0.75 --n 1 --out out/scoop
-  robosim demo SpoonPour --method cmaes --material salt --n 1 --out out/evolved"""
-
-
-def command(commands: argparse._SubParsersAction) -> None:
-    """Add `demo` to the command line."""
-    run = commands.add_parser("demo", help="make demonstrations by gradient through the field", epilog=EXAMPLE,
-                              formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("task", help="a sub-task, such as SpoonScoop; or a task's .yaml file")
-    run.add_argument("--out", type=Path, required=True, help="folder for demonstrations, pictures and the table; a run "
-                     "that was killed goes on where it was")
-    run.add_argument("--n", type=int, default=10, help="demonstrations, from different starts (default: 10)")
-    run.add_argument("--jobs", type=int, default=1, help="demonstrations at a time, a core each (default: 1)")
-    run.add_argument("--method", choices=METHODS, default="descent", help="descent by the gradient, or CMA-ES on a "
-                     "spline of the same motion, without (default: descent)")
-    run.add_argument("--material", help="that the gradient goes through (default: glycerol, clay for scooping "
-                     "and for the shovel)")
-    run.add_argument("--iterations", type=int, default=150, help="at most, for each (default: 150)")
-    run.add_argument("--rate", type=float, default=RATE, help=f"step in actions of -1 to 1 (default: {RATE})")
-    run.add_argument("--hold", type=int, default=10, help="steps of 2 ms that an action is held (default: 10)")
-    run.add_argument("--from", dest="start", help=".npz file with actions to begin with, or `script`: the task's own, "
-                     "for a tool that must touch its material first (default: at rest)")
-    run.add_argument("--until", type=float, help="with --from script: time [s] up to which the motion is the "
-                     "script's and stays so; then the tool rests, at first (default: the whole script, free to change)")
-    run.add_argument("--limit", type=float, help="cut entries of the state's derivatives in every substep, as sand's "
-                     "may need (default: never)")
-    run.add_argument("--seed", type=int, default=0, help="of the first start, as of the environment's reset")
-    run.add_argument("--nominal", action="store_true", help="the first begins at the task's own start, as training "
-                     "does by default; the others within its ranges")
-    run.add_argument("--arm", action="store_true", help="see what the motion asks of the arm, and carry it out with it")
-    run.add_argument("--arm-weight", type=float, default=0.0, help="of a penalty on joint speeds and angles beyond the "
-                     "arm's limits (default: 0)")
-    run.add_argument("--no-video", action="store_true", help="leave out the films")
-    run.set_defaults(run=lambda a: demonstrate(
-        a.task, a.out, n=a.n, material=a.material, iterations=a.iterations, rate=a.rate, hold=a.hold, start=a.start,
-        limit=a.limit, seed=a.seed, until=a.until, jobs=a.jobs, method=a.method, arm=a.arm, arm_weight=a.arm_weight,
-        film=not a.no_video, nominal=a.nominal))
 
 
 def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = None, iterations: int = 150,
@@ -67,7 +26,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
                 seed: int = 0, until: float | None = None, jobs: int = 1, method: str = "descent", arm: bool = False,
                 arm_weight: float = 0.0, film: bool = True, nominal: bool = False) -> int:
     """Make demonstrations 0 .. n - 1 into a folder, with their table, curves and films; returns 0."""
-    for name, number in (("--n", n), ("--iterations", iterations), ("--hold", hold), ("--jobs", jobs)):
+    for name, number in (("--n", n), ("--iterations", iterations), ("--action-repeat", hold), ("--jobs", jobs)):
         if number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
     if seed < 0 or not 0 < rate <= 1 or not 0 <= arm_weight < np.inf:
@@ -78,7 +37,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
     ends = sand.task.step_dt * np.minimum(hold * np.arange(1, len(first) + 1), sand.task.steps)
     kept = 0 if until is None else int(np.sum(ends <= until + 1e-9))
     if until is not None and not 0 < kept < len(first):
-        raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --hold {hold}")
+        raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --action-repeat {hold}")
     stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
     wanted = Wanted(sand.source, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,
                     nominal)

@@ -1,6 +1,5 @@
 """`robosim export`: demonstrations as transitions in one HDF5 file, in the layout that Minari reads episodes from."""
 
-import argparse
 import json
 import os
 import sys
@@ -15,20 +14,6 @@ from policies.demonstrations.reading import Shown, acted, actions_in, paths_in, 
 from policies.learning.environments import made
 from policies.learning.files import write
 from policies.learning.presets import in_file
-
-EXAMPLE = "example:\n  robosim export SpoonPour --demos out/demo --out out/spoon_pour.hdf5 --obs moments"
-
-
-def command(commands: argparse._SubParsersAction) -> None:
-    """Add `export` to the command line."""
-    run = commands.add_parser("export", help="write demonstrations as transitions, for other libraries", epilog=EXAMPLE,
-                              formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("task", help="a sub-task, such as SpoonPour; or a task's .yaml file")
-    run.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
-    run.add_argument("--out", type=Path, required=True, help="the .hdf5 file")
-    run.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
-    run.add_argument("--hold", type=int, default=10, help="steps of 2 ms that an action is held (default: 10)")
-    run.set_defaults(run=lambda a: export(a.task, a.demos, a.out, obs=a.obs, hold=a.hold))
 
 
 def export(task: str, demos: Path, out: Path, *, obs: str = "flat", hold: int = 10) -> int:

@@ -18,7 +18,6 @@ from policies.demonstrations.spline_search import Evolution
 from policies.learning.environments import made
 from policies.learning.files import write
 
-METHODS = ("descent", "cmaes")
 STAND_INS = {"move": "clay", "scoop": "clay"}
 """Material that a kind of sub-task is learnt in, where it is not the fluid below: a fluid's surface lies below the rim
 of a level spoon that stands on the container's floor, so that there is nothing to scoop."""

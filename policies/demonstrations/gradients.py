@@ -1,7 +1,6 @@
 """`robosim gradients`: how derivatives grow backwards in time, through fluid or clay, and through grains (the figure of
 arXiv 2406.09178), and how far back they mean anything."""
 
-import argparse
 import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -40,18 +39,6 @@ SLOWER, ASIDE = 0.98, 0.003
 """The motion: so much of the script's actions, and a random part of at most so much in each. The script carries its
 tool level, with the nodes of the field's grid on those of the tool's distances: the least step to a side turns every
 normal there, and differences see a jump that derivatives do not."""
-EXAMPLE = "example:\n  robosim gradients SpoonPour ShovelMove --jobs 2 --out out/gradients"
-
-
-def command(commands: argparse._SubParsersAction) -> None:
-    """Add `gradients` to the command line."""
-    run = commands.add_parser("gradients", help="how derivatives grow backwards in time", epilog=EXAMPLE,
-                              formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("tasks", nargs="*", metavar="TASK", help=f"of: {', '.join(TASKS)} (default: all)")
-    run.add_argument("--out", type=Path, required=True, help="folder for gradients.json and gradients.png; what is "
-                     "there is not run again")
-    run.add_argument("--jobs", type=int, default=1, help="roll-outs at a time, a core each (default: 1)")
-    run.set_defaults(run=lambda a: gradients(a.tasks or list(TASKS), a.out, a.jobs))
 
 
 def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:

@@ -1,6 +1,5 @@
 """`robosim frames`: roll-outs of the simulator with starts and motions of many kinds, for a network to learn from."""
 
-import argparse
 import json
 import sys
 from functools import cache, partial
@@ -19,9 +18,6 @@ from policies.demonstrations.workers import pool
 from policies.learning.environments import made
 from policies.learning.files import claim, write, write_json
 
-EXAMPLE = """example:
-  robosim frames SpoonPour --episodes 200 --jobs 2 --out out/frames/SpoonPour
-  robosim train gnn_cmaes SpoonPour --frames out/frames/SpoonPour --out out/runs/SpoonPour/gnn_cmaes/seed_0"""
 KNOTS, SPREAD = 8, 0.4
 """Of the smooth motion that is added to a part of the script: knots, and standard deviation of its actions."""
 SOLIDS = 150
@@ -36,29 +32,13 @@ class Solid(NamedTuple):
     moves: bool
 
 
-def command(commands: argparse._SubParsersAction) -> None:
-    """Add `frames` to the command line."""
-    run = commands.add_parser("frames", help="make roll-outs for a network to learn from", epilog=EXAMPLE,
-                              formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("task", help="a sub-task, such as SpoonPour; or a task's .yaml file")
-    run.add_argument("--out", type=Path, required=True, help="folder of the roll-outs; what is there is not made again")
-    run.add_argument("--episodes", type=int, default=200, help="(default: 200)")
-    run.add_argument("--material", help="of the grains (default: the task's)")
-    run.add_argument("--hold", type=int, default=10, help="steps of 2 ms that an action is held; a frame each "
-                     "(default: 10)")
-    run.add_argument("--seed", type=int, default=0, help="of starts and motions (default: 0)")
-    run.add_argument("--jobs", type=int, default=1, help="roll-outs at a time, a core each (default: 1)")
-    run.set_defaults(run=lambda a: frames(a.task, a.out, episodes=a.episodes, material=a.material, hold=a.hold,
-                                          seed=a.seed, jobs=a.jobs))
-
-
 def frames(task: str, out: Path, *, episodes: int = 200, material: str | None = None, hold: int = 10, seed: int = 0,
            jobs: int = 1) -> int:
     """Make roll-outs 0 .. episodes - 1 into a folder; returns 0. Raises InvalidValue for what cannot be made, and for a
     folder of others."""
     if min(episodes, hold, jobs) < 1 or seed < 0:
-        raise mpm.InvalidValue(f"--episodes {episodes}, --hold {hold}, --jobs {jobs}, --seed {seed}; accepted: 1 or "
-                               f"more, the seed 0 or more")
+        raise mpm.InvalidValue(f"--episodes {episodes}, --action-repeat {hold}, --jobs {jobs}, --seed {seed}; "
+                               f"accepted: 1 or more, the seed 0 or more")
     env: Any = made(task, material=material, action_repeat=hold).unwrapped
     lock = claim(out)
     try:

@@ -5,7 +5,8 @@ from typing import Any
 import gymnasium
 
 import mpm
-from policies.learning.presets import in_file, tasks
+from policies.learning.bundled import check_task
+from policies.learning.presets import in_file
 
 
 def made(task: str, **options: Any) -> gymnasium.Env:
@@ -15,9 +16,7 @@ def made(task: str, **options: Any) -> gymnasium.Env:
     if in_file(task):
         return gymnasium.make("robosim:robosim/Task-v0", task=task, **given)
     name = task.split("/")[-1].split("-v")[0]
-    if name not in tasks():
-        raise mpm.InvalidValue(f"task {task!r}; accepted: {', '.join(tasks())}, or a task's .yaml file; for training "
-                               f"also an id of Gymnasium such as Pendulum-v1")
+    check_task(task, "; for training also an id of Gymnasium such as Pendulum-v1")
     try:
         return gymnasium.make(f"robosim:robosim/{name}-v0", **given)
     except gymnasium.error.Error as error:

@@ -1,5 +1,6 @@
 """What a method of learning is made of: files of configs/training."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -8,10 +9,13 @@ import yaml
 from pydantic import ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 import mpm
+from policies.learning.bundled import bundled_names, check_method
 
 Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "GNN-CMA-ES", "replay"]
 OFF_POLICY = ("SAC", "TD3", "DDPG", "TQC", "CrossQ")
 """Learners with a buffer that demonstrations can join."""
+Change = Callable[[dict[str, Any]], dict[str, Any]]
+"""Gives a changed copy of a table."""
 IMITATE = ("BC", "GAIL", "replay")
 """Learners that have nothing but demonstrations."""
 
@@ -143,11 +147,6 @@ def in_words(error: Exception, kind: type[pydantic.BaseModel]) -> str:
     return "; ".join(lines)
 
 
-def tasks() -> list[str]:
-    """Names of the sub-tasks that ship."""
-    return sorted(path.stem for path in (folder().parent / "tasks").glob("*.yaml"))
-
-
 def in_file(task: str) -> bool:
     """Whether a task is a file of the user's own, and no name."""
     return task.endswith((".yaml", ".yml"))
@@ -155,7 +154,7 @@ def in_file(task: str) -> bool:
 
 def strange(task: str) -> bool:
     """Whether a task is neither a sub-task, nor a file that is there, nor an id of Gymnasium such as Pendulum-v1."""
-    return not Path(task).is_file() if in_file(task) else "-v" not in task and task not in tasks()
+    return not Path(task).is_file() if in_file(task) else "-v" not in task and task not in bundled_names("tasks")
 
 
 def known(preset: dict[str, Any]) -> dict[str, Any]:
@@ -168,24 +167,14 @@ def known(preset: dict[str, Any]) -> dict[str, Any]:
         return preset
 
 
-def folder() -> Path:
-    """configs/training, beside the packages in a checkout and inside robosim in a wheel."""
-    top = Path(__file__).resolve().parents[2]
-    inside = top / "robosim" / "configs" / "training"
-    return inside if inside.is_dir() else top / "configs" / "training"
+def load_preset(name: str, change: Change | None = None) -> Preset:
+    """Load a method by name or path; raises mpm.InvalidValue for one that cannot be used.
 
-
-def methods() -> list[str]:
-    """Names of all methods."""
-    return sorted(path.stem for path in folder().glob("*.yaml"))
-
-
-def load_preset(name: str) -> Preset:
-    """A method by name, or from a .yaml file of one's own; raises mpm.InvalidValue for what is none."""
-    path = Path(name) if name.endswith((".yaml", ".yml")) else folder() / f"{name}.yaml"
-    if not path.is_file():
-        raise mpm.InvalidValue(f"method {name!r}; accepted: {', '.join(methods())}, or a .yaml file of your own")
+    change: of its table, before it is checked.
+    """
+    path = check_method(name)
     try:
-        return Preset(**yaml.safe_load(path.read_text()))
+        table = yaml.safe_load(path.read_text())
+        return Preset(**(change(table) if change else table))
     except (pydantic.ValidationError, yaml.YAMLError, TypeError) as error:
         raise mpm.InvalidValue(f"{path}: {in_words(error, Preset)}") from error

@@ -1,6 +1,5 @@
 """`robosim tables`: what runs came to, method by method, beside published numbers."""
 
-import argparse
 import csv
 import html
 import json
@@ -14,11 +13,11 @@ import numpy as np
 import yaml
 
 import mpm
+from policies.learning.bundled import configs_folder
 from policies.learning.files import digest, write, write_json
-from policies.learning.presets import folder, known
+from policies.learning.presets import known
 from policies.results.further_tables import Table, further
 
-EXAMPLE = "example:\n  robosim tables out/runs --out out/tables"
 READINGS = {"best": "score of the best motion, replayed", "tcs": "score, mean of the last ten episodes",
             "return": "return, mean of the last ten episodes", "delivered": "delivered by the best motion",
             "spilled": "spilled by the best motion", "collisions": "collisions of the best motion",
@@ -28,16 +27,6 @@ SETTINGS = {"material": "{}", "starts": "{} starts", "hold": "actions held for {
             "wanted": "{} episodes wanted"}
 """What runs of a method may differ by besides their seed, and how a table says it."""
 RESAMPLED = 2000
-
-
-def command(commands: argparse._SubParsersAction) -> None:
-    """Add `tables` to the command line."""
-    run = commands.add_parser("tables", help="what runs came to, beside published numbers", epilog=EXAMPLE,
-                              formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("runs", type=Path, nargs="+", help="folders, every run below which counts, or a tables.json of "
-                     "earlier ones")
-    run.add_argument("--out", type=Path, required=True, help="folder for index.html, tables.json and tables.csv")
-    run.set_defaults(run=lambda a: tables(a.runs, a.out))
 
 
 def runs_below(folders: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -148,7 +137,7 @@ def tables(runs: list[Path], out: Path) -> int:
         raise mpm.InvalidValue(f"{', '.join(map(str, runs))}: no finished run below; "
                                f"{'; '.join(others) or 'none at all'}")
     out.mkdir(parents=True, exist_ok=True)
-    published = yaml.safe_load((folder().parent / "published" / "arxiv_2406_09178.yaml").read_text())
+    published = yaml.safe_load((configs_folder() / "published" / "arxiv_2406_09178.yaml").read_text())
     rng, found, notes = np.random.default_rng(0), defaultdict(dict), []
     groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
     for label, one in zip(told_apart(rows), rows):

@@ -1,4 +1,4 @@
 """Training runs: folder, checkpoints, episodes, sweeps.
 
-Imports: demonstrations, dynamics, learning.
+Imports: demonstrations, dynamics, learning, results.
 """

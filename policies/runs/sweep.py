@@ -1,6 +1,5 @@
 """`robosim sweep`: tasks x methods x seeds, each a run in a folder and a process of its own."""
 
-import argparse
 import contextlib
 import json
 import os
@@ -18,19 +17,9 @@ from pydantic import ConfigDict, Field, PositiveInt
 from tqdm import tqdm
 
 import mpm
+from policies.learning.bundled import bundled_names
 from policies.learning.files import write_json
-from policies.learning.presets import in_file, in_words, known, load_preset, strange, tasks
-
-EXAMPLE = """example, with a file small.yaml of
-  tasks: [SpoonPour, ShovelMove]
-  methods: [dg_sac, sac]
-  seeds: [0, 1, 2]
-  demos: out/demo/{task}
-  out: out/runs
-and then
-  robosim sweep small.yaml --jobs 2
-a sweep that was cut short goes on with the same command; what is finished is not done again"""
-
+from policies.learning.presets import Change, in_file, in_words, known, load_preset, strange
 
 GRACE = 30.0
 """Time [s] that a run has to end when the sweep is stopped."""
@@ -70,6 +59,7 @@ class Run(NamedTuple):
             manifest = json.loads((self.out / "manifest.json").read_text())
             found = known(manifest["preset"])
             given = {name: found.get(name) for name in ("obs", "episodes")}  # which words may say
+            given = found if "--set" in self.words else given
             if manifest["command"].split(" ", 1)[-1] != " ".join(self.words) or {**self.preset, **given} != found:
                 return "another"  # which `robosim train` refuses by name
             return str(json.loads((self.out / "status.json").read_text())["state"])
@@ -77,21 +67,14 @@ class Run(NamedTuple):
             return "new"
 
 
-def command(commands: argparse._SubParsersAction) -> None:
-    """Add `sweep` to the command line."""
-    run = commands.add_parser("sweep", help="learn many sub-tasks, methods and seeds", epilog=EXAMPLE,
-                              formatter_class=argparse.RawDescriptionHelpFormatter)
-    run.add_argument("file", type=Path, help="a .yaml file, as below")
-    run.add_argument("--jobs", type=int, default=1, help="processes at a time, one core each (default: 1)")
-    run.add_argument("--slurm", metavar="PARTITION", help="hand the runs to SLURM instead (needs submitit)")
-    run.add_argument("--dry-run", action="store_true", help="only tell what there is to do")
-    run.set_defaults(run=lambda a: sweep(a.file, jobs=a.jobs, slurm=a.slurm, dry=a.dry_run))
+def load(path: Path, change: Change | None = None) -> SweepFile:
+    """Load a sweep's file; raises mpm.InvalidValue for one that cannot be used.
 
-
-def load(path: Path) -> SweepFile:
-    """The file; raises mpm.InvalidValue for one that is wrong."""
+    change: of its table, before it is checked.
+    """
     try:
-        return SweepFile(**yaml.safe_load(path.read_text()))
+        table = yaml.safe_load(path.read_text())
+        return SweepFile(**(change(table) if change else table))
     except (OSError, yaml.YAMLError, pydantic.ValidationError, TypeError) as error:
         raise mpm.InvalidValue(f"{path}: {in_words(error, SweepFile)}") from error
 
@@ -100,8 +83,8 @@ def planned(file: SweepFile) -> list[Run]:
     """All runs of a sweep, seeds outermost, so that a sweep that is stopped has whole rows."""
     runs, unknown = [], [task for task in file.tasks if strange(task)]
     if unknown:
-        raise mpm.InvalidValue(f"tasks {', '.join(unknown)}; accepted: {', '.join(tasks())}, a task's .yaml file, or "
-                               f"an id of Gymnasium such as Pendulum-v1")
+        raise mpm.InvalidValue(f"tasks {', '.join(unknown)}; accepted: {', '.join(bundled_names('tasks'))}, a "
+                               f"task's .yaml file, or an id of Gymnasium such as Pendulum-v1")
     for seed, task, method in product(file.seeds, file.tasks, file.methods):
         name = Path(task).stem if in_file(task) else task
         out = file.out / name / Path(method).stem / f"seed_{seed}"
@@ -122,11 +105,13 @@ def planned(file: SweepFile) -> list[Run]:
     return runs
 
 
-def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry: bool = False) -> int:
+def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry: bool = False,
+          change: Change | None = None) -> int:
     """Run what is not finished; returns 0 when everything is, 1 when some runs failed."""
     if jobs < 1:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
-    runs = planned(load(path))
+    file = load(path, change)
+    runs = planned(file)
     waiting = [run for run in runs if run.state != "finished"]
     print(f"{len(runs)} runs, {len(runs) - len(waiting)} finished")
     if dry:
@@ -138,7 +123,7 @@ def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry: bool = Fa
     failed = work_off(waiting, jobs, len(runs))
     for run, reason in failed:
         print(f"failed: {run.out}: {reason}", file=sys.stderr)
-    write_json(load(path).out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
+    write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
     return 1 if failed else 0
 
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Any, NoReturn
 
+from robosim.commands.settings import AddSetting, Settings
+
 
 class CommandParser(argparse.ArgumentParser):
     """A parser that keeps the lines of its example, and whose errors are one line with the way to the help."""
@@ -12,6 +14,11 @@ class CommandParser(argparse.ArgumentParser):
     def __init__(self, **options: Any) -> None:
         layout = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
         super().__init__(**{"formatter_class": layout, **options})
+
+    def add_settings(self, what: str, example: str) -> None:
+        """Add the option `--set` for the keys of a file; `options.settings` are those given, see `Settings`."""
+        self.add_argument("--set", dest="settings", metavar="KEY=VALUE", action=AddSetting, default=Settings(),
+                          help=f"replace a value of the {what}, such as {example}; may be given several times")
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong and exit with status 2."""

@@ -23,6 +23,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--motions", type=Path, help="folder with a motion of each sub-task as TASK.npz (default: the "
                         "bundled motions)")
     parser.add_argument("--no-video", action="store_true", help="draw no film")
+    parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
     parser.set_defaults(run=run)
 
 
@@ -33,5 +34,6 @@ def run(options: argparse.Namespace) -> int:
         config_path("materials", options.material, "material")
     from robosim.rehearsal.motion_chain import chain
 
-    return chain(options.rehearsal, options.out, material=options.material, motions=options.motions,
-                 film=not options.no_video)
+    with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
+        return chain(rehearsal, options.out, material=options.material, motions=options.motions,
+                     film=not options.no_video)

@@ -33,6 +33,7 @@ def add_parser(commands: Any) -> None:
                         "hand, or held by the fingers alone (default: weld)")
     parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode)")
     parser.add_argument("--no-video", action="store_true", help="draw no film")
+    parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)
 
 
@@ -44,9 +45,10 @@ def run(options: argparse.Namespace) -> int:
     check_policy(options.policy)
     from robosim.evaluation.evaluate import evaluate
 
-    return evaluate(options.task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
-                    film=not options.no_video, nominal=options.nominal, material=options.material, arm=options.arm,
-                    grasp=options.grasp)
+    with options.settings.changed("tasks", options.task, options.out) as task:
+        return evaluate(task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
+                        film=not options.no_video, nominal=options.nominal, material=options.material,
+                        arm=options.arm, grasp=options.grasp)
 
 
 def check_policy(name: str) -> None:

@@ -29,6 +29,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--jobs", type=positive, default=1, help="settings at a time, a core each (default: 1)")
     parser.add_argument("--out", type=Path, help="folder for index.html and explain.json; settings that are finished "
                         "there are not repeated")
+    parser.add_settings("task's or rehearsal's file", "field.cell=0.01")
     parser.set_defaults(run=run)
 
 
@@ -38,5 +39,8 @@ def run(options: argparse.Namespace) -> int:
     if options.scene not in names and not Path(options.scene).is_file():
         raise UnknownName("scene", options.scene, names, "or the .yaml file of one")
     from robosim.benchmarks.explain import explain
+    from robosim.tasks.task import is_task
 
-    return explain(options.scene, tolerance=options.tolerance, out=options.out, apply=options.apply, jobs=options.jobs)
+    with options.settings.changed("tasks" if is_task(options.scene) else "rehearsals", options.scene,
+                                  options.out) as scene:
+        return explain(scene, tolerance=options.tolerance, out=options.out, apply=options.apply, jobs=options.jobs)

@@ -22,10 +22,12 @@ EXAMPLE = """examples:
 
 def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
-    top = CommandParser(prog="robosim", epilog=EXAMPLE,
+    top = CommandParser(prog="robosim", usage="robosim COMMAND ... [--help] [--version]", epilog=EXAMPLE,
                         description="Robots that handle granular matter: rehearse, evaluate, verify and learn.")
     top.add_argument("--version", action=Version)
-    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND", title="commands")
+    # the metavar is as long as the longest name, on a line of its own otherwise
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND ...", title="commands",
+                                  prog="robosim")
     for name in COMMANDS:
         import_module(f"robosim.commands.{name}").add_parser(commands)
     for entry in entry_points(group=GROUP):

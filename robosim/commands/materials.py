@@ -1,6 +1,7 @@
 """`robosim materials`: the score of one motion among thirteen materials."""
 
 import argparse
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--jobs", type=positive, default=1, help="episodes at a time, a core each (default: 1)")
     parser.add_argument("--out", type=Path, required=True, help="folder for materials.json, .csv and .png; episodes "
                         "that are finished there are not repeated")
+    parser.add_settings("tasks' files", "success.delivered=0.9")
     parser.set_defaults(run=run)
 
 
@@ -35,4 +37,7 @@ def run(options: argparse.Namespace) -> int:
     check_policy(options.policy)
     from robosim.evaluation.materials import materials
 
-    return materials(options.tasks or list(TASKS), options.out, name=options.policy, jobs=options.jobs)
+    with ExitStack() as stack:
+        tasks = [stack.enter_context(options.settings.changed("tasks", task, options.out))
+                 for task in options.tasks or TASKS]
+        return materials(tasks, options.out, name=options.policy, jobs=options.jobs)

@@ -11,6 +11,7 @@ from robosim.rehearsal import CAMERAS
 
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
+  robosim rehearse spoon --set field.cell=0.005 --set waypoints.2.speed=0.1 --out out/coarse
   robosim rehearse bottle --trajectory learned --out out/bottle"""
 
 
@@ -31,6 +32,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--camera", default="close", help=f"of the film: {one_of(CAMERAS, '')} (default: close)")
     parser.add_argument("--no-video", action="store_true", help="draw no film")
     parser.add_argument("--seed", type=seed, default=0, help="of the grains' initial positions (default: 0)")
+    parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
     parser.set_defaults(run=run)
 
 
@@ -43,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
         raise UnknownName("camera", options.camera, CAMERAS)
     from robosim.rehearsal.session import rehearse
 
-    return rehearse(options.rehearsal, options.out, material=options.material, grasp=options.grasp,
-                    camera=None if options.no_video else options.camera, seed=options.seed,
-                    trajectory=options.trajectory, motions=options.motions)
+    with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
+        return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
+                        camera=None if options.no_video else options.camera, seed=options.seed,
+                        trajectory=options.trajectory, motions=options.motions)

@@ -33,8 +33,7 @@ def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: 
     try:
         return kind.model_validate(with_settings(data, settings) | (overrides or {}))
     except pydantic.ValidationError as error:
-        raise ConfigError("; ".join(f"{_origin(e, path, settings)}: {describe(e, kind)}" for e in error.errors()
-                                    )) from None
+        raise ConfigError("; ".join(_located(e, kind, path, settings) for e in error.errors())) from None
 
 
 def describe(error: Any, kind: type[Any]) -> str:
@@ -48,18 +47,20 @@ def describe(error: Any, kind: type[Any]) -> str:
         if renamed is not None:
             return f"key {place!r} is now called {'.'.join([*map(str, error['loc'][:-1]), renamed])!r}; rename it"
         return f"unknown key {place!r}; valid: {', '.join(table.model_fields)}"
-    value = "" if error["type"] in ("missing", "value_error") else f" (given: {error['input']!r})"
+    if error["type"] == "value_error":
+        return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
+    value = "" if error["type"] == "missing" else f" (given: {error['input']!r})"
     return f"{place or 'file'}: {error['msg']}{value}"
 
 
-def _origin(error: Any, path: Path, settings: Sequence[Setting]) -> str:
-    """Name the setting that an error is about, or else the file."""
-    place = tuple(map(str, error["loc"]))
+def _located(error: Any, kind: type[Table], path: Path, settings: Sequence[Setting]) -> str:
+    """Describe an error after the setting that it is about, or else after the file and all settings."""
+    place, text = tuple(map(str, error["loc"])), describe(error, kind)
     for setting in settings:
         shared = min(len(place), len(setting.path))
         if shared and place[:shared] == setting.path[:shared]:
-            return setting.name
-    return str(path)
+            return f"{setting.name}: {text.removeprefix('.'.join(setting.path) + ': ')}"
+    return f"{' '.join([str(path), *(setting.name for setting in settings)])}: {text}"
 
 
 def _child(table: Any, part: int | str) -> Any:

@@ -1,6 +1,7 @@
 """Settings `key=value` from the command line, applied to a configuration before it is checked."""
 
 import copy
+import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -28,6 +29,8 @@ def read_setting(text: str) -> Setting:
     path = tuple(key.strip().split("."))
     if not equals or not all(path):
         raise ConfigError(f"--set {text}; accepted: KEY=VALUE with a dotted key, such as field.cell=0.005")
+    if re.fullmatch(r"\s*[-+]?\d+(\.\d*)?[eE][-+]?\d+\s*", value):  # YAML 1.1 takes 3e-4 for a text
+        return Setting(path, float(value))
     try:
         return Setting(path, yaml.safe_load(value))
     except yaml.YAMLError as error:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import mpm
-from policies.commands import pipeline
+from policies.runs import pipeline
 from robosim.commands.main import parser
 from robosim.config.rehearsal import load_rehearsal
 

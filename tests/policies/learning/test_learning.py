@@ -14,8 +14,9 @@ from stable_baselines3 import DDPG, SAC, TD3  # noqa: E402
 
 from policies.demonstrations.reading import acted, guide  # noqa: E402
 from policies.learning.buffers import DemoReplayBuffer  # noqa: E402
+from policies.learning.bundled import bundled_names  # noqa: E402
 from policies.learning.network import export  # noqa: E402
-from policies.learning.presets import load_preset, methods  # noqa: E402
+from policies.learning.presets import load_preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 from robosim.evaluation.policies import NetworkPolicy  # noqa: E402
@@ -123,7 +124,7 @@ def test_demonstrations_enter_with_updates():
     assert np.allclose(model.replay_buffer.demo.actions[:50], 0.25)  # torque 0.5 of 2
 
 
-@pytest.mark.parametrize("name", methods())
+@pytest.mark.parametrize("name", bundled_names("training"))
 def test_every_method_of_the_folder_is_whole(name):
     """Its file is valid, and its learner's class knows its options."""
     chosen = load_preset(name)
@@ -152,7 +153,7 @@ def test_soft_actor_critic_learns_the_pendulum(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [name for name in methods() if load_preset(name).graph is None])
+@pytest.mark.parametrize("method", [name for name in bundled_names("training") if load_preset(name).graph is None])
 def test_every_method_runs_on_grains(tmp_path, method):
     """A few episodes; the best actions, replayed, give the return that was trained with; the policy's file acts."""
     rng = np.random.default_rng(0)

@@ -1,0 +1,34 @@
+"""`robosim export`: demonstrations as transitions in one HDF5 file."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from policies.learning.bundled import bundled_names, check_task
+
+EXAMPLE = """example:
+  robosim export SpoonPour --demos out/demo --out out/spoon_pour.hdf5 --obs moments"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `export` to the command line."""
+    parser = commands.add_parser("export", help="write demonstrations as transitions, for other libraries",
+                                 epilog=EXAMPLE, description="Replay demonstrations among grains and write the "
+                                 "transitions to an HDF5 file in the layout that Minari reads episodes from.")
+    parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
+    parser.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
+    parser.add_argument("--out", type=Path, required=True, help="the .hdf5 file")
+    parser.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
+    parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
+                        "(default: 10)")
+    parser.add_settings("task's file", "grains.count=100")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the task's name, then export."""
+    check_task(options.task)
+    from policies.demonstrations.export import export
+
+    with options.settings.changed("tasks", options.task, options.out.parent) as task:
+        return export(task, options.demos, options.out, obs=options.obs, hold=options.action_repeat)

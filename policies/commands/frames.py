@@ -1,0 +1,41 @@
+"""`robosim frames`: rollouts of the simulator from which a graph network learns."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from policies.learning.bundled import bundled_names, check_material, check_task
+
+EXAMPLE = """examples:
+  robosim frames SpoonPour --episodes 200 --jobs 2 --out out/frames/SpoonPour
+  robosim train gnn_cmaes SpoonPour --frames out/frames/SpoonPour --out out/runs/SpoonPour/gnn_cmaes/seed_0"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `frames` to the command line."""
+    parser = commands.add_parser("frames", help="make rollouts from which a graph network learns", epilog=EXAMPLE,
+                                 description="Simulate a sub-task with random starts and motions, and write the "
+                                 "positions of grains and tool at every action.")
+    parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the rollouts; those that are there are not "
+                        "repeated")
+    parser.add_argument("--episodes", type=int, default=200, help="number of rollouts (default: 200)")
+    parser.add_argument("--material", help=f"of the grains: one of {', '.join(bundled_names('materials'))}; or the "
+                        "path of a .yaml file (default: the task's)")
+    parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated; "
+                        "one frame each (default: 10)")
+    parser.add_argument("--seed", type=int, default=0, help="of starts and motions (default: 0)")
+    parser.add_argument("--jobs", type=int, default=1, help="rollouts at a time, a core each (default: 1)")
+    parser.add_settings("task's file", "grains.count=100")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then make the rollouts."""
+    check_task(options.task)
+    check_material(options.material)
+    from policies.dynamics.rollouts import frames
+
+    with options.settings.changed("tasks", options.task, options.out) as task:
+        return frames(task, options.out, episodes=options.episodes, material=options.material,
+                      hold=options.action_repeat, seed=options.seed, jobs=options.jobs)

@@ -1,0 +1,34 @@
+"""`robosim gradients`: growth and accuracy of derivatives backwards in time."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import mpm
+from policies.learning.bundled import bundled_names
+
+EXAMPLE = """example:
+  robosim gradients SpoonPour ShovelMove --jobs 2 --out out/gradients"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `gradients` to the command line."""
+    parser = commands.add_parser("gradients", help="measure how derivatives grow backwards in time", epilog=EXAMPLE,
+                                 description="Differentiate a rollout of each task's script in several materials and "
+                                 "compare derivatives with finite differences.")
+    parser.add_argument("tasks", nargs="*", metavar="TASK",
+                        help=f"of {', '.join(bundled_names('tasks'))} (default: all)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for gradients.json and gradients.png; rollouts "
+                        "that are finished there are not repeated")
+    parser.add_argument("--jobs", type=int, default=1, help="rollouts at a time, a core each (default: 1)")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then measure."""
+    for task in options.tasks:
+        if task not in bundled_names("tasks"):
+            raise mpm.InvalidValue(f"task {task!r}; accepted: {', '.join(bundled_names('tasks'))}")
+    from policies.demonstrations.gradients import TASKS, gradients
+
+    return gradients(options.tasks or list(TASKS), options.out, options.jobs)

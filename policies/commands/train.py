@@ -1,0 +1,51 @@
+"""`robosim train`: learn a sub-task, with or without demonstrations."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from policies.learning.bundled import bundled_names, check_material, check_method, check_task
+
+EXAMPLE = """examples:
+  robosim train dg_sac SpoonPour --demos out/demo/SpoonPour --seed 0 --out out/runs/SpoonPour/dg_sac/seed_0
+  robosim train sac SpoonPour --set options.learning_rate=3e-4 --out out/runs/slow
+  robosim evaluate SpoonPour --policy out/runs/SpoonPour/dg_sac/seed_0/best.npz --nominal --out out/pour"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `train` to the command line."""
+    parser = commands.add_parser("train", help="learn a sub-task", epilog=EXAMPLE,
+                                 description="Train a policy on a sub-task by one of the methods.")
+    parser.add_argument("method", help=f"one of {', '.join(bundled_names('training'))}; or the path of a .yaml file")
+    parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; a task's .yaml file; or an id of "
+                        "Gymnasium, such as Pendulum-v1")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run; an interrupted run continues with "
+                        "the same command")
+    parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
+    parser.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
+    parser.add_argument("--frames", type=Path, help="folder of `robosim frames`, for methods with a graph network")
+    parser.add_argument("--episodes", type=int, help="at most (default: the method's)")
+    parser.add_argument("--material", help=f"of the grains: one of {', '.join(bundled_names('materials'))}; or the "
+                        "path of a .yaml file (default: the task's)")
+    parser.add_argument("--starts", choices=["nominal", "random"], default="nominal", help="start of the episodes: the "
+                        "task's nominal start, or random within its ranges (default: nominal)")
+    parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
+                        "(default: 10)")
+    parser.add_argument("--obs", help="layout of the observation (default: the method's)")
+    parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
+    parser.add_settings("method's file", "options.gamma=0.95")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the names, then train."""
+    check_method(options.method)
+    if "-v" not in options.task or options.task.startswith("robosim"):
+        check_task(options.task, "; or an id of Gymnasium, such as Pendulum-v1")
+    check_material(options.material)
+    from policies.methods.train import train
+
+    o = options
+    return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
+                 starts=o.starts, hold=o.action_repeat, obs=o.obs, force=o.force, frames=o.frames,
+                 change=o.settings.apply)
