@@ -1,8 +1,8 @@
 """What a method of learning is made of: files of configs/training."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import pydantic
 import yaml
@@ -132,19 +132,30 @@ class Preset(pydantic.BaseModel):
 
 
 def in_words(error: Exception, kind: type[pydantic.BaseModel]) -> str:
-    """What is wrong with a file, in a line."""
+    """Describe what is wrong with a file in a line: key, value, reason; of an unknown key, the keys that exist."""
     if not isinstance(error, pydantic.ValidationError):
         return str(error)
     lines = []
     for one in error.errors():
         place = ".".join(map(str, one["loc"]))
         if one["type"] == "extra_forbidden":
-            also = f"; accepted: {', '.join(kind.model_fields)}" if len(one["loc"]) == 1 else ""
-            lines.append(f"unknown key {place!r}{also}")
+            table = table_at(kind, one["loc"][:-1])
+            renamed = getattr(table, "RENAMED", {}).get(one["loc"][-1])
+            lines.append(f"key {place!r} is now called {renamed!r}; rename it" if renamed else
+                         f"unknown key {place!r}; accepted: {', '.join(table.model_fields)}")
         else:
             given = f" (given: {one['input']!r})" if one["type"] not in ("missing", "value_error") else ""
-            lines.append(f"{place or 'file'}: {one['msg']}{given}")
+            lines.append(f"{place or 'file'}: {one['msg'].removeprefix('Value error, ')}{given}")
     return "; ".join(lines)
+
+
+def table_at(kind: type[pydantic.BaseModel], place: Sequence[int | str]) -> type[pydantic.BaseModel]:
+    """Find the class of a table within another; a key holds a table or null."""
+    for key in place:
+        annotation = kind.model_fields[str(key)].annotation
+        kind = next(one for one in (annotation, *get_args(annotation))
+                    if isinstance(one, type) and issubclass(one, pydantic.BaseModel))
+    return kind
 
 
 def in_file(task: str) -> bool:

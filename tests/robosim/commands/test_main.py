@@ -1,0 +1,112 @@
+"""The command line: help, version, wrong names, and what it does not import."""
+
+import re
+import shlex
+import subprocess
+import sys
+from importlib.metadata import EntryPoint, version
+
+import pytest
+
+from robosim.commands import main as module
+from robosim.commands.main import COMMANDS, main, parser
+
+EVERY = sorted([*COMMANDS, "demo", "export", "frames", "gradients", "pipeline", "sweep", "tables", "train"])
+HEAVY = {"taichi", "mujoco", "pinocchio", "torch", "matplotlib", "gymnasium", "numpy", "scipy", "pydantic", "yaml"}
+WRONG = {
+    "a command": (["fork"], "'fork'.*rehearse"),
+    "a rehearsal": (["rehearse", "fork", "--out", "x"], "unknown rehearsal 'fork'; valid: bottle, scoop"),
+    "a material": (["chain", "spoon", "--material", "pepper", "--out", "x"], "unknown material 'pepper'; valid: clay"),
+    "a camera": (["rehearse", "spoon", "--camera", "left", "--out", "x"], "unknown camera 'left'; valid: close"),
+    "a task": (["evaluate", "SpoonPuor"], "unknown task 'SpoonPuor'; valid: BottlePickPour"),
+    "a policy": (["evaluate", "SpoonPour", "--policy", "best"], "unknown policy 'best'; valid: learned"),
+    "a scene": (["explain", "SpoonPuor"], "unknown scene 'SpoonPuor'; valid: .*spoon"),
+    "a case": (["report", "vortx", "--out", "x"], "unknown case 'vortx'; valid: .*vortex"),
+    "an axis": (["stability", "curant", "--out", "x"], "unknown axis 'curant'; valid: .*courant"),
+    "a kind": (["keys", "fork"], "unknown kind 'fork'; valid: .*rehearsal"),
+    "a method": (["train", "dgsac", "SpoonPour", "--out", "x"], "method 'dgsac'; accepted: bc"),
+    "a task to learn": (["train", "sac", "SpoonPuor", "--out", "x"], "task 'SpoonPuor'; accepted: Bottle"),
+    "a task to show": (["demo", "SpoonPuor", "--out", "x"], "task 'SpoonPuor'; accepted: Bottle"),
+    "a pipeline": (["pipeline", "ladle", "--out", "x"], "rehearsal 'ladle'; accepted: bottle"),
+}
+
+
+def run(arguments: list[str]) -> tuple[int, str, set[str]]:
+    """Run a command in a process of its own: exit status, stderr, and which heavy modules it loaded."""
+    code = (f"import sys; from robosim.commands.main import main\ntry: status = main({arguments!r})\n"
+            f"except SystemExit as end: status = end.code\n"
+            f"print(chr(10), status, *({HEAVY!r} & set(sys.modules)))")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    status, *loaded = done.stdout.splitlines()[-1].split()
+    return int(status), done.stderr, set(loaded)
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["rehearse", "--help"], ["train", "--help"],
+                                       ["demo", "--help"], ["keys", "--help"]], ids=" ".join)
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
+    assert run(arguments) == (0, "", set())
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_name_is_refused_before_anything_heavy_is_loaded(what: str) -> None:
+    arguments, message = WRONG[what]
+    status, error, loaded = run(arguments)
+    assert (status, loaded) == (2, set())
+    assert re.match(f"robosim({'' if what == 'a command' else ' ' + arguments[0]}): .*{message}", error), error
+    assert error.count("\n") == 1
+
+
+def test_the_parser_has_every_command() -> None:
+    """Those of other packages too, from their entry points."""
+    with pytest.raises(SystemExit) as end:
+        parser().parse_args(["fork"])
+    assert end.value.code == 2
+    assert sorted(parser()._subparsers._group_actions[0].choices) == EVERY  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_help_describes_the_command_with_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main([name, "--help"])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"usage: robosim {name}")
+    description, examples = text.split("\n\n")[1], text[text.rindex("\nexample"):]
+    assert description.endswith((".", "tasks", "seeds")) and f"  robosim {name} " in examples
+
+
+def test_every_example_is_accepted_by_its_parser(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in EVERY:
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        text = capsys.readouterr().out
+        for line in text[text.rindex("\nexample"):].splitlines():
+            if line.startswith("  robosim "):
+                parser().parse_args(shlex.split(line.split(">")[0])[1:])
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0 and capsys.readouterr().out == f"robosim {version('robosim')}\n"
+
+
+def test_python_m_robosim_is_the_command_line() -> None:
+    done = subprocess.run([sys.executable, "-m", "robosim", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"robosim {version('robosim')}\n"
+
+
+def test_a_command_that_cannot_be_loaded_leaves_the_others(monkeypatch: pytest.MonkeyPatch,
+                                                           capsys: pytest.CaptureFixture[str]) -> None:
+    broken = EntryPoint("fork", "no_such_package.fork:add_parser", module.GROUP)
+    monkeypatch.setattr(module, "entry_points", lambda group: [broken])
+    assert main(["keys", "robot"]) == 0
+    assert "the command fork (no_such_package.fork:add_parser) cannot be loaded" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("option", "words"), [("--episodes", "whole number from 1 on"),
+                                               ("--seed", "whole number from 0 on")])
+def test_numbers_are_checked(option: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["evaluate", "SpoonPour", option, "0.5"])
+    assert end.value.code == 2 and words in capsys.readouterr().err

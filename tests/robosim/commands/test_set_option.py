@@ -1,0 +1,72 @@
+"""`--set KEY=VALUE` of the commands."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from robosim.commands.main import main, parser
+from robosim.commands.settings import Settings
+from robosim.config.resources import config_path
+from robosim.config.settings import read_setting
+from robosim.tasks.task import load_task
+
+
+@pytest.mark.parametrize("arguments", [
+    ["rehearse", "spoon", "--out"], ["chain", "spoon", "--out"], ["evaluate", "SpoonPour", "--out"],
+    ["explain", "SpoonPour", "--out"], ["explain", "spoon", "--out"], ["materials", "SpoonPour", "--out"],
+    ["demo", "SpoonPour", "--out"], ["frames", "SpoonPour", "--out"],
+], ids=lambda arguments: " ".join(arguments[:2]))
+def test_a_setting_that_does_not_fit_is_refused_before_any_work(arguments: list[str], tmp_path: Path,
+                                                                capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*arguments, str(tmp_path / "out"), "--set", "field.sell=0.01"]) == 2
+    assert capsys.readouterr().err.startswith(
+        f"robosim {arguments[0]}: --set field.sell: unknown key 'field.sell'; valid: cell, grains_per_cell,")
+    assert not (tmp_path / "out").exists()
+
+
+def test_presets_and_sweeps_are_changed_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["train", "sac", "SpoonPour", "--out", str(tmp_path / "out"), "--set"]
+    for setting, message in (("learnr=PPO", "unknown key 'learnr'; accepted: description, learner"),
+                             ("actor.rat=1", "unknown key 'actor.rat'; accepted: waits, rate"),
+                             ("actor.rate=0", "actor.rate: Input should be greater than 0")):
+        assert main([*words, setting]) == 2
+        assert message in capsys.readouterr().err
+    file = tmp_path / "sweep.yaml"
+    file.write_text(f"tasks: [SpoonPour]\nmethods: [sac]\nseeds: [0]\nout: {tmp_path / 'runs'}\n")
+    assert main(["sweep", str(file), "--dry-run", "--set", "seeds=[3, 4]"]) == 0
+    assert "2 runs, 0 finished" in capsys.readouterr().out
+
+
+def test_settings_make_a_file_of_its_own_in_the_folder(tmp_path: Path) -> None:
+    """The bundled one stays, a file in the folder itself is not replaced, and without settings nothing is written."""
+    with Settings().changed("tasks", "SpoonPour", tmp_path) as task:
+        assert task == "SpoonPour" and not list(tmp_path.iterdir())
+    changes = Settings((read_setting("grains.count=100"),))
+    with changes.changed("tasks", "SpoonPour", tmp_path) as task:
+        assert Path(task) == tmp_path / "SpoonPour.yaml" and load_task(task).grains.count == 100
+    own = yaml.safe_load(config_path("tasks", "SpoonPour", "task").read_text())
+    assert yaml.safe_load((tmp_path / "SpoonPour.yaml").read_text()) == own | {"grains": {"count": 100}}
+    before = (tmp_path / "SpoonPour.yaml").read_text()
+    assert main(["evaluate", str(tmp_path / "SpoonPour.yaml"), "--set", "steps=10", "--out", str(tmp_path)]) == 2
+    assert (tmp_path / "SpoonPour.yaml").read_text() == before
+    with changes.changed("tasks", "SpoonPour", None) as task:
+        temporary = Path(task)
+        assert temporary.is_file()
+    assert not temporary.exists()
+
+
+def test_what_is_no_setting_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        parser().parse_args(["evaluate", "SpoonPour", "--set", "steps"])
+    assert end.value.code == 2
+    assert "robosim evaluate: --set steps; accepted: KEY=VALUE" in capsys.readouterr().err
+
+
+def test_an_evaluation_with_settings_is_of_the_changed_task(tmp_path: Path) -> None:
+    words = ["evaluate", "SpoonPour", "--policy", "zero", "--nominal", "--no-video", "--out", str(tmp_path)]
+    assert main([*words, "--set", "steps=20", "--set", "material=sugar"]) == 0
+    stored = json.loads((tmp_path / "evaluation.json").read_text())
+    assert stored["task"] == str(tmp_path / "SpoonPour.yaml")
+    assert load_task(stored["task"]).material == "sugar"

@@ -1,0 +1,88 @@
+"""Settings `key=value`: applied before a configuration is checked, and named in its errors."""
+
+from typing import ClassVar
+
+import pytest
+import yaml
+
+from robosim.config.loader import load
+from robosim.config.rehearsal import load_rehearsal
+from robosim.config.settings import Setting, read_setting, with_settings
+from robosim.config.table import Table
+from robosim.errors import ConfigError
+from robosim.tasks.task import load_task
+
+
+def settings(*texts: str) -> list[Setting]:
+    return [read_setting(text) for text in texts]
+
+
+@pytest.mark.parametrize(("text", "value"), [("a=1", 1), ("a=0.005", 0.005), ("a=3e-4", 3e-4), ("a=-1E3", -1000.0),
+                                             ("a=null", None), ("a=true", True), ("a=salt", "salt"), ("a=x=y", "x=y"),
+                                             ("a=[1, 2]", [1, 2]), ("a={b: 1}", {"b": 1}), ("a='1'", "1")])
+def test_values_are_yaml(text: str, value: object) -> None:
+    assert read_setting(text) == Setting(("a",), value)
+
+
+@pytest.mark.parametrize("text", ["a", "=1", "a..b=1", ".a=1", "a=[1"])
+def test_what_is_no_setting_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="--set "):
+        read_setting(text)
+
+
+def test_settings_reach_tables_and_lists_and_leave_the_rest() -> None:
+    table = {"field": {"cell": 1, "dt": 2}, "waypoints": [{"speed": 1}, {"speed": 2}], "pile": None}
+    changed = with_settings(table, settings("field.cell=0.5", "waypoints.1.speed=3", "pile.half=[1, 1, 1]", "new=1"))
+    assert changed == {"field": {"cell": 0.5, "dt": 2}, "waypoints": [{"speed": 1}, {"speed": 3}],
+                       "pile": {"half": [1, 1, 1]}, "new": 1}
+    assert table["field"] == {"cell": 1, "dt": 2}  # a copy
+
+
+def test_a_configuration_has_the_values_that_were_set() -> None:
+    changed = load_rehearsal("spoon", settings=settings("field.cell=0.0035", "waypoints.2.speed=0.1", "grasp=friction"))
+    own = load_rehearsal("spoon")
+    assert (changed.field.cell, changed.waypoints[2].speed, changed.grasp) == (0.0035, 0.1, "friction")
+    assert changed.waypoints[1] == own.waypoints[1] and own.field.cell != 0.0035
+    assert load_task("SpoonPour", settings("grains.count=100")).grains.count == 100
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("feld.cell=1", "--set feld.cell: unknown key 'feld'; valid: .*, field,"),
+    ("field.sell=1", "--set field.sell: unknown key 'field.sell'; valid: cell, grains_per_cell,"),
+    ("waypoints.2.sped=1", "--set waypoints.2.sped: unknown key 'waypoints.2.sped'; valid: name, frame,"),
+    ("waypoints.2.speed=-1", r"--set waypoints.2.speed: Input should be greater than 0 \(given: -1\)"),
+    ("waypoints.40.speed=1", "--set waypoints.40.speed: waypoints is a list, '40' is no place in it; accepted: 0 to"),
+    ("waypoints.lifted.speed=1", "waypoints is a list, 'lifted' is no place in it; accepted: 0 to"),
+    ("host_dt.x=1", "--set host_dt.x: host_dt is 0.001, neither a table nor a list; accepted: --set host_dt=VALUE"),
+    ("containers.source.color=1", "unknown key 'containers.source.color'; valid: position, yaw_deg, fill_height"),
+    ("weigh_at=raised", r"spoon.yaml --set weigh_at: weigh_at: unknown waypoint 'raised'; valid: .*lifted"),
+])
+def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_rehearsal("spoon", settings=settings(text))
+
+
+class Inner(Table):
+    """A table with a key of another name."""
+
+    RENAMED: ClassVar[dict[str, str]] = {"hold": "action_repeat"}
+    action_repeat: int = 10
+
+
+class Outer(Table):
+    """A file."""
+
+    inner: Inner = Inner()
+    several: tuple[Inner, ...] = ()
+
+
+@pytest.mark.parametrize(("table", "message"), [
+    ({"inner": {"hold": 5}}, "mine.yaml: key 'inner.hold' is now called 'inner.action_repeat'; rename it"),
+    ({"several": [{}, {"hold": 5}]}, "key 'several.1.hold' is now called 'several.1.action_repeat'; rename it"),
+    ({"inner": {"held": 5}}, "mine.yaml: unknown key 'inner.held'; valid: action_repeat"),
+])
+def test_a_renamed_key_is_named_with_its_new_name(tmp_path, table: dict, message: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(table))
+    with pytest.raises(ConfigError, match=message):
+        load(path, Outer)
