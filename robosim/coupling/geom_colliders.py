@@ -10,19 +10,20 @@ from robosim.errors import ConfigError
 from robosim.scene.frames import body_pose
 
 MESH_CELLS = 0.2
-"""Spacing of a mesh's distances, in cells of the grid."""
+"""Lattice spacing of a mesh's signed distance, in cells of the grid."""
 
 
-def collider_of(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: float,
-                apart: frozenset[int] = frozenset()) -> mpm.Collider:
-    """A collider in a body's frame, of its geoms and those of bodies fixed to it, less those `apart`.
+def make_collider(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: float,
+                  excluded: frozenset[int] = frozenset()) -> mpm.Collider:
+    """Make a collider in a body's frame, of its geoms and those of bodies fixed to it.
 
-    Geoms that MuJoCo lets collide count, or all if none does: those that only draw are left out. Friction is the
-    largest sliding friction of the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for a
-    body without geoms, or with a mesh that is not closed.
+    Colliding geoms count, or all geoms if none collides: visual geoms are left out. excluded: bodies with colliders of
+    their own. cell: the grid's spacing [m], to which meshes are sampled. Friction is the largest sliding friction of
+    the geoms. A body fixed to the world becomes a static collider. Raises ConfigError for a body without geoms, for a
+    mesh that is not closed, and for an unknown type of geom.
     """
-    carried = [b for b in range(model.nbody) if b == body or _fixed_to(model, b, body, apart - {body})]
-    geoms = np.flatnonzero(np.isin(model.geom_bodyid, carried))
+    parts_of_body = [b for b in range(model.nbody) if b == body or _is_fixed_to(model, b, body, excluded - {body})]
+    geoms = np.flatnonzero(np.isin(model.geom_bodyid, parts_of_body))
     colliding = geoms[(model.geom_contype[geoms] | model.geom_conaffinity[geoms]) != 0]
     chosen = colliding if len(colliding) else geoms
     if not len(chosen):
@@ -31,23 +32,24 @@ def collider_of(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: flo
     parts: list[tuple[Solid, mpm.Pose]] = []
     for geom in chosen:
         T_wg = mpm.Pose.from_matrix(data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3))
-        parts.append((_shape(model, int(geom), cell), T_bw @ T_wg))
+        parts.append((_make_solid(model, int(geom), cell), T_bw @ T_wg))
     static = model.body_weldid[body] == 0 and model.body_mocapid[model.body_weldid[body]] < 0
     return mpm.Collider(mpm.Sdf.union(parts), friction=float(model.geom_friction[chosen, 0].max()),
                         pose=body_pose(data, body), static=bool(static))
 
 
-def _fixed_to(model: mujoco.MjModel, body: int, ancestor: int, apart: frozenset[int]) -> bool:
-    """Whether a body hangs rigidly on an ancestor. Bodies fixed to the world are not parts of one another."""
-    while ancestor != 0 and body not in apart | {0} and model.body_jntnum[body] == 0 and model.body_mocapid[body] < 0:
+def _is_fixed_to(model: mujoco.MjModel, body: int, ancestor: int, excluded: frozenset[int]) -> bool:
+    """Whether a body is rigidly fixed to an ancestor. Bodies fixed to the world are not parts of one another."""
+    separate = excluded | {0}
+    while ancestor != 0 and body not in separate and model.body_jntnum[body] == 0 and model.body_mocapid[body] < 0:
         body = model.body_parentid[body]
         if body == ancestor:
             return True
     return False
 
 
-def _shape(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
-    """The solid of one geom, in the geom's frame."""
+def _make_solid(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
+    """Make the solid of one geom, in the geom's frame."""
     size, kind = model.geom_size[geom], mujoco.mjtGeom(model.geom_type[geom])
     if kind == mujoco.mjtGeom.mjGEOM_PLANE:
         return mpm.Sdf.plane()
@@ -62,30 +64,30 @@ def _shape(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return mpm.Sdf.box(tuple(size))
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        return _mesh(model, geom, cell)
+        return _make_mesh(model, geom, cell)
     if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
-        return _height_field(model, int(model.geom_dataid[geom]))
-    raise ConfigError(f"geom {_name(model, geom)} is of type {kind.name}; accepted: plane, sphere, capsule, ellipsoid, "
-                      f"cylinder, box, mesh, height field")
+        return _make_height_field(model, int(model.geom_dataid[geom]))
+    raise ConfigError(f"geom {_describe(model, geom)} is of type {kind.name}; accepted: plane, sphere, capsule, "
+                      f"ellipsoid, cylinder, box, mesh, height field")
 
 
-def _name(model: mujoco.MjModel, geom: int) -> str:
+def _describe(model: mujoco.MjModel, geom: int) -> str:
     body = model.body(int(model.geom_bodyid[geom])).name
     return f"{model.geom(geom).name or geom!r} of body {body!r}"
 
 
-def _mesh(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
+def _make_mesh(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
     k = int(model.geom_dataid[geom])
     first, count = model.mesh_vertadr[k], model.mesh_vertnum[k]
     face, faces = model.mesh_faceadr[k], model.mesh_facenum[k]
     mesh = trimesh.Trimesh(model.mesh_vert[first : first + count], model.mesh_face[face : face + faces], process=True)
     if not mesh.is_watertight:
-        raise ConfigError(f"mesh {model.mesh(k).name!r} of geom {_name(model, geom)} has open edges, and a solid is "
-                          f"closed; close it, or give a collider of your own: mpm.Shell.from_mesh(mesh, thickness)")
+        raise ConfigError(f"mesh {model.mesh(k).name!r} of geom {_describe(model, geom)} has open edges; accepted: a "
+                          f"closed mesh, or a collider of your own: mpm.Shell.from_mesh(mesh, thickness)")
     return mpm.Sdf.from_mesh(mesh, spacing=MESH_CELLS * cell, margin=2 * MESH_CELLS * cell)
 
 
-def _height_field(model: mujoco.MjModel, k: int) -> Solid:
+def _make_height_field(model: mujoco.MjModel, k: int) -> Solid:
     rows, columns, first = model.hfield_nrow[k], model.hfield_ncol[k], model.hfield_adr[k]
     half_x, half_y, top, _ = model.hfield_size[k]
     heights = model.hfield_data[first : first + rows * columns].reshape(rows, columns)

@@ -1,4 +1,4 @@
-"""Who gave momentum to whom in one coupled step."""
+"""The momentum balance of one coupled step."""
 
 from typing import NamedTuple
 
@@ -17,21 +17,24 @@ class Impulse(NamedTuple):
 
 
 class Ledger(NamedTuple):
-    """Who gave momentum to the grains in one step; `residual` is what nobody accounts for."""
+    """Impulses on the grains in one step, by their source."""
 
     grains: Impulse
     """Change of the grains' momentum."""
     gravity: Impulse
+    """Of gravity."""
     walls: Impulse
+    """Of the grid's walls."""
     bodies: dict[str, Impulse]
-    """Given by each coupled body; the body received the opposite."""
+    """Of each coupled body on the grains; the body received the opposite."""
     static: Impulse
-    """Given by colliders that no coupled body carries: containers."""
+    """Of colliders without a coupled body: containers."""
     residual: Impulse
+    """Change of momentum that no source accounts for."""
 
     @property
     def exchanged(self) -> np.ndarray:
-        """Sizes of all impulses that the grains received, summed (2,): linear, angular. What `residual` is small to."""
+        """Sum of the magnitudes of all impulses (2,), linear and angular: the scale of `residual`."""
         parts = [self.gravity, self.walls, self.static, *self.bodies.values()]
         return np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)])
 
@@ -41,18 +44,21 @@ def _impulse(row: np.ndarray) -> Impulse:
 
 
 def close_ledger(solver: mpm.Solver, before: Momentum, bodies: dict[str, int]) -> Ledger:
-    """The ledger of the solver's last advance; before: momentum at its start; bodies: name -> collider."""
+    """Balance the solver's last advance.
+
+    before: momentum of the grains at its start. bodies: name -> index of the collider.
+    """
     grains = np.concatenate(solver.momentum_after_advance()) - np.concatenate(before)
     rows = solver.ledger
-    given = {name: rows[FIRST_COLLIDER_ROW + collider] for name, collider in bodies.items()}
+    on_grains = {name: rows[FIRST_COLLIDER_ROW + collider] for name, collider in bodies.items()}
     others = [i for i in range(len(solver.colliders)) if i not in bodies.values()]
     rest = sum((rows[FIRST_COLLIDER_ROW + i] for i in others), np.zeros(6))
-    residual = grains - rows[GRAVITY_ROW] - rows[WALL_ROW] - rest - sum(given.values(), np.zeros(6))
+    residual = grains - rows[GRAVITY_ROW] - rows[WALL_ROW] - rest - sum(on_grains.values(), np.zeros(6))
     return Ledger(_impulse(grains), _impulse(rows[GRAVITY_ROW]), _impulse(rows[WALL_ROW]),
-                  {name: _impulse(row) for name, row in given.items()}, _impulse(rest), _impulse(residual))
+                  {name: _impulse(row) for name, row in on_grains.items()}, _impulse(rest), _impulse(residual))
 
 
 def empty_ledger(bodies: dict[str, int]) -> Ledger:
-    """The ledger of a step in which nothing happened."""
+    """Return the ledger of a step without any impulse."""
     zero = Impulse(np.zeros(3), np.zeros(3))
     return Ledger(zero, zero, zero, dict.fromkeys(bodies, zero), zero, zero)

@@ -121,7 +121,7 @@ class ArmTool(Carrier):
             self.plugin.step()
             self.grasp.measure_slip()
             self._update_readings()
-            yield self.plugin.read[-1], self._solver.collider_pose(TOOL)
+            yield self.plugin.counts[-1], self._solver.collider_pose(TOOL)
 
     def _update_readings(self) -> None:
         """Take the largest torque ratio and tool lag, and count contacts."""

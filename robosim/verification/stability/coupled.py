@@ -81,7 +81,7 @@ def watch(plugin: GranularPlugin, duration: float, speed: float) -> tuple[str, d
         seen["fastest"] = max(seen["fastest"], float(np.linalg.norm(solver.velocities(), axis=1).max()))
         seen["fastest_box"] = max(seen["fastest_box"], float(np.linalg.norm(data.qvel[:3])))
         seen["energy_gain"] = max(seen["energy_gain"], (energy() - start) / scale)
-        seen["miss"] = max(seen["miss"], float(np.abs(plugin.miss[:, :3]).max(initial=0.0)))
+        seen["miss"] = max(seen["miss"], float(np.abs(plugin.prediction_error[:, :3]).max(initial=0.0)))
         seen["repeats"] += plugin.repeats
         at = f" at t = {data.time:.4g} s"
         if max(seen["fastest"], seen["fastest_box"]) > limit:

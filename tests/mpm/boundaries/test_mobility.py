@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 import mpm
+from robosim.coupling.mobility_probe import MobilityProbe, Prediction
 from robosim.coupling.plugin import GranularPlugin
-from robosim.coupling.trial_step import Foresight, Twin
 from robosim.verification.stability.coupled import COMPARISONS, COUPLED_AXES, rest_height
 
 CELL = 0.01
@@ -110,13 +110,13 @@ def pendulum(host_step: float, dry: float = 0.0, **choices: object) -> GranularP
 
 
 @pytest.mark.slow
-def test_what_mujoco_does_is_what_was_foreseen() -> None:
+def test_mujoco_moves_the_body_as_predicted() -> None:
     """A bob on hinges swings into sand: the mobility knows the joints that hold it, and their dry friction."""
     for dry in (0.0, 0.01):
         plugin, misses, changes = pendulum(2e-3, dry), [], []
         for _ in range(150):
             plugin.step()
-            misses.append(np.abs(plugin.miss[0, :3]).max())
+            misses.append(np.abs(plugin.prediction_error[0, :3]).max())
             changes.append(np.linalg.norm(plugin.wrench("bob").force))
         assert max(changes) > 0.3
         assert np.median(misses) < 1e-6
@@ -136,21 +136,21 @@ def test_swing_does_not_depend_on_the_host_step() -> None:
 
 @pytest.mark.slow
 def test_repeats_mend_a_mobility_that_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With answers half as large as MuJoCo's the bodies miss what was foreseen; repeats find what MuJoCo does."""
-    probe = Twin.foresee
+    """With a mobility half as large as MuJoCo's the prediction is wrong; repeated steps converge to MuJoCo's motion."""
+    predict = MobilityProbe.predict
 
-    def half(self: Twin, load: np.ndarray) -> Foresight:
-        foresight = probe(self, load)
-        return foresight._replace(mobility=0.5 * foresight.mobility)
+    def predict_half(self: MobilityProbe, wrenches: np.ndarray) -> Prediction:
+        prediction = predict(self, wrenches)
+        return prediction._replace(mobility=0.5 * prediction.mobility)
 
-    monkeypatch.setattr(Twin, "foresee", half)
+    monkeypatch.setattr(MobilityProbe, "predict", predict_half)
     missed = {}
     for tolerance in (None, 0.02):
         plugin, repeats, misses = pendulum(2e-3, tolerance=tolerance), 0, []
         for _ in range(100):
             plugin.step()
             repeats += plugin.repeats
-            misses.append(np.linalg.norm(plugin.miss[0, :3]))
+            misses.append(np.linalg.norm(plugin.prediction_error[0, :3]))
         missed[tolerance] = max(misses)
         assert (repeats > 0) == (tolerance is not None)
     assert missed[0.02] < 0.3 * missed[None]

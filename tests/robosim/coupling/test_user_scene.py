@@ -1,4 +1,4 @@
-"""Scenes that are not ours: plain MJCF, coupled in a few lines."""
+"""User scenes: plain MJCF, coupled in a few lines."""
 
 import mujoco
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 
 import mpm
 from robosim import ConfigError, GranularPlugin
-from robosim.coupling.trial_step import Twin
+from robosim.coupling.mobility_probe import MobilityProbe
 from robosim.errors import BodyLeftGrid, RobotDiverged
 
 BOXES = """
@@ -79,7 +79,7 @@ EVERY_GEOM = """
 
 
 def test_every_kind_of_geom_becomes_a_collider() -> None:
-    """Distances of the union against those of its parts: what only draws is left out, what is fixed to it is in."""
+    """Distances of the union equal those of its parts: visual geoms are left out, bodies fixed to it are included."""
     model = mujoco.MjModel.from_xml_string(EVERY_GEOM)
     data = mujoco.MjData(model)
     plugin = tray(model, data, (0.1, 0.1, 0.03), bodies={"stack": None, "ground": None, "world": None})
@@ -96,7 +96,7 @@ def test_every_kind_of_geom_becomes_a_collider() -> None:
 
 
 def test_without_contact_the_step_is_mujocos_own() -> None:
-    """Bit for bit, whatever the integrator: a coupled body that meets no grain is not touched."""
+    """Bit for bit, with either integrator: a coupled body without contact moves as without coupling."""
     for integrator in ("Euler", "RK4"):
         model = mujoco.MjModel.from_xml_string(BOXES.replace("<option", f'<option integrator="{integrator}"'))
         plain, data = mujoco.MjData(model), mujoco.MjData(model)
@@ -112,8 +112,8 @@ def test_without_contact_the_step_is_mujocos_own() -> None:
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
 @pytest.mark.parametrize("coupling", ["mobility", "lagged"])
-def test_users_callback_acts_as_often_as_in_mujocos_own_step(integrator: str, coupling: str) -> None:
-    """Trials of the coming step are none of its business."""
+def test_the_control_callback_is_called_as_often_as_in_mj_step(integrator: str, coupling: str) -> None:
+    """Trial steps do not call it."""
     model = mujoco.MjModel.from_xml_string(BOXES.replace("<option", f'<option integrator="{integrator}"'))
     calls: list[float] = []
     data, counts = [mujoco.MjData(model) for _ in range(2)], []
@@ -130,13 +130,13 @@ def test_users_callback_acts_as_often_as_in_mujocos_own_step(integrator: str, co
     assert counts[0] == counts[1] and len(counts[0]) >= 3
 
 
-def test_body_that_leaves_the_grid_is_told_of_and_falls_freely() -> None:
+def test_a_body_that_leaves_the_grid_causes_a_warning_and_falls_freely() -> None:
     model = mujoco.MjModel.from_xml_string(BOXES)
     data = mujoco.MjData(model)
     data.qvel[:3] = [-3.0, 0.0, 1.0]
     plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
     with pytest.warns(BodyLeftGrid, match="'light' left"):
-        while not plugin.outside:
+        while not plugin.outside_grid:
             plugin.step()
     before = data.qvel[2]
     plugin.step()
@@ -144,8 +144,8 @@ def test_body_that_leaves_the_grid_is_told_of_and_falls_freely() -> None:
     assert np.all(plugin.wrench("light").force == 0)
 
 
-def test_a_robot_beyond_all_substeps_has_diverged() -> None:
-    """MuJoCo itself warns at 1e10 only: no advance could follow it until then."""
+def test_a_body_too_fast_for_the_solver_has_diverged() -> None:
+    """A body too fast for any substep is reported; MuJoCo itself warns at 1e10 only."""
     model = mujoco.MjModel.from_xml_string(BOXES)
     data = mujoco.MjData(model)
     plugin = tray(model, data, (0.1, 0.1, 0.02), bodies={"light": None})
@@ -169,13 +169,13 @@ PLOUGH = """
 
 @pytest.mark.slow
 @pytest.mark.parametrize("repeated", [False, True])
-def test_what_hangs_on_a_mocap_body_ploughs_with_its_velocity(repeated: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its force is that of a moving blade, also in steps that are repeated for another body's sake."""
-    probe = Twin.foresee
-    if repeated:  # answers half as large as MuJoCo's miss
-        monkeypatch.setattr("robosim.coupling.plugin.NEGLIGIBLE", 1e-9)
-        monkeypatch.setattr(Twin, "foresee", lambda twin, load: (f := probe(twin, load))._replace(
-            mobility=0.5 * f.mobility))
+def test_a_body_fixed_to_a_mocap_body_ploughs(repeated: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its force is that of a moving blade, also in steps that are repeated because of another body."""
+    predict = MobilityProbe.predict
+    if repeated:  # half of MuJoCo's mobility makes predictions wrong
+        monkeypatch.setattr("robosim.coupling.schemes.NEGLIGIBLE_SPEED", 1e-9)
+        monkeypatch.setattr(MobilityProbe, "predict", lambda probe, wrenches: (p := predict(probe, wrenches))._replace(
+            mobility=0.5 * p.mobility))
     model = mujoco.MjModel.from_xml_string(PLOUGH)
     data = mujoco.MjData(model)
     plugin = tray(model, data, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None},
@@ -195,8 +195,8 @@ def test_what_hangs_on_a_mocap_body_ploughs_with_its_velocity(repeated: bool, mo
 
 
 @pytest.mark.slow
-def test_solver_goes_back_to_what_it_kept() -> None:
-    """Grains, bodies' twists and motions: the same advance again, to the bit."""
+def test_rewind_and_load_restore_the_solver() -> None:
+    """Grains, bodies' twists and motions: the next advances are equal to the bit."""
     model = mujoco.MjModel.from_xml_string(PLOUGH)
     data = mujoco.MjData(model)
     plugin = tray(model, data, (0.2, 0.1, 0.06), bodies={"blade": None, "box": None})
@@ -218,7 +218,7 @@ def test_solver_goes_back_to_what_it_kept() -> None:
         assert all((ends[0][name] == end[name]).all() for name in end)
 
 
-def test_bad_input_is_told() -> None:
+def test_invalid_input_is_refused() -> None:
     model = mujoco.MjModel.from_xml_string(BOXES)
     data = mujoco.MjData(model)
     plugin = tray(model, data, bodies={"light": None})

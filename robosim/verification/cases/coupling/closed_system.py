@@ -83,5 +83,5 @@ def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: fl
                "coupling": coupling}
     energy = solver.energy()
     return clock.record(NAME, choices, errors, final_speed=float(np.linalg.norm(data.qvel[:3])),
-                        miss=float(np.abs(plugin.miss).max(initial=0.0)), kinetic=energy.kinetic,
+                        miss=float(np.abs(plugin.prediction_error).max(initial=0.0)), kinetic=energy.kinetic,
                         exchanged=float(exchanged))

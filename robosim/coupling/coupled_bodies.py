@@ -1,0 +1,90 @@
+"""The bodies that a plugin couples, and the colliders of the solver that represent them."""
+
+from dataclasses import replace
+from itertools import zip_longest
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.coupling.geom_colliders import make_collider
+from robosim.errors import ConfigError, UnknownName
+from robosim.scene.frames import body_pose
+
+
+class CoupledBodies:
+    """Bodies of a MuJoCo scene with their colliders in a solver.
+
+    bodies: body name -> index of its collider, or None for a new collider made of the body's geoms. is_mobile: whether
+    contact moves the bodies within a substep ("mobility"). New and changed colliders are handed to the solver. Raises
+    ConfigError for bodies that lie outside the grid, or whose geoms make no collider.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver, bodies: dict[str, int | None],
+                 is_mobile: bool) -> None:
+        self._model, self._data, self._solver = model, data, solver
+        self.ids = {name: model.body(name).id for name in bodies}
+        """Name -> index of the body in MuJoCo."""
+        self.driven = [name for name, body in self.ids.items() if model.body_mocapid[model.body_weldid[body]] >= 0]
+        """Mocap bodies and bodies fixed to them: the user moves them from step to step, no force does."""
+        self.colliders, colliders = self._make_colliders(bodies, is_mobile)
+        """Name -> index of the body's collider in the solver."""
+        self.moving = [name for name, c in self.colliders.items() if not colliders[c].static]
+        """Bodies whose colliders move."""
+        self.dynamic = [name for name in self.moving if name not in self.driven]
+        """Bodies that MuJoCo moves, and that the grains push."""
+        for name, c in self.colliders.items():
+            self._check_in_grid(name, colliders[c])
+        if any(c is not old for c, old in zip_longest(colliders, solver.colliders)):
+            solver.set_colliders(colliders)
+
+    def pose(self, name: str) -> mpm.Pose:
+        """Return the world pose of a body's frame."""
+        return body_pose(self._data, self.ids[name])
+
+    def find_outside_grid(self) -> set[str]:
+        """Find the moving bodies that lie outside the solver's grid."""
+        return {name for name in self.moving
+                if self._is_outside_grid(name, self._solver.colliders[self.colliders[name]])}
+
+    def _make_colliders(self, bodies: dict[str, int | None],
+                        is_mobile: bool) -> tuple[dict[str, int], list[mpm.Collider]]:
+        """Index of each body's collider, and all colliders of the solver including the new ones."""
+        indices, colliders = {}, list(self._solver.colliders)
+        for name, collider in bodies.items():
+            if collider is None:
+                collider = len(colliders)
+                colliders.append(make_collider(self._model, self._data, self.ids[name], self._solver.grid.cell,
+                                               excluded=frozenset(self.ids.values())))
+            mobile = is_mobile and not colliders[collider].static and name not in self.driven
+            if colliders[collider].mobile != mobile:
+                colliders[collider] = replace(colliders[collider], mobile=mobile)
+            indices[name] = collider
+        return indices, colliders
+
+    def _is_outside_grid(self, name: str, collider: mpm.Collider) -> bool:
+        """Whether a body's bounding ball lies outside the solver's grid."""
+        grid, radius, position = self._solver.grid, collider.sdf.radius, self._data.xpos[self.ids[name]]
+        upper = np.asarray(grid.lower) + grid.cells * grid.cell
+        return bool(np.any(position + radius < grid.lower) or np.any(position - radius > upper))
+
+    def _check_in_grid(self, name: str, collider: mpm.Collider) -> None:
+        if self._is_outside_grid(name, collider):
+            raise ConfigError(f"body {name!r} is at {tuple(self._data.xpos[self.ids[name]].round(4))} m, outside the "
+                              f"solver's grid {self._solver.grid.lower} .. {self._solver.grid.upper} m; enlarge the "
+                              f"grid, or place the body in it")
+
+
+def check_bodies(model: mujoco.MjModel, solver: mpm.Solver, bodies: dict[str, int | None]) -> None:
+    """Raise UnknownName or ConfigError for bodies or colliders that do not exist or cannot be coupled."""
+    names = [model.body(i).name for i in range(model.nbody)]
+    for name in bodies:
+        if name not in names:
+            raise UnknownName("body of the MuJoCo model", name, names)
+    indices = [c for c in bodies.values() if c is not None]
+    if len(set(indices)) != len(indices):
+        raise ConfigError(f"bodies = {bodies}: two bodies share a collider; accepted: one collider for each body")
+    movable = solver.features.moving_colliders
+    for name, collider in bodies.items():
+        if collider is not None and collider not in movable:
+            raise ConfigError(f"body {name!r}: collider {collider} of the solver cannot move; movable: {movable}")

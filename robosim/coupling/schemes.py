@@ -1,0 +1,106 @@
+"""Coupling schemes: how the motion of the bodies over a step is predicted and corrected."""
+
+import numpy as np
+
+import mpm
+from robosim.coupling.coupled_bodies import CoupledBodies
+from robosim.coupling.mobility_probe import MobilityProbe
+from robosim.coupling.trial_step import TrialStep
+
+NEGLIGIBLE_SPEED = 1e-3
+"""[m/s] by which a predicted velocity may be wrong in any case."""
+
+
+class ExplicitScheme:
+    """Predicts the bodies' motion with the wrenches of the step before ("lagged") or without any ("one_way")."""
+
+    def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies) -> None:
+        self._trial, self._solver, self._bodies = trial, solver, bodies
+        self.error = np.zeros((len(bodies.dynamic), 6))
+        """Not measured: zero (B, 6)."""
+
+    def predict(self, wrenches: np.ndarray) -> None:
+        """Predict the poses at the step's end under wrenches (nbody, 6) of the grains."""
+        self._ends = self._trial.predict_poses(wrenches)
+
+    def hand_over(self) -> None:
+        """Hand the predicted motion to the solver."""
+        for name, end in zip(self._bodies.dynamic, self._ends):
+            self._solver.set_collider_motion(self._bodies.colliders[name], self._bodies.pose(name), end)
+
+    def is_accepted(self, wrenches: np.ndarray) -> bool:
+        """Accept every step."""
+        return True
+
+    def roll_back(self) -> None:
+        """Do nothing: no step is repeated."""
+
+
+class MobilityScheme:
+    """Predicts the bodies' free motion and mobility; the solver solves contact and bodies' motion together.
+
+    tolerance: share of a body's change of velocity by grains by which MuJoCo's step may differ from the solver's
+    solution before the step is repeated; None: never.
+    """
+
+    def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies, tolerance: float | None) -> None:
+        self._trial, self._solver, self._bodies, self._tolerance = trial, solver, bodies, tolerance
+        self._probe = MobilityProbe(trial)
+        self.error = np.zeros((len(bodies.dynamic), 6))
+        """Twists (B, 6) after the last step less those that the solver found: linear [m/s], angular [rad/s]."""
+
+    def predict(self, wrenches: np.ndarray) -> None:
+        """Predict free twists and mobility about wrenches (nbody, 6) of the grains; keep the solver's state."""
+        self._prediction = self._probe.predict(wrenches)
+        self._free_twists = self._prediction.free_twists.copy()
+        self._relaxation: float = 1.0
+        self._last_error: np.ndarray | None = None
+        if self._tolerance is not None:
+            self._solver.keep()
+
+    def hand_over(self) -> None:
+        """Hand the bodies' poses, twists and mobilities to the solver."""
+        bodies, prediction = self._bodies, self._prediction
+        indices = [bodies.colliders[name] for name in bodies.dynamic]
+        W = prediction.mobility.reshape(len(indices), 6, len(indices), 6)
+        for i, name in enumerate(bodies.dynamic):
+            self._solver.set_collider_mobility(
+                indices[i], W[i, :, i], self._free_twists[i], twist=prediction.twists[i], pose=bodies.pose(name),
+                centre=self._trial.data.xipos[bodies.ids[name]],
+                others={indices[j]: W[i, :, j] for j in range(len(indices)) if j != i})
+
+    def is_accepted(self, wrenches: np.ndarray) -> bool:
+        """Measure `error` after MuJoCo's step and compare it with the tolerance; wrenches (nbody, 6): those applied.
+
+        Bodies that grains push are first moved to the poses that the solver found.
+        """
+        bodies, solver = self._bodies, self._solver
+        solved = np.array([np.concatenate(solver.collider_twist(bodies.colliders[name])) for name in bodies.dynamic])
+        ends = {i: solver.collider_pose(bodies.colliders[name]) for i, name in enumerate(bodies.dynamic)
+                if wrenches[bodies.ids[name]].any()}
+        if ends:
+            self._probe.correct_poses(ends)
+        self.error = self._trial.twists() - solved
+        if self._tolerance is None:
+            return True
+        allowed = NEGLIGIBLE_SPEED + self._tolerance * self._speeds(solved - self._free_twists)
+        return not np.any(self._speeds(self.error) > allowed)
+
+    def roll_back(self) -> None:
+        """Return solver and scene to the step's start, with the free twists corrected by the error.
+
+        The responses are linearised: the correction is under-relaxed by Aitken's rule.
+        """
+        if self._last_error is not None:
+            change = (self.error - self._last_error).ravel()
+            ratio = self._last_error.ravel() @ change / max(change @ change, 1e-300)
+            self._relaxation = float(np.clip(-self._relaxation * ratio, 0.1, 1.0))
+        self._free_twists, self._last_error = self._free_twists + self._relaxation * self.error, self.error
+        self._solver.rewind()
+        self._trial.roll_back()
+
+    def _speeds(self, twists: np.ndarray) -> np.ndarray:
+        """Speed [m/s] (B,) of the fastest point of each body's bounding ball, at most 1 m from its centre."""
+        radii = [min(self._solver.colliders[self._bodies.colliders[name]].sdf.radius, 1.0)
+                 for name in self._bodies.dynamic]
+        return np.linalg.norm(twists[:, :3], axis=1) + radii * np.linalg.norm(twists[:, 3:], axis=1)
