@@ -89,7 +89,7 @@ def of_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     watch = Stopwatch()
     watch.watch(run.solver, "advance", "field")
     watch.watch(run.plugin, "step", "coupling, with MuJoCo's step")
-    watch.watch(run.servo, "torque", "servo")
+    watch.watch(run.servo, "compute_torque", "servo")
     run.run(lambda: None)
     values = figures(run)
     names = {"scooped_mass": "scooped_mass", "wrist_payload": "wrist_payload", "delivered": "delivered_fraction",

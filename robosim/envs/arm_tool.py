@@ -12,7 +12,8 @@ from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.errors import UnreachableWaypoint
-from robosim.robot.inverse_kinematics import solve, solve_path, step_towards
+from robosim.robot.inverse_kinematics import solve_pose, step_towards
+from robosim.robot.joint_path import solve_path
 from robosim.robot.joint_smoother import JointSmoother
 from robosim.robot.model import Arm
 from robosim.robot.servo import Servo
@@ -62,7 +63,7 @@ class ArmTool(Carrier):
         self.servo = Servo(self._arm, self._robot.servo)
         self._smoother = JointSmoother(self._robot, task.step_dt, self._arm)
         self._q = self._start_q
-        self.servo.check(self.model, self.data, self.scene.arm_dofs)
+        self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self._contacts = ContactCounter(self.model, self.data, task.tool, task.containers)
         self._torque_ratio = self._lag = 0.0
         self._close_fingers()
@@ -94,7 +95,7 @@ class ArmTool(Carrier):
         Raises UnreachableWaypoint where the arm cannot reach it.
         """
         mujoco.mj_setState(self.model, self.data, self._grasped, STATE)
-        posture = solve(self._arm, pose, self._start_q, rest=self._start_q)
+        posture = solve_pose(self._arm, pose, self._start_q, rest=self._start_q)
         if not posture.converged:
             raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)
         self._q = posture.q
@@ -125,7 +126,7 @@ class ArmTool(Carrier):
 
     def _update_readings(self) -> None:
         """Take the largest torque ratio and tool lag, and count contacts."""
-        ratio = np.abs(self.servo.demand / self._arm.torque_limits).max()
+        ratio = np.abs(self.servo.demanded_torque / self._arm.torque_limits).max()
         lag = np.linalg.norm(self.data.xpos[self.scene.tool] - self.commanded.position)
         self._torque_ratio, self._lag = max(self._torque_ratio, float(ratio)), max(self._lag, float(lag))
         self._contacts.count()
@@ -144,4 +145,4 @@ class ArmTool(Carrier):
     def _apply_torques(self, target: JointState) -> None:
         """Set the motors' torques for a joint state."""
         q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
-        self.data.ctrl[self.scene.arm_actuators] = self.servo.torque(target, q, qd)
+        self.data.ctrl[self.scene.arm_actuators] = self.servo.compute_torque(target, q, qd)

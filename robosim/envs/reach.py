@@ -11,7 +11,7 @@ import numpy as np
 from mpm import Pose
 from robosim.envs.arm_tool import start_posture
 from robosim.errors import UnreachableWaypoint
-from robosim.robot.inverse_kinematics import solve
+from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.tasks.task import TaskConfig
 
@@ -45,7 +45,7 @@ class Reach:
         linear [m/s] (n, 3), angular [rad/s] (n, 3): in world axes.
         Raises UnreachableWaypoint where the arm cannot reach the start.
         """
-        posture = solve(self._arm, start, self._rest, rest=self._rest)
+        posture = solve_pose(self._arm, start, self._rest, rest=self._rest)
         if not posture.converged:
             raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)
         q, speeds = [posture.q], []
@@ -99,7 +99,7 @@ class Reach:
     def _inverse(self, q: np.ndarray) -> np.ndarray:
         """Return the matrix (7, 6) from the tool's twist in world axes to joint speeds."""
         J = self._arm.jacobian(q)
-        R = self._arm.placement(q).rotation
+        R = self._arm.tool_placement(q).rotation
         to_tool_axes = np.zeros((6, 6))
         to_tool_axes[:3, :3] = to_tool_axes[3:, 3:] = R.T
         return J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(6), to_tool_axes)

@@ -78,7 +78,7 @@ def figures(run: Rehearsal) -> dict[str, object]:
         "momentum_residual_linear": linear, "momentum_residual_angular": angular,
         "velocity_limit_ratio_max": float((np.abs(rec.array("qd")) / SPEED_LIMITS).max()),
         "torque_limit_ratio_max": float((np.abs(rec.array("demand")) / arm.torque_limits).max()),
-        "torque_saturations": run.servo.saturated,
+        "torque_saturations": run.servo.saturations,
         "joint_limit_ratio_max": float((np.abs(rec.array("q") - middle) / half).max()),
         "ik_position_error_max": float(run.plan.solution.errors[:, 0].max()),
         "tool_tracking_error_max": float(tracking_error(run).max()),

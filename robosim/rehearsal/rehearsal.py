@@ -16,10 +16,10 @@ from robosim.errors import ConfigError
 from robosim.rehearsal.learned_path import LearnedPath
 from robosim.rehearsal.recording import EnergySample, Recording, Sample, Step
 from robosim.rehearsal.waypoint_path import CommandedPath
-from robosim.robot.inverse_kinematics import PathSolution, solve_path
+from robosim.robot.joint_path import PathSolution, solve_path
 from robosim.robot.model import Arm
 from robosim.robot.servo import Servo
-from robosim.robot.timing import JointState, SmoothMotion, excess
+from robosim.robot.timing import JointState, SmoothMotion, compute_time_scale
 from robosim.robot.torque_sensors import TorqueSensors
 from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
 from robosim.scene.collisions import CollisionMonitor
@@ -64,7 +64,7 @@ def plan(config: RehearsalConfig) -> Plan:
             return Plan(path, solution, SmoothMotion(times, solution.q, config.limits, path.times), arm)
         except ConfigError as error:
             reason = error
-        path.slow_down(times, excess(times, solution.q, config.limits) / MARGIN)
+        path.slow_down(times, compute_time_scale(times, solution.q, config.limits) / MARGIN)
     raise ConfigError(f"the learnt motion is too fast for the arm even {path.slower_by:.1f} times slower: {reason}")
 
 
@@ -94,7 +94,7 @@ class Rehearsal:
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
                                      coupling=config.coupling)
         self.servo = Servo(planned.arm, config.servo)
-        self.servo.check(self.model, self.data, self.scene.arm_dofs)
+        self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self.recording = Recording()
         self.seed = seed
         self.duration = config.grasp_time + planned.motion.duration
@@ -159,7 +159,7 @@ class Rehearsal:
         if self.time < self.config.grasp_time:
             self.grasp.close(min(self.time / (0.6 * self.config.grasp_time), 1.0))
         q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
-        torque = self.servo.torque(wanted, q, qd)
+        torque = self.servo.compute_torque(wanted, q, qd)
         self.data.ctrl[self.scene.arm_actuators] = torque
         return torque
 
@@ -181,9 +181,9 @@ class Rehearsal:
         power = wrench.force @ mean[3:] + wrench.torque @ mean[:3]
         q, qdd = data.qpos[s.arm_qpos].copy(), (qd - speeds) / self.config.host_dt
         # the sensors hold the values of the step's beginning, like MuJoCo's accelerations
-        external = self.sensors.external(begin, speeds, data.qacc[s.arm_dofs])
+        external = self.sensors.estimate_external(begin, speeds, data.qacc[s.arm_dofs])
         return Step(
-            self.time, q, qd, qdd, torque, self.servo.demand, self.sensors.torques(), external,
+            self.time, q, qd, qdd, torque, self.servo.demanded_torque, self.sensors.read(), external,
             np.concatenate(commanded), np.concatenate(end), self._wrist(),
             np.concatenate(ledger.residual),
             np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)]),

@@ -16,7 +16,7 @@ from robosim.rehearsal.metrics import figures, missed
 from robosim.rehearsal.plots import plot_report
 from robosim.rehearsal.rehearsal import Rehearsal, plan
 from robosim.rendering.renderer import RenderingUnavailable
-from robosim.robot.ros_trajectory import joint_trajectory
+from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.field import check_field
 
 RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
@@ -57,7 +57,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     folder.write_yaml("material.yaml", substance.model_dump(mode="json"))
     print("planning the motion ...", file=sys.stderr)
     planned = plan(config)
-    folder.write_yaml("joint_trajectory.yaml", joint_trajectory(planned.motion))
+    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(planned.motion))
     print("preparing grains and robot ...", file=sys.stderr)
     mpm.init()
     run = Rehearsal(config, planned, seed=seed)

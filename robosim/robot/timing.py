@@ -1,4 +1,4 @@
-"""Jerk-limited joint motion: Ruckig, state to state, through knots of the joint path."""
+"""Jerk-limited joint motion: Ruckig from state to state through knots of a joint path."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,11 +16,11 @@ KNOT_SPACING = 0.04
 JERK_BISECTIONS = 14
 """Steps in the search for the smoothest motion between two knots: leaves 0.1 % on the jerk."""
 MAX_DELAY = 0.01
-"""[s] by which limits may stretch a motion before it is refused: the waypoints' times would no longer hold."""
+"""[s] by which limits may delay a motion; above, it is refused, because waypoints' times would no longer hold."""
 
 
-def _nearest(waypoint_times: dict[str, float], time: float) -> str:
-    """Waypoint that is passed closest to a time [s]."""
+def _find_nearest(waypoint_times: dict[str, float], time: float) -> str:
+    """Name of the waypoint that is passed closest to a time [s]."""
     return min(waypoint_times, key=lambda w: abs(waypoint_times[w] - time))
 
 
@@ -32,9 +32,11 @@ class JointState(NamedTuple):
     qdd: np.ndarray
 
 
-def excess(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -> np.ndarray:
-    """How many times longer (n,) samples q (n, 7) at `times` (n,) would have to take for speed, acceleration and jerk
-    to be at their limits."""
+def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -> np.ndarray:
+    """Compute the factors (n,) on time at which speed, acceleration or jerk would be at its limit.
+
+    q (n, 7): joint angles [rad] at `times` (n,) [s]. Above 1 the motion is too fast.
+    """
     spline = make_interp_spline(times, q, k=5)
     allowed = (SPEED_LIMITS * limits.velocity_fraction, np.array(limits.acceleration), np.array(limits.jerk))
     shares = [(np.abs(spline.derivative(k)(times)) / most).max(1) ** (1.0 / k) for k, most in enumerate(allowed, 1)]
@@ -42,10 +44,11 @@ def excess(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -> np.ndarray
 
 
 class SmoothMotion:
-    """Joint motion over time through samples q (n, 7) of a path at `times` (n,), within speed, acceleration and jerk.
+    """Joint motion through samples q (n, 7) [rad] of a path at `times` (n,) [s], within the joints' limits.
 
-    Knots carry the path's own speed and acceleration, so nothing stops at them. Where the limits do not allow the
-    path's timing, the segment takes longer and everything after it is later (`delay`).
+    Knots have the path's own speed and acceleration, so the motion does not stop at them. Where the limits do not allow
+    the path's timing, the segment takes longer and the rest of the motion is delayed. waypoint_times: name -> time [s],
+    for messages. Raises ConfigError where the path exceeds a limit, or the delay exceeds MAX_DELAY.
     """
 
     def __init__(
@@ -61,49 +64,49 @@ class SmoothMotion:
         self._limits = limits
         self._max_velocity = SPEED_LIMITS * limits.velocity_fraction
         self._check(knots, states, waypoint_times)
-        self._segments = [self._segment(a, b, float(t1 - t0)) for a, b, t0, t1 in
+        self._segments = [self._plan_segment(a, b, float(t1 - t0)) for a, b, t0, t1 in
                           zip(states, states[1:], knots, knots[1:])]
         self._starts = np.concatenate([[0.0], np.cumsum([s.duration for s in self._segments])])
         self.duration = float(self._starts[-1])
         self.delay = self.duration - float(times[-1] - times[0])
-        """[s] by which the limits stretched the motion."""
+        """[s] by which the limits delay the motion's end."""
         if self.delay > MAX_DELAY:
             slowest = int(np.argmax(np.diff(self._starts) - np.diff(knots)))
-            raise ConfigError(f"near waypoint {_nearest(waypoint_times, knots[slowest])!r} the jerk limits stretch the "
-                              f"motion; {self.delay:.3f} s in all, allowed: {MAX_DELAY} s; lower the speeds there")
+            raise ConfigError(f"near waypoint {_find_nearest(waypoint_times, knots[slowest])!r} the jerk limits delay "
+                              f"the motion, by {self.delay:.3f} s in all; accepted: {MAX_DELAY} s; lower the speeds")
 
     def _check(self, knots: np.ndarray, states: list[JointState], waypoint_times: dict[str, float]) -> None:
-        """Refuse a path whose own speed or acceleration breaks a limit, with the waypoint it breaks near."""
-        for what, given, limit, unit in (
+        """Raise ConfigError where the path's own speed or acceleration exceeds a limit."""
+        for quantity, values, limit, unit in (
             ("speed", np.array([s.qd for s in states]), self._max_velocity, "rad/s"),
             ("acceleration", np.array([s.qdd for s in states]), np.array(self._limits.acceleration), "rad/s^2"),
         ):
-            ratio = np.abs(given) / limit
+            ratio = np.abs(values) / limit
             if ratio.max() > 1.0:
                 knot, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
                 raise ConfigError(
-                    f"near waypoint {_nearest(waypoint_times, knots[knot])!r} (t = {knots[knot]:.2f} s) "
-                    f"joint A{joint + 1} would need a {what} of {abs(given[knot, joint]):.3f} {unit}; "
-                    f"allowed: {limit[joint]:.3f} {unit}; lower the speeds there")
+                    f"near waypoint {_find_nearest(waypoint_times, knots[knot])!r} (t = {knots[knot]:.2f} s) "
+                    f"joint A{joint + 1} would need a {quantity} of {abs(values[knot, joint]):.3f} {unit}; "
+                    f"accepted: up to {limit[joint]:.3f} {unit}; lower the speeds there")
 
-    def _segment(self, a: JointState, b: JointState, duration: float) -> Trajectory:
-        """The motion from a to b in `duration` [s], or the fastest one that is slower, with as little jerk as possible.
+    def _plan_segment(self, a: JointState, b: JointState, duration: float) -> Trajectory:
+        """Plan the motion from a to b in `duration` [s], or else as fast as possible, with as little jerk as possible.
 
-        Ruckig plays every phase at the full jerk it is allowed, so that a generous limit means ripples.
+        Ruckig uses the full jerk limit in every phase, so that a high limit causes ripples.
         """
         limits = np.array(self._limits.jerk)
-        jerk = np.array([self._least_jerk(a, b, duration, joint) for joint in range(7)])
+        jerk = np.array([self._find_least_jerk(a, b, duration, joint) for joint in range(7)])
         while True:
             trajectory = self._plan(a, b, duration, jerk, range(7))
-            enough = np.all(jerk >= limits)
-            if trajectory is not None and (trajectory.duration <= duration + 1e-9 or enough):
+            is_at_limit = np.all(jerk >= limits)
+            if trajectory is not None and (trajectory.duration <= duration + 1e-9 or is_at_limit):
                 return trajectory
-            if enough:
+            if is_at_limit:
                 raise ConfigError(f"no motion within the jerk limits {self._limits.jerk} rad/s^3 joins two knots")
             jerk = np.minimum(1.5 * jerk, limits)
 
-    def _least_jerk(self, a: JointState, b: JointState, duration: float, joint: int) -> float:
-        """Smallest jerk limit [rad/s^3] with which one joint keeps the duration, by bisection of its logarithm."""
+    def _find_least_jerk(self, a: JointState, b: JointState, duration: float, joint: int) -> float:
+        """Find the smallest jerk limit [rad/s^3] with which one joint keeps the duration, by bisection."""
         low, high = np.log(1e-3), np.log(self._limits.jerk[joint])
         for _ in range(JERK_BISECTIONS):
             middle = 0.5 * (low + high)
@@ -116,7 +119,7 @@ class SmoothMotion:
 
     def _plan(self, a: JointState, b: JointState, duration: float, jerk: np.ndarray,
               joints: Sequence[int]) -> Trajectory | None:
-        """Ruckig's motion of some joints, None where it finds none."""
+        """Plan Ruckig's motion of some joints; None where it finds none."""
         n, chosen = len(joints), list(joints)
         request = InputParameter(n)
         request.current_position, request.target_position = list(a.q[chosen]), list(b.q[chosen])
@@ -134,7 +137,7 @@ class SmoothMotion:
         return trajectory
 
     def state(self, time: float) -> JointState:
-        """Commanded joint state at a time [s] since the motion's start; at rest before and after."""
+        """Return the joint state at a time [s] since the motion's start; at rest before and after."""
         time = min(max(time, 0.0), self.duration)
         i = min(int(np.searchsorted(self._starts, time, side="right")) - 1, len(self._segments) - 1)
         return JointState(*map(np.array, self._segments[i].at_time(time - self._starts[i])))

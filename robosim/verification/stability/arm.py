@@ -13,7 +13,8 @@ import numpy as np
 from mpm import Pose
 from robosim.config.robot import RobotConfig, load_robot
 from robosim.errors import ConfigError, UnreachableWaypoint
-from robosim.robot.inverse_kinematics import HOME, solve_path
+from robosim.robot.inverse_kinematics import HOME
+from robosim.robot.joint_path import solve_path
 from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.robot.servo import Servo
 from robosim.robot.timing import JointState, SmoothMotion
@@ -42,7 +43,7 @@ def scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotConfig]:
     data.qpos[made.arm_qpos] = HOME
     mujoco.mj_forward(made.model, data)
     servo = Servo(arm(), robot.servo)
-    servo.check(made.model, data, made.arm_dofs)
+    servo.check_step(made.model, data, made.arm_dofs)
     return made, data, servo, robot
 
 
@@ -53,7 +54,7 @@ def driven(made: Scene, data: mujoco.MjData, servo: Servo, wanted: Callable[[flo
     data.xfrc_applied[made.tool, 2] = -load * G
     while data.time < until:
         q, qd = data.qpos[made.arm_qpos], data.qvel[made.arm_dofs]
-        data.ctrl[made.arm_actuators] = servo.torque(wanted(data.time), q, qd)
+        data.ctrl[made.arm_actuators] = servo.compute_torque(wanted(data.time), q, qd)
         mujoco.mj_step(made.model, data)
         at = f" at t = {data.time:.4g} s"
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not np.all(np.isfinite(data.qpos)):
@@ -65,7 +66,7 @@ def driven(made: Scene, data: mujoco.MjData, servo: Servo, wanted: Callable[[flo
             return f"a joint {np.degrees(beyond):.2g} degrees beyond its range" + at, seen
         if np.any(np.abs(data.actuator_force[made.arm_actuators]) > arm().torque_limits * (1 + 1e-9)):
             return "a motor beyond its torque" + at, seen
-    seen["saturated"] = float(servo.saturated)
+    seen["saturated"] = float(servo.saturations)
     return "", seen
 
 

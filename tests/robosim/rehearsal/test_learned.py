@@ -19,8 +19,8 @@ from robosim.rehearsal.learned_path import REST, LearnedPath
 from robosim.rehearsal.metrics import fates
 from robosim.rehearsal.pose_sequences import JOINING, ROUNDING, SAMPLING
 from robosim.rehearsal.rehearsal import plan
-from robosim.robot.ros_trajectory import joint_trajectory
-from robosim.robot.timing import excess
+from robosim.robot.ros_trajectory import make_joint_trajectory
+from robosim.robot.timing import compute_time_scale
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.field import build_tool_sdf, check_field
 from robosim.scene.fill import fill
@@ -139,14 +139,14 @@ def test_excess_is_the_time_that_is_missing():
     limits, times = load_rehearsal("spoon").limits, np.linspace(0.0, 1.0, 201)
     for size, wave in ((2.0, 1.0), (0.3, 4.0), (0.02, 20.0)):
         q = np.tile(size * np.sin(2.0 * np.pi * wave * times)[:, None], (1, 7))
-        most = excess(times, q, limits).max()
-        assert excess(most * times, q, limits).max() == pytest.approx(1.0, abs=1e-6)
+        most = compute_time_scale(times, q, limits).max()
+        assert compute_time_scale(most * times, q, limits).max() == pytest.approx(1.0, abs=1e-6)
 
 
 def test_joint_trajectory_is_the_motion(chained):
     """Points on the smoothed motion; their speeds are the slopes of their places, but for jerk h^2 / 6."""
     motion = plan(chained).motion
-    told = yaml.safe_load(yaml.safe_dump(joint_trajectory(motion)))
+    told = yaml.safe_load(yaml.safe_dump(make_joint_trajectory(motion)))
     assert told["joint_names"] == [f"A{i}" for i in range(1, 8)]
     times = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in told["points"]]
     assert times[0] == 0.0 and times[-1] == pytest.approx(motion.duration, abs=1e-8)

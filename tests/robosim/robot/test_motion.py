@@ -1,4 +1,4 @@
-"""Laws of poses, paths and smoothed joint motion."""
+"""Laws of poses, waypoint paths, smoothed joint motion and inverse kinematics."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
 from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.rehearsal import Plan, plan
-from robosim.robot.inverse_kinematics import solve
+from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import SPEED_LIMITS
 
 
@@ -25,7 +25,7 @@ def test_exponential_undoes_logarithm(seed: int) -> None:
 
 
 def test_screw_velocity_is_the_derivative_of_its_poses() -> None:
-    """Central differences of the sampled poses give the stated twist, whose body axes are constant."""
+    """Central differences of the sampled poses equal the twist, which is constant in body axes."""
     rng = np.random.default_rng(3)
     a, b, n, T = random_pose(rng), random_pose(rng), 2000, 0.7
     s = screw(a, logarithm(a, b), T, n)
@@ -33,8 +33,8 @@ def test_screw_velocity_is_the_derivative_of_its_poses() -> None:
     for k in (1, 700, 1500):
         linear = (s.positions[k + 1] - s.positions[k - 1]) / (2 * h)
         assert linear == pytest.approx(s.linear[k], rel=1e-4, abs=1e-5)
-        turn = Rotation.from_matrix(s.matrices[k + 1] @ s.matrices[k - 1].T).as_rotvec() / (2 * h)
-        assert turn == pytest.approx(s.angular[k], rel=1e-4, abs=1e-5)
+        rotation = Rotation.from_matrix(s.matrices[k + 1] @ s.matrices[k - 1].T).as_rotvec() / (2 * h)
+        assert rotation == pytest.approx(s.angular[k], rel=1e-4, abs=1e-5)
     body = np.einsum("nji,nj->ni", s.matrices, s.linear)
     assert np.ptp(body, axis=0).max() < 1e-12
     assert s.positions[-1] == pytest.approx(b.position, abs=1e-12)
@@ -45,7 +45,7 @@ def spoon() -> Plan:
     return plan(load_rehearsal("spoon"))
 
 
-def test_path_stops_exactly_at_stops_and_is_smooth(spoon: Plan) -> None:
+def test_the_path_rests_exactly_at_stops_and_is_smooth(spoon: Plan) -> None:
     path, config = spoon.path, load_rehearsal("spoon")
     for waypoint, pose in zip(config.waypoints, path.poses):
         if waypoint.dwell:
@@ -54,13 +54,13 @@ def test_path_stops_exactly_at_stops_and_is_smooth(spoon: Plan) -> None:
     times = np.arange(0.0, path.duration, 1e-3)
     x = np.array([path.pose(t).position for t in times])
     acceleration = np.diff(x, 2, axis=0) / 1e-6
-    # the peak of a rounded corner: 1.875 times the mean, which the limit bounds; screws add their own curvature
+    # the limit bounds the peak of a rounded corner, 1.875 times its mean; screws add their own curvature
     assert np.linalg.norm(acceleration, axis=1).max() < 1.5 * config.path.acceleration
     jump = np.linalg.norm(np.diff(acceleration, axis=0), axis=1)
     assert jump.max() < 0.15 * config.path.acceleration
 
 
-def test_smoothed_motion_keeps_limits_and_path(spoon: Plan) -> None:
+def test_smoothed_motion_is_within_limits_and_near_the_path(spoon: Plan) -> None:
     config, motion = load_rehearsal("spoon"), spoon.motion
     times = np.arange(0.0, motion.duration, 1e-3)
     states = [motion.state(t) for t in times]
@@ -82,7 +82,7 @@ def test_inverse_kinematics_from_perturbed_starts(spoon: Plan) -> None:
     arm = spoon.arm
     for _ in range(50):
         q = rng.uniform(0.7 * arm.lower, 0.7 * arm.upper)
-        solution = solve(arm, arm.tool_pose(q), q + rng.uniform(-0.2, 0.2, 7))
+        solution = solve_pose(arm, arm.tool_pose(q), q + rng.uniform(-0.2, 0.2, 7))
         assert solution.position_error < 1e-5 and solution.angle_error < 1e-5
         assert (solution.q >= arm.lower).all() and (solution.q <= arm.upper).all()
 

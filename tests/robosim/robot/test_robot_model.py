@@ -1,4 +1,4 @@
-"""Pinocchio and MuJoCo must mean the same robot."""
+"""The models of Pinocchio and MuJoCo describe the same robot."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_limits_are_the_data_sheets(pair) -> None:
 
 
 def test_smallest_moment_of_the_long_links_is_about_the_long_axis(pair) -> None:
-    """Links 2, 4 and 6 carry the corrected moments: the published set has the last two swapped."""
+    """Links 2, 4 and 6 have the corrected moments: the published ones have the last two exchanged."""
     model, _ = pair
     assert model.body("link2").inertia == pytest.approx([0.0305, 0.0304, 0.0110])
     assert model.body("link4").inertia == pytest.approx([0.0170, 0.0164, 0.0060])
@@ -59,8 +59,8 @@ def test_masses(pair) -> None:
     assert hand == pytest.approx(2.3, abs=1e-9)
 
 
-def test_spoon_is_held_where_its_handle_is() -> None:
-    """The grip site in the model file lies on the handle's axis, as the shape has it, turned to the hand."""
+def test_the_grip_site_lies_on_the_handle() -> None:
+    """The grip site in the model file is the grip pose of the handle's shape."""
     spec = load_spec("tools", "spoon", "spoon.xml")
     site, pose = spec.site("spoon_grip"), grip_pose(HANDLE_START)
     assert site.pos == pytest.approx(pose[:3, 3], abs=1e-5)

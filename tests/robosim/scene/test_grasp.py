@@ -113,7 +113,7 @@ def test_external_torque_is_the_one_of_the_load() -> None:
         scene, data, _, before = hold(config, np.array([0.0, 2.0 * (force != 0), force]), 1.5)
         sensors = TorqueSensors(scene.model, data, ARM_JOINTS, arm)
         q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
-        external[force] = sensors.external(q, before, (qd - before) / scene.model.opt.timestep)
+        external[force] = sensors.estimate_external(q, before, (qd - before) / scene.model.opt.timestep)
     jacobian = np.empty((3, scene.model.nv))
     mujoco.mj_jacBodyCom(scene.model, data, jacobian, None, scene.tool)
     expected = jacobian[:, scene.arm_dofs].T @ [0.0, 2.0, -6.0]

@@ -40,8 +40,8 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
 
     while not over:
         clock.run(step)
-        torque = max(torque, float(np.abs(carrier.servo.demand / TORQUES).max()))
+        torque = max(torque, float(np.abs(carrier.servo.demanded_torque / TORQUES).max()))
         speed = max(speed, float(np.abs(carrier.data.qvel[carrier.scene.arm_dofs] / SPEEDS).max()))
-    errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturated}
+    errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturations}
     return clock.record(NAME, {"task": task, "material": material}, errors, score=info["tcs"],
                         tool_lag=carrier.arm_readings["tool_lag_max"])

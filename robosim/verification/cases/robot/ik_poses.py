@@ -8,7 +8,7 @@ import numpy as np
 
 from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
-from robosim.robot.inverse_kinematics import solve
+from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import Arm
 from robosim.scene.models import compile_spec
 from robosim.scene.robot_spec import ARM_JOINTS, build_robot_spec
@@ -41,7 +41,7 @@ def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
         begin = time.perf_counter()
         for attempt in range(restarts):
             start = middle if attempt == 0 else rng.uniform(0.9 * arm.lower, 0.9 * arm.upper)
-            found = solve(arm, target, start, rest=middle, iterations=60)
+            found = solve_pose(arm, target, start, rest=middle, iterations=60)
             if found.converged:
                 break
         seconds.append(time.perf_counter() - begin)
