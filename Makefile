@@ -9,7 +9,7 @@ APT_LINE := apt-get install -y --no-install-recommends $(GL_PACKAGES)
 # True when both libraries can be loaded; asked of the dynamic linker, as PyOpenGL does.
 HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.so.1', 'libGL.so.1')]" 2>/dev/null
 
-.PHONY: rehearse test test-slow lint meshes clean gl
+.PHONY: rehearse test test-slow lint docs meshes clean gl
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
@@ -27,11 +27,17 @@ lint: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
+# Runs every code block of the pages, then builds the site into docs/_build/html; a warning is an error.
+docs: $(VENV)/.docs
+	$(BIN)/python -m pytest -n 2 tests/docs tests/test_readme.py
+	$(BIN)/python -m sphinx -b html -W --keep-going docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
 meshes: $(VENV)/.test
 	$(BIN)/python models/make_meshes.py
 
 clean:
-	rm -rf $(VENV) build dist out *.egg-info .pytest_cache .ruff_cache
+	rm -rf $(VENV) build dist out docs/_build docs/_generated *.egg-info .pytest_cache .ruff_cache
 
 gl:
 	@if $(HAS_GL); then exit 0; fi; \
@@ -58,3 +64,7 @@ $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
 $(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(BIN)/python -m pip install -c constraints.txt -e ".[test,learn]"
 	@rm -f $(VENV)/.run; touch $@
+
+$(VENV)/.docs: $(VENV)/.test
+	$(BIN)/python -m pip install -c constraints.txt -e ".[test,learn,docs]"
+	@touch $@

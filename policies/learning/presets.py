@@ -23,7 +23,7 @@ IMITATE = ("BC", "GAIL", "replay")
 class Demonstrations(pydantic.BaseModel):
     """How demonstrations take part in batches."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     size: PositiveInt = 50_000
     """Transitions that their buffer has room for."""
@@ -36,7 +36,7 @@ class Demonstrations(pydantic.BaseModel):
 class Actor(pydantic.BaseModel):
     """How the actor of an actor-critic learns beside its critics."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     waits: NonNegativeInt = 0
     """Decisions before its first update."""
@@ -47,7 +47,7 @@ class Actor(pydantic.BaseModel):
 class GraphSizes(pydantic.BaseModel):
     """How large a network is and how it learns."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     hidden: PositiveInt = 32
     message_steps: PositiveInt = 2
@@ -68,7 +68,7 @@ class GraphSizes(pydantic.BaseModel):
 class Preset(pydantic.BaseModel):
     """A method."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     description: str
     learner: Learner

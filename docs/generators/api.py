@@ -1,0 +1,79 @@
+"""The API reference: one autodoc directive for each public name, in groups."""
+
+import importlib
+import inspect
+from typing import Any
+
+MPM_GROUPS = {
+    "Session": ["init"],
+    "Scene": ["Grid", "Walls", "Body", "Collider", "sample_box", "sample_cylinder", "sample_mesh"],
+    "Materials": ["DruckerPrager", "VonMises", "NewtonianFluid", "Elastic"],
+    "Shapes": ["Sdf", "Shell", "Region"],
+    "Solver": ["Solver", "Batch", "Features"],
+    "Gradients": ["Rollout"],
+    "Observations": ["Diagnostics", "Sample", "Tally", "Tallied"],
+    "Poses, twists, wrenches": ["Pose", "Twist", "Wrench"],
+}
+"""Order of the names of mpm on its page; names that are not listed follow in groups of their own."""
+FOREIGN = "tuple, dict, Exception, Warning, BaseModel"
+"""Bases whose own members are left out."""
+POLICIES = ["policies.learning.vec_env.VectorFace", "policies.learning.presets.Preset",
+            "policies.learning.presets.load_preset"]
+"""What programs use of policies besides its commands."""
+
+
+def directive(path: str, value: Any) -> str:
+    """The autodoc directive of one object."""
+    if inspect.isclass(value):
+        return f".. autoclass:: {path}\n   :members:\n   :inherited-members: {FOREIGN}\n" \
+               f"   :exclude-members: count, index\n"
+    return f".. autofunction:: {path}\n" if callable(value) else f".. autodata:: {path}\n"
+
+
+def group(title: str, names: list[tuple[str, Any]]) -> str:
+    """A heading and its objects."""
+    body = "\n".join(directive(path, value) for path, value in names)
+    return f"## {title}\n\n```{{eval-rst}}\n{body}```\n"
+
+
+def is_error(value: Any) -> bool:
+    """Whether an object is an exception or a warning."""
+    return inspect.isclass(value) and issubclass(value, Exception)
+
+
+def package_page(package: str, groups: dict[str, list[str]]) -> str:
+    """All names in a package's `__all__`, errors last."""
+    module = importlib.import_module(package)
+    rest = [name for name in module.__all__ if name not in {n for names in groups.values() for n in names}]
+    sections = {title: [name for name in names if name in module.__all__] for title, names in groups.items()}
+    sections["Further names"] = [name for name in rest if not is_error(getattr(module, name))]
+    sections["Errors and warnings"] = [name for name in rest if is_error(getattr(module, name))]
+    return "\n".join(group(title, [(f"{package}.{name}", getattr(module, name)) for name in names])
+                     for title, names in sections.items() if names)
+
+
+def mpm_page() -> str:
+    """The field."""
+    return package_page("mpm", MPM_GROUPS)
+
+
+def robosim_page() -> str:
+    """The coupling, rehearsals, and the environments by their pages."""
+    from robosim.envs import TASKS
+    from robosim.envs.grain_env import GrainEnv
+
+    public = package_page("robosim", {})
+    envs = group("Environments", [("robosim.envs.grain_env.GrainEnv", GrainEnv)])
+    pages = importlib.import_module("robosim.envs.sub_tasks")
+    texts = "\n".join(f"### robosim/{name}-v0\n\n```text\n{inspect.getdoc(getattr(pages, name))}\n```\n"
+                      for name in TASKS)
+    return f"{public}\n{envs}\n{texts}"
+
+
+def policies_page() -> str:
+    """Learning."""
+    named = []
+    for path in POLICIES:
+        module, name = path.rsplit(".", 1)
+        named.append((path, getattr(importlib.import_module(module), name)))
+    return group("Learning", named)

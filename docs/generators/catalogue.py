@@ -1,0 +1,45 @@
+"""Tables of the bundled materials, sub-tasks and methods, from configs/."""
+
+from typing import Any
+
+import yaml
+
+from generators.markdown import code, table
+from generators.measured import ROOT
+from robosim.envs import TASKS
+
+CONFIGS = ROOT / "configs"
+SYMBOLS = {"density": "density [kg/m^3]", "E": "E [Pa]", "nu": "nu", "friction_angle": "friction angle [deg]",
+           "cohesion": "cohesion [Pa]", "bulk_modulus": "bulk modulus [Pa]", "viscosity": "viscosity [Pa s]",
+           "yield_stress": "yield stress [Pa]"}
+
+
+def read(folder: str) -> dict[str, dict[str, Any]]:
+    """Name -> content of every file in a folder of configs."""
+    return {path.stem: yaml.safe_load(path.read_text()) for path in sorted((CONFIGS / folder).glob("*.yaml"))}
+
+
+def materials() -> str:
+    """Every material with its numbers and their sources."""
+    parts = []
+    for name, data in read("materials").items():
+        rows = [[SYMBOLS[key], f"{data[key]['value']:g}", data[key]["source"]] for key in SYMBOLS if key in data]
+        text = data["description"]
+        parts.append(f"### {name}\n\n{text[:1].upper()}{text[1:]}. Law: {data['law']}.\n\n"
+                     + table(["number", "value", "source"], rows))
+    return "\n".join(parts)
+
+
+def tasks() -> str:
+    """The sub-tasks."""
+    data = read("tasks")
+    return table(["id", "kind", "tool", "particles", "goal"],
+                 [[f"`robosim/{name}-v0`", data[name]["kind"], data[name]["tool"], data[name]["grains"]["count"],
+                   data[name]["description"]] for name in TASKS])
+
+
+def methods() -> str:
+    """The methods of learning."""
+    return table(["method", "learner", "observation", "description"],
+                 [[code(name), data["learner"], data.get("obs", "flat"), data["description"]]
+                  for name, data in read("training").items()])

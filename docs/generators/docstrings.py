@@ -1,0 +1,38 @@
+"""Docstrings are plain text with code between single backticks; this turns them into valid reStructuredText."""
+
+import re
+from typing import Any
+
+from sphinx.application import Sphinx
+
+CODE = re.compile(r"(`+[^`]+`+)")
+SPECIAL = re.compile(r"([*|\\])|(?<=\w)(_)(?!\w)")
+ITEM = re.compile(r"^(\s*)(\* |- |\d+\. )")
+
+
+def escape(line: str) -> str:
+    """A line of a docstring with its code as literals and other markup characters escaped."""
+    lead = ITEM.match(line)
+    head, rest = (lead[0], line[lead.end() :]) if lead else ("", line)
+    parts = CODE.split(rest)
+    return head + "".join(f"``{part.strip('`')}``" if k % 2 else SPECIAL.sub(r"\\\g<0>", part)
+                          for k, part in enumerate(parts))
+
+
+def rewrite(app: Sphinx, what: str, name: str, owner: Any, options: Any, lines: list[str]) -> None:
+    """Escape a docstring; a list starts a paragraph of its own."""
+    joined = re.sub(r"`([^`\n]*)\n\s*([^`\n]*)`", r"`\1 \2`", "\n".join(lines)).split("\n")
+    result: list[str] = []
+    for line in joined:
+        is_item = ITEM.match(line) is not None
+        last = result[-1] if result else ""
+        if is_item and last.strip() and not (ITEM.match(last) or last.startswith(" ")):
+            result.append("")
+        result.append(escape(line))
+    lines[:] = result
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect to autodoc."""
+    app.connect("autodoc-process-docstring", rewrite)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

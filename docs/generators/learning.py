@@ -1,0 +1,85 @@
+"""Scores of the learning methods, from the committed runs in policies/trained."""
+
+import json
+from collections import defaultdict
+from statistics import fmean, stdev
+
+import yaml
+
+from generators.markdown import table
+from generators.measured import ROOT
+
+TRAINED = ROOT / "policies" / "trained"
+METHODS = ("demo", "bc", "rlpd", "residual", "dg_sac", "sac", "td3", "ddpg", "ppo", "gail")
+
+
+def spread(values: list[float]) -> str:
+    """Mean, with the standard deviation of the sample where there are several."""
+    if not values:
+        return ""
+    return f"{fmean(values):.1f}" + (f" ± {stdev(values):.1f}" if len(values) > 1 else "")
+
+
+def scores_page() -> str:
+    """Score of the best motion and of the last ten episodes, method by method, with published scores below."""
+    told = json.loads((TRAINED / "tables.json").read_text())
+    published = yaml.safe_load((ROOT / "configs" / "published" / "arxiv_2406_09178.yaml").read_text())
+    tasks = published["tasks"]
+    groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
+    for run in told["runs"]:
+        groups[run["method"], run["task"]].append(run)
+    methods = [m for m in METHODS if any(m == method for method, _ in groups)]
+    methods += sorted({method for method, _ in groups} - set(methods))
+
+    def rows(key: str) -> list[list[str]]:
+        return [[f"`{method}`", *(spread([r[key] for r in groups[method, task] if r[key] is not None])
+                                  for task in tasks)] for method in methods]
+
+    theirs = [[f"`{method}`", *("" if v is None else f"{v[0]:.1f} ± {v[1]:.1f}" for v in published["tcs"][method])]
+              for method in methods if method in published["tcs"]]
+    seeds = [[f"`{method}`", *(str(len(groups[method, task]) or "") for task in tasks)] for method in methods]
+    head = ["method", *tasks]
+    return f"""{len(told["runs"])} runs. Made by: {told["made_by"]}. The table is drawn from
+`policies/trained/tables.json`; `robosim tables policies/trained/tables.json --out out/tables` draws it with
+interquartile means and intervals.
+
+## Score of the best motion
+
+The motion with the highest return in training, replayed. Mean ± standard deviation over the seeds.
+
+{table(head, rows("best"))}
+## Score of the last ten episodes
+
+The number that arXiv 2406.09178 reports.
+
+{table(head, rows("tcs"))}
+## Scores in arXiv 2406.09178
+
+Means of five runs on that paper's geometry, which is not published. Compare methods, not single values.
+
+{table(head, theirs)}
+## Delivered fraction of the best motion
+
+{table(head, rows("delivered"))}
+## Seconds per episode
+
+On one core that other processes used at the same time.
+
+{table(head, rows("seconds"))}
+## Number of runs
+
+{table(head, seeds)}"""
+
+
+def materials_page() -> str:
+    """Score and trajectory deviation of the bundled motions in thirteen materials."""
+    told = json.loads((TRAINED / "materials.json").read_text())
+    tasks = list(dict.fromkeys(row["task"] for row in told["rows"]))
+    names = list(dict.fromkeys(row["material"] for row in told["rows"]))
+    by = {(row["material"], row["task"]): row for row in told["rows"]}
+
+    def cell(row: dict | None) -> str:
+        return "" if row is None or row["score"] is None else f"{row['score']:.1f} ({row['td_mm']:.1f})"
+
+    return table(["score (deviation [mm])", *tasks],
+                 [[name, *(cell(by.get((name, task))) for task in tasks)] for name in names])

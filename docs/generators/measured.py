@@ -1,0 +1,42 @@
+"""Results of commands that pages quote: JSON files of docs/results/data, each with command, commit and machine.
+
+`docs/measure.py` writes them. A file whose code digest is not that of the code today is marked on its page.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+DATA = Path(__file__).resolve().parent.parent / "results" / "data"
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+def stored(name: str) -> dict[str, Any]:
+    """A file of measured results, or an empty table where it was not measured."""
+    path = DATA / f"{name}.json"
+    return json.loads(path.read_text()) if path.is_file() else {}
+
+
+def origin(made_by: dict[str, str]) -> str:
+    """One line on where numbers come from."""
+    return f"Made by `{made_by.get('command', '')}`, commit {made_by.get('commit', 'unknown')}, on " \
+           f"{made_by.get('machine', 'an unknown machine')}.\n"
+
+
+def outdated(name: str, module: str) -> str:
+    """A note where the code that a file was measured with is not the code of today, else nothing."""
+    from robosim.reports.provenance import code_digest
+
+    code = stored(name).get("code")
+    if code == code_digest(module):
+        return ""
+    return "\n:::{note}\nThe code has changed since these numbers were measured. `python docs/measure.py " \
+           f"{name}` measures them again.\n:::\n"
+
+
+def substitutions() -> dict[str, str]:
+    """Values that pages use as `{{ name }}`."""
+    spoon = stored("rehearsal_spoon")
+    scores = stored("quoted")
+    values = {**spoon.get("quoted", {}), **scores.get("quoted", {})}
+    return {name: str(value) for name, value in values.items()}

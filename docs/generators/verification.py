@@ -1,0 +1,72 @@
+"""The pages of verification cases and of stability, from files of `robosim report` and `robosim stability`."""
+
+from generators.markdown import code, table
+from generators.measured import origin, stored
+from robosim.reports.provenance import code_digest
+from robosim.verification.cases import NAMES, SUBJECTS, find, module_name
+from robosim.verification.stability.field import AXES
+
+VERDICTS = {"pass": "passed", "fail": "**failed**", "not run": "not run"}
+
+
+def choices(values: dict) -> str:
+    """Choices of a run in a line."""
+    return ", ".join(f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
+                     for key, value in values.items())
+
+
+def case_section(name: str, result: dict, runs: list[dict]) -> str:
+    """Claims and runs of one case."""
+    mine = [run for run in runs if run["case"] == name]
+    parts = [f"### {name}\n", f"{summary(name)}\n", f"Reference: {result['source']}\n"]
+    if any(run["code"] != code_digest(module_name(name)) for run in mine):
+        parts.append(":::{note}\nMeasured with earlier code.\n:::\n")
+    claims = [c for c in result["claims"] if c["verdict"] != "not run"]
+    if claims:
+        parts.append(table(["claim", "measured", "accepted from", "to", "verdict"],
+                           [[c["claim"], c["found"], c["low"], c["high"], VERDICTS[c["verdict"]]] for c in claims]))
+    records = [run["record"] for run in mine if run["record"]]
+    if records:
+        errors = sorted({key for r in records for key in r["errors"]})
+        parts.append(table(["choices", "particles", "steps", "seconds", *errors],
+                           [[choices(r["choices"]), r["particles"], r["steps"], r["seconds"],
+                             *(r["errors"].get(key) for key in errors)] for r in records]))
+    return "\n".join(parts)
+
+
+def summary(name: str) -> str:
+    """First paragraph of a case's docstring."""
+    text = (find(name).__doc__ or "").strip().split("\n\n")[0]
+    return " ".join(text.split()).replace("|", r"\|").replace("*", r"\*").replace("<", r"\<")
+
+
+def overview() -> str:
+    """All cases with subject and summary."""
+    return table(["case", "subject", "what is compared"],
+                 [[code(name), SUBJECTS[name], summary(name)] for name in NAMES])
+
+
+def page() -> str:
+    """All cases, then the claims and runs of those in the stored report."""
+    report = stored("report")
+    text = f"## Cases\n\n{overview()}\n"
+    if not report:
+        return text + "No report is stored. `python docs/measure.py report` makes one.\n"
+    measured = report["cases"]
+    verdicts = [c["verdict"] for result in measured.values() for c in result["claims"]]
+    text += f"\n## Results\n\n{origin(report['made_by'])}\n{len(measured)} cases, {len(report['runs'])} runs: " \
+            f"{verdicts.count('pass')} claims passed, {verdicts.count('fail')} failed, {verdicts.count('not run')} " \
+            f"need runs that `--quick` leaves out.\n\n"
+    return text + "\n".join(case_section(name, result, report["runs"]) for name, result in measured.items())
+
+
+def stability_page() -> str:
+    """Axes of the stability matrix, and the verdicts of the stored cells."""
+    report = stored("stability")
+    text = f"Axes: {', '.join(code(axis) for axis in AXES)}.\n\n"
+    if not report:
+        return text + "No verdicts are stored. `python docs/measure.py stability` makes some.\n"
+    old = report["code"] != code_digest("robosim.verification.stability.field")
+    note = ":::{note}\nMeasured with earlier code.\n:::\n\n" if old else ""
+    rows = [[cell["axis"], str(cell["value"]), cell["verdict"], cell["reason"]] for cell in report["cells"]]
+    return f"{text}{origin(report['made_by'])}\n{note}{table(['axis', 'value', 'verdict', 'reason'], rows)}"

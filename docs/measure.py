@@ -1,0 +1,129 @@
+"""Run the commands whose results the pages quote, and store these in docs/results/data: `python docs/measure.py NAME`.
+
+Names: rehearsal_spoon (and the pictures of it), report, stability, bench, bench_field. Without a name: all.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parent), str(HERE)]
+
+from generators.measured import DATA  # noqa: E402
+
+from robosim.reports.provenance import code_digest, provenance  # noqa: E402
+
+IMAGES = HERE / "images"
+POUR = 8.93
+"""Time [s] of the frame of the spoon rehearsal that the pages show: grains fall."""
+CASES = ["free_fall", "bar", "spin", "uniaxial", "column_weight", "hydrostatic", "return_mapping", "element_path",
+         "closed_system", "block_at_rest", "ik_poses", "jerk_limits", "two_models"]
+"""Cases of the stored report: a subject each from continuum, fluid, grains, coupling and robot."""
+AXES = ["courant", "friction_angle_deg", "mass_ratio", "lagged_mass_ratio"]
+SIZES = ["300", "2880", "50000"]
+
+
+def command(words: list[str], out: Path) -> float:
+    """Run `robosim WORDS --out OUT`; the seconds that it took."""
+    begin = time.perf_counter()
+    subprocess.run([sys.executable, "-m", "robosim", *words, "--out", str(out)], cwd=HERE.parent, check=False)
+    return time.perf_counter() - begin
+
+
+def made_by(words: list[str]) -> dict[str, str]:
+    """Command, commit and machine."""
+    return {**provenance(), "command": " ".join(["robosim", *words])}
+
+
+def rehearsal_spoon(out: Path) -> dict[str, Any]:
+    """The figures of the report, and three pictures."""
+    words = ["rehearse", "spoon"]
+    seconds = command(words, out)
+    figures = json.loads((out / "report.json").read_text())
+    pictures(out)
+    quoted = {"spoon_seconds": f"{60 * round(seconds / 60):.0f}", "spoon_minutes": f"{seconds / 60:.0f}",
+              "spoon_simulated": f"{figures['simulated_time']:.1f}",
+              "spoon_load_g": f"{1e3 * figures['scooped_mass']:.0f}", "spoon_grains": f"{figures['grains']}",
+              "spoon_delivered": f"{figures['delivered_fraction']:.3f}",
+              "spoon_spilled": f"{figures['spilled_fraction']:.3f}",
+              "spoon_residual": f"{figures['momentum_residual']:.0e}",
+              "spoon_torque": f"{figures['torque_limit_ratio_max']:.2f}",
+              "spoon_speed": f"{figures['velocity_limit_ratio_max']:.2f}",
+              "spoon_tracking_mm": f"{1e3 * figures['tool_tracking_error_max']:.1f}"}
+    return {"made_by": made_by([*words, "--out", "out/spoon"]), "code": code_digest("robosim.commands.rehearse"),
+            "seconds": seconds, "figures": figures, "quoted": quoted}
+
+
+def pictures(out: Path) -> None:
+    """A frame of the film, the sheet of nine, the page of curves; small enough for a repository."""
+    import av
+    from PIL import Image
+
+    IMAGES.mkdir(exist_ok=True)
+    with av.open(str(out / "rehearsal.mp4")) as film:
+        frame = next(f for f in film.decode(video=0) if f.time is not None and f.time >= POUR)
+        frame.to_image().crop((160, 0, 1120, 720)).save(IMAGES / "spoon_pour.jpg", quality=86, optimize=True)
+    sheet = Image.open(out / "frames.png").convert("RGB")
+    sheet.resize((1440, 810)).save(IMAGES / "spoon_sheet.jpg", quality=80, optimize=True)
+    curves = Image.open(out / "report.png").convert("RGB").quantize(64)
+    curves.save(IMAGES / "spoon_report.png", optimize=True)
+
+
+def report(out: Path) -> dict[str, Any]:
+    """Claims and runs of some cases."""
+    words = ["report", *CASES, "--quick"]
+    command(words, out)
+    told = json.loads((out / "report.json").read_text())
+    return {**told, "made_by": made_by([*words, "--out", "out/report"])}
+
+
+def stability(out: Path) -> dict[str, Any]:
+    """Verdicts of some axes."""
+    words = ["stability", *AXES]
+    command(words, out)
+    told = json.loads((out / "stability.json").read_text())
+    return {**told, "made_by": made_by([*words, "--out", "out/stability"])}
+
+
+def bench(out: Path) -> dict[str, Any]:
+    """Coupled step, kinematics, environments."""
+    words = ["bench", "coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]
+    command(words, out)
+    told = json.loads((out / "bench.json").read_text())
+    return {**told, "made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.benchmarks.bench")}
+
+
+def bench_field(out: Path) -> dict[str, Any]:
+    """Substeps of the field alone."""
+    words = ["bench", "field", "--sizes", *SIZES]
+    command(words, out)
+    lines = json.loads((out / "bench_field.json").read_text())
+    rows = [[line["scene"], line["grains"], line["threads"], line["arch"], line.get("ns")] for line in lines]
+    return {"made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.benchmarks.field"),
+            "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
+
+
+TASKS: dict[str, Callable[[Path], dict[str, Any]]] = {
+    "rehearsal_spoon": rehearsal_spoon, "report": report, "stability": stability, "bench": bench,
+    "bench_field": bench_field}
+
+
+def main(names: list[str]) -> None:
+    """Measure what is named, into a folder that is removed afterwards."""
+    DATA.mkdir(parents=True, exist_ok=True)
+    for name in names or list(TASKS):
+        out = HERE / "_build" / "measured" / name
+        shutil.rmtree(out, ignore_errors=True)
+        out.mkdir(parents=True)
+        (DATA / f"{name}.json").write_text(json.dumps(TASKS[name](out), indent=1) + "\n")
+        print(f"{DATA / f'{name}.json'}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
