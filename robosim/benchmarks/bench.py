@@ -1,7 +1,6 @@
-"""`robosim bench`: how fast field, coupling, kinematics, environments and rendering are, and the README's table of it.
+"""`robosim bench`: speed of coupling, kinematics, environments and rendering, and the README's table of it.
 
-Each figure is the median of repeated runs in a process of its own; one measurement:
-`python -m robosim.benchmarks.bench WHAT CORE`.
+Each figure is the median of repeated runs in a process of its own: `python -m robosim.benchmarks.bench PART CORE`.
 """
 
 import json
@@ -22,43 +21,43 @@ from robosim.reports.provenance import provenance
 
 REPEATS = 5
 MARKS = ("<!-- bench -->", "<!-- /bench -->")
-"""Around the table in a README."""
+"""Marks around the table in a README."""
 
 
-def median(work: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Median seconds of some work, after a first time that is not counted."""
-    taken = []
+def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Return the median wall time [s] of calls, after a first one that is not timed."""
+    times = []
     for _ in range(repeats + 1):
         begin = time.perf_counter()
         work()
-        taken.append(time.perf_counter() - begin)
-    return statistics.median(taken[1:])
+        times.append(time.perf_counter() - begin)
+    return statistics.median(times[1:])
 
 
-def coupling() -> dict[str, float]:
-    """A free box of 10 g on a tray of sand: a coupled step, and the field's share of it."""
-    from robosim.verification.stability.coupled import scene
+def measure_coupling() -> dict[str, float]:
+    """Time a coupled step of a free box of 10 g on a tray of sand, and the part outside the field."""
+    from robosim.verification.stability.coupled import build_scene
 
-    plugin = scene(0.01, 2e-3, "mobility", half=0.01, lift=0.0, bed=(0.08, 0.08, 0.0208), dt=1e-4)
+    plugin = build_scene(0.01, 2e-3, "mobility", half=0.01, lift=0.0, bed=(0.08, 0.08, 0.0208), dt=1e-4)
     for _ in range(50):
         plugin.step()
-    whole = median(lambda: [plugin.step() for _ in range(50)]) / 50
-    field = median(lambda: [plugin.solver.advance(2e-3) for _ in range(50)]) / 50
-    return {"coupled step of 2 ms [ms]": 1e3 * whole, "of it coupling and MuJoCo [ms]": 1e3 * (whole - field)}
+    whole = median_seconds(lambda: [plugin.step() for _ in range(50)]) / 50
+    field = median_seconds(lambda: [plugin.solver.advance(2e-3) for _ in range(50)]) / 50
+    return {"coupled step of 2 ms [ms]": 1e3 * whole, "part of it outside the field [ms]": 1e3 * (whole - field)}
 
 
-def kinematics() -> dict[str, float]:
-    """Poses of the arm, solved from mid-range to 1e-6."""
+def measure_kinematics() -> dict[str, float]:
+    """Time the inverse kinematics of poses of the arm, from mid-range to 1e-6."""
     from robosim.verification.cases.robot.ik_poses import measure
 
     record = measure(poses=500)
     return {"inverse kinematics, mean [ms]": record.readings["mean_ms"],
-            "inverse kinematics, 95 % below [ms]": record.readings["p95_ms"],
+            "inverse kinematics, 95th percentile [ms]": record.readings["p95_ms"],
             "poses solved [%]": 100 * (1 - record.errors["failed"])}
 
 
-def environment(name: str, arm: bool = False) -> dict[str, float]:
-    """An episode of the scripted policy."""
+def measure_environment(name: str, arm: bool = False) -> dict[str, float]:
+    """Time an episode of the scripted policy; arm: with the whole arm."""
     from robosim.envs.grain_env import GrainEnv
     from robosim.evaluation.policies import ScriptedPolicy
 
@@ -66,17 +65,17 @@ def environment(name: str, arm: bool = False) -> dict[str, float]:
 
     def episode() -> None:
         env.reset(options={"nominal": True})
-        act, over = ScriptedPolicy(env), False
+        policy, over = ScriptedPolicy(env), False
         while not over:
-            _, _, terminated, truncated, _ = env.step(act())
+            _, _, terminated, truncated, _ = env.step(policy())
             over = terminated or truncated
 
-    seconds = median(episode, 1 if arm else 3)
-    return {f"{name}{', whole arm' if arm else ''}: steps of 2 ms a second": env.task.steps / seconds}
+    seconds = median_seconds(episode, 1 if arm else 3)
+    return {f"{name}{', whole arm' if arm else ''}: steps of 2 ms per second": env.task.steps / seconds}
 
 
-def side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, float]:
-    """Actions of n environments in a process for each core, against those of one alone."""
+def measure_side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, float]:
+    """Time n environments with a process for each core, and one alone."""
     import numpy as np
 
     from robosim.envs.batch import GrainBatch
@@ -88,36 +87,39 @@ def side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, float]:
     def rate(vector: GrainVectorEnv) -> float:
         vector.reset(seed=0)
         still = np.zeros((vector.num_envs, *(vector.single_action_space.shape or ())), np.float32)
-        seconds = median(lambda: [vector.step(still) for _ in range(20)])
+        seconds = median_seconds(lambda: [vector.step(still) for _ in range(20)])
         vector.close()
         return 200 * vector.num_envs / seconds
 
     alone, together = rate(GrainVectorEnv(name, 1, workers=1)), rate(GrainVectorEnv(name, n))
-    return {f"{n} x {name} on {os.cpu_count()} cores: steps of 2 ms a second": together,
-            "the same, of one alone": together / alone,
-            "memory of one more [MB]": GrainBatch(name, 1).batch.bytes_each / 1e6}
+    return {f"{n} x {name} on {os.cpu_count()} cores: steps of 2 ms per second": together,
+            "speed-up over one environment alone": together / alone,
+            "memory of one more environment [MB]": GrainBatch(name, 1).batch.bytes_each / 1e6}
 
 
-def rendering() -> dict[str, float]:
-    """Frames of a sub-task at the size of its pictures."""
+def measure_rendering() -> dict[str, float]:
+    """Time pictures of a sub-task."""
     from robosim.envs.grain_env import GrainEnv
 
     env = GrainEnv(render_mode="rgb_array", task="SpoonScoop")
     env.reset(seed=0)
     env.render()
-    return {"frames of 2880 grains a second": 10 / median(lambda: [env.render() for _ in range(10)])}
+    return {"frames of 2880 grains per second": 10 / median_seconds(lambda: [env.render() for _ in range(10)])}
 
 
 PARTS: dict[str, Callable[[], dict[str, float]]] = {
-    "coupling": coupling, "kinematics": kinematics, "rendering": rendering,
-    **{name: lambda name=name: environment(name) for name in TASKS}, "side_by_side": side_by_side,
-    **{f"arm_{name}": lambda name=name: environment(name, arm=True) for name in TASKS},
+    "coupling": measure_coupling, "kinematics": measure_kinematics, "rendering": measure_rendering,
+    **{name: lambda name=name: measure_environment(name) for name in TASKS}, "side_by_side": measure_side_by_side,
+    **{f"arm_{name}": lambda name=name: measure_environment(name, arm=True) for name in TASKS},
 }
 
 
 def bench(parts: list[str], out: Path | None, readme: Path | None) -> int:
-    """Measure parts (all when the list is empty), print a table, write bench.json; with `readme` put the table between
-    its marks. Returns 0, or 1 where a part could not be measured."""
+    """Measure parts, all when the list is empty; print the figures and write bench.json.
+
+    readme: file that takes the table between its marks. Returns 0, or 1 where a part could not be measured.
+    Raises UnknownName for a part that does not exist, ConfigError for a README without marks.
+    """
     for part in parts:
         if part not in PARTS:
             also = "field by itself" if part != "field" else "field is measured by itself, without other parts"
@@ -127,11 +129,11 @@ def bench(parts: list[str], out: Path | None, readme: Path | None) -> int:
     folder = OutputFolder(out) if out else None
     names, figures, failures = parts or list(PARTS), {}, {}
     result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
-    for place, found, failed in run_jobs([("robosim.benchmarks.bench", (name,)) for name in names], 1):
-        figures |= found or {}
-        if found is None:
-            failures[names[place]] = failed
-        for name, figure in (found or {}).items():
+    for index, measured, reason in run_jobs([("robosim.benchmarks.bench", (name,)) for name in names], 1):
+        figures |= measured or {}
+        if measured is None:
+            failures[names[index]] = reason
+        for name, figure in (measured or {}).items():
             print(f"{name:52} {figure:10.3g}", flush=True)
         if folder is not None:
             folder.write_json("bench.json", result)
@@ -143,16 +145,15 @@ def bench(parts: list[str], out: Path | None, readme: Path | None) -> int:
 
 
 def put_table(readme: Path, result: dict[str, Any]) -> None:
-    """The figures as a table between the marks of a README."""
-    told = result["made_by"]
+    """Put the figures as a table between the marks of a README."""
     rows = "\n".join(f"| {name} | {figure:.3g} |" for name, figure in result["figures"].items())
-    table = f"{MARKS[0]}\n| on one core of {told['machine']} | |\n|---|---|\n{rows}\n{MARKS[1]}"
+    table = f"{MARKS[0]}\n| on one core of {result['made_by']['machine']} | |\n|---|---|\n{rows}\n{MARKS[1]}"
     text = re.sub(f"{MARKS[0]}.*?{MARKS[1]}", lambda _: table, readme.read_text(), flags=re.DOTALL)
     replaced(readme, lambda path: path.write_text(text))
 
 
 def main() -> None:
-    """One part."""
+    """Measure one part and print its figures."""
     import mpm
 
     name, core = sys.argv[1:]

@@ -1,4 +1,4 @@
-"""Seconds that parts of a running scene take, by standing between callers and methods."""
+"""Seconds that parts of a running scene take, measured by wrapping methods."""
 
 import time
 from collections import defaultdict
@@ -6,14 +6,15 @@ from typing import Any
 
 
 class Stopwatch:
-    """Times methods of objects; a method within a method is taken off the outer one."""
+    """Times methods of objects; the time of a method called by another is subtracted from the outer one's."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)
+        """Name -> wall time [s]."""
         self._inside: list[list[Any]] = []
 
-    def watch(self, owner: Any, method: str, name: str) -> None:
-        """From now on count what `owner.method` takes under a name."""
+    def wrap(self, owner: Any, method: str, name: str) -> None:
+        """Wrap `owner.method`, so that its time is added to `seconds[name]`."""
         inner = getattr(owner, method)
 
         def timed(*arguments: Any, **options: Any) -> Any:

@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then run the cases."""
     for name in options.cases:
         module_name(name)
-    from robosim.verification.work_precision import report
+    from robosim.verification.report import report
 
     return report(options.cases, options.out, quick=options.quick, jobs=options.jobs, points=options.points,
                   yardsticks=options.yardsticks, compare=options.compare)

@@ -29,6 +29,6 @@ def run(options: argparse.Namespace) -> int:
     for axis in options.axes:
         if axis not in (*AXES, *COMPARISONS):
             raise UnknownName("axis", axis, (*AXES, *COMPARISONS))
-    from robosim.verification.stability_matrix import stability
+    from robosim.verification.stability_report import stability
 
     return stability(options.axes, options.out, options.jobs)

@@ -1,4 +1,4 @@
-"""What got better and what worse since another report."""
+"""Comparison of a report with an earlier one."""
 
 import json
 import math
@@ -6,61 +6,60 @@ from typing import Any
 
 from robosim.errors import ConfigError
 from robosim.reports.page import Page
-from robosim.verification.cases.criteria import told
+from robosim.verification.cases.claims import describe
 
 NOTABLE = 1.05
-"""Ratio of errors or seconds from which on a change is told."""
+"""Ratio of errors or seconds from which a change is listed."""
 
 
-def compared(page: Page, old: dict[str, Any], new: dict[str, Any]) -> list[list[object]]:
-    """Put the changed runs on the page, largest change of the error first; returns the rows. Raises ConfigError where
-    the old file is no report."""
+def add_comparison(page: Page, old: dict[str, Any], new: dict[str, Any]) -> list[list[object]]:
+    """Add the changed runs to a page, largest change of the error first; return the table's rows.
+
+    old, new: contents of report.json. Raises ConfigError where the old one is no report.
+    """
     try:
-        before = {key(run): (run["record"], run.get("failed")) for run in old["runs"]}
-        whose = f"{old['made_by']['commit']} on {old['made_by']['machine']}"
+        before = {run_key(run): (run["record"], run.get("failed")) for run in old["runs"]}
+        origin = f"{old['made_by']['commit']} on {old['made_by']['machine']}"
     except (KeyError, TypeError) as error:
-        raise ConfigError("--compare: accepted: a report.json of `robosim report`") from error
+        raise ConfigError("--compare: not a report; accepted: a report.json of `robosim report`") from error
     rows: list[list[object]] = []
     for run in new["runs"]:
-        (was, reason), now = before.get(key(run), (None, None)), run["record"]
-        if was is not None and now is None:
-            rows.append([*named(run), f"no result: {run['failed']}", *[None] * 2, math.inf, *[None] * 3])
-        elif now is not None and was is None and reason:
-            rows.append([*named(run), f"a result where there was none: {reason}", *[None] * 2, 0.0, *[None] * 3])
-        if was is None or now is None:
+        (earlier, reason), now = before.get(run_key(run), (None, None)), run["record"]
+        name = [run["case"], describe(run["choices"])]
+        if earlier is not None and now is None:
+            rows.append([*name, f"no result: {run['failed']}", *[None] * 2, math.inf, *[None] * 3])
+        elif now is not None and earlier is None and reason:
+            rows.append([*name, f"a result where there was none: {reason}", *[None] * 2, 0.0, *[None] * 3])
+        if earlier is None or now is None:
             continue
-        for name in sorted(set(was["errors"]) & set(now["errors"])):
-            error = ratio(now["errors"][name], was["errors"][name])
-            seconds = ratio(now["seconds"], was["seconds"])
-            if max(size(error), size(seconds)) > math.log(NOTABLE):
-                rows.append([*named(run), name, was["errors"][name], now["errors"][name], error,
-                             was["seconds"], now["seconds"], seconds])
-    rows.sort(key=lambda row: -size(float(str(row[5]))))
-    page.add_heading("Since the other report")
-    page.add_text(f"{whose} before; runs whose error or seconds changed "
-              f"by more than {NOTABLE - 1:.0%}. Below 1 is better.")
-    page.add_table(["case", "choices", "error of", "before", "now", "ratio", "seconds before", "now", "ratio"], rows)
+        for key in sorted(set(earlier["errors"]) & set(now["errors"])):
+            error = error_ratio(now["errors"][key], earlier["errors"][key])
+            seconds = error_ratio(now["seconds"], earlier["seconds"])
+            if max(magnitude(error), magnitude(seconds)) > math.log(NOTABLE):
+                rows.append([*name, key, earlier["errors"][key], now["errors"][key], error,
+                             earlier["seconds"], now["seconds"], seconds])
+    rows.sort(key=lambda row: -magnitude(float(str(row[5]))))
+    page.add_heading("Comparison with an earlier report")
+    page.add_text(f"Before: {origin}. The table lists runs whose error or seconds changed by more than "
+                  f"{NOTABLE - 1:.0%}; a ratio below 1 is an improvement.")
+    page.add_table(["case", "choices", "error", "before", "now", "ratio", "seconds before", "seconds now",
+                    "ratio of seconds"], rows)
     return rows
 
 
-def key(run: dict[str, Any]) -> str:
-    """The same for the same case and choices."""
+def run_key(run: dict[str, Any]) -> str:
+    """Return a key that is the same for the same case and choices."""
     return json.dumps([run["case"], run["choices"]], sort_keys=True)
 
 
-def named(run: dict[str, Any]) -> list[object]:
-    """A run's case and choices, in words."""
-    return [run["case"], told(run["choices"])]
+def magnitude(ratio: float) -> float:
+    """Return |log ratio|, which is the same for half and for twice."""
+    return abs(math.log(ratio)) if ratio > 0.0 else math.inf
 
 
-def size(change: float) -> float:
-    """Of a ratio: as large for half as for twice."""
-    return abs(math.log(change)) if change > 0.0 else math.inf
-
-
-def ratio(new: float | None, old: float | None) -> float:
-    """|new| / |old|, 1 where both are nothing."""
-    if new is None or old is None:  # was or is no number
+def error_ratio(new: float | None, old: float | None) -> float:
+    """Return |new| / |old|; 1 where both are zero, infinity where only the new one is not a number."""
+    if new is None or old is None:
         return math.inf if new is None and old is not None else 1.0
     tiny = 1e-15
     return max(abs(new), tiny) / max(abs(old), tiny)

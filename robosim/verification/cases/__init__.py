@@ -1,7 +1,8 @@
 """Cases with independent reference solutions: each a file with its set-up, its reference and the source of that.
 
-A case has `NAME`, `SOURCE`, `measure(**choices) -> Record` and `BANDS`, the accepted range of each error at named
-choices. `robosim.verification.cases.find(name)` imports one.
+A case is a module with `NAME`; `SOURCE` of the reference; `measure(**choices) -> Record`; `BANDS`, the accepted errors;
+`SWEEP` and `QUICK_SWEEP`, the choices that a whole and a quick report run; `CLAIMS` about the runs; `MAIN_ERROR`, the
+error that is plotted against run time; and `RESOLUTION`, the choice that refines a run, or None.
 
 Imports: errors, scene, mpm.
 """
@@ -25,12 +26,12 @@ NAMES = tuple(SUBJECTS)
 
 
 def module_name(name: str) -> str:
-    """The module of a case, with its packages; raises UnknownName."""
+    """Return the full module name of a case. Raises UnknownName for a case that does not exist."""
     if name not in SUBJECTS:
         raise UnknownName("case", name, NAMES)
     return f"{__name__}.{SUBJECTS[name]}.{name}"
 
 
 def find(name: str) -> ModuleType:
-    """The module of a case; raises UnknownName."""
+    """Import the module of a case. Raises UnknownName for a case that does not exist."""
     return import_module(module_name(name))

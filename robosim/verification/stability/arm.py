@@ -1,7 +1,7 @@
-"""What the arm does in extreme cases: MuJoCo's step, poses at the edge of what it can reach, loads beyond its motors.
+"""The arm in extreme cases: large steps of MuJoCo, poses at the edge of its reach, loads beyond its motors.
 
-Stable means: finite; motors within their torques; joints within their ranges to a degree; and, where a motion is asked
-for, the tool where it was asked to be within a millimetre, without a joint faster than the data sheet allows.
+Stable means: finite; motors within their torques; joints within their ranges to a degree; after a motion the tool
+within a millimetre of its target, without a joint faster than the data sheet allows.
 """
 
 from collections.abc import Callable
@@ -19,24 +19,29 @@ from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.robot.servo import Servo
 from robosim.robot.timing import JointState, SmoothMotion
 from robosim.scene.build import Scene, build_scene_spec, compile_scene
-from robosim.verification.stability.cell import G, Verdict, verdict_of
+from robosim.verification.stability.cell_result import CellResult, cell_result
+from robosim.verification.stability.sand import G
 
 TOOL = "spoon"
 SHIFT = np.array([0.0, 0.35, 0.0, 0.3, 0.2, -0.3, 0.2])
-"""Joint motion [rad] (7,) of the step test, in a second."""
-HELD_TO = 1e-3
-"""[m] that the tool may be off at the end of a motion."""
+"""Change of the joint angles [rad] (7,) in the one second of the step test."""
+POSITION_TOLERANCE = 1e-3
+"""Largest error [m] of the tool at the end of a motion."""
 RANGE_MARGIN = np.radians(1.0)
+"""Angle [rad] by which a joint may leave its range."""
 
 
 @lru_cache
 def arm() -> Arm:
-    """The arm as Pinocchio sees it."""
+    """Return Pinocchio's model of the arm with its tool."""
     return Arm(TOOL)
 
 
-def scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotConfig]:
-    """The arm alone, at rest in its home posture, with its servo; raises ConfigError for a step that it cannot hold."""
+def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotConfig]:
+    """Build the arm alone, at rest in its home posture, with its servo; host_step: MuJoCo's [s].
+
+    Raises ConfigError for a step with which the servo would be unstable.
+    """
     robot = load_robot("iiwa14")
     made = compile_scene(build_scene_spec(TOOL, "weld", {}, host_step, contact=False), TOOL)
     data = mujoco.MjData(made.model)
@@ -47,57 +52,60 @@ def scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotConfig]:
     return made, data, servo, robot
 
 
-def driven(made: Scene, data: mujoco.MjData, servo: Servo, wanted: Callable[[float], JointState], until: float,
+def follow(made: Scene, data: mujoco.MjData, servo: Servo, target: Callable[[float], JointState], until: float,
            load: float = 0.0) -> tuple[str, dict[str, float]]:
-    """Follow joint states for a time [s] with a load [kg] at the tool; what failed first, and readings."""
-    seen = {"fastest_joint": 0.0, "saturated": 0.0}
+    """Follow joint states until a time [s] with a load [kg] at the tool; return what failed first, and readings."""
+    readings = {"fastest_joint": 0.0, "saturated": 0.0}
     data.xfrc_applied[made.tool, 2] = -load * G
     while data.time < until:
         q, qd = data.qpos[made.arm_qpos], data.qvel[made.arm_dofs]
-        data.ctrl[made.arm_actuators] = servo.compute_torque(wanted(data.time), q, qd)
+        data.ctrl[made.arm_actuators] = servo.compute_torque(target(data.time), q, qd)
         mujoco.mj_step(made.model, data)
         at = f" at t = {data.time:.4g} s"
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not np.all(np.isfinite(data.qpos)):
-            return "accelerations beyond MuJoCo's range" + at, seen
+            return "accelerations beyond MuJoCo's range" + at, readings
         q, qd = data.qpos[made.arm_qpos], data.qvel[made.arm_dofs]
-        seen["fastest_joint"] = max(seen["fastest_joint"], float(np.abs(qd / SPEED_LIMITS).max()))
+        readings["fastest_joint"] = max(readings["fastest_joint"], float(np.abs(qd / SPEED_LIMITS).max()))
         beyond = np.maximum(q - arm().upper, arm().lower - q).max()
         if beyond > RANGE_MARGIN:
-            return f"a joint {np.degrees(beyond):.2g} degrees beyond its range" + at, seen
+            return f"a joint {np.degrees(beyond):.2g} degrees beyond its range" + at, readings
         if np.any(np.abs(data.actuator_force[made.arm_actuators]) > arm().torque_limits * (1 + 1e-9)):
-            return "a motor beyond its torque" + at, seen
-    seen["saturated"] = float(servo.saturations)
-    return "", seen
+            return "a motor beyond its torque" + at, readings
+    readings["saturated"] = float(servo.saturations)
+    return "", readings
 
 
-def arm_host_step(step: float) -> Verdict:
-    """A motion of a second, then half a second of rest."""
+def arm_host_step(step: float) -> CellResult:
+    """Run a motion of a second, then half a second of rest, at MuJoCo steps [s]."""
     try:
-        made, data, servo, robot = scene(step)
+        made, data, servo, robot = build_scene(step)
     except ConfigError as error:
-        return Verdict("arm_host_step", step, "refused", str(error))
+        return CellResult("arm_host_step", step, "refused", str(error))
     times = np.linspace(0.0, 1.0, 101)
     ease = times**3 * (10 - 15 * times + 6 * times**2)
     motion = SmoothMotion(times, HOME + ease[:, None] * SHIFT, robot.limits, {"end": 1.0})
-    failed, seen = driven(made, data, servo, motion.state, 1.5)
-    wanted = arm().tool_pose(HOME + SHIFT).position
-    seen["off"] = float(np.linalg.norm(data.xpos[made.tool] - wanted))
-    if not failed and seen["off"] > HELD_TO:
-        failed = f"the tool {1e3 * seen['off']:.2g} mm off at rest"
-    if not failed and seen["fastest_joint"] > 1.0:
-        failed = f"a joint at {seen['fastest_joint']:.2g} of its speed limit"
-    return verdict_of("arm_host_step", step, failed, seen)
+    failure, readings = follow(made, data, servo, motion.state, 1.5)
+    target = arm().tool_pose(HOME + SHIFT).position
+    readings["tool_error"] = float(np.linalg.norm(data.xpos[made.tool] - target))
+    if not failure and readings["tool_error"] > POSITION_TOLERANCE:
+        failure = f"the tool {1e3 * readings['tool_error']:.2g} mm from its target at rest"
+    if not failure and readings["fastest_joint"] > 1.0:
+        failure = f"a joint at {readings['fastest_joint']:.2g} of its speed limit"
+    return cell_result("arm_host_step", step, failure, readings)
 
 
-def payload(mass: float) -> Verdict:
-    """Home held for a second with a load on the tool: from 14 kg on the motors give in, and the arm sinks."""
-    made, data, servo, _ = scene(1e-3)
+def payload(mass: float) -> CellResult:
+    """Hold the home posture for a second with a load [kg] on the tool.
+
+    From 14 kg on the motors saturate, and the arm sinks.
+    """
+    made, data, servo, _ = build_scene(1e-3)
     still = JointState(HOME, np.zeros(7), np.zeros(7))
-    return verdict_of("payload", mass, *driven(made, data, servo, lambda _: still, 1.0, mass))
+    return cell_result("payload", mass, *follow(made, data, servo, lambda _: still, 1.0, mass))
 
 
-def targets(kind: str) -> list[Pose]:
-    """A short straight path of the tool at the edge of what it can reach."""
+def edge_path(kind: str) -> list[Pose]:
+    """Return a straight path of 3 cm of the tool that begins at the edge of its reach."""
     q = {"home": HOME, "stretched": np.array([0.0, 0.9, 0.0, 0.0, 0.0, 0.4, 0.0]),
          "wrist aligned": np.array([0.0, 0.6, 0.0, -1.4, 0.0, 0.0, 0.0]),
          "near a limit": np.array([0.3, 0.5, 0.2, -2.09, 0.1, -1.0, 0.2]),
@@ -108,32 +116,32 @@ def targets(kind: str) -> list[Pose]:
     return [Pose(start.position + away + s * inward, start.quaternion) for s in np.linspace(0.0, 0.03, 31)]
 
 
-def arm_pose(kind: str) -> Verdict:
-    """A path of 3 cm in a second from a singular or extreme pose, solved and carried out, or refused by name."""
-    path = targets(kind)
+def arm_pose(kind: str) -> CellResult:
+    """Solve and follow a path of 3 cm in a second from a singular or extreme pose; it may be refused."""
+    path = edge_path(kind)
     try:
-        found = solve_path(arm(), path, [(0, "start"), (len(path) - 1, "end")])
+        solution = solve_path(arm(), path, [(0, "start"), (len(path) - 1, "end")])
     except UnreachableWaypoint as error:
-        return Verdict("arm_pose", kind, "refused", str(error))
+        return CellResult("arm_pose", kind, "refused", str(error))
     times = np.linspace(0.0, 1.0, len(path))
     try:
-        motion = SmoothMotion(times, found.q, load_robot("iiwa14").limits, {"start": 0.0, "end": 1.0})
+        motion = SmoothMotion(times, solution.q, load_robot("iiwa14").limits, {"start": 0.0, "end": 1.0})
     except ConfigError as error:
-        return Verdict("arm_pose", kind, "refused", str(error))
+        return CellResult("arm_pose", kind, "refused", str(error))
     speeds = np.array([motion.state(t).qd for t in np.arange(0.0, motion.duration, 1e-3)])
-    seen = {"position_error": float(found.errors[:, 0].max()), "margin": found.margin,
-            "fastest_joint": float(np.abs(speeds / SPEED_LIMITS).max())}
-    failed = ""
-    if seen["position_error"] > 1e-6:
-        failed = f"{seen['position_error']:.2g} m off"
-    elif seen["fastest_joint"] > 1.0 + 1e-9:
-        failed = f"a joint at {seen['fastest_joint']:.2g} of its speed limit"
-    return verdict_of("arm_pose", kind, failed, seen)
+    readings = {"position_error": float(solution.errors[:, 0].max()), "margin": solution.margin,
+                "fastest_joint": float(np.abs(speeds / SPEED_LIMITS).max())}
+    failure = ""
+    if readings["position_error"] > 1e-6:
+        failure = f"{readings['position_error']:.2g} m off"
+    elif readings["fastest_joint"] > 1.0 + 1e-9:
+        failure = f"a joint at {readings['fastest_joint']:.2g} of its speed limit"
+    return cell_result("arm_pose", kind, failure, readings)
 
 
-ROBOT_AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
+ROBOT_AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
     "arm_host_step": (arm_host_step, (1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)),
     "payload": (payload, (1.0, 5.0, 14.0, 30.0, 60.0)),
     "arm_pose": (arm_pose, ("home", "stretched", "wrist aligned", "near a limit", "over the shoulder", "beyond reach")),
 }
-"""Name -> (judge, values)."""
+"""Axis -> (function that runs a cell, values)."""

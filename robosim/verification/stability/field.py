@@ -1,6 +1,6 @@
-"""What the field does in stiff and extreme cases: stable, refused with a reason, or unstable and what failed first.
+"""The field in stiff and extreme cases: stable, refused with a reason, or unstable with what failed first.
 
-Stable means all of: finite; every principal stretch between 0.05 and 20; no grain outside the walls; speeds below
+Stable means all of: finite; every principal stretch between 0.05 and 20; no particle outside the walls; speeds below
 twice what the drop gives plus a tenth of the sound speed; mechanical energy never more than 1 % above the start's;
 momentum accounted for to 1e-5 of what was exchanged.
 """
@@ -15,61 +15,62 @@ import mpm
 from robosim.errors import UnknownName
 from robosim.verification.cases.fluid import lock_gate
 from robosim.verification.stability.arm import ROBOT_AXES
-from robosim.verification.stability.cell import DENSITY, NU, G, Verdict, sand, sound, stretches, verdict_of
+from robosim.verification.stability.cell_result import CellResult, cell_result
 from robosim.verification.stability.coupled import COMPARISONS, COUPLED_AXES
+from robosim.verification.stability.sand import DENSITY, NU, G, make_sand, principal_stretches, sound_speed
 
 CELL = 0.005
-MILD = 0.2
-"""Courant number whose result the others must agree with."""
+REFERENCE_COURANT = 0.2
+"""Courant number with whose result the others are compared."""
 WINDOW = 5e-3
-"""Time [s] between two looks at the state."""
+"""Time [s] between checks of the state."""
 
 
-def watch(solver: mpm.Solver, duration: float, drop: float, wave: float) -> tuple[str, dict[str, float]]:
-    """Advance and judge: ("", readings) when stable, or what failed first and when.
+def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: float) -> tuple[str, dict[str, float]]:
+    """Advance and check; return what failed first and when, "" if nothing did, and readings.
 
-    duration [s]; drop [m] that the grains fall at most; wave: sound speed [m/s].
+    duration [s]; drop: largest fall of a particle [m]; wave: sound speed [m/s].
     """
     lower = np.asarray(solver.grid.lower)
     upper = lower + solver.grid.cells * solver.grid.cell
     start, energy = solver.momentum().linear, solver.energy()
     total = sum(energy)
     scale = energy.kinetic + solver.masses().sum() * G * max(drop, solver.grid.cell)
-    given, exchanged = np.zeros(3), 0.0
+    impulse, exchanged = np.zeros(3), 0.0
     limit = 2 * np.sqrt(2 * G * drop) + 0.1 * wave
-    seen = {"fastest": 0.0, "energy_gain": -np.inf, "smallest_stretch": np.inf, "momentum": 0.0, "rebound": 0.0}
+    readings = {"fastest": 0.0, "energy_gain": -np.inf, "smallest_stretch": np.inf, "momentum": 0.0, "rebound": 0.0}
     while solver.time < duration - 1e-9:
         try:
             solver.advance(WINDOW)
         except mpm.SimulationDiverged as error:
-            return str(error), seen
+            return str(error), readings
         rows = solver.ledger[:, :3]
-        given += rows.sum(0)
+        impulse += rows.sum(0)
         exchanged += np.abs(rows).sum()
         x, v, energy = solver.positions(), solver.velocities(), solver.energy()
-        stretch = stretches(solver)
+        stretch = principal_stretches(solver)
         rise = max(0.0, float(solver.momentum().linear[2] / solver.masses().sum()))
-        seen["fastest"] = max(seen["fastest"], float(np.linalg.norm(v, axis=1).max()))
-        seen["energy_gain"] = max(seen["energy_gain"], (sum(energy) - total) / scale)
-        seen["smallest_stretch"] = min(seen["smallest_stretch"], float(stretch.min()))
-        seen["momentum"] = float(np.abs(solver.momentum().linear - start - given).max() / max(exchanged, 1e-12))
-        seen["rebound"] = max(seen["rebound"], 0.5 * rise**2 / (G * max(drop, solver.grid.cell)))
+        readings["fastest"] = max(readings["fastest"], float(np.linalg.norm(v, axis=1).max()))
+        readings["energy_gain"] = max(readings["energy_gain"], (sum(energy) - total) / scale)
+        readings["smallest_stretch"] = min(readings["smallest_stretch"], float(stretch.min()))
+        readings["momentum"] = float(np.abs(solver.momentum().linear - start - impulse).max() / max(exchanged, 1e-12))
+        readings["rebound"] = max(readings["rebound"], 0.5 * rise**2 / (G * max(drop, solver.grid.cell)))
         at = f" at t = {solver.time:.4g} s"
         if np.any(x < lower - 1e-6) or np.any(x > upper + 1e-6):
-            return "a grain outside the walls" + at, seen
+            return "a particle outside the walls" + at, readings
         if stretch.min() < 0.05 or stretch.max() > 20:
-            return f"stretch {stretch.min():.3g} .. {stretch.max():.3g}" + at, seen
-        if seen["fastest"] > limit:
-            return f"speed {seen['fastest']:.3g} m/s above {limit:.3g}" + at, seen
-        if seen["energy_gain"] > 0.01:
-            return f"energy {seen['energy_gain']:.2%} above the start's" + at, seen
-        if seen["momentum"] > 1e-5:
-            return f"momentum off by {seen['momentum']:.2g}" + at, seen
-    return "", seen
+            return f"stretch {stretch.min():.3g} .. {stretch.max():.3g}" + at, readings
+        if readings["fastest"] > limit:
+            return f"speed {readings['fastest']:.3g} m/s above {limit:.3g}" + at, readings
+        if readings["energy_gain"] > 0.01:
+            return f"energy {readings['energy_gain']:.2%} above the start's" + at, readings
+        if readings["momentum"] > 1e-5:
+            return f"momentum off by {readings['momentum']:.2g}" + at, readings
+    return "", readings
 
 
-def bed(material: mpm.DruckerPrager) -> mpm.Solver:
-    """A bed 0.1 m deep, gravity switched on at once; periodic sides."""
+def build_bed(material: mpm.DruckerPrager) -> mpm.Solver:
+    """Build a bed 0.1 m deep with periodic sides, under sudden gravity."""
     side = 4 * CELL
     positions = mpm.sample_box((0, 0, 0), (side, side, 0.1), CELL / 2)
     sides = ("periodic", "periodic", "friction")
@@ -77,85 +78,89 @@ def bed(material: mpm.DruckerPrager) -> mpm.Solver:
                       bodies=[mpm.Body(material, positions, volume=(CELL / 2) ** 3)])
 
 
-def block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None = None) -> mpm.Solver:
-    """A cube of 4 cm that falls from `drop` [m] onto the floor of a box and spreads."""
+def build_block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None = None) -> mpm.Solver:
+    """Build a cube of 4 cm that has fallen by `drop` [m] onto the floor of a box, where it spreads."""
     positions = mpm.sample_box((0.06, 0.06, 0), (0.1, 0.1, 0.04), CELL / 2, np.random.default_rng(0))
     speed = np.tile([0.0, 0.0, -np.sqrt(2 * G * drop)], (len(positions), 1))
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16, 0.16, 0.12), CELL),
                       bodies=[mpm.Body(material, positions, velocities=speed, volume=(CELL / 2) ** 3)], dt=dt)
 
 
-def stiffness(E: float) -> Verdict:
-    """A bed that nothing but its stiffness holds: from 0.1 MPa on it keeps its height to 1 %."""
-    solver = bed(sand(E))
-    failed, seen = watch(solver, 0.25, 0.1, sound(E))
-    top = solver.positions()[:, 2].max() + CELL / 4 if not failed else np.nan
-    if not failed and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
-        failed = f"settled height {top:.4g} m of 0.1 m"
-    return verdict_of("E", E, failed, seen | {"height": float(top)})
+def stiffness(E: float) -> CellResult:
+    """Load a bed of Young's modulus E [Pa] by its weight: from 0.1 MPa on its height stays within 1 %."""
+    solver = build_bed(make_sand(E))
+    failure, readings = advance_and_check(solver, 0.25, 0.1, sound_speed(E))
+    top = solver.positions()[:, 2].max() + CELL / 4 if not failure else np.nan
+    if not failure and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
+        failure = f"settled height {top:.4g} m of 0.1 m"
+    return cell_result("E", E, failure, readings | {"height": float(top)})
 
 
-def friction_angle(phi: float) -> Verdict:
-    """Fluid at 0 degrees, beyond Mohr-Coulomb's reach at 60."""
-    return verdict_of("friction_angle_deg", phi, *watch(block(sand(phi=phi)), 0.3, 0.04, sound(1e5)))
+def friction_angle(phi: float) -> CellResult:
+    """Spread a block of friction angle phi [deg]: a fluid at 0, outside Mohr-Coulomb's range at 60."""
+    outcome = advance_and_check(build_block(make_sand(phi=phi)), 0.3, 0.04, sound_speed(1e5))
+    return cell_result("friction_angle_deg", phi, *outcome)
 
 
-def courant(number: float) -> Verdict:
-    """Steps in units of cell over sound speed; the isolated particle's bound is 0.734 at nu = 0.3. A block spreads to
-    the same mean height as at a mild Courant number, to 3 %."""
+def courant(number: float) -> CellResult:
+    """Spread a block at a Courant number: its mean height stays within 3 % of the reference's.
+
+    The number is the substep in units of cell over sound speed; an isolated particle's bound is 0.734 at nu = 0.3.
+    """
     try:
-        solver = block(sand(), dt=number * CELL / sound(1e5))
+        solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5))
     except mpm.MpmError as error:
-        return Verdict("courant", number, "refused", str(error))
-    failed, seen = watch(solver, 0.3, 0.04, sound(1e5))
+        return CellResult("courant", number, "refused", str(error))
+    failure, readings = advance_and_check(solver, 0.3, 0.04, sound_speed(1e5))
     height = float(solver.positions()[:, 2].mean())
-    if not failed and number != MILD and abs(height / _mild_height() - 1) > 0.03:
-        failed = f"settled height {height:.4g} m, {_mild_height():.4g} m at Courant number {MILD}"
-    return verdict_of("courant", number, failed, seen | {"height": height})
+    if not failure and number != REFERENCE_COURANT and abs(height / _reference_height() - 1) > 0.03:
+        failure = f"settled height {height:.4g} m, {_reference_height():.4g} m at Courant number {REFERENCE_COURANT}"
+    return cell_result("courant", number, failure, readings | {"height": height})
 
 
 @lru_cache
-def _mild_height() -> float:
-    """Settled mean height [m] of the grains at the mild Courant number."""
-    return courant(MILD).readings["height"]
+def _reference_height() -> float:
+    """Return the settled mean height [m] of the particles at the reference Courant number."""
+    return courant(REFERENCE_COURANT).readings["height"]
 
 
-def drop_height(height: float) -> Verdict:
-    """A block hits the floor; what comes back up is at most 5 % of its energy.
+def drop_height(height: float) -> CellResult:
+    """Drop a block from a height [m]: it rebounds with at most 5 % of its energy.
 
-    E = 1 MPa: at 0.1 MPa the sound speed is that of the fall from 5 m, and what is squeezed to half its height springs.
+    E = 1 MPa, because at 0.1 MPa the fall from 5 m reaches the sound speed and compresses the block to half its height.
     """
-    failed, seen = watch(block(sand(1e6), drop=height), 0.3, height + 0.04, sound(1e6))
-    if not failed and seen["rebound"] > 0.05:
-        failed = f"rebound {seen['rebound']:.2%} of the energy"
-    return verdict_of("drop_height", height, failed, seen)
+    solver = build_block(make_sand(1e6), drop=height)
+    failure, readings = advance_and_check(solver, 0.3, height + 0.04, sound_speed(1e6))
+    if not failure and readings["rebound"] > 0.05:
+        failure = f"rebound {readings['rebound']:.2%} of the energy"
+    return cell_result("drop_height", height, failure, readings)
 
 
-def shell_thickness(cells: float) -> Verdict:
-    """A plate so many cells thick between deep and shallow water: no grain passes, and the thrust is right to 3 %."""
+def shell_thickness(cells: float) -> CellResult:
+    """Separate deep from shallow water by a plate of a thickness in cells: no leak, thrust within 3 %."""
     try:
         errors = lock_gate.measure(thickness_cells=cells, duration=0.5).errors
     except mpm.MpmError as error:
         refused = not isinstance(error, mpm.SimulationDiverged)
-        return Verdict("shell_thickness", cells, "refused" if refused else "unstable", str(error))
+        return CellResult("shell_thickness", cells, "refused" if refused else "unstable", str(error))
     wrong = [f"{name} off by {error:.2%}" for name, error in errors.items() if not abs(error) <= lock_gate.BANDS[name]]
-    return verdict_of("shell_thickness", cells, ", ".join(wrong), {name: float(v) for name, v in errors.items()})
+    return cell_result("shell_thickness", cells, ", ".join(wrong), {name: float(v) for name, v in errors.items()})
 
 
-def lone_grains(place: str) -> Verdict:
-    """One grain, strained by 1e-3, falls free, beside a wall or in a corner, for 20 000 substeps."""
+def lone_grains(place: str) -> CellResult:
+    """Let one particle, strained by 1e-3, fall free, at a wall or in a corner, for 20 000 substeps."""
     where = {"free": (0.05, 0.05, 0.08), "wall": (0.0012, 0.05, 0.02), "corner": (0.0012, 0.0012, 0.0012)}[place]
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.1, 0.1), CELL), precision="f64", bodies=[
         mpm.Body(mpm.Elastic(E=1e5, nu=NU, density=DENSITY), np.array([where]), volume=(CELL / 2) ** 3)])
     state = solver.state()
     state["e"][:, :3] = 2e-3
     solver.load(state)
-    return verdict_of("lone_grain", place, *watch(solver, 20_000 * solver.dt, 0.1, sound(1e5)))
+    return cell_result("lone_grain", place, *advance_and_check(solver, 20_000 * solver.dt, 0.1, sound_speed(1e5)))
 
 
-def degenerate(kind: str) -> Verdict:
-    """Rest, equal stretches, a piston that squeezes to a tenth, and a velocity field that would turn F inside out."""
-    solver = block(sand())
+def degenerate(kind: str) -> CellResult:
+    """Start from rest, equal stretches, strong compression, or a velocity gradient that would invert F."""
+    solver = build_block(make_sand())
     if kind == "rest":
         solver.set_gravity(np.zeros(3))
     else:
@@ -163,12 +168,12 @@ def degenerate(kind: str) -> Verdict:
         rate = {"equal stretches": -0.1, "squeezed": -0.6, "inverted": -1.5}[kind] / solver.dt
         state["C"][:, [0, 4, 8]] = [rate, rate, rate] if kind == "equal stretches" else [0.0, 0.0, rate]
         solver.load(state)
-    # the strain is put in by hand: its energy is the start's
+    # the prescribed strain is part of the start's energy
     solver.advance(solver.dt)
-    return verdict_of("degenerate", kind, *watch(solver, 0.1, 0.04, 20 * sound(1e5)))
+    return cell_result("degenerate", kind, *advance_and_check(solver, 0.1, 0.04, 20 * sound_speed(1e5)))
 
 
-AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
+AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
     "E": (stiffness, (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)),
     "friction_angle_deg": (friction_angle, (0.0, 1.0, 15.0, 30.0, 42.0, 45.0, 60.0)),
     "courant": (courant, (0.1, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)),
@@ -179,19 +184,22 @@ AXES: dict[str, tuple[Callable[..., Verdict], tuple]] = {
     **COUPLED_AXES,
     **ROBOT_AXES,
 }
-"""Name -> (judge, values)."""
+"""Axis -> (function that runs a cell, values)."""
 
 
-def axis_named(name: str) -> tuple[Callable[..., Verdict], tuple]:
-    """Judge and values of an axis; raises UnknownName."""
-    every = AXES | COMPARISONS
-    if name not in every:
-        raise UnknownName("axis", name, every)
-    return every[name]
+def find_axis(name: str) -> tuple[Callable[..., CellResult], tuple]:
+    """Return the function that runs a cell, and the values of an axis.
+
+    Raises UnknownName for an axis that does not exist.
+    """
+    axes = AXES | COMPARISONS
+    if name not in axes:
+        raise UnknownName("axis", name, axes)
+    return axes[name]
 
 
-def judged(axis: str, value: float | str) -> Verdict:
-    """One cell."""
-    with warnings.catch_warnings():  # a heap squeezed by its own weight is one of the cells
+def run_cell(axis: str, value: float | str) -> CellResult:
+    """Run one cell. Raises UnknownName for an axis that does not exist."""
+    with warnings.catch_warnings():  # some cells are compressed by their own weight on purpose
         warnings.simplefilter("ignore", mpm.StrongCompression)
-        return axis_named(axis)[0](value)
+        return find_axis(axis)[0](value)

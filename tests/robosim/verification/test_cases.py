@@ -72,7 +72,7 @@ def test_bar_is_stretched_as_its_law_says(model: str, stretch: float) -> None:
                                                                  for c in return_mapping.SWEEP[1:])])
 def test_grains_yield_as_the_cone_says(choices: dict) -> None:
     record = return_mapping.measure(**choices)
-    found = [finding for finding in (check.judge([record]) for check in return_mapping.CHECKS)
+    found = [finding for finding in (check.evaluate([record]) for check in return_mapping.CLAIMS)
              if finding.found is not None]
     assert [finding.verdict for finding in found] == ["pass"] * 4, found
 
@@ -87,14 +87,14 @@ def test_paths_end_at_flow_with_constant_volume(choices: dict) -> None:
 @pytest.mark.parametrize("beyond", [-3.0, 8.0])
 def test_heap_stands_up_to_the_slope_that_friction_bears(beyond: float) -> None:
     record = heap.measure(phi_deg=25.0, beyond_deg=beyond, cells=16)
-    finding = next(f for f in (check.judge([record]) for check in heap.CHECKS) if f.found is not None)
+    finding = next(f for f in (check.evaluate([record]) for check in heap.CLAIMS) if f.found is not None)
     assert finding.verdict == "pass", finding
 
 
 @pytest.mark.slow
 def test_sand_runs_out_of_a_slot_at_a_constant_rate() -> None:
     records = [orifice.measure(orifice_cells=d) for d in (9, 13)]
-    findings = [check.judge(records) for check in orifice.CHECKS]
+    findings = [check.evaluate(records) for check in orifice.CLAIMS]
     assert [f.verdict for f in findings if f.found is not None] == ["pass"] * 3, findings
 
 
@@ -161,20 +161,22 @@ def test_slope_above_the_threshold() -> None:
     assert abs(seen["acceleration"] - seen["predicted"]) < abs(seen["acceleration"] - seen["by_angle"])
 
 
-def test_column_of_one_radius_runs_out() -> None:
-    """r99 within 5 % at 12 cells per radius, where an implicit solver of trilinear velocities takes 7.75 s."""
-    record = column_collapse.measure(cells=12)
-    assert abs(record.errors["rim"]) <= 0.05
+@pytest.mark.parametrize("courant", [0.7, pytest.param(0.1, marks=pytest.mark.slow)])
+def test_column_of_one_radius_runs_out(courant: float) -> None:
+    """The rim is short of the source's by 0.4 to 1.0 % at 12 cells per radius, for Courant numbers from 0.7 to 0.1."""
+    record = column_collapse.measure(cells=12, courant=courant)
+    assert -column_collapse.BANDS["rim, a = 1"] <= record.errors["rim"] <= 0.0
     assert column_collapse.BANDS["least run-out, a = 1"] <= record.readings["run_out"]
     assert record.readings["run_out"] <= column_collapse.BANDS["most run-out, a = 1"]
 
 
-def test_small_steps_are_no_drag() -> None:
-    """The rim of a column computed with steps a third as long, and with as many transfers as steps."""
-    large, small = (column_collapse.measure(cells=12, courant=c).readings["r99"] for c in (0.7, 0.2))
+def test_smaller_steps_do_not_shorten_the_run_out() -> None:
+    """The rim with steps a third as long is the same in strides, and shorter with a transfer in every step."""
+    large, small = (column_collapse.measure(cells=12, courant=c) for c in (0.7, 0.2))
     dragged = column_collapse.measure(cells=12, courant=0.2, strides=False).readings["r99"]
-    assert small == pytest.approx(large, rel=0.01)
-    assert dragged < 0.93 * large
+    assert small.readings["r99"] == pytest.approx(large.readings["r99"], rel=0.01)
+    assert -column_collapse.BANDS["rim, a = 1"] <= small.errors["rim"] <= 0.0
+    assert dragged < 0.93 * large.readings["r99"]
 
 
 def test_column_of_three_radii_runs_out() -> None:
@@ -199,7 +201,8 @@ def test_lock_gate(thickness: float, offset: float, duration: float) -> None:
     """Thrust on a plate of a third to two cells, on nodes and between them; two seconds where water beside it used to
     circulate."""
     record = lock_gate.measure(thickness_cells=thickness, offset_cells=offset, duration=duration)
-    found = [finding for finding in (check.judge([record]) for check in lock_gate.CHECKS) if finding.found is not None]
+    findings = [claim.evaluate([record]) for claim in lock_gate.CLAIMS]
+    found = [finding for finding in findings if finding.found is not None]
     assert len(found) == (5 if duration == 2.0 else 3)
     assert all(finding.verdict == "pass" for finding in found), found
 

@@ -8,10 +8,10 @@ import pytest
 
 import mpm
 from robosim.errors import ConfigError
-from robosim.verification import stability_matrix
+from robosim.verification import stability_report
 from robosim.verification.cases.fluid import lock_gate
-from robosim.verification.stability.field import AXES, judged
-from robosim.verification.stability_matrix import stability
+from robosim.verification.stability.field import AXES, run_cell
+from robosim.verification.stability_report import stability
 
 REFUSED = {("courant", 0.8), ("courant", 0.9), ("courant", 1.0), ("arm_host_step", 5e-3), ("arm_host_step", 1e-2),
            ("arm_pose", "stretched"), ("arm_pose", "near a limit"), ("arm_pose", "beyond reach")}
@@ -22,13 +22,13 @@ QUICK = [("friction_angle_deg", 0.0), ("drop_height", 5.0), ("degenerate", "inve
 
 @pytest.mark.parametrize(("axis", "value"), QUICK)
 def test_extreme_cell_is_stable(axis: str, value: float | str) -> None:
-    verdict = judged(axis, value)
+    verdict = run_cell(axis, value)
     assert verdict.verdict == "stable", verdict
 
 
 @pytest.mark.parametrize("number", [0.8, 1.0])
 def test_steps_above_the_bound_are_refused_with_both_numbers(number: float) -> None:
-    verdict = judged("courant", number)
+    verdict = run_cell("courant", number)
     assert verdict.verdict == "refused" and "above the bound 0.0003873 s" in verdict.reason
 
 
@@ -37,7 +37,7 @@ def test_a_plate_is_judged_by_the_bands_of_its_case(monkeypatch: pytest.MonkeyPa
                             ({"force": -0.05, "torque": 0.02, "crossed": 0.1}, "unstable")):
         record = SimpleNamespace(errors=errors)
         monkeypatch.setattr(lock_gate, "measure", lambda record=record, **choices: record)
-        found = judged("shell_thickness", 0.5)
+        found = run_cell("shell_thickness", 0.5)
         assert found.verdict == verdict
     assert found.reason == "force off by -5.00%, crossed off by 10.00%"
 
@@ -45,7 +45,7 @@ def test_a_plate_is_judged_by_the_bands_of_its_case(monkeypatch: pytest.MonkeyPa
 @pytest.mark.slow
 @pytest.mark.parametrize(("axis", "value"), [(axis, value) for axis in AXES for value in AXES[axis][1]])
 def test_every_cell_is_stable_or_refused(axis: str, value: float | str) -> None:
-    verdict = judged(axis, value)
+    verdict = run_cell(axis, value)
     assert verdict.verdict == ("refused" if (axis, value) in REFUSED else "stable"), verdict
 
 
@@ -60,7 +60,7 @@ def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert 'class="unstable" title=' in page and "1 stable, 0 refused, 1 unstable" in page
     asked = []
     answers = iter([(0, None, "again")])
-    monkeypatch.setattr(stability_matrix, "run_jobs", lambda work, jobs: asked.extend(work) or answers)
+    monkeypatch.setattr(stability_report, "run_jobs", lambda work, jobs: asked.extend(work) or answers)
     assert stability(["payload"], tmp_path) == 1
     assert [words for _, words in asked] == [("--cell", "payload", '"heavy"')]  # what gave no answer is judged again
     (tmp_path / "stability.json").write_text("{")

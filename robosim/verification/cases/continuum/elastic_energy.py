@@ -3,8 +3,9 @@
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "elastic_energy"
 SOURCE = "first law of thermodynamics for a hyperelastic body; energies of the three laws in closed form"
@@ -13,10 +14,10 @@ BANDS = {"growth": 0.02, "slope": 0.0, "rise": 0.05, "lost per period": 0.2}
 energy that is a tenth wrong swings by a tenth); most that its trend over all periods gains, and that a period takes."""
 LAWS = ("hencky", "neo_hookean", "fixed_corotated")
 SWEEP = [{"model": m, "courant": c, "strides": s} for m in LAWS for c in (0.1, 0.2, 0.3) for s in (True, False)]
-"""Choices that the report runs."""
-QUICK = [{"model": m, "courant": 0.3} for m in LAWS]
-HEADLINE, KNOB = "lost per period", "courant"
-CHECKS = tuple(Within(name, bound, low=-np.inf) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"model": m, "courant": 0.3} for m in LAWS]
+MAIN_ERROR, RESOLUTION = "lost per period", "courant"
+CLAIMS = tuple(Within(name, bound, low=-np.inf) for name, bound in BANDS.items())
 SIDE, E, NU, DENSITY, RATE = 0.1, 1e5, 0.3, 1000.0, 20.0
 """RATE [1/s]: the block begins to stretch along x and to shrink across, by some 15 % at the most."""
 PERIOD = 2.0 * SIDE / np.sqrt(E / DENSITY)
@@ -35,17 +36,17 @@ def measure(*, model: str = "hencky", cells: int = 12, courant: float = 0.3, pre
         grid=mpm.Grid((0, 0, 0), (room, room, room), cell), gravity=(0, 0, 0), precision=precision,
         bodies=[mpm.Body(law, positions, volume=SIDE**3 / len(positions), velocities=velocities)],
         transfer_interval=None if strides else 0.0, dt=courant * cell / np.sqrt((law.lam + 2 * law.mu) / DENSITY))
-    clock = Clock(solver)
+    timed = TimedSolver(solver)
     times, energies = [0.0], [sum(solver.energy())]
-    clock.advance(solver.dt)  # the affine part is there from the first gather on
+    timed.advance(solver.dt)  # the affine part is there from the first gather on
     energies[0] = sum(solver.energy())
     for _ in range(40 * periods):
-        clock.advance(PERIOD / 40)
+        timed.advance(PERIOD / 40)
         times.append(solver.time / PERIOD)
         energies.append(sum(solver.energy()))
     share = np.array(energies) / energies[0]
     trend = np.polyfit(times, share, 1)[0]
     rise = (share - np.minimum.accumulate(share)).max()
     choices = {"model": model, "cells": cells, "courant": courant, "precision": precision, "strides": strides}
-    return clock.record(NAME, choices, {"growth": share.max() - 1, "slope": trend, "rise": rise,
+    return timed.record(NAME, choices, {"growth": share.max() - 1, "slope": trend, "rise": rise,
                                         "lost per period": 1 - share[-1] ** (1 / periods)}, kept=share[-1])

@@ -3,8 +3,9 @@
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "free_fall"
 SOURCE = "x = x0 + v n dt + g dt^2 n (n + 1) / 2, exact for symplectic Euler and for any partition of unity"
@@ -13,9 +14,9 @@ BANDS = {"f64": 1e-12, "f32": 2e-6, "f32, fast": 4e-6}
 same way, by up to 6e-8 m beyond 1 m, twice in each of some 30 to 75 strides. (Without strides the drift happens to be
 close to a whole number of last places.)"""
 SWEEP = [{"precision": p, "strides": s} for p in ("f32", "f64") for s in (True, False)]
-"""Choices that the report runs."""
-QUICK, HEADLINE, KNOB = SWEEP, "max", None
-CHECKS = tuple(Within("max", BANDS[p], {"precision": p}) for p in ("f64", "f32"))
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP, MAIN_ERROR, RESOLUTION = SWEEP, "max", None
+CLAIMS = tuple(Within("max", BANDS[p], {"precision": p}) for p in ("f64", "f32"))
 G = 9.81
 
 
@@ -30,9 +31,9 @@ def measure(*, precision: str = "f64", speed: float = 0.0, steps: int = 150, dt:
                     velocities=np.tile(velocity, (len(start), 1)))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.6, 1, 1), cell), bodies=[body], dt=dt, precision=precision,
                         transfer_interval=None if strides else 0.0)
-    clock = Clock(solver)
-    clock.advance(steps * dt)
+    timed = TimedSolver(solver)
+    timed.advance(steps * dt)
     expected = start + velocity * steps * dt + np.array([0, 0, -G]) * dt**2 * steps * (steps + 1) / 2
     error = np.abs(solver.positions() - expected)
-    return clock.record(NAME, {"precision": precision, "speed": speed, "dt": dt, "strides": strides},
+    return timed.record(NAME, {"precision": precision, "speed": speed, "dt": dt, "strides": strides},
                         {"rms": np.sqrt((error**2).mean()), "max": error.max()})

@@ -3,17 +3,19 @@
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "spin"
 SOURCE = "conservation; Jiang et al. 2017, J. Comput. Phys. 338:137 for the affine part of the angular momentum"
 BANDS = {"f64": 1e-12, "f32": 1e-5}
 """Largest drift of linear and angular momentum, relative to the angular momentum, by precision."""
 SWEEP = [{"precision": p, "courant": c} for p in ("f32", "f64") for c in (0.2, 0.5)]
-"""Choices that the report runs."""
-QUICK, HEADLINE, KNOB = [{"precision": "f64", "courant": 0.2}, {"precision": "f32", "courant": 0.2}], "angular", None
-CHECKS = tuple(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") for name in ("linear", "angular"))
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"precision": p, "courant": 0.2} for p in ("f64", "f32")]
+MAIN_ERROR, RESOLUTION = "angular", None
+CLAIMS = tuple(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") for name in ("linear", "angular"))
 
 
 def measure(*, precision: str = "f64", courant: float = 0.3, steps: int = 1000) -> Record:
@@ -25,13 +27,13 @@ def measure(*, precision: str = "f64", courant: float = 0.3, steps: int = 1000) 
     dt = courant * cell / np.sqrt((material.lam + 2 * material.mu) / material.density)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), cell), bodies=[body], gravity=(0, 0, 0), dt=dt,
                         precision=precision)
-    clock = Clock(solver)
-    clock.advance(dt)  # the affine part is there from the first gather on
+    timed = TimedSolver(solver)
+    timed.advance(dt)  # the affine part is there from the first gather on
     before, energy = solver.momentum(), solver.energy()
-    clock.advance(steps * dt)
+    timed.advance(steps * dt)
     after = solver.momentum()
     scale = np.abs(before.angular).max()
     errors = {"linear": np.abs(after.linear - before.linear).max() / scale,
               "angular": np.abs(after.angular - before.angular).max() / scale}
-    return clock.record(NAME, {"precision": precision, "courant": courant}, errors,
+    return timed.record(NAME, {"precision": precision, "courant": courant}, errors,
                         energy_ratio=sum(solver.energy()) / sum(energy))

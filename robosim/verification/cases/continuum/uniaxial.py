@@ -7,8 +7,9 @@ Then one of them is taken away, and what the bar's momentum gains in the first s
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "uniaxial"
 SOURCE = "uniaxial stress of each law in closed form: the lateral stretch leaves no lateral stress"
@@ -23,10 +24,10 @@ EXACT = {
     ("neo_hookean", 0.99): (-1007.813, 1.0030160), ("neo_hookean", 1.01): (992.365, 0.9970158)}
 """First Piola stress [Pa] and lateral stretch of a law at an axial stretch, for the numbers below."""
 SWEEP = [{"model": m, "stretch": s, "cells": n} for m, s in EXACT for n in (4, 8, 12)]
-"""Choices that the report runs."""
-QUICK = [{"model": m, "stretch": s, "cells": 8} for m, s in EXACT if s in (0.9, 1.1)]
-HEADLINE, KNOB = "stress", "cells"
-CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"model": m, "stretch": s, "cells": 8} for m, s in EXACT if s in (0.9, 1.1)]
+MAIN_ERROR, RESOLUTION = "stress", "cells"
+CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 E, NU, DENSITY, WIDTH = 1e5, 0.3, 1000.0, 0.08
 
 
@@ -49,8 +50,8 @@ def measure(*, model: str = "hencky", stretch: float = 0.9, cells: int = 8, cour
     state = solver.state()
     state["e"][:, 0] = stretch**2 - 1
     solver.load(state)
-    clock = Clock(solver)
-    clock.settle(60.0 * WIDTH / np.sqrt(E / DENSITY))
+    timed = TimedSolver(solver)
+    timed.settle(60.0 * WIDTH / np.sqrt(E / DENSITY))
     e = solver.state()["e"].astype(float)
     lateral = np.sqrt(1 + 0.5 * (e[:, 1] + e[:, 2])).mean()
     free = between_walls(length + 8 * cell)
@@ -61,4 +62,4 @@ def measure(*, model: str = "hencky", stretch: float = 0.9, cells: int = 8, cour
     expected, thinner = EXACT[model, stretch]
     errors = {"stress": stress / expected - 1, "stretch": (lateral - 1) / (thinner - 1) - 1}
     choices = {"model": model, "stretch": stretch, "cells": cells, "courant": courant, "precision": precision}
-    return clock.record(NAME, choices, errors, stress=stress, lateral=lateral, moving=np.abs(e[:, 3:]).max())
+    return timed.record(NAME, choices, errors, stress=stress, lateral=lateral, moving=np.abs(e[:, 3:]).max())

@@ -7,21 +7,22 @@ so that no boundary condition takes part.
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Order, Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Order, Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "vortex"
 SOURCE = "Kamojjala et al. 2015, Eng. w. Computers 31:193 (generalized vortex); parameters of Uintah's MMS.cc"
 BANDS = {"rms at 40 cells per metre": 0.02, "order 20 to 40": 1.5}
 """Error at most [amplitudes in m], order at least."""
 SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for c in (0.2, 0.5) for n in (10, 20, 40)]
-"""Choices that the report runs."""
-QUICK = [{"cells": n, "courant": 0.2, "precision": "f64"} for n in (10, 20, 40)]
-HEADLINE, KNOB = "rms", "cells"
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cells": n, "courant": 0.2, "precision": "f64"} for n in (10, 20, 40)]
+MAIN_ERROR, RESOLUTION = "rms", "cells"
 FINEST = {"courant": 0.2, "precision": "f64"}
 """What is claimed is claimed at Courant number 0.2: at 0.5 the step's own error, of first order, outweighs the cells'.
 The force changes with every substep, so that no stride is longer."""
-CHECKS = (Within("rms", BANDS["rms at 40 cells per metre"], {"cells": 40, "courant": 0.2}),
+CLAIMS = (Within("rms", BANDS["rms at 40 cells per metre"], {"cells": 40, "courant": 0.2}),
           Order("rms", "cells", (20, 40), BANDS["order 20 to 40"], FINEST))
 E, NU, DENSITY = 1000.0, 0.3, 1000.0
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
@@ -74,15 +75,15 @@ def measure(*, cells: int = 40, courant: float = 0.2, precision: str = "f64", am
     solver = mpm.Solver(grid=mpm.Grid((-room, -room, 0), (room, room, cell), cell), bodies=[body], walls=slab,
                         gravity=(0, 0, 0), dt=dt * (1 + 1e-9), precision=precision,
                         body_acceleration=np.zeros_like(lattice))
-    clock = Clock(solver)
+    timed = TimedSolver(solver)
     force = np.zeros_like(lattice)
     rms = worst = 0.0
     for step in range(1, steps + 1):
         force[:, :2] = acceleration(X, solver.time, amplitude)
         solver.set_body_acceleration(force)
-        clock.advance(dt)
+        timed.advance(dt)
         if step % max(1, steps // 20) == 0:
             error = np.linalg.norm(solver.positions()[:, :2] - position(X, solver.time, amplitude), axis=1) / amplitude
             rms, worst = max(rms, float(np.sqrt((error**2).mean()))), max(worst, float(error.max()))
     choices = {"cells": cells, "courant": courant, "precision": precision, "amplitude": amplitude}
-    return clock.record(NAME, choices, {"rms": rms, "max": worst})
+    return timed.record(NAME, choices, {"rms": rms, "max": worst})

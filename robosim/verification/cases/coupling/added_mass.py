@@ -6,8 +6,9 @@ import trimesh
 
 import mpm
 from robosim.coupling.plugin import GranularPlugin
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "added_mass"
 SOURCE = ("Stokes (1843): a ball of radius a in the middle of a hollow sphere of radius b carries "
@@ -15,10 +16,10 @@ SOURCE = ("Stokes (1843): a ball of radius a in the middle of a hollow sphere of
 BANDS = {"frequency": 0.03}
 """Accepted relative error of the frequency; the water is compressible, which has to be far quicker than the spring."""
 SWEEP = [{"cell": c, "mass_ratio": m} for c in (0.006, 0.004, 0.003) for m in (2.0, 0.1)]
-"""Choices that the report runs."""
-QUICK = [{"cell": 0.006, "mass_ratio": 2.0, "swings": 1.2}]
-HEADLINE, KNOB = "frequency", "cell"
-CHECKS = (Within("frequency", BANDS["frequency"], {"cell": 0.003, "mass_ratio": 2.0}),)
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cell": 0.006, "mass_ratio": 2.0, "swings": 1.2}]
+MAIN_ERROR, RESOLUTION = "frequency", "cell"
+CLAIMS = (Within("frequency", BANDS["frequency"], {"cell": 0.003, "mass_ratio": 2.0}),)
 RADIUS, STIFFNESS, DENSITY, SOUND = 0.03, 200.0, 1000.0, 30.0
 KICK = 0.1
 """[m/s] with which the ball starts: it swings by a tenth of its radius."""
@@ -84,11 +85,11 @@ def measure(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2.0,
     data.qvel[0] = KICK
     ratio = (radii**3 + 2) / (2 * (radii**3 - 1))
     expected = np.sqrt(STIFFNESS / ((mass_ratio + ratio) * displaced))
-    clock, places = Clock(solver), [0.0]
+    timed, places = TimedSolver(solver), [0.0]
     for _ in range(round(swings * 2 * np.pi / expected / HOST_STEP)):
-        clock.run(plugin.step)
+        timed.run(plugin.step)
         places.append(float(data.qpos[0]))
     frequency, damping = swing(np.array(places), HOST_STEP)
     choices = {"cell": cell, "mass_ratio": mass_ratio, "radii": radii, "precision": precision}
-    return clock.record(NAME, choices, {"frequency": frequency / expected - 1}, damping_ratio=damping,
+    return timed.record(NAME, choices, {"frequency": frequency / expected - 1}, damping_ratio=damping,
                         frequency_in_vacuum=float(np.sqrt(STIFFNESS / (mass_ratio * displaced)) / expected))

@@ -5,8 +5,9 @@ import numpy as np
 
 import mpm
 from robosim.coupling.plugin import GranularPlugin
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "block_at_rest"
 SOURCE = "statics: reaction m g; settlement of a bar of Poisson's ratio 0: m g L / (E A)"
@@ -14,10 +15,10 @@ BANDS = {"reaction": 0.01, "settlement": 0.05, "drift": 1e-4}
 """Relative errors of the mean reaction over half a second and of the settlement; drift along the bed [m/s]."""
 SWEEP = [{"bed": b, "coupling": c, "offset_cells": o} for b in ("elastic", "sand") for c in ("mobility", "lagged")
          for o in (0.0, 0.5)]
-"""Choices that the report runs."""
-QUICK = [{"bed": "elastic", "coupling": "mobility", "offset_cells": 0.0}]
-HEADLINE, KNOB = "reaction", None
-CHECKS = tuple(Within(name, bound, {"coupling": "mobility"}) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"bed": "elastic", "coupling": "mobility", "offset_cells": 0.0}]
+MAIN_ERROR, RESOLUTION = "reaction", None
+CLAIMS = tuple(Within(name, bound, {"coupling": "mobility"}) for name, bound in BANDS.items())
 E, SIDE, MASS, G = 1e5, 0.1, 1.0, 9.81
 HOST_STEP = 0.002
 
@@ -55,9 +56,9 @@ def measure(*, bed: str = "elastic", coupling: str = "mobility", cell: float = 0
                                                         mass=mass if elastic else 0.2 * mass))
     data = mujoco.MjData(model)
     plugin = GranularPlugin(model, data, solver, bodies={"block": None}, coupling=coupling)  # pyright: ignore[reportArgumentType]
-    clock, forces, places = Clock(solver), [], []
+    timed, forces, places = TimedSolver(solver), [], []
     for step in range(round(1.5 / HOST_STEP)):
-        clock.run(plugin.step)
+        timed.run(plugin.step)
         if step * HOST_STEP < 1.0:
             state = solver.state()
             state["v"] *= 0.9
@@ -73,5 +74,5 @@ def measure(*, bed: str = "elastic", coupling: str = "mobility", cell: float = 0
         sunk = height + 0.02 - np.mean(places, axis=0)[2]
         errors["settlement"] = sunk / (weight * height / (E * SIDE**2)) - 1
     choices = {"bed": bed, "coupling": coupling, "cell": cell, "offset_cells": offset_cells, "precision": precision}
-    return clock.record(NAME, choices, errors, ripple=float(np.std(forces) / weight),
+    return timed.record(NAME, choices, errors, ripple=float(np.std(forces) / weight),
                         sunk_mm=float(1e3 * (height + 0.02 - places[-1][2])))

@@ -8,18 +8,19 @@ from robosim.config.materials import law_of, load_material
 from robosim.coupling.plugin import GranularPlugin
 from robosim.scene.field import build_tool_sdf
 from robosim.shapes.spoon import BOWL
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "carried_load"
 SOURCE = "Newton's second law: force at the wrist = (mass of spoon + mass of grains) (acceleration - gravity)"
 BANDS = {"at_rest": 0.02, "accelerated": 0.02}
 """Error of the force that is left to the grains, relative to theirs."""
 SWEEP = [{"material": m, "acceleration": a} for m in ("salt", "sugar", "flour") for a in (2.0, 5.0)]
-"""Choices that the report runs."""
-QUICK = [{"material": "salt", "acceleration": 2.0}]
-HEADLINE, KNOB = "accelerated", None
-CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"material": "salt", "acceleration": 2.0}]
+MAIN_ERROR, RESOLUTION = "accelerated", None
+CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 HOST_STEP, SPOON_MASS = 1e-3, 0.133
 
 GANTRY = """
@@ -51,13 +52,13 @@ def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body],
                         colliders=[mpm.Collider(build_tool_sdf("spoon", thickness), friction=0.1)])
     plugin = GranularPlugin(model, data, solver, bodies={"spoon": 0}, coupling=coupling)  # pyright: ignore[reportArgumentType]
-    mass, clock, errors = float(solver.masses().sum()), Clock(solver), {}
+    mass, timed, errors = float(solver.masses().sum()), TimedSolver(solver), {}
     gravity = np.array([0.0, 0.0, -9.81])
     for name, a, duration in (("at_rest", 0.0, 0.3), ("accelerated", acceleration, 0.25)):
         data.qfrc_applied[0] = a * (1e5 + 1 + SPOON_MASS)
         forces = []
         for step in range(round(duration / HOST_STEP)):
-            clock.run(plugin.step)
+            timed.run(plugin.step)
             if step * HOST_STEP >= duration - 0.1:
                 forces.append(data.sensordata.copy())
         wanted = mass * (np.array([a, 0.0, 0.0]) - gravity)
@@ -65,5 +66,5 @@ def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 
         errors[name] = np.linalg.norm(felt - wanted) / np.linalg.norm(wanted)
     local = solver.positions() - data.body("spoon").xpos
     choices = {"material": material, "acceleration": acceleration, "cell": cell, "coupling": coupling}
-    return clock.record(NAME, choices, errors, mass=mass, speed=float(data.qvel[0]), left=float(np.mean(
+    return timed.record(NAME, choices, errors, mass=mass, speed=float(data.qvel[0]), left=float(np.mean(
         ((local / (BOWL + 0.004)) ** 2).sum(1) > 1.0)))

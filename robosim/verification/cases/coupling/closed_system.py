@@ -6,8 +6,9 @@ import numpy as np
 import mpm
 from mpm.materials.elasticity import Hencky
 from robosim.coupling.plugin import GranularPlugin
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "closed_system"
 SOURCE = "conservation of momentum and of angular momentum in a closed system"
@@ -16,10 +17,10 @@ BANDS = {"f64": 1e-12, "f32": 1e-5, "reaction": 1e-6}
 ball received against what the grains gave, relative to it."""
 SWEEP = [{"material": m, "precision": p, "mass_ratio": r}
          for m in ("elastic", "sand") for p in ("f32", "f64") for r in (1e-3, 1.0, 1e3)]
-"""Choices that the report runs."""
-QUICK = [{"material": "sand", "precision": p, "mass_ratio": 1.0} for p in ("f32", "f64")]
-HEADLINE, KNOB = "angular", None
-CHECKS = (*(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") for name in ("linear", "angular")),
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"material": "sand", "precision": p, "mass_ratio": 1.0} for p in ("f32", "f64")]
+MAIN_ERROR, RESOLUTION = "angular", None
+CLAIMS = (*(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") for name in ("linear", "angular")),
           Within("reaction", BANDS["reaction"]))
 SPEED, SPIN, SIDE = 1.0, 5.0, 0.1
 HOST_STEP = 0.002
@@ -56,7 +57,7 @@ def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: fl
     data.qvel[:] = [-SPEED, 0, 0, 0, 0, SPIN]
     mujoco.mj_forward(model, data)
     plugin = GranularPlugin(model, data, solver, bodies={"ball": None}, coupling=coupling)  # pyright: ignore[reportArgumentType]
-    clock = Clock(solver)
+    timed = TimedSolver(solver)
 
     def parts() -> tuple[np.ndarray, np.ndarray]:
         """Momenta (6,) of ball and blob about the origin."""
@@ -69,7 +70,7 @@ def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: fl
     worst = np.zeros(2)
     for _ in range(round(duration / HOST_STEP)):
         before = parts()[0]
-        clock.run(plugin.step)
+        timed.run(plugin.step)
         ball, blob = parts()
         given = np.concatenate(plugin.ledger.bodies["ball"])
         reaction = max(reaction, np.abs(ball - before + given)[:3].max())
@@ -82,6 +83,6 @@ def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: fl
     choices = {"material": material, "precision": precision, "mass_ratio": mass_ratio, "cell": cell,
                "coupling": coupling}
     energy = solver.energy()
-    return clock.record(NAME, choices, errors, final_speed=float(np.linalg.norm(data.qvel[:3])),
+    return timed.record(NAME, choices, errors, final_speed=float(np.linalg.norm(data.qvel[:3])),
                         miss=float(np.abs(plugin.prediction_error).max(initial=0.0)), kinetic=energy.kinetic,
                         exchanged=float(exchanged))

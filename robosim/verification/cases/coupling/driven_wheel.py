@@ -5,8 +5,9 @@ import numpy as np
 
 import mpm
 from robosim.coupling.plugin import GranularPlugin
-from robosim.verification.cases.criteria import Rising, Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Rising, Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "driven_wheel"
 SOURCE = ("Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar pull is negative at zero slip, rises "
@@ -14,10 +15,10 @@ SOURCE = ("Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar
 BANDS = {"above_limit": 0.0}
 """Accepted excess of the pull over its limit, in units of the limit."""
 SWEEP = [{"slip": s} for s in (0.0, 0.15, 0.3, 0.5)]
-"""Choices that the report runs."""
-QUICK = [{"slip": 0.3, "duration": 1.0}]
-HEADLINE, KNOB = "above_limit", None
-CHECKS = (Within("above_limit", BANDS["above_limit"], low=0.0), Rising("pull", "slip"))
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"slip": 0.3, "duration": 1.0}]
+MAIN_ERROR, RESOLUTION = "above_limit", None
+CLAIMS = (Within("above_limit", BANDS["above_limit"], low=0.0), Rising("pull", "slip"))
 RADIUS, WIDTH, LOAD, SPEED = 0.05, 0.04, 5.0, 0.1
 """[m], [m], [N], [m/s] at the rim."""
 BED = (0.40, 0.14, 0.05)
@@ -55,16 +56,16 @@ def measure(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, pr
                                                         radius=RADIUS, half=WIDTH / 2, mass=LOAD / G - 0.01))
     data = mujoco.MjData(model)
     plugin = GranularPlugin(model, data, solver, bodies={"wheel": None})
-    clock, pulls, sinkages = Clock(solver), [], []
+    timed, pulls, sinkages = TimedSolver(solver), [], []
     for step in range(round(duration / HOST_STEP)):
         # the carriage is too heavy, the axle too stiffly driven, for the sand to change their speeds within a step
         data.qvel[0], data.qvel[2] = SPEED * (1 - slip), SPEED / RADIUS
-        clock.run(plugin.step)
+        timed.run(plugin.step)
         if step * HOST_STEP > duration / 2:
             pulls.append(plugin.wrench("wheel").force[0])
             sinkages.append(BED[2] + RADIUS - data.xpos[2][2])
     limit = LOAD * np.tan(np.radians(FRICTION_ANGLE))
     pull = float(np.mean(pulls)) / limit
     choices = {"slip": slip, "cell": cell, "precision": precision}
-    return clock.record(NAME, choices, {"above_limit": max(pull - 1.0, 0.0)}, pull=pull,
+    return timed.record(NAME, choices, {"above_limit": max(pull - 1.0, 0.0)}, pull=pull,
                         sinkage=float(np.mean(sinkages)), pull_over_load=float(np.mean(pulls)) / LOAD)

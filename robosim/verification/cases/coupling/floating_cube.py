@@ -5,18 +5,19 @@ import numpy as np
 
 import mpm
 from robosim.coupling.plugin import GranularPlugin
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "floating_cube"
 SOURCE = "Archimedes: draught / side = density / density of water"
 BANDS = {"cells": 0.5, "share": 0.02, "thrust": 0.03}
 """Accepted error of the draught: half a cell plus a share of it; of the thrust on a fixed immersed cube, relative."""
 SWEEP = [{"cell": c, "offset_cells": o, "fixed": f} for c in (0.01, 0.008) for o in (0.0, 0.5) for f in (False, True)]
-"""Choices that the report runs."""
-QUICK = [{"cell": 0.008, "offset_cells": 0.5, "fixed": True}]
-HEADLINE, KNOB = "draught", "cell"
-CHECKS = (*(Within("draught", BANDS["cells"] * c / 0.08 + BANDS["share"] * 0.8, {"cell": c, "fixed": False})
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cell": 0.008, "offset_cells": 0.5, "fixed": True}]
+MAIN_ERROR, RESOLUTION = "draught", "cell"
+CLAIMS = (*(Within("draught", BANDS["cells"] * c / 0.08 + BANDS["share"] * 0.8, {"cell": c, "fixed": False})
             for c in (0.01, 0.008)), Within("thrust", BANDS["thrust"], {"cell": 0.008, "fixed": True}))
 SIDE, WIDTH, DEPTH = 0.08, 0.24, 0.14
 DENSITY, G, SOUND = 1000.0, 9.81, 12.0
@@ -61,9 +62,9 @@ def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: flo
         mass=density_ratio * DENSITY * SIDE**3))
     data = mujoco.MjData(model)
     plugin = GranularPlugin(model, data, solver, bodies={"cube": None})
-    clock, thrusts, draughts, tilts = Clock(solver), [], [], []
+    timed, thrusts, draughts, tilts = TimedSolver(solver), [], [], []
     for step in range(round(duration / HOST_STEP)):
-        clock.run(plugin.step)
+        timed.run(plugin.step)
         if step * HOST_STEP < duration / 2:  # to rest: a little of all motion is taken away
             state = solver.state()
             state["v"] *= 0.97
@@ -80,6 +81,6 @@ def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: flo
                "precision": precision}
     top = np.percentile(solver.positions()[np.abs(solver.positions()[:, 0] - middle) > 0.07, 2], 99)
     errors = {"thrust": thrust} if fixed else {"draught": error, "weight": thrust + 1 - density_ratio}
-    return clock.record(NAME, choices, errors, accepted=BANDS["cells"] * cell / SIDE + BANDS["share"] * density_ratio,
+    return timed.record(NAME, choices, errors, accepted=BANDS["cells"] * cell / SIDE + BANDS["share"] * density_ratio,
                         tilt_deg=float(np.degrees(np.arccos(min(np.mean(tilts), 1.0)))),
                         draught_from_highest_grains=float((top - (data.xpos[1][2] - SIDE / 2)) / SIDE))

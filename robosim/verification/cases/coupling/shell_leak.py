@@ -8,18 +8,19 @@ import numpy as np
 import trimesh
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "shell_leak"
 SOURCE = "impenetrability, and Newton's third law: what the grains gain, gravity, walls and the shell have given"
 BANDS = {"crossed": 0.0, "momentum": 1e-4}
 """Grains through the wall, and the unaccounted share of the impulse exchanged with the shell."""
 SWEEP = [{"cell": c, "offset": o / 10} for c in (0.005, 0.01) for o in range(10)]
-"""Choices that the report runs."""
-QUICK = [{"cell": 0.01, "grains": 1500, "until": 2.2, "offset": 0.3}]
-HEADLINE, KNOB = "momentum", None
-CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cell": 0.01, "grains": 1500, "until": 2.2, "offset": 0.3}]
+MAIN_ERROR, RESOLUTION = "momentum", None
+CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 AXES = np.array([0.035, 0.025, 0.030])
 """Semi-axes [m] of the half ellipsoid below z = 0."""
 HOST_DT = 2e-3
@@ -63,14 +64,14 @@ def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0
     spoon = mpm.Collider(mpm.Shell.from_mesh(bowl(), thickness), friction=0.3, pose=mpm.Pose(start, upright))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.25, 0.16, 0.2), cell), colliders=[spoon], precision=precision,
                         bodies=[mpm.Body(sand, fill + start, volume=spacing**3)])
-    clock = Clock(solver)
+    timed = TimedSolver(solver)
     before, given, exchanged = solver.momentum().linear, np.zeros(3), 0.0
     local, crossed, weight = solver.positions() - start, 0, []
     for step in range(round(until / HOST_DT)):
         t = step * HOST_DT
         here, there = start + place(t), start + place(t + HOST_DT)
         solver.set_collider_motion(0, mpm.Pose(here, upright), mpm.Pose(there, upright))
-        clock.advance(HOST_DT)
+        timed.advance(HOST_DT)
         moved = solver.positions() - there
         crossed += _crossings(local, moved)
         local = moved
@@ -82,7 +83,7 @@ def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0
     left = solver.momentum().linear - before - given
     level = np.linalg.norm(local / AXES, axis=1)
     choices = {"cell": cell, "thickness": thickness, "offset": offset, "precision": precision}
-    return clock.record(
+    return timed.record(
         NAME, choices, {"crossed": crossed, "momentum": np.abs(left).max() / exchanged},
         weight_error=np.mean(weight) / (9.81 * solver.masses().sum()) - 1 if weight else 0.0,
         kept=np.mean((level < 1) & (local[:, 2] < 0)))

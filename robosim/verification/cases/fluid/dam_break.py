@@ -6,18 +6,19 @@ Computed fronts lead the measured ones by some 10 %: the experiment's membrane t
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "dam_break"
 SOURCE = "Martin & Moyce 1952, Phil. Trans. R. Soc. A 244:312, fig. 3, a = 2.25 in, digitised in PySPH's db_exp_data.py"
 BANDS = {"mean": 0.15, "max": 0.18, "front speed": 0.08}
 """Relative errors at most, of the front for T <= 5.1 and of its speed from T = 2 to 5.1; the mean is signed."""
 SWEEP = [{"cells": n, "courant": c} for c in (0.2, 0.4) for n in (10, 20, 40)]
-"""Choices that the report runs."""
-QUICK = [{"cells": n, "courant": 0.4} for n in (10, 20)]
-HEADLINE, KNOB = "mean", "cells"
-CHECKS = tuple(Within(name, bound, {"cells": n}) for n in (20, 40) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cells": n, "courant": 0.4} for n in (10, 20)]
+MAIN_ERROR, RESOLUTION = "mean", "cells"
+CLAIMS = tuple(Within(name, bound, {"cells": n}) for n in (20, 40) for name, bound in BANDS.items())
 WIDTH = 0.05715
 FRONT = np.array([
     (0.832, 1.217), (1.219, 1.474), (1.997, 2.292), (2.547, 2.995), (3.345, 4.134), (4.034, 4.944), (4.418, 5.881),
@@ -40,11 +41,11 @@ def measure(*, cells: int = 20, courant: float = 0.4, precision: str = "f32", so
     state = solver.state()
     state["j"][:, 0] = -DENSITY * G * (height - positions[:, 2]) / water.bulk_modulus
     solver.load(state)
-    clock = Clock(solver)
+    timed = TimedSolver(solver)
     unit = np.sqrt(WIDTH / (2 * G))
     times, front = [0.0], [1.0]
     while solver.time < 5.2 * unit:
-        clock.advance(0.05 * unit)
+        timed.advance(0.05 * unit)
         times.append(solver.time / unit)
         front.append(float(np.quantile(solver.positions()[:, 0], 1 - TIP) / WIDTH))
     error = np.interp(FRONT[:, 0], times, front) / FRONT[:, 1] - 1
@@ -53,4 +54,4 @@ def measure(*, cells: int = 20, courant: float = 0.4, precision: str = "f32", so
     filmed = np.polyfit(FRONT[window, 0], FRONT[window, 1], 1)[0]
     errors = {"mean": error.mean(), "max": np.abs(error).max(), "front speed": computed / filmed - 1}
     choices = {"cells": cells, "courant": courant, "precision": precision, "sound": sound}
-    return clock.record(NAME, choices, errors, front_at_5=float(np.interp(5.0, times, front)))
+    return timed.record(NAME, choices, errors, front_at_5=float(np.interp(5.0, times, front)))

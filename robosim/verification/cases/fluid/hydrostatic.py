@@ -3,8 +3,9 @@
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "hydrostatic"
 SOURCE = "J = 1 - rho0 g Z / K for p = K (1 - J): height 0.0995095 m of 0.1 m at K = 1e5 Pa; peer: CB-Geo's column"
@@ -12,10 +13,10 @@ BANDS = {"gradient": 0.02, "base": 0.02, "height": 2e-4}
 """Relative errors at most."""
 SWEEP = [{"cells": n, "precision": p, "material": m} for m in ("water", "sand") for p in ("f32", "f64")
          for n in (10, 20)]
-"""Choices that the report runs."""
-QUICK = [{"cells": 20, "precision": "f32", "material": m} for m in ("water", "sand")]
-HEADLINE, KNOB = "gradient", "cells"
-CHECKS = tuple(Within(name, bound, {"cells": 20}) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cells": 20, "precision": "f32", "material": m} for m in ("water", "sand")]
+MAIN_ERROR, RESOLUTION = "gradient", "cells"
+CLAIMS = tuple(Within(name, bound, {"cells": 20}) for name, bound in BANDS.items())
 DEPTH, BULK, DENSITY, G, HEIGHT = 0.1, 1e5, 1000.0, 9.81, 0.0995095
 
 
@@ -33,8 +34,8 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water")
     rollers = mpm.Walls.all("roller")
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.12), cell), walls=rollers,
                         bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)], precision=precision)
-    clock = Clock(solver)
-    clock.settle(0.2)
+    timed = TimedSolver(solver)
+    timed.settle(0.2)
     state = solver.state()
     if material == "water":
         pressure = -BULK * state["j"][:, 0].astype(float)
@@ -45,4 +46,4 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water")
     base = surface + gradient * DEPTH
     errors = {"gradient": gradient / (DENSITY * G) - 1, "base": base / (DENSITY * G * DEPTH) - 1,
               "height": (solver.positions()[top, 2] + depth[top]).mean() / HEIGHT - 1}
-    return clock.record(NAME, {"cells": cells, "precision": precision, "material": material}, errors)
+    return timed.record(NAME, {"cells": cells, "precision": precision, "material": material}, errors)

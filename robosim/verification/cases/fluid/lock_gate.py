@@ -4,8 +4,9 @@ import numpy as np
 import trimesh
 
 import mpm
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "lock_gate"
 SOURCE = "hydrostatics: F = rho g w (h1^2 - h2^2) / 2, torque about the floor rho g w (h1^3 - h2^3) / 6"
@@ -13,11 +14,11 @@ BANDS = {"force": 0.03, "torque": 0.03, "crossed": 0.0, "after 2 s": 0.005}
 """Relative errors of the means over the second half, and the share of grains that changed sides; after 2 s force and
 torque, where what a plate does to the water beside it has had time to grow."""
 SWEEP = [{"thickness_cells": t, "offset_cells": o} for t in (0.3, 1.0, 2.0) for o in (0.0, 0.25, 0.5, 0.75)]
-"""Choices that the report runs."""
-QUICK = [{"thickness_cells": 0.3, "offset_cells": 0.75, "duration": 0.2},
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"thickness_cells": 0.3, "offset_cells": 0.75, "duration": 0.2},
          {"thickness_cells": 2.0, "offset_cells": 0.0, "duration": 0.2}]
-HEADLINE, KNOB = "force", None
-CHECKS = (*(Within(name, BANDS[name]) for name in ("force", "torque", "crossed")),
+MAIN_ERROR, RESOLUTION = "force", None
+CLAIMS = (*(Within(name, BANDS[name]) for name in ("force", "torque", "crossed")),
           *(Within(name, BANDS["after 2 s"], {"duration": 2.0}) for name in ("force", "torque")))
 DEEP, SHALLOW, CHAMBER, WIDTH = 0.10, 0.05, 0.10, 0.02
 DENSITY, G, SOUND = 1000.0, 9.81, 12.0
@@ -54,11 +55,11 @@ def measure(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: float
     state = solver.state()
     state["j"][:, 0] = -DENSITY * G * (surface - positions[:, 2]) / water.bulk_modulus
     solver.load(state)
-    clock, window = Clock(solver), 0.005
-    clock.settle(0.2)
+    timed, window = TimedSolver(solver), 0.005
+    timed.settle(0.2)
     force, torque = [], []
     for _ in range(round(duration / window)):
-        clock.advance(window)
+        timed.advance(window)
         impulse = solver.collider_impulse(0, about=np.array([middle, WIDTH / 2, 0.0]))
         force.append(impulse.force[0] / window)
         torque.append(impulse.torque[1] / window)
@@ -71,5 +72,5 @@ def measure(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: float
               "crossed": crossed}
     choices = {"cell": cell, "thickness_cells": thickness_cells, "courant": courant, "precision": precision,
                "offset_cells": offset_cells, "duration": duration}
-    return clock.record(NAME, choices, errors, force_newton=float(np.mean(force[late:])),
+    return timed.record(NAME, choices, errors, force_newton=float(np.mean(force[late:])),
                         force_ripple=float(np.std(force[late:]) / thrust))

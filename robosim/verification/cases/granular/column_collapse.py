@@ -11,15 +11,17 @@ import numpy as np
 
 import mpm
 from mpm.scene.sampling import JITTER
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "column_collapse"
 SOURCE = ("Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a < 1.7, r0 (1 + 1.6 sqrt(a)) above; "
           "h = r0 a for a < 1, 0.88 r0 a^(1/6) from 1.7; at rest after 3 sqrt(h0 / g)")
-BANDS = {"least run-out, a = 1": 0.85, "most run-out, a = 1": 1.5, "run-out, a = 3": 0.35, "height": 0.25,
-         "drift": 0.005}
-"""(r99 - r0) / r0 for a = 1, its relative error for a = 3, relative error of the height; rms velocity left [m/s]."""
+BANDS = {"least run-out, a = 1": 0.85, "most run-out, a = 1": 1.5, "rim, a = 1": 0.012, "run-out, a = 3": 0.35,
+         "height": 0.25, "drift": 0.005}
+"""(r99 - r0) / r0 for a = 1, relative error of its rim, relative error of the run-out for a = 3 and of the height; rms
+velocity at the end [m/s]."""
 SWEEP = [*({"cells": n, "quarter": q} for q in (True, False) for n in (8, 12, 16, 20)), {"a": 3.0, "cells": 12},
          *({"cells": n, "cone": "plane_strain"} for n in (8, 12, 16, 20)),
          *({"cells": 12, "courant": c} for c in (0.1, 0.2, 0.4)),
@@ -27,11 +29,11 @@ SWEEP = [*({"cells": n, "quarter": q} for q in (True, False) for n in (8, 12, 16
          *({"cells": 12, "courant": c, "strides": False} for c in (0.1, 0.2, 0.4))]
 """Choices that the report runs. Transfers are a drag: without strides, the column runs out less with every halving of
 the step."""
-QUICK = [{"cells": n} for n in (6, 8, 12, 16)] + [{"cells": 12, "cone": "plane_strain"}]
-HEADLINE, KNOB = "rim", "cells"
+QUICK_SWEEP = [{"cells": n} for n in (6, 8, 12, 16)] + [{"cells": 12, "cone": "plane_strain"}]
+MAIN_ERROR, RESOLUTION = "rim", "cells"
 ROUND = {"a": 1.0, "cells": 12, "cone": "compression", "strides": True}
-CHECKS = (Within("run_out", BANDS["most run-out, a = 1"], ROUND, BANDS["least run-out, a = 1"]),
-          Within("rim", 0.05, ROUND),
+CLAIMS = (Within("run_out", BANDS["most run-out, a = 1"], ROUND, BANDS["least run-out, a = 1"]),
+          Within("rim", BANDS["rim, a = 1"], ROUND),
           Within("run-out", BANDS["run-out, a = 3"], {"a": 3.0}), Within("drift", BANDS["drift"], {"a": 3.0}))
 RADIUS, DENSITY, NU, G = 0.1, 1600.0, 0.3, 9.81
 FLOOR_FRICTION = 0.5
@@ -96,8 +98,8 @@ def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 
     """
     cell, duration = RADIUS / cells, duration or 0.6 * math.sqrt(a)
     solver = column(a, cell, per_cell, quarter, E * a, courant, precision, cone, strides)
-    clock = Clock(solver)
-    clock.advance(duration)
+    timed = TimedSolver(solver)
+    timed.advance(duration)
     positions = solver.positions()
     radii = np.hypot(*positions[:, :2].T)
     r99 = np.quantile(radii, 0.99)
@@ -109,5 +111,5 @@ def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 
                "strides": strides}
     newton = np.exp(np.interp(np.log(abs(errors["rim"])), np.log(1 - NEWTON[::-1, 2] / rim(1.0)),
                               np.log(NEWTON[::-1, 1])))
-    return clock.record(NAME, choices, errors, r99=r99, newton_seconds_at_this_error=newton,
+    return timed.record(NAME, choices, errors, r99=r99, newton_seconds_at_this_error=newton,
                         run_out=(r99 - RADIUS) / RADIUS, crest=height, outermost=radii.max())

@@ -4,19 +4,21 @@ cone, at the shear ratio m3 of flow at constant volume."""
 import numpy as np
 from scipy.optimize import brentq
 
-from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.claims import Within
 from robosim.verification.cases.granular.return_mapping import grains, sand, strained, tensors
 from robosim.verification.cases.granular.slope import shear_ratio
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "element_path"
 SOURCE = "Drucker-Prager flow at constant volume: m3 = 3 alpha / sqrt(2) in simple shear and in plane strain"
 BANDS = {"ratio": 0.01, "normal": 0.015}
 """Relative error of the shear ratio, and by how much the normal stresses differ from each other in simple shear."""
 SWEEP = [{"path": path, "phi_deg": phi} for path in ("shear", "passive") for phi in (20.0, 30.0, 40.0)]
-"""Choices that the report runs."""
-QUICK, HEADLINE, KNOB = [{"path": "shear", "phi_deg": 30.0}, {"path": "passive", "phi_deg": 30.0}], "ratio", None
-CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"path": path, "phi_deg": 30.0} for path in ("shear", "passive")]
+MAIN_ERROR, RESOLUTION = "ratio", None
+CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 PRESSURE, STEP, STEPS = 1000.0, 2e-3, {"shear": 60, "passive": 300}
 """[Pa]; strain of a step; number of them."""
 
@@ -32,7 +34,7 @@ def stress(law, state: dict[str, np.ndarray]) -> np.ndarray:  # noqa: ANN001
 def measure(*, path: str = "shear", phi_deg: float = 30.0, precision: str = "f64") -> Record:
     """Errors of the shear ratio at the end, and of the normal stresses' equality."""
     law, solver = sand(phi_deg), grains(phi_deg, 4, precision, "exact")
-    clock, state = Clock(solver), solver.state()
+    timed, state = TimedSolver(solver), solver.state()
     state["v"][:], state["C"][:] = 0.0, 0.0
     state["e"][:, :3] = np.expm1(-2.0 / 3.0 * PRESSURE / (law.lam + 2.0 / 3.0 * law.mu))
 
@@ -42,15 +44,15 @@ def measure(*, path: str = "shear", phi_deg: float = 30.0, precision: str = "f64
             else np.diag([1.0 - 0.5 * STEP, stretch, 1.0])
 
     def miss(stretch: float, before: dict[str, np.ndarray]) -> float:
-        return float(stress(law, strained(clock, before, deformed(stretch)))[1, 1] + PRESSURE)
+        return float(stress(law, strained(timed, before, deformed(stretch)))[1, 1] + PRESSURE)
 
     for _ in range(STEPS[path]):
         stretch = brentq(miss, 0.99, 1.01, args=(state,), xtol=1e-11)
-        state = strained(clock, state, deformed(float(stretch)))  # pyright: ignore[reportArgumentType]
+        state = strained(timed, state, deformed(float(stretch)))  # pyright: ignore[reportArgumentType]
     sigma = stress(law, state)
     m3, normal = shear_ratio(phi_deg, "compression"), np.diag(sigma)
     ratio = sigma[0, 1] / PRESSURE if path == "shear" else (normal[1] - normal[0]) / -(normal[1] + normal[0])
     errors = {"ratio": ratio / m3 - 1}
     if path == "shear":
         errors["normal"] = np.abs(normal / -PRESSURE - 1).max()
-    return clock.record(NAME, {"path": path, "phi_deg": phi_deg, "precision": precision}, errors, ratio=ratio)
+    return timed.record(NAME, {"path": path, "phi_deg": phi_deg, "precision": precision}, errors, ratio=ratio)

@@ -9,9 +9,10 @@ import math
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.claims import Within
 from robosim.verification.cases.granular.slope import shear_ratio
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "heap"
 SOURCE = "limit equilibrium of a slope without cohesion: it stands up to atan(m3)"
@@ -19,10 +20,10 @@ BANDS = {"stands": 2.0, "slumps, most": 1.0, "slumps, least": -8.0}
 """[deg]: change of a slope 3 deg below the limit, either way; where one 8 deg steeper than the limit ends, from it."""
 SWEEP = [{"phi_deg": p, "beyond_deg": b, "cells": n} for p in (20.0, 25.0, 30.0) for b in (-3.0, 8.0)
          for n in (16, 32)]
-"""Choices that the report runs."""
-QUICK = [{"phi_deg": 25.0, "beyond_deg": b, "cells": 16} for b in (-3.0, 8.0)]
-HEADLINE, KNOB = "excess", "cells"
-CHECKS = (Within("change", BANDS["stands"], {"beyond_deg": -3.0}),
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"phi_deg": 25.0, "beyond_deg": b, "cells": 16} for b in (-3.0, 8.0)]
+MAIN_ERROR, RESOLUTION = "excess", "cells"
+CLAIMS = (Within("change", BANDS["stands"], {"beyond_deg": -3.0}),
           Within("excess", BANDS["slumps, most"], {"beyond_deg": 8.0}, BANDS["slumps, least"]))
 BASE, DENSITY, NU, E, FLOOR_FRICTION = 0.2, 1500.0, 0.3, 1e5, 1.0
 """A floor that sticks would pin the toe: at 16 cells a heap of 43 deg then stands."""
@@ -46,13 +47,13 @@ def measure(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32,
         grid=mpm.Grid((0, 0, 0), (room, cell, 1.2 * height), cell), walls=walls, precision=precision,
         bodies=[mpm.Body(sand, positions, volume=0.5 * BASE * height * cell / len(positions))],
         dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
-    clock = Clock(solver)
-    clock.advance(duration)
+    timed = TimedSolver(solver)
+    timed.advance(duration)
     end = slope_of(solver.positions(), cell)
     choices = {"phi_deg": phi_deg, "beyond_deg": beyond_deg, "cells": cells, "courant": courant,
                "precision": precision, "duration": duration, "cone": cone}
     speed = np.sqrt((solver.velocities() ** 2).sum(1).mean())
-    return clock.record(NAME, choices, {"change": end - begin, "excess": end - limit}, limit=limit, begin=begin,
+    return timed.record(NAME, choices, {"change": end - begin, "excess": end - limit}, limit=limit, begin=begin,
                         slope=end, speed=speed)
 
 

@@ -9,8 +9,9 @@ import math
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Power, Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Power, Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "orifice"
 SOURCE = ("Q = C sqrt(g) D^(3/2) per thickness (Beverloo et al. 1961 in a plane); C = 1.50 of the mu(I) continuum, "
@@ -19,10 +20,10 @@ BANDS = {"prefactor": 0.30, "steadiness": 0.05, "least exponent": 1.4, "most exp
 """Relative error of C; relative change of the rate from the first half to the second, after a quarter of the time;
 power of the free width."""
 SWEEP = [{"orifice_cells": d, "courant": c} for c in (0.3, 0.6) for d in (7, 9, 13)]
-"""Choices that the report runs."""
-QUICK = [{"orifice_cells": d, "courant": 0.6} for d in (9, 13)]
-HEADLINE, KNOB = "prefactor", "orifice_cells"
-CHECKS = (Within("prefactor", BANDS["prefactor"]), Within("steadiness", BANDS["steadiness"]),
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"orifice_cells": d, "courant": 0.6} for d in (9, 13)]
+MAIN_ERROR, RESOLUTION = "prefactor", "orifice_cells"
+CLAIMS = (Within("prefactor", BANDS["prefactor"]), Within("steadiness", BANDS["steadiness"]),
           *(Power("rate", "free_width", BANDS["least exponent"], BANDS["most exponent"], {"courant": c})
             for c in (0.3, 0.6)))
 CELL, HALF, HEIGHT, FALL = 0.0025, 0.10, 0.20, 0.15
@@ -50,10 +51,10 @@ def measure(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "
         grid=mpm.Grid((0, 0, 0), (HALF, CELL, FALL + HEIGHT + 2 * CELL), CELL), colliders=[floor], walls=walls,
         bodies=[mpm.Body(sand, positions, volume=volume)], precision=precision,
         dt=courant * CELL / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
-    clock, times, passed = Clock(solver), [0.0], [0.0]
+    timed, times, passed = TimedSolver(solver), [0.0], [0.0]
     share = 0.0
     while share < 0.4 and solver.time < 4.0:
-        clock.advance(5e-3)
+        timed.advance(5e-3)
         share = float(np.mean(solver.positions()[:, 2] < FALL - thick))
         times.append(solver.time)
         passed.append(share * len(positions) * volume / CELL)
@@ -66,4 +67,4 @@ def measure(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "
     errors = {"prefactor": rate / (C * math.sqrt(G) * width**1.5) - 1,
               "steadiness": late / early - 1 if early > 0 else np.nan}  # nothing runs out of a slot that clogs
     choices = {"orifice_cells": orifice_cells, "courant": courant, "precision": precision, "E": E}
-    return clock.record(NAME, choices, errors, rate=rate, free_width=width, emptied=share, time=t[-1])
+    return timed.record(NAME, choices, errors, rate=rate, free_width=width, emptied=share, time=t[-1])

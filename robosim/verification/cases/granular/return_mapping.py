@@ -8,9 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.claims import Within
 from robosim.verification.cases.granular.slope import shear_ratio
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "return_mapping"
 SOURCE = "Klar et al. 2016, ACM Trans. Graph. 35(4):103, evaluated in 50-digit arithmetic"
@@ -21,8 +22,8 @@ stretch of 3 beside one of 0.2, whose b is 0.04."""
 SWEEP = [{"precision": p, "integrator": i} for p, i in (("f64", "exact"), ("f32", "exact"), ("f32", "auto"),
                                                         ("f32", "series"))]
 """Choices that the report runs. The series is asked for strains up to SMALL alone, "auto" for all of them."""
-QUICK, HEADLINE, KNOB = SWEEP[:1] + SWEEP[2:3], "stretch", None
-CHECKS = (*(Within("stretch", BANDS[p], {"precision": p}) for p in ("f64", "f32")),
+QUICK_SWEEP, MAIN_ERROR, RESOLUTION = SWEEP[:1] + SWEEP[2:3], "stretch", None
+CLAIMS = (*(Within("stretch", BANDS[p], {"precision": p}) for p in ("f64", "f32")),
           *(Within(name, BANDS[band], {"precision": band[:3]}) for band in ("f64", "f32, at random")
             for name in ("cone", "volume", "apart")))
 E, NU, DENSITY, CELL, DT, RANDOM, SMALL = 3.537e5, 0.3, 1500.0, 0.1, 1e-5, 4000, 0.15
@@ -62,23 +63,23 @@ def grains(phi_deg: float, n: int, precision: str, integrator: str | None) -> mp
                       precision=precision, integrator=integrator)
 
 
-def strained(clock: Clock, before: dict[str, np.ndarray], F: np.ndarray) -> dict[str, np.ndarray]:
+def strained(timed: TimedSolver, before: dict[str, np.ndarray], F: np.ndarray) -> dict[str, np.ndarray]:
     """The state after a substep in which every grain is deformed by F (n, 3, 3) or (3, 3), from a state at rest."""
     rate = (F - np.eye(3)) / DT
-    count = {"time": np.array(clock.solver.time), "steps": np.array(clock.solver.steps)}
+    count = {"time": np.array(timed.solver.time), "steps": np.array(timed.solver.steps)}
     rates = np.broadcast_to(rate, (len(before["x"]), 3, 3)).reshape(-1, 9)
     state = before | count | {"C": rates.astype(before["C"].dtype)}
-    clock.solver.load(state)
-    clock.advance(DT)
-    after = clock.solver.state()
+    timed.solver.load(state)
+    timed.advance(DT)
+    after = timed.solver.state()
     return before | {name: after[name] for name in ("e", "vc")}
 
 
-def left(clock: Clock, still: dict[str, np.ndarray], F: np.ndarray) -> np.ndarray:
+def left(timed: TimedSolver, still: dict[str, np.ndarray], F: np.ndarray) -> np.ndarray:
     """Principal stretches (n, 3), rising, that are left of strains F F^T (n, 3, 3) or (3, 3) after a substep."""
     e = np.broadcast_to(F @ np.swapaxes(F, -1, -2) - np.eye(3), (len(still["x"]), 3, 3))
     picked = np.stack([e[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], 1)
-    return stretches(strained(clock, still | {"e": picked.astype(still["e"].dtype)}, np.eye(3)))
+    return stretches(strained(timed, still | {"e": picked.astype(still["e"].dtype)}, np.eye(3)))
 
 
 def tensors(e: np.ndarray) -> np.ndarray:
@@ -96,7 +97,7 @@ def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
     the cone bears, and exactly that where it yields; the volume where it does not come apart."""
     asked = None if integrator == "auto" else integrator
     solver = grains(30.0, RANDOM, precision, asked)
-    clock, still = Clock(solver), solver.state()
+    timed, still = TimedSolver(solver), solver.state()
     still["v"][:], still["C"][:] = 0.0, 0.0
     wrong = []
     for phi, F, expected in VECTORS:
@@ -104,14 +105,14 @@ def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
         if integrator == "series" and np.abs(np.log(np.linalg.svd(F)[1])).max() > SMALL:
             continue
         solver.set_material(0, sand(phi))
-        wrong.append(np.abs(left(clock, still, F)[0] - expected).max())
+        wrong.append(np.abs(left(timed, still, F)[0] - expected).max())
     solver.set_material(0, sand(30.0))
     rng = np.random.default_rng(1)
     span = (np.log(0.2), np.log(3.0)) if integrator != "series" else (-SMALL, SMALL)
     axes = Rotation.from_quat(rng.standard_normal((2 * RANDOM, 4))).as_matrix().reshape(2, RANDOM, 3, 3)
     trial = np.sort(rng.uniform(*span, (RANDOM, 3)))
     F = axes[0] @ (np.exp(trial)[:, :, None] * axes[1])
-    h = np.log(left(clock, still, F))
+    h = np.log(left(timed, still, F))
     law, pressed = sand(30.0), trial.sum(1) < 0
     shear = np.linalg.norm(h - h.mean(1, keepdims=True), axis=1)
     alpha = np.sqrt(2.0) / 3.0 * shear_ratio(30.0, "compression")
@@ -121,4 +122,4 @@ def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
     errors = {"stretch": max(wrong), "cone": cone, "volume": np.abs(h.sum(1) - trial.sum(1))[pressed].max(),
               "apart": np.abs(h[~pressed]).max()}
     choices = {"precision": precision, "integrator": integrator}
-    return clock.record(NAME, choices, errors, vectors=len(wrong), yielded=int(yielded.sum()))
+    return timed.record(NAME, choices, errors, vectors=len(wrong), yielded=int(yielded.sum()))

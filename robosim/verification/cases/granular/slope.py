@@ -9,8 +9,9 @@ import math
 import numpy as np
 
 import mpm
-from robosim.verification.cases.criteria import Order, Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Order, Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "slope"
 SOURCE = "balance of momentum of an infinite slope; m3 = 3 alpha / sqrt(2), the cone's shear ratio at constant volume"
@@ -18,10 +19,10 @@ BANDS = {"low at 32 cells": -0.20, "high at 32 cells": 0.10}
 """Relative error of the acceleration. It shrinks from 8 cells to 16 to 32, and the acceleration is nearer to the
 prediction than to g (sin theta - tan phi cos theta), the reading `by_angle`."""
 SWEEP = [{"cells": n, "courant": c} for c in (0.2, 0.5) for n in (8, 16, 32)]
-"""Choices that the report runs."""
-QUICK = [{"cells": n, "courant": 0.5} for n in (8, 16)]
-HEADLINE, KNOB = "acceleration", "cells"
-CHECKS = (Within("acceleration", BANDS["high at 32 cells"], {"cells": 32}, BANDS["low at 32 cells"]),
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cells": n, "courant": 0.5} for n in (8, 16)]
+MAIN_ERROR, RESOLUTION = "acceleration", "cells"
+CLAIMS = (Within("acceleration", BANDS["high at 32 cells"], {"cells": 32}, BANDS["low at 32 cells"]),
           *(Order("acceleration", "cells", ends, 0.0, {"courant": 0.5}) for ends in ((8, 16), (16, 32))))
 HEIGHT, DENSITY, NU, G = 0.05, 1600.0, 0.3, 9.81
 SETTLING, RAMP, FIT_FROM, END = 0.03, 0.03, 0.12, 0.30
@@ -49,14 +50,14 @@ def measure(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, 
         grid=mpm.Grid((0, 0, 0), (cell, cell, 1.2 * HEIGHT), cell), walls=walls, gravity=(0, 0, -across),
         bodies=[mpm.Body(sand, grains, volume=(cell / 2) ** 3)], precision=precision,
         dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
-    clock = Clock(solver)
-    clock.settle(SETTLING)
+    timed = TimedSolver(solver)
+    timed.settle(SETTLING)
     begin, mass = solver.time, solver.masses().sum()
     times, speeds = [], []
     while solver.time - begin < END - WINDOW / 2:
         risen = min((solver.time - begin + WINDOW / 2) / RAMP, 1.0)
         solver.set_gravity(np.array([risen * along, 0.0, -across]))
-        clock.advance(WINDOW)
+        timed.advance(WINDOW)
         times.append(solver.time - begin)
         speeds.append(solver.momentum_after_advance().linear[0] / mass)
     late = np.array(times) > FIT_FROM
@@ -65,5 +66,5 @@ def measure(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, 
     by_angle = along - math.tan(math.radians(phi_deg)) * across
     choices = {"cells": cells, "phi_deg": phi_deg, "theta_deg": theta_deg, "E": E, "courant": courant,
                "precision": precision, "cone": cone}
-    return clock.record(NAME, choices, {"acceleration": acceleration / predicted - 1}, acceleration=acceleration,
+    return timed.record(NAME, choices, {"acceleration": acceleration / predicted - 1}, acceleration=acceleration,
                         predicted=predicted, by_angle=by_angle, height=solver.positions()[:, 2].max() + cell / 4)

@@ -6,8 +6,9 @@ import gymnasium
 import numpy as np
 
 from robosim.evaluation.policies import ScriptedPolicy
-from robosim.verification.cases.criteria import Within
-from robosim.verification.cases.record import Clock, Record
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record
+from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "arm_limits"
 SOURCE = "KUKA LBR iiwa 14 R820 data sheet: torques and speeds of A1 to A7"
@@ -16,9 +17,9 @@ BANDS = {"torque": 0.0, "speed": 0.0, "saturated": 0.0}
 which a torque was cut."""
 SWEEP = [{"task": task, "material": material} for task in ("SpoonScoop", "ScoopScoop")
          for material in ("salt", "sugar", "flour")]
-"""Choices that the report runs."""
-QUICK, HEADLINE, KNOB = [{"task": "SpoonScoop", "material": "salt"}], "torque", None
-CHECKS = tuple(Within(name, bound, low=-1.0) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP, MAIN_ERROR, RESOLUTION = [{"task": "SpoonScoop", "material": "salt"}], "torque", None
+CLAIMS = tuple(Within(name, bound, low=-1.0) for name, bound in BANDS.items())
 TORQUES = np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0])
 SPEEDS = np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0])
 """[N m], [rad/s]"""
@@ -30,7 +31,7 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
 
     env: Any = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped
     env.reset(options={"nominal": True})
-    carrier, script, clock = env.carrier, ScriptedPolicy(env), Clock(env.solver)
+    carrier, script, timed = env.carrier, ScriptedPolicy(env), TimedSolver(env.solver)
     torque, speed, over, info = 0.0, 0.0, False, {}
 
     def step() -> None:
@@ -39,9 +40,9 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
         over = ended or cut
 
     while not over:
-        clock.run(step)
+        timed.run(step)
         torque = max(torque, float(np.abs(carrier.servo.demanded_torque / TORQUES).max()))
         speed = max(speed, float(np.abs(carrier.data.qvel[carrier.scene.arm_dofs] / SPEEDS).max()))
     errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturations}
-    return clock.record(NAME, {"task": task, "material": material}, errors, score=info["tcs"],
+    return timed.record(NAME, {"task": task, "material": material}, errors, score=info["tcs"],
                         tool_lag=carrier.arm_readings["tool_lag_max"])

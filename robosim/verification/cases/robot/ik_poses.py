@@ -12,7 +12,7 @@ from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import Arm
 from robosim.scene.models import compile_spec
 from robosim.scene.robot_spec import ARM_JOINTS, build_robot_spec
-from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 
 NAME = "ik_poses"
@@ -21,10 +21,10 @@ SOURCE = ("success and time of TRAC-IK on a KUKA LBR iiwa 14, 10 000 poses: 99.9
 BANDS = {"failed": 0.005, "mean_ms": 2.0, "p95_ms": 10.0, "wrong": 0.0}
 """Share without a solution; milliseconds a pose; share of solutions that MuJoCo does not confirm."""
 SWEEP = [{"restarts": n} for n in (1, 3, 10, 30)]
-"""Choices that the report runs."""
-QUICK = [{"restarts": n, "poses": 300} for n in (1, 30)]
-HEADLINE, KNOB = "failed", None
-CHECKS = tuple(Within(name, bound, {"restarts": 30}, low=0.0) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"restarts": n, "poses": 300} for n in (1, 30)]
+MAIN_ERROR, RESOLUTION = "failed", None
+CLAIMS = tuple(Within(name, bound, {"restarts": 30}, low=0.0) for name, bound in BANDS.items())
 ACCURACY = 1e-6
 """[m] and [rad] that MuJoCo's pose may be off."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.model import SPEED_LIMITS
 from robosim.robot.timing import SmoothMotion
-from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 
 NAME = "jerk_limits"
@@ -17,9 +17,9 @@ SOURCE = "the limits themselves; between the samples of a motion of bounded jerk
 BANDS = {"velocity": 1e-9, "acceleration": 1e-9, "jerk": 1e-6, "end": 1e-7}
 """Excess over the limits, relative; distance from the end that was asked for [rad]."""
 SWEEP = [{"host_dt": dt} for dt in (1e-3, 2e-3, 5e-3)]
-"""Choices that the report runs."""
-QUICK, HEADLINE, KNOB = [{"host_dt": 1e-3, "motions": 5}], "jerk", None
-CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP, MAIN_ERROR, RESOLUTION = [{"host_dt": 1e-3, "motions": 5}], "jerk", None
+CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 
 
 def measure(*, host_dt: float = 1e-3, motions: int = 20) -> Record:

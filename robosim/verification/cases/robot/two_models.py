@@ -10,7 +10,7 @@ import pinocchio
 from robosim.robot.model import Arm
 from robosim.scene.models import compile_spec
 from robosim.scene.robot_spec import build_robot_spec
-from robosim.verification.cases.criteria import Within
+from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 
 NAME = "two_models"
@@ -18,9 +18,9 @@ SOURCE = "two independent implementations of rigid-body dynamics (Featherstone 2
 BANDS = {"mass": 1e-10, "bias": 1e-10, "pose": 1e-10}
 """Largest differences: mass matrix relative to its largest entry, bias torques to theirs, pose [m], [-]."""
 SWEEP = [{"states": 500}]
-"""Choices that the report runs."""
-QUICK, HEADLINE, KNOB = SWEEP, "mass", None
-CHECKS = tuple(Within(name, bound) for name, bound in BANDS.items())
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP, MAIN_ERROR, RESOLUTION = SWEEP, "mass", None
+CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 
 
 def measure(*, states: int = 500) -> Record:

@@ -1,0 +1,115 @@
+"""One run of a scene at a setting: its readings, its cost and its parts, in a process of its own.
+
+`python -m robosim.benchmarks.scene_run SCENE SETTING CORE` prints them as JSON; SETTING is JSON, too.
+"""
+
+import json
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+import mpm
+from robosim.benchmarks.solver_parts import list_parts
+from robosim.benchmarks.stopwatch import Stopwatch
+from robosim.config.materials import MaterialConfig, load_material, overridden
+from robosim.config.rehearsal import load_rehearsal
+from robosim.reports.jobs import pin_to_core
+from robosim.tasks.task import is_task, load_task
+
+FRACTIONS = ("delivered", "spilled", "retained")
+"""Readings that are shares of the grains: their errors are differences, all others' are relative."""
+
+
+def measure_scene(scene: str, setting: dict[str, float]) -> dict[str, Any]:
+    """Run a sub-task or a rehearsal; return readings, seconds, simulated seconds, parts and costs.
+
+    setting: factors on the scene's own "cell", "grains_per_cell", "E" and "dt".
+    """
+    mpm.init()
+    return run_task(scene, setting) if is_task(scene) else run_rehearsal(scene, setting)
+
+
+def make_result(solver: mpm.Solver, stopwatch: Stopwatch, seconds: float, simulated: float,
+                readings: dict[str, float]) -> dict[str, Any]:
+    """Return the result of a run; costs are seconds per simulated second."""
+    costs = {name: value / simulated for name, value in sorted(stopwatch.seconds.items(), key=lambda item: -item[1])}
+    costs["everything else"] = (seconds - sum(stopwatch.seconds.values())) / simulated
+    return {"readings": {k: float(v) for k, v in readings.items()}, "seconds": seconds, "simulated": simulated,
+            "grains": sum(solver.particles.counts), "cell": solver.grid.cell, "dt": solver.dt, "costs": costs,
+            "parts": [part._asdict() for part in list_parts(solver)]}
+
+
+def scaled_stiffness(material: MaterialConfig, setting: dict[str, float]) -> dict[str, float]:
+    """Return {"E": Young's modulus [Pa]} scaled by a setting; nothing where it has no factor for it."""
+    return {"E": getattr(material, "E").value * setting["E"]} if "E" in setting else {}  # noqa: B009  (not every law)
+
+
+def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
+    """Run an episode of the scripted policy, without the arm."""
+    from robosim.envs.grain_env import GrainEnv
+    from robosim.evaluation.policies import ScriptedPolicy
+
+    task = load_task(name)
+    dt = task.field.dt and task.step_dt / max(1, round(task.step_dt / (task.field.dt * setting.get("dt", 1.0))))
+    field = task.field.model_copy(update={"cell": task.field.cell * setting.get("cell", 1.0), "dt": dt})
+    material = load_material(task.material)
+    numbers: dict[str, Any] = dict(scaled_stiffness(material, setting))
+    env = GrainEnv(task=task.model_copy(update={"field": field}), **numbers)
+    env.reset(options={"nominal": True})
+    env.solver.compile()
+    stopwatch = Stopwatch()
+    stopwatch.wrap(env.solver, "advance", "field")
+    stopwatch.wrap(env.reward, "step", "reward")
+    stopwatch.wrap(env.world.observer, "read", "observation")
+    policy, over, impulses, begin, info = ScriptedPolicy(env), False, [], time.perf_counter(), {}
+    while not over:
+        _, _, terminated, truncated, info = env.step(policy())
+        impulses.append(np.linalg.norm(env.solver.ledger[2, :3]))
+        over = terminated or truncated
+    seconds = time.perf_counter() - begin
+    force = float(np.mean(impulses)) / (env.action_repeat * task.step_dt)
+    weight = 9.81 * float(env.solver.masses().sum())  # the same number of grains weighs more on coarser cells
+    readings = {k: info["readings"][k] for k in FRACTIONS} | {"tool_force_over_weight": force / weight}
+    return make_result(env.solver, stopwatch, seconds, task.steps * task.step_dt, readings)
+
+
+def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
+    """Run a rehearsal with the whole arm, without film."""
+    from robosim.rehearsal.learned import placed
+    from robosim.rehearsal.metrics import figures
+    from robosim.rehearsal.rehearsal import Rehearsal, plan
+
+    config = placed(load_rehearsal(name))
+    cell = config.field.cell * setting.get("cell", 1.0)
+    field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
+                                            * setting.get("grains_per_cell", 1.0)})
+    wall = float(np.clip(config.collision_thickness, 0.5 * cell, cell))
+    config = config.model_copy(update={"field": field, "collision_thickness": wall})
+    material = load_material(config.material)
+    material = overridden(material, scaled_stiffness(material, setting))
+    run = Rehearsal(config, plan(config), material=material)
+    run.solver.compile()
+    stopwatch = Stopwatch()
+    stopwatch.wrap(run.solver, "advance", "field")
+    stopwatch.wrap(run.plugin, "step", "coupling, with MuJoCo's step")
+    stopwatch.wrap(run.servo, "compute_torque", "servo")
+    run.run(lambda: None)
+    values = figures(run)
+    names = {"scooped_mass": "scooped_mass", "wrist_payload": "wrist_payload", "delivered": "delivered_fraction",
+             "spilled": "spilled_fraction"}
+    readings = {name: float(values[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
+                if key != "wrist_payload" or config.weigh_at is not None}  # a shovel does not weigh its load
+    return make_result(run.solver, stopwatch, run.wall_time, run.time, readings)
+
+
+def main() -> None:
+    """Run one scene at one setting and print the result."""
+    scene, setting, core = sys.argv[1:]
+    pin_to_core(core)
+    print(json.dumps(measure_scene(scene, json.loads(setting))))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""`robosim report`: verification cases, error against run time, as a page, JSON and JSON lines."""
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from robosim.config.output import OutputFolder
+from robosim.errors import ConfigError
+from robosim.reports.provenance import provenance
+from robosim.verification.analysis import replace_non_finite, summarize_case
+from robosim.verification.cases import NAMES, find
+from robosim.verification.cases.claims import describe
+from robosim.verification.compare import add_comparison
+from robosim.verification.report_page import make_page
+from robosim.verification.runs import execute_runs, plan_runs
+
+YARDSTICK = "reference_layout.py"
+"""Script that prints the nanoseconds per particle and substep of a reference implementation."""
+
+
+def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, points: Path | None = None,
+           yardsticks: Path | None = None, compare: Path | None = None) -> int:
+    """Run cases, all when the list is empty, and write index.html, report.json and report.jsonl.
+
+    quick: their quick sweeps. jobs: runs at a time. points: JSON file with other codes' results on the column collapse.
+    yardsticks: folder of YARDSTICK, to convert their seconds. compare: report.json of an earlier run.
+    Returns 0 if every claim passes, else 1. Raises ConfigError, UnknownName for what cannot be used.
+    """
+    for name in names:
+        find(name)
+    if jobs < 1:
+        raise ConfigError(f"--jobs {jobs}; accepted: 1 or more")
+    peers = read_peers(points) if points else None
+    earlier = read_json(compare) if compare else None
+    folder = OutputFolder(out)
+    runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path / "report.jsonl", jobs)
+    speed = measure_yardstick(yardsticks) if yardsticks else None
+    results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names or NAMES}
+    content = replace_non_finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,
+                                  "runs": [asdict(run) for run in runs]})
+    folder.write_json("report.json", content)
+    page = make_page(results, runs, peers, speed)
+    if earlier is not None:
+        add_comparison(page, earlier, content)
+    folder.write("index.html", lambda path: path.write_text(page.html()))
+    return print_summary(results, folder.path, quick)
+
+
+def print_summary(results: dict[str, Any], path: Path, quick: bool) -> int:
+    """Print the verdicts; return 1 where a claim or a run failed, or a whole report leaves a claim without a run."""
+    bad = 0
+    for name, result in results.items():
+        verdicts = [claim["verdict"] for claim in result["claims"]]
+        print(f"{name:18} {verdicts.count('pass')} passed, {verdicts.count('fail')} failed, "
+              f"{verdicts.count('not run')} not run")
+        for claim in result["claims"]:
+            if claim["verdict"] == "fail":
+                print(f"  fail: {claim['claim']}: {claim['found']}; accepted {claim['low']} to {claim['high']}")
+        for failed in result["failed"]:
+            print(f"  no result: {describe(failed['choices'])}: {failed['reason']}")
+        bad += verdicts.count("fail") + len(result["failed"]) + (0 if quick else verdicts.count("not run"))
+    print(path / "index.html")
+    return int(bad > 0)
+
+
+def read_peers(path: Path) -> dict[str, Any]:
+    """Read other codes' results on the column collapse. Raises ConfigError for a file that holds anything else."""
+    content = read_json(path)
+    try:
+        float(content["reference"]["r_final_m"])
+        assert all({"code", "cell_m", "seconds", "r99_m", "particles"} <= set(p) for p in content["points"])
+    except (KeyError, TypeError, ValueError, AssertionError) as error:
+        raise ConfigError(f"--points {path}: accepted: reference.r_final_m, and points with code, cell_m, particles, "
+                          f"seconds, r99_m") from error
+    return content
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file. Raises ConfigError for one that cannot be read."""
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read as JSON: {error}; it is left as it is") from error
+
+
+def measure_yardstick(folder: Path) -> float:
+    """Run the yardstick; return its nanoseconds per particle and substep on this machine.
+
+    Raises ConfigError where the script is missing or prints no figure.
+    """
+    script = folder / YARDSTICK
+    if not script.is_file():
+        raise ConfigError(f"--yardsticks {folder}: no {YARDSTICK} in it")
+    stdout = subprocess.run([sys.executable, str(script), "50000"], capture_output=True, text=True, check=False).stdout
+    figure = re.search(r'"ns_per_particle_substep": ([0-9.]+)', stdout)
+    if figure is None:
+        raise ConfigError(f"{script}: prints no ns_per_particle_substep")
+    return float(figure[1])

@@ -1,0 +1,90 @@
+"""The page of `robosim report`: claims, and for each case a plot of error against run time and its runs."""
+
+import re
+from typing import Any
+
+from robosim.reports.page import Page
+from robosim.reports.plot import Plot
+from robosim.verification.analysis import group_series, pareto_front
+from robosim.verification.cases import find
+from robosim.verification.cases.claims import Within, describe, value_of
+from robosim.verification.cases.record import Record
+from robosim.verification.runs import Run
+
+
+def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | None, speed: float | None) -> Page:
+    """Make the page.
+
+    results: case -> its part of report.json. peers: other codes' results on the column collapse. speed: nanoseconds per
+    particle and substep of the yardstick on this machine, to convert the peers' seconds.
+    """
+    page = Page("Verification: error against run time")
+    page.add_heading("Claims")
+    page.add_table(["case", "claim", "found", "from", "to", "verdict"],
+                   [[name, c["claim"], c["found"], c["low"], c["high"], c["verdict"]]
+                    for name, result in results.items() for c in result["claims"]])
+    for name, result in results.items():
+        page.add_heading(name)
+        page.add_text(f"Reference: {result['source']}")
+        records = [run.record for run in runs if run.case == name and run.record is not None]
+        if records:
+            page.add_plot(draw_case(name, records, peers, speed), "Seconds after compilation, on one core.")
+            page.add_table(["series", "runs", "observed orders", "seconds to 1 %", f"least {result['headline']}"],
+                           [[one["label"], len(one["points"]), ", ".join(f"{o:.2f}" for o in one["orders"]),
+                             one["seconds_to_1_percent"], min(p[1] for p in one["points"])]
+                            for one in result["series"]])
+            _add_runs(page, records)
+        for failed in result["failed"]:
+            page.add_text(f"No result at {describe(failed['choices'])}: {failed['reason']}")
+    return page
+
+
+def _add_runs(page: Page, records: list[Record]) -> None:
+    """Add a table of runs with their choices, cost and errors."""
+    keys = sorted({key for r in records for key in r.choices})
+    errors = sorted({key for r in records for key in r.errors})
+
+    def choice(record: Record, key: str) -> object:
+        value = record.choices.get(key, "")
+        return value if isinstance(value, float) else str(value)
+
+    page.add_table([*keys, "particles", "steps", "seconds", "compilation [s]", "memory [MB]", *errors],
+                   [[*(choice(r, key) for key in keys), r.particles, r.steps, r.seconds, r.compile_seconds,
+                     r.peak_bytes / 1e6, *(r.errors.get(key) for key in errors)] for r in records])
+
+
+def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, speed: float | None) -> str:
+    """Draw a case's main error against seconds; return the plot as SVG."""
+    module = find(name)
+    plot = Plot(name.replace("_", " "), "seconds", f"error ({module.MAIN_ERROR})")
+    all_points = []
+    for label, members in group_series(name, records).items():
+        points = [(r.seconds, max(abs(value_of(r, module.MAIN_ERROR)), 1e-17)) for r in members]
+        tooltips = [f"{describe(r.choices)}\n{r.particles} particles, {r.steps} steps\n{r.seconds:.3g} s, "
+                    f"{module.MAIN_ERROR} {value_of(r, module.MAIN_ERROR):.3g}" for r in members]
+        plot.add_series(points, tooltips, label)
+        all_points += points
+    plot.add_front([all_points[k] for k in pareto_front(all_points)])
+    if name == "column_collapse" and peers is not None:
+        draw_peers(plot, peers, speed)
+    bounds = [claim.high for claim in module.CLAIMS if isinstance(claim, Within) and claim.name == module.MAIN_ERROR
+              and claim.high > 0]
+    if bounds:
+        plot.add_band(min(bounds))
+    return plot.svg()
+
+
+def draw_peers(plot: Plot, peers: dict[str, Any], speed: float | None) -> None:
+    """Draw other codes' results on the column collapse, with their seconds converted to this machine's."""
+    yardstick = re.search(r"=\s*([0-9.]+) ns", peers.get("machine", ""))
+    factor = speed / float(yardstick[1]) if speed and yardstick else 1.0
+    rim = float(peers["reference"]["r_final_m"])
+    by_code: dict[str, list] = {}
+    for point in peers["points"]:
+        by_code.setdefault(point["code"], []).append(point)
+    for code, points in by_code.items():
+        places = [(p["seconds"] * factor, abs(p["r99_m"] / rim - 1)) for p in points]
+        tooltips = [f"{code}\ncell {p['cell_m']} m, {p['particles']} particles, {p.get('cores', 1)} cores\n"
+                    f"{p['seconds']} s on its machine, {p['seconds'] * factor:.3g} s on this one" for p in points]
+        plot.add_series(places, tooltips, code + (" (seconds of another machine)" if factor == 1.0 else ""),
+                        joined=False)

@@ -1,0 +1,95 @@
+"""Runs of cases, each in a process of its own that is pinned to a core; finished runs are kept in a file."""
+
+import json
+import os
+import sys
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from robosim.errors import ConfigError
+from robosim.reports.jobs import run_jobs
+from robosim.reports.provenance import code_digest
+from robosim.verification.cases import find, module_name
+from robosim.verification.cases.record import Record
+
+WORKER = "robosim.verification.worker"
+BEGIN = '{"case": "'
+"""Beginning of every line of the file."""
+FIELDS = ("case", "choices", "code", "record", "failed")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A case with its choices, before or after it is run."""
+
+    case: str
+    choices: dict[str, Any]
+    """Arguments of the case's `measure`."""
+    code: str
+    """Digest of the code that the case exercises."""
+    record: Record | None = None
+    """Result; None before the run or where it failed."""
+    failed: str = ""
+    """Why there is no record."""
+
+    @property
+    def key(self) -> str:
+        """Identifies the work: case, choices and code."""
+        return json.dumps([self.case, self.choices, self.code], sort_keys=True)
+
+
+def plan_runs(names: list[str], quick: bool) -> list[Run]:
+    """Return the runs of cases, with the digest of the present code; quick: of their quick sweeps."""
+    return [Run(name, choices, code_digest(module_name(name))) for name in names
+            for choices in (find(name).QUICK_SWEEP if quick else find(name).SWEEP)]
+
+
+def read_runs(path: Path) -> list[Run]:
+    """Read runs from a file; a last line that was cut off by a kill is removed from it.
+
+    Raises ConfigError for a file that holds anything else, and leaves it unchanged.
+    """
+    runs = []
+    text = path.read_text() if path.is_file() else ""
+    complete = text[: text.rfind("\n") + 1]
+    if text != complete and text[len(complete) :].startswith(BEGIN):
+        path.write_text(complete)
+        text = complete
+    for k, line in enumerate(text.splitlines(), 1):
+        try:
+            row = json.loads(line)
+            record = Record(**row["record"]) if row["record"] else None
+            runs.append(Run(**{**{key: row[key] for key in FIELDS}, "record": record}))
+        except (ValueError, KeyError, TypeError) as error:
+            raise ConfigError(f"{path}, line {k}: not a run of a report ({type(error).__name__}: {error}); it is left "
+                              f"as it is: give another --out, or move the file away") from error
+    return runs
+
+
+def append_run(path: Path, run: Run) -> None:
+    """Append a run to a file and flush it to the disk."""
+    line = json.dumps(asdict(run), sort_keys=True) + "\n"
+    with path.open("a") as file:
+        file.write(line)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def execute_runs(runs: list[Run], path: Path, jobs: int) -> list[Run]:
+    """Return the runs with their records, from the file or run now, `jobs` at a time; failed runs are repeated."""
+    known = {run.key: run for run in read_runs(path) if run.record is not None}
+    waiting = [run for run in runs if run.key not in known]
+    progress = tqdm(initial=len(runs) - len(waiting), total=len(runs), unit="run", file=sys.stderr)
+    work = [(WORKER, (run.case, json.dumps(run.choices))) for run in waiting]
+    for index, row, reason in run_jobs(work, jobs):
+        record = Record(**row) if row is not None else None
+        run = replace(waiting[index], record=record, failed=reason)
+        append_run(path, run)
+        known[run.key] = run
+        progress.set_postfix_str(run.case)
+        progress.update()
+    progress.close()
+    return [known[run.key] for run in runs]
