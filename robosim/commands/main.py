@@ -10,7 +10,7 @@ import mpm
 from robosim.commands.arguments import CommandParser
 from robosim.errors import RobosimError, RobotDiverged
 
-COMMANDS = ("rehearse", "evaluate", "materials", "chain", "explain", "report", "stability", "bench", "keys")
+COMMANDS = ("rehearse", "evaluate", "materials", "chain", "explain", "report", "stability", "bench", "keys", "new")
 """Modules of this package that add a command each."""
 GROUP = "robosim.commands"
 """Entry points of other packages' commands: functions that are given the parsers and add their own."""

@@ -16,12 +16,12 @@ Law = mpm.DruckerPrager | mpm.NewtonianFluid | mpm.VonMises
 
 
 class MaterialConfig(Table):
-    """What all materials have."""
+    """What every material has."""
 
     description: str
     """What it is."""
     density: Quantity
-    """Of the bulk."""
+    """Bulk density [kg/m^3]."""
     colour: tuple[float, float, float, float] = (0.95, 0.95, 0.93, 1.0)
     """Red, green, blue and opacity, 0 to 1."""
 
@@ -47,27 +47,39 @@ class GranularConfig(MaterialConfig):
     """Grains: Drucker-Prager."""
 
     law: Literal["granular"]
+    """Drucker-Prager."""
     E: Quantity
+    """Young's modulus [Pa]."""
     nu: Quantity
+    """Poisson's ratio."""
     friction_angle: Quantity
+    """Internal friction angle [deg]."""
     cohesion: Quantity
+    """Cohesion [Pa]."""
 
 
 class FluidConfig(MaterialConfig):
     """A Newtonian fluid."""
 
     law: Literal["fluid"]
+    """Newtonian fluid."""
     bulk_modulus: Quantity
+    """Bulk modulus [Pa]."""
     viscosity: Quantity
+    """Dynamic viscosity [Pa s]."""
 
 
 class ClayConfig(MaterialConfig):
     """Clay: von Mises."""
 
     law: Literal["clay"]
+    """von Mises."""
     E: Quantity
+    """Young's modulus [Pa]."""
     nu: Quantity
+    """Poisson's ratio."""
     yield_stress: Quantity
+    """Yield stress of von Mises [Pa]."""
 
 
 KINDS: dict[str, type[MaterialConfig]] = {"granular": GranularConfig, "fluid": FluidConfig, "clay": ClayConfig}

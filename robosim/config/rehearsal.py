@@ -18,9 +18,9 @@ class PathConfig(Table):
     """How the tool rounds the corners between waypoints."""
 
     acceleration: PositiveFloat
-    """Of the tool along the path [m/s^2]."""
+    """Acceleration of the tool along the path [m/s^2]."""
     angular_acceleration: PositiveFloat
-    """Of the tool along the path [rad/s^2]."""
+    """Angular acceleration of the tool along the path [rad/s^2]."""
     corner_tolerance: PositiveFloat = 1.5e-3
     """Largest distance [m] between the smoothed path and the commanded screws inside a container."""
 
@@ -33,7 +33,7 @@ class WaypointConfig(Table):
     frame: str
     """"world" or a container: where position and rotation are given."""
     position: Vector3
-    """Of the tool's frame [m]."""
+    """Position of the tool's frame [m]."""
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
     """Rotations about the frame's x, then y, then z axis [deg]."""
     speed: PositiveFloat
@@ -54,8 +54,9 @@ class RehearsalConfig(Table):
     description: str
     """What it is, for reports."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
+    """Name of a tool of models/tools."""
     material: str
-    """Of configs/materials, or a .yaml file."""
+    """Name of a material of configs/materials, or the path of a .yaml file."""
     grasp: Grip
     """weld: fixed in the hand; friction: held by the fingers alone."""
     tool_container: list[Literal["contact", "sdf"]] = ["contact", "sdf"]  # noqa: RUF012

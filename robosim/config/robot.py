@@ -19,18 +19,18 @@ class LimitsConfig(Table):
     velocity_fraction: float = Field(gt=0.0, le=1.0)
     """Fraction of the data sheet's joint speeds."""
     acceleration: Vector7
-    """[rad/s^2]"""
+    """Largest acceleration of each joint [rad/s^2]."""
     jerk: Vector7
-    """[rad/s^3]"""
+    """Largest jerk of each joint [rad/s^3]."""
 
 
 class ServoConfig(Table):
     """Impedance servo of the joints."""
 
     stiffness: Vector7
-    """[N m/rad]"""
+    """Stiffness of each joint [N m/rad]."""
     damping: Vector7
-    """[N m s/rad]"""
+    """Damping of each joint [N m s/rad]."""
 
 
 class RobotConfig(Table):

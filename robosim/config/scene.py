@@ -12,7 +12,7 @@ class RegionConfig(Table):
     """A region of the world: a box, or an upright cylinder."""
 
     centre: Vector3
-    """[m]"""
+    """Centre [m]."""
     half: Vector3
     """Half sizes [m]."""
     round: bool = False

@@ -22,6 +22,7 @@ class Quantity(Table):
     """A number with its unit and its source."""
 
     value: float
+    """The number itself, in this unit."""
     unit: str
     """The unit that the material's law takes: kg/m^3, Pa, Pa s, deg or 1."""
     source: str

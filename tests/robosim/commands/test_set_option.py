@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from robosim.commands.arguments import Settings
 from robosim.commands.main import main, parser
-from robosim.commands.settings import Settings
 from robosim.config.resources import config_path
 from robosim.config.settings import read_setting
 from robosim.tasks.task import load_task

@@ -1,0 +1,72 @@
+"""`robosim new`: a commented configuration file to start from."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.config.resources import config_names, config_path
+from robosim.errors import ConfigError
+
+EXAMPLE = """examples:
+  robosim new rehearsal lab --from spoon
+  robosim new material oats --from sugar
+then, after editing the file,
+  robosim rehearse lab.yaml --material oats.yaml --out out/lab"""
+BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "robot": "iiwa14"}
+"""Kind of file -> the bundled one that it is a copy of, if no other is given; configs/<kind>s holds them."""
+USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "material": "--material {}",
+        "robot": "robosim.config.robot.load_robot({!r})"}
+"""Kind of file -> what takes it."""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `new` to the command line."""
+    parser = commands.add_parser("new", help="write a commented configuration file to start from", epilog=EXAMPLE,
+                                 description="Write NAME.yaml: a copy of a bundled file in which a comment explains "
+                                 "every key, also those that have their default. An existing file is never replaced.")
+    parser.add_argument("kind", choices=list(BASES), help="of the file")
+    parser.add_argument("name", type=Path, metavar="NAME", help="of the new file, with its folder if it is not to lie "
+                        "in the current one; .yaml is added")
+    parser.add_argument("--from", dest="basis", metavar="BASIS", help="bundled file to copy, such as "
+                        + ", ".join(f"{name} ({kind})" for kind, name in BASES.items()) + ": the defaults; or the path "
+                        "of a .yaml file")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the file."""
+    kind, folder = options.kind, f"{options.kind}s"
+    basis = options.basis or BASES[kind]
+    source = config_path(folder, basis, kind)
+    path = options.name if options.name.suffix in (".yaml", ".yml") else Path(f"{options.name}.yaml")
+    if path.exists():
+        raise ConfigError(f"{path}: exists already and is left as it is; give another name, or remove it")
+    if not path.parent.is_dir():
+        raise ConfigError(f"{path}: there is no folder {path.parent}; accepted: a name in an existing folder")
+    if path.stem in config_names(folder) and path.parent == Path():
+        print(f"note: {path.stem} without .yaml still means the bundled {kind}")
+    from robosim.config.loader import read
+    from robosim.config.template import template
+
+    table, schema = read(source), schema_of(kind, str(source))
+    assert isinstance(table, dict)  # or it would not have loaded
+    heading = (f"A {kind}, made by `robosim new {kind} {path.stem} --from {basis}`; used by "
+               f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "
+               f"A key behind a # has its default.")
+    with path.open("x") as file:
+        file.write(template(schema, table, heading))
+    print(path)
+    return 0
+
+
+def schema_of(kind: str, source: str) -> Any:
+    """Find the schema of a valid file; raises ConfigError for one that is not."""
+    if kind == "rehearsal":
+        from robosim.config.rehearsal import load_rehearsal as load
+    elif kind == "task":
+        from robosim.tasks.task import load_task as load
+    elif kind == "material":
+        from robosim.config.materials import load_material as load
+    else:
+        from robosim.config.robot import load_robot as load
+    return type(load(source))

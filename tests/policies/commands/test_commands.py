@@ -1,0 +1,53 @@
+"""The commands of learning name what they accept, and hand their options on."""
+
+import inspect
+from pathlib import Path
+
+import pytest
+
+from policies.learning.bundled import bundled_names
+from robosim.commands.main import main, parser
+
+
+@pytest.mark.parametrize("name", ["demo", "export", "frames", "gradients", "train"])
+def test_help_lists_the_bundled_tasks(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    assert ", ".join(bundled_names("tasks")) in text
+
+
+@pytest.mark.parametrize(("arguments", "place"), [
+    (["demo", "SpoonPour", "--out", "x"], "policies.demonstrations.demo:demonstrate"),
+    (["frames", "SpoonPour", "--out", "x"], "policies.dynamics.rollouts:frames"),
+    (["export", "SpoonPour", "--demos", "x", "--out", "y.hdf5"], "policies.demonstrations.export:export"),
+    (["gradients", "SpoonPour", "--out", "x"], "policies.demonstrations.gradients:gradients"),
+    (["train", "sac", "SpoonPour", "--out", "x"], "policies.methods.train:train"),
+    (["sweep", "small.yaml"], "policies.runs.sweep:sweep"),
+    (["tables", "runs", "--out", "x"], "policies.results.tables:tables"),
+], ids=lambda value: value if isinstance(value, str) else value[0])
+def test_options_are_handed_on_as_the_function_takes_them(arguments: list[str], place: str,
+                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the defaults of the command line where those of the function are the same."""
+    module, _, name = place.partition(":")
+    function = getattr(__import__(module, fromlist=[name]), name)
+    calls = []
+
+    def record(*args: object, **options: object) -> int:
+        calls.append(inspect.signature(function).bind(*args, **options).arguments)
+        return 0
+
+    monkeypatch.setattr(f"{module}.{name}", record)
+    options = parser().parse_args(arguments)
+    assert options.run(options) == 0
+    for key, value in calls[0].items():
+        default = inspect.signature(function).parameters[key].default
+        if default is not inspect.Parameter.empty and key not in ("jobs", "change"):
+            assert value == default, key
+
+
+def test_a_task_or_method_file_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", str(tmp_path / "mine.yaml"), "--out", str(tmp_path)]) == 2
+    assert "mine.yaml: no such file" in capsys.readouterr().err
+    assert main(["train", "mine.yaml", "SpoonPour", "--out", str(tmp_path)]) == 2
+    assert "method 'mine.yaml'; accepted: bc," in capsys.readouterr().err

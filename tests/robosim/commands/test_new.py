@@ -1,0 +1,65 @@
+"""`robosim new`: a template is complete, accepted by what takes it, and never replaces a file."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from robosim.commands.keys import KINDS, schema_class
+from robosim.commands.main import main
+from robosim.commands.new import BASES
+from robosim.config.materials import load_material
+from robosim.config.rehearsal import load_rehearsal
+from robosim.config.resources import config_names
+from robosim.config.robot import load_robot
+from robosim.tasks.task import load_task
+
+LOAD = {"rehearsal": load_rehearsal, "task": load_task, "material": load_material, "robot": load_robot}
+EVERY = [(kind, name) for kind in BASES for name in config_names(f"{kind}s")]
+
+
+@pytest.mark.parametrize(("kind", "basis"), EVERY)
+def test_a_template_is_the_same_configuration_with_every_key(kind: str, basis: str, tmp_path: Path) -> None:
+    """Also after every key that is a comment was put in with its default."""
+    path = tmp_path / "mine.yaml"
+    assert main(["new", kind, str(path), "--from", basis]) == 0
+    assert LOAD[kind](str(path)) == LOAD[kind](basis)
+    whole = re.sub(r"^( *)#(\w+: )", r"\1\2", path.read_text(), flags=re.MULTILINE)
+    path.write_text(whole)
+    assert LOAD[kind](str(path)) == LOAD[kind](basis)
+    classes = [schema_class(place) for name, place in KINDS.items() if name.split(".")[0] == kind]
+    assert set(yaml.safe_load(whole)) in [set(schema.model_fields) for schema in classes]
+
+
+def test_a_bundled_basis_is_the_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                        capsys: pytest.CaptureFixture[str]) -> None:
+    """NAME.yaml in the current folder, whether or not its ending is given; a name of a bundled file is noted."""
+    monkeypatch.chdir(tmp_path)
+    for kind, basis in BASES.items():
+        assert main(["new", kind, f"my_{kind}"]) == 0
+        assert LOAD[kind](f"my_{kind}.yaml") == LOAD[kind](basis)
+    assert main(["new", "task", "own.yml"]) == 0 and Path("own.yml").is_file()
+    capsys.readouterr()
+    assert main(["new", "material", "salt"]) == 0
+    assert "salt without .yaml still means the bundled material" in capsys.readouterr().out
+
+
+def test_a_file_is_never_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("mine")
+    for name in (path, path.with_suffix("")):
+        assert main(["new", "rehearsal", str(name)]) == 2
+        assert f"robosim new: {path}: exists already and is left as it is" in capsys.readouterr().err
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["rehearsal", "lab", "--from", "fork"], "unknown rehearsal 'fork'; valid: bottle, scoop, shovel, spoon"),
+    (["rehearsal", "nowhere/lab"], "there is no folder nowhere"),
+])
+def test_what_cannot_be_made_is_refused(arguments: list[str], message: str, tmp_path: Path,
+                                        monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", *arguments]) == 2
+    assert message in capsys.readouterr().err and not list(tmp_path.iterdir())
