@@ -29,6 +29,7 @@ html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sphinx = False
 templates_path = []
+smartquotes = False  # they would turn --out into a dash
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

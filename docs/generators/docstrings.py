@@ -7,6 +7,7 @@ from sphinx.application import Sphinx
 
 CODE = re.compile(r"(`+[^`]+`+)")
 SPECIAL = re.compile(r"([*|\\])|(?<=\w)(_)(?!\w)")
+ARRAY_LIKE = re.compile(r"~?[\w.]*_Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]")
 ITEM = re.compile(r"^(\s*)(\* |- |\d+\. )")
 
 
@@ -32,7 +33,14 @@ def rewrite(app: Sphinx, what: str, name: str, owner: Any, options: Any, lines: 
     lines[:] = result
 
 
+def shorten(app: Sphinx, what: str, name: str, owner: Any, options: Any, signature: str | None,
+            returned: str | None) -> tuple[str | None, str | None]:
+    """Write numpy's ArrayLike by its name; Python spells its dozen members out."""
+    return signature and ARRAY_LIKE.sub("ArrayLike", signature), returned and ARRAY_LIKE.sub("ArrayLike", returned)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to autodoc."""
     app.connect("autodoc-process-docstring", rewrite)
+    app.connect("autodoc-process-signature", shorten)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -50,8 +50,8 @@ def cone() -> str:
             axes.plot(*begin, "o", color=ORANGE, ms=6)
             if begin != end:
                 axes.annotate("", end, begin, arrowprops={"arrowstyle": "-|>", "color": ORANGE})
-        axes.annotate("shear: scale the deviator", (2.05, 2.3), color=ORANGE)
-        axes.annotate("expansion: no stress", (-0.95, 0.75), color=ORANGE)
+        axes.annotate("shear: scale the deviator", (1.92, 2.5), color=ORANGE, ha="right", va="center")
+        axes.annotate("expansion:\nno stress", (-0.95, 0.78), color=ORANGE)
         axes.annotate("elastic", (2.35, 0.75), color=ORANGE)
         axes.axvline(0, color="#556", lw=0.8)
         axes.set(xlabel="pressure", ylabel="shear stress", xlim=(-1, 3.6), ylim=(0, 2.8), xticks=[], yticks=[])

@@ -11,7 +11,7 @@ def cell(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        value = f"{value:.3g}"
+        value = f"{float(f'{value:.3g}'):.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
     return str(value).replace("|", r"\|").replace("\n", " ").replace("<", r"\<").replace("*", r"\*")
 
 

@@ -124,9 +124,9 @@ def figure() -> str:
 
 
 def purpose(here: str) -> str:
-    """First sentence of a room's docstring."""
+    """First paragraph of a room's docstring."""
     text = ast.get_docstring(ast.parse(Path(ROOT, *here.split("."), "__init__.py").read_text())) or ""
-    return re.split(r"(?<=[.:])\s", " ".join(text.split("\n\n")[0].split()))[0]
+    return re.sub(r"\s*Imports:.*", "", " ".join(text.split("\n\n")[0].split()))
 
 
 def page() -> str:

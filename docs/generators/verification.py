@@ -19,8 +19,6 @@ def case_section(name: str, result: dict, runs: list[dict]) -> str:
     """Claims and runs of one case."""
     mine = [run for run in runs if run["case"] == name]
     parts = [f"### {name}\n", f"{summary(name)}\n", f"Reference: {result['source']}\n"]
-    if any(run["code"] != code_digest(module_name(name)) for run in mine):
-        parts.append(":::{note}\nMeasured with earlier code.\n:::\n")
     claims = [c for c in result["claims"] if c["verdict"] != "not run"]
     if claims:
         parts.append(table(["claim", "measured", "accepted from", "to", "verdict"],
@@ -32,6 +30,15 @@ def case_section(name: str, result: dict, runs: list[dict]) -> str:
                            [[choices(r["choices"]), r["particles"], r["steps"], r["seconds"],
                              *(r["errors"].get(key) for key in errors)] for r in records]))
     return "\n".join(parts)
+
+
+def note_on_age(runs: list[dict]) -> str:
+    """A note that names the cases whose runs are older than the code that they exercise."""
+    names = [n for n in NAMES if any(r["case"] == n and r["code"] != code_digest(module_name(n)) for r in runs)]
+    if not names:
+        return ""
+    return f":::{{note}}\nMeasured before the code of these cases changed last: {', '.join(names)}. `python " \
+           "docs/measure.py report` measures them again.\n:::\n\n"
 
 
 def summary(name: str) -> str:
@@ -56,7 +63,7 @@ def page() -> str:
     verdicts = [c["verdict"] for result in measured.values() for c in result["claims"]]
     text += f"\n## Results\n\n{origin(report['made_by'])}\n{len(measured)} cases, {len(report['runs'])} runs: " \
             f"{verdicts.count('pass')} claims passed, {verdicts.count('fail')} failed, {verdicts.count('not run')} " \
-            f"need runs that `--quick` leaves out.\n\n"
+            f"need runs that `--quick` leaves out.\n\n{note_on_age(report['runs'])}"
     return text + "\n".join(case_section(name, result, report["runs"]) for name, result in measured.items())
 
 
