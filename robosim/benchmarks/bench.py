@@ -1,27 +1,23 @@
-"""`robosim bench`: speed of coupling, kinematics, environments and rendering, and the README's table of it.
+"""`robosim bench`: speed of coupling, kinematics, environments and rendering.
 
 Each figure is the median of repeated runs in a process of its own: `python -m robosim.benchmarks.bench PART CORE`.
 """
 
 import json
 import os
-import re
 import statistics
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from robosim.config.output import OutputFolder, replaced
+from robosim.config.output import OutputFolder
 from robosim.envs import TASKS
-from robosim.errors import ConfigError, UnknownName
+from robosim.errors import UnknownName
 from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import provenance
 
 REPEATS = 5
-MARKS = ("<!-- bench -->", "<!-- /bench -->")
-"""Marks around the table in a README."""
 
 
 def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
@@ -114,18 +110,15 @@ PARTS: dict[str, Callable[[], dict[str, float]]] = {
 }
 
 
-def bench(parts: list[str], out: Path | None, readme: Path | None) -> int:
+def bench(parts: list[str], out: Path | None) -> int:
     """Measure parts, all when the list is empty; print the figures and write bench.json.
 
-    readme: file that takes the table between its marks. Returns 0, or 1 where a part could not be measured.
-    Raises UnknownName for a part that does not exist, ConfigError for a README without marks.
+    Returns 0, or 1 where a part could not be measured. Raises UnknownName for a part that does not exist.
     """
     for part in parts:
         if part not in PARTS:
             also = "field by itself" if part != "field" else "field is measured by itself, without other parts"
             raise UnknownName("part", part, PARTS, also)
-    if readme is not None and not all(mark in readme.read_text() for mark in MARKS):
-        raise ConfigError(f"{readme}: has no {' ... '.join(MARKS)}, between which the table goes")
     folder = OutputFolder(out) if out else None
     names, figures, failures = parts or list(PARTS), {}, {}
     result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
@@ -139,17 +132,7 @@ def bench(parts: list[str], out: Path | None, readme: Path | None) -> int:
             folder.write_json("bench.json", result)
     for name, reason in failures.items():
         print(f"{name}: not measured: {reason}", file=sys.stderr)
-    if readme is not None:
-        put_table(readme, result)
     return int(bool(failures))
-
-
-def put_table(readme: Path, result: dict[str, Any]) -> None:
-    """Put the figures as a table between the marks of a README."""
-    rows = "\n".join(f"| {name} | {figure:.3g} |" for name, figure in result["figures"].items())
-    table = f"{MARKS[0]}\n| on one core of {result['made_by']['machine']} | |\n|---|---|\n{rows}\n{MARKS[1]}"
-    text = re.sub(f"{MARKS[0]}.*?{MARKS[1]}", lambda _: table, readme.read_text(), flags=re.DOTALL)
-    replaced(readme, lambda path: path.write_text(text))
 
 
 def main() -> None:

@@ -27,8 +27,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--threads", type=positive, default=1, help="field: of the CPU (default: 1)")
     parser.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: processor (default: cpu)")
     parser.add_argument("--out", type=Path, help="folder for bench.json, or bench_field.json")
-    parser.add_argument("--readme", type=Path, help="file with <!-- bench --> marks, between which the table is "
-                        "written")
     parser.set_defaults(run=run)
 
 
@@ -41,4 +39,4 @@ def run(options: argparse.Namespace) -> int:
                            options.arch)
     from robosim.benchmarks.bench import bench
 
-    return bench(options.parts, options.out, options.readme)
+    return bench(options.parts, options.out)
