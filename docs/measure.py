@@ -79,24 +79,24 @@ def report(out: Path) -> dict[str, Any]:
     """Claims and runs of some cases."""
     words = ["report", *CASES, "--quick"]
     command(words, out)
-    told = json.loads((out / "report.json").read_text())
-    return {**told, "made_by": made_by([*words, "--out", "out/report"])}
+    data = json.loads((out / "report.json").read_text())
+    return {**data, "made_by": made_by([*words, "--out", "out/report"])}
 
 
 def stability(out: Path) -> dict[str, Any]:
     """Verdicts of some axes."""
     words = ["stability", *AXES]
     command(words, out)
-    told = json.loads((out / "stability.json").read_text())
-    return {**told, "made_by": made_by([*words, "--out", "out/stability"])}
+    data = json.loads((out / "stability.json").read_text())
+    return {**data, "made_by": made_by([*words, "--out", "out/stability"])}
 
 
 def bench(out: Path) -> dict[str, Any]:
     """Coupled step, kinematics, environments."""
     words = ["bench", "coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]
     command(words, out)
-    told = json.loads((out / "bench.json").read_text())
-    return {**told, "made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.benchmarks.bench")}
+    data = json.loads((out / "bench.json").read_text())
+    return {**data, "made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.benchmarks.bench")}
 
 
 def bench_field(out: Path) -> dict[str, Any]:

@@ -22,11 +22,11 @@ def spread(values: list[float]) -> str:
 
 def scores_page() -> str:
     """Score of the best motion and of the last ten episodes, method by method, with published scores below."""
-    told = json.loads((TRAINED / "tables.json").read_text())
+    data = json.loads((TRAINED / "tables.json").read_text())
     published = yaml.safe_load((ROOT / "configs" / "published" / "arxiv_2406_09178.yaml").read_text())
     tasks = published["tasks"]
     groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
-    for run in told["runs"]:
+    for run in data["runs"]:
         groups[run["method"], run["task"]].append(run)
     methods = [m for m in METHODS if any(m == method for method, _ in groups)]
     methods += sorted({method for method, _ in groups} - set(methods))
@@ -39,7 +39,7 @@ def scores_page() -> str:
               for method in methods if method in published["tcs"]]
     seeds = [[f"`{method}`", *(str(len(groups[method, task]) or "") for task in tasks)] for method in methods]
     head = ["method", *tasks]
-    return f"""{len(told["runs"])} runs. Made by: {told["made_by"]}. The table is drawn from
+    return f"""{len(data["runs"])} runs. Made by: {data["made_by"]}. The table is drawn from
 `policies/trained/tables.json`; `robosim tables policies/trained/tables.json --out out/tables` draws it with
 interquartile means and intervals.
 
@@ -73,10 +73,10 @@ On one core that other processes used at the same time.
 
 def materials_page() -> str:
     """Score and trajectory deviation of the bundled motions in thirteen materials."""
-    told = json.loads((TRAINED / "materials.json").read_text())
-    tasks = list(dict.fromkeys(row["task"] for row in told["rows"]))
-    names = list(dict.fromkeys(row["material"] for row in told["rows"]))
-    by = {(row["material"], row["task"]): row for row in told["rows"]}
+    data = json.loads((TRAINED / "materials.json").read_text())
+    tasks = list(dict.fromkeys(row["task"] for row in data["rows"]))
+    names = list(dict.fromkeys(row["material"] for row in data["rows"]))
+    by = {(row["material"], row["task"]): row for row in data["rows"]}
 
     def cell(row: dict | None) -> str:
         return "" if row is None or row["score"] is None else f"{row['score']:.1f} ({row['td_mm']:.1f})"

@@ -2,12 +2,14 @@
 
 `<!-- slow -->`: the page's Python takes more than a few seconds. `<!-- file: NAME -->`: the block is written to this
 file before the page runs. `<!-- run -->`: a shell block that is run, not only parsed. `<!-- skip: REASON -->`.
+`<!-- needs: MODULE -->`: the block is left out where this module does not exist.
 A block of the language `output` holds what the Python block before it prints.
 """
 
 import re
 import textwrap
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,6 +25,12 @@ class Block:
     text: str
     marks: dict[str, str]
     line: int
+
+    @property
+    def is_run(self) -> bool:
+        """Whether its marks leave it in."""
+        needed = self.marks.get("needs")
+        return "skip" not in self.marks and (needed is None or find_spec(needed) is not None)
 
 
 def pages() -> list[Path]:

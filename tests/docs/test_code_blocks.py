@@ -21,7 +21,7 @@ SHELL = ("cd", "pip", "python", "python3", "pytest", ".venv/bin/pip", ".venv/bin
 
 def python_of(page: Path) -> list[Block]:
     """The Python blocks of a page that are to run."""
-    return [b for b in blocks(page) if b.language == "python" and "skip" not in b.marks]
+    return [b for b in blocks(page) if b.language == "python" and b.is_run]
 
 
 def is_slow(page: Path) -> bool:
@@ -46,7 +46,7 @@ def folder_for(page: Path, folder: Path) -> None:
 
 def expected_after(page: Path) -> list[str | None]:
     """For every Python block, the text of the output block that follows it, or None."""
-    found = [b for b in blocks(page) if "skip" not in b.marks]
+    found = [b for b in blocks(page) if b.is_run]
     return [found[k + 1].text if k + 1 < len(found) and found[k + 1].language == "output" else None
             for k, b in enumerate(found) if b.language == "python"]
 
