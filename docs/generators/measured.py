@@ -36,7 +36,10 @@ def outdated(name: str, module: str) -> str:
 
 def substitutions() -> dict[str, str]:
     """Values that pages use as `{{ name }}`."""
+    from robosim.reports.provenance import code_digest
+
     spoon = stored("rehearsal_spoon")
-    scores = stored("quoted")
-    values = {**spoon.get("quoted", {}), **scores.get("quoted", {})}
-    return {name: str(value) for name, value in values.items()}
+    is_old = spoon.get("code") != code_digest("robosim.commands.rehearse")
+    age = ", before the code changed last" if is_old else ""
+    made_by = spoon["made_by"]
+    return {**spoon["quoted"], "spoon_origin": f"commit {made_by['commit']}, {made_by['machine']}{age}"}
