@@ -28,7 +28,7 @@ def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, ou
 
     yardsticks: folder of reference programs, whose speed each line is compared with. With several threads, or on a GPU
     (arch "cuda"), each line has the speed-up over one CPU thread. A scene that cannot run there has the reason.
-    Returns 0. Raises UnknownName for a scene that does not exist.
+    Returns 0, or 1 where a scene could not run. Raises UnknownName for a scene that does not exist.
     """
     for scene in scenes:
         if scene not in FIELD_SCENES:
@@ -50,7 +50,7 @@ def bench_field(sizes: list[int], scenes: list[str], yardsticks: Path | None, ou
             print(json.dumps({k: round(v, 3) if isinstance(v, float) else v for k, v in line.items()}), flush=True)
             if folder:
                 folder.write_json("bench_field.json", lines)
-    return 0
+    return int(any("refused" in line for line in lines))
 
 
 def _in_fresh_process(scene: str, grains: int, threads: int, arch: str) -> dict[str, float]:
@@ -78,7 +78,7 @@ def _time_yardsticks(folder: Path, grains: int) -> dict[str, float]:
     if limit is not None:
         figures["limit"] = limit
     for name, ns in figures.items():
-        print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": ns}), flush=True)
+        print(json.dumps({"case": "bench_field", "yardstick": name, "grains": grains, "ns": round(ns, 3)}), flush=True)
     return figures
 
 

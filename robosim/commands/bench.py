@@ -15,7 +15,8 @@ EXAMPLE = """examples:
 def add_parser(commands: Any) -> None:
     """Add `bench` to the command line."""
     parser = commands.add_parser("bench", help="measure speed", epilog=EXAMPLE,
-                                 description="Measure how fast the parts run, each in a process of its own.")
+                                 description="Measure how fast the parts run, each in a process of its own. Exit "
+                                 "status 0 only if every part could be measured.")
     parser.add_argument("parts", nargs="*", metavar="PART", help="field by itself, or any of coupling, kinematics, "
                         "rendering, side_by_side, a sub-task such as SpoonPour, arm_SpoonPour with the whole arm "
                         "(default: all but field)")

@@ -44,7 +44,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
         made.close()
     values = summarize(task, name, rows)
     for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):
-        print(f"{key:28s} {values[key]}")
+        print(f"{key:28s} {values[key]:.4g}{' deg' if key.endswith('_deg') else ''}")
     return 0
 
 
