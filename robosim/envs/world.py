@@ -57,10 +57,10 @@ class World:
 
     def _check_ranges(self, randomize: Ranges) -> Ranges:
         """Return the ranges; raise ConfigError for a pair that is no range or needs a smaller time step."""
-        for name, given in randomize.items():
-            low, high = given if np.ndim(given) == 1 and len(given) == 2 else (math.nan, math.nan)
+        for name, pair in randomize.items():
+            low, high = pair if np.ndim(pair) == 1 and len(pair) == 2 else (math.nan, math.nan)
             if not low <= high:
-                raise ConfigError(f"randomize: {name} = {given!r}; accepted: (lowest, highest)")
+                raise ConfigError(f"randomize: {name} = {pair!r}; accepted: (lowest, highest)")
         dt = largest_step(self.task, law_of(self.material))
         for corner in itertools.product(*randomize.values()):
             numbers = dict(zip(randomize, corner))

@@ -74,9 +74,9 @@ def check_policy(task: str, name: str) -> None:
     dimensions = load_task(task).action.dimensions
     with np.load(name, allow_pickle=False) as stored:
         layers = [key for key in stored if key.startswith("bias_")]
-        given = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()
-    if given != (dimensions,):
-        raise ConfigError(f"policy {name}: gives {given} numbers; accepted: {dimensions}, as {task} takes")
+        shape = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()
+    if shape != (dimensions,):
+        raise ConfigError(f"policy {name}: gives {shape} numbers; accepted: {dimensions}, as {task} takes")
 
 
 def fingerprint(task: str, name: str) -> str:

@@ -35,7 +35,7 @@ class Reward:
         self.collisions, self.on_target, self.poured_on_target = 0, 0, 0
         turn = self.task.reward.turn
         self.turn_error = abs(math.radians(turn.angle_deg)) if turn is not None else 0.0
-        """Difference [rad] between the tool's rotation and what is asked."""
+        """Difference [rad] between the tool's rotation and the one that the task asks for."""
 
     @property
     def tcs(self) -> float:

@@ -88,7 +88,7 @@ class TurnConfig(Table):
     margin: PositiveFloat
     """Error [rad] at which nothing is earned."""
     angle_deg: float
-    """Rotation from the start's orientation that is asked for [deg]."""
+    """Rotation from the start's orientation that the task asks for [deg]."""
 
 
 class RewardConfig(Table):

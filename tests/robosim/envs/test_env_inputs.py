@@ -1,4 +1,4 @@
-"""Bad input to the environments names what was given and what would be accepted; options do what they say."""
+"""Wrong input to the environments is refused with what is accepted; options have their effect."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,9 +25,9 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def env() -> GrainEnv:
-    made = gymnasium.make(ID, randomize={"friction_angle_deg": (20.0, 40.0), "E": (1e5, 2e5)}).unwrapped
-    assert isinstance(made, GrainEnv)
-    return made
+    env = gymnasium.make(ID, randomize={"friction_angle_deg": (20.0, 40.0), "E": (1e5, 2e5)}).unwrapped
+    assert isinstance(env, GrainEnv)
+    return env
 
 
 @pytest.mark.parametrize(("options", "words"), [
@@ -60,7 +60,7 @@ def test_actions_are_checked(env: GrainEnv) -> None:
     env.actions.clip = False
 
 
-def test_a_name_keeps_its_kind_of_task() -> None:
+def test_a_registered_name_refuses_another_kind_of_task() -> None:
     with pytest.raises(robosim.ConfigError, match="pour with the scoop; accepted for .*Pour-v0: pour with the spoon"):
         gymnasium.make("robosim/SpoonPour-v0", task="ScoopPour")
 
@@ -77,14 +77,14 @@ def test_steps_belong_to_an_episode(env: GrainEnv) -> None:
 
 
 def test_random_materials_reach_the_field(env: GrainEnv) -> None:
-    seen = []
+    parameters = []
     for seed in range(4):
         env.reset(seed=seed)
         law = env.solver.bodies[0].material
         assert isinstance(law, mpm.DruckerPrager)
         assert 20.0 <= law.friction_angle_deg <= 40.0 and 1e5 <= law.E <= 2e5
-        seen.append(env.solver.numbers.parameters.to_numpy()[0].copy())
-    assert len({tuple(row) for row in seen}) == 4
+        parameters.append(env.solver.numbers.parameters.to_numpy()[0].copy())
+    assert len({tuple(row) for row in parameters}) == 4
     with pytest.raises(mpm.TimeStepTooLarge):
         env.solver.set_material(0, mpm.DruckerPrager(E=1e8, nu=0.2, density=1200.0, friction_angle_deg=30.0))
     with pytest.raises(mpm.InvalidValue, match="DruckerPrager"):
@@ -92,7 +92,7 @@ def test_random_materials_reach_the_field(env: GrainEnv) -> None:
 
 
 @pytest.mark.slow
-def test_a_damaged_start_is_made_anew(env: GrainEnv, capsys: pytest.CaptureFixture) -> None:
+def test_a_corrupt_start_is_rebuilt(env: GrainEnv, capsys: pytest.CaptureFixture) -> None:
     (path,) = cache_folder().glob("ShovelMove-*.npz")
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
@@ -134,8 +134,8 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
         make_policy("clever", env, 0)
 
 
-def test_a_stiffer_material_takes_the_step_that_it_needs() -> None:
-    """Paper is too stiff for the sub-tasks' own step; their numbers of its solver say so, and it acts as any other."""
+def test_a_stiffer_material_gets_a_smaller_step() -> None:
+    """Paper is too stiff for the sub-tasks' own step, so that its solver chooses a smaller one."""
     env = GrainEnv(task="SpoonPour", material="paper")
     assert env.task.field.dt is not None and env.task.field.dt > env.solver.bound > env.solver.dt
     env.reset(seed=0)
@@ -145,7 +145,7 @@ def test_a_stiffer_material_takes_the_step_that_it_needs() -> None:
 
 @pytest.mark.slow
 def test_the_arm_carries_a_stiffer_material_too() -> None:
-    """The plugin refuses substeps that do not divide its own step, where somebody asked for them; here nobody did."""
+    """The plugin refuses a requested substep that does not divide its own step; here none is requested."""
     env = GrainEnv(task="SpoonTranslate", material="paper", arm=True)
     env.reset(seed=0)
     _, _, _, _, info = env.step(np.zeros(3, np.float32))

@@ -1,5 +1,6 @@
 """The environments: Gymnasium's rules, the paper's scores at their extremes, determinism, one physics everywhere."""
 
+import re
 import warnings
 from typing import Any
 
@@ -22,10 +23,13 @@ from robosim.tasks.task import load_task, task_names
 EXTREMES = {"SpoonTranslate": (-41.00, 41.00), "ScoopTranslate": (-44.10, 44.10), "ShovelMove": (-41.70, 41.70),
             "SpoonPour": (-30.45, 52.78), "ScoopPour": (-39.60, 72.60), "BottlePickPour": (-26.60, 46.55)}
 """TCS of no motion and of a perfect one: the tables of arXiv 2406.09178, and for what they lack its equations."""
+HEADINGS = ["Description", "Action Space", "Observation Space", "Rewards", "Starting State", "Episode End", "Arguments",
+            "Version History"]
+"""Of Gymnasium's environment pages."""
 MOST = [pytest.param(name, marks=() if name == "SpoonPour" else pytest.mark.slow) for name in TASKS]
 
 
-def made(name: str, **options: Any) -> GrainEnv:
+def make_env(name: str, **options: Any) -> GrainEnv:
     env = gymnasium.make(f"robosim/{name}-v0", **options).unwrapped
     assert isinstance(env, GrainEnv)
     return env
@@ -33,12 +37,12 @@ def made(name: str, **options: Any) -> GrainEnv:
 
 @pytest.fixture(scope="module")
 def pour() -> GrainEnv:
-    return made("SpoonPour")
+    return make_env("SpoonPour")
 
 
 @pytest.fixture(scope="module")
 def scoop() -> GrainEnv:
-    return made("SpoonScoop")
+    return make_env("SpoonScoop")
 
 
 def episode(env: GrainEnv, name: str, seed: int = 0, **reset: Any) -> tuple[float, dict, list[np.ndarray]]:
@@ -63,6 +67,16 @@ def test_every_task_has_an_environment_with_a_page() -> None:
         for fact in (str(task.grains.count), str(task.reward.target), f"{Reward(task).extremes()[0]:.2f}",
                      str(task.action.speed), str(task.target.centre)):
             assert fact in page, (name, fact)
+        assert re.findall(r"^## (.*)$", page, re.M) == HEADINGS
+
+
+def test_the_page_has_the_bounds_of_the_spaces(pour: GrainEnv) -> None:
+    page = type(pour).__doc__ or ""
+    low, high = pour.observation_space.low, pour.observation_space.high  # pyright: ignore[reportAttributeAccessIssue]
+    assert f"`Box({low.shape}, float32)`" in page
+    for part in (slice(0, 3), slice(3, 6), slice(-8, -5)):  # position and velocity of a grain, position of the tool
+        for bound in (low[part], high[part]):
+            assert f"({', '.join(f'{value:.3g}' for value in bound)})" in page
 
 
 @pytest.mark.parametrize("name", EXTREMES)
@@ -87,7 +101,7 @@ def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
 @pytest.mark.parametrize("name", MOST)
 def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, request: Any) -> None:
     fixture = {"SpoonPour": "pour", "SpoonScoop": "scoop"}.get(name)
-    env = request.getfixturevalue(fixture) if fixture else made(name)
+    env = request.getfixturevalue(fixture) if fixture else make_env(name)
     for seed in (0, 1):
         _, info, seen = episode(env, "zero", seed)
         assert info["tcs"] == pytest.approx(env.reward.extremes()[0], abs=1e-9) and not info["is_success"]
@@ -104,7 +118,7 @@ def test_no_motion_scores_the_lower_extreme_and_the_script_succeeds(name: str, r
 
 @pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", MOST)
-def test_gymnasium_finds_nothing(name: str, arm: bool) -> None:
+def test_gymnasium_has_no_complaint(name: str, arm: bool) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*not the same as the gym.*")
@@ -121,7 +135,7 @@ def test_same_seed_same_bits_and_seeds_differ(pour: GrainEnv) -> None:
     assert np.array_equal(*nominal)
 
 
-def test_score_does_not_depend_on_how_long_an_action_is_held(pour: GrainEnv) -> None:
+def test_the_score_does_not_depend_on_the_action_repeat(pour: GrainEnv) -> None:
     """The same commands given in steps of 20 and of 2 ms: the same physics, launch by launch or in one."""
     commands = []
     act = make_policy("scripted", pour, 0)
@@ -132,7 +146,7 @@ def test_score_does_not_depend_on_how_long_an_action_is_held(pour: GrainEnv) -> 
         _, reward, over, _, info = pour.step(commands[-1])
         total += reward
     places = pour.solver.positions()
-    fine = made("SpoonPour", action_repeat=1)
+    fine = make_env("SpoonPour", action_repeat=1)
     fine.reset(seed=0)
     again = sum(float(fine.step(commands[k // 10])[1]) for k in range(1000))
     assert again == pytest.approx(total, abs=1e-6)
@@ -201,7 +215,7 @@ def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
 
 
 @pytest.mark.parametrize("repeat", [7, 300, 1000])
-def test_any_number_of_steps_can_be_held(pour: GrainEnv, repeat: int) -> None:
+def test_any_action_repeat_is_possible(pour: GrainEnv, repeat: int) -> None:
     pour.action_repeat = repeat
     try:
         _, info, seen = episode(pour, "zero")
@@ -211,7 +225,7 @@ def test_any_number_of_steps_can_be_held(pour: GrainEnv, repeat: int) -> None:
         pour.action_repeat = 10
 
 
-def test_to_diverge_never_pays(pour: GrainEnv, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_divergence_never_pays(pour: GrainEnv, monkeypatch: pytest.MonkeyPatch) -> None:
     """The last good observation, a score at the lower extreme, no success; and the next episode is whole."""
     total, _, _ = episode(pour, "zero")
     pour.reset(seed=0)
@@ -226,7 +240,7 @@ def test_to_diverge_never_pays(pour: GrainEnv, monkeypatch: pytest.MonkeyPatch) 
     assert episode(pour, "zero")[1]["tcs"] == pytest.approx(-30.45)
 
 
-def test_observations_hold_what_their_slices_say(pour: GrainEnv) -> None:
+def test_slices_name_the_parts_of_an_observation(pour: GrainEnv) -> None:
     observation, _ = pour.reset(seed=5)
     parts = {name: observation[where] for name, where in pour.observation_slices.items()}
     grains = parts["particles"].reshape(-1, 6)
@@ -242,7 +256,7 @@ def test_the_arm_scores_as_the_tool_alone(name: str) -> None:
     """The same script, the same observation and actions: the score differs by a tenth of its range at most."""
     scores, spaces = {}, []
     for arm in (False, True):
-        env = made(name, arm=arm)
+        env = make_env(name, arm=arm)
         _, info, _ = episode(env, "scripted", 0)
         assert info["is_success"] and ("arm" in info) == arm
         scores[arm] = info["tcs"]
@@ -257,7 +271,7 @@ def test_the_arm_scores_as_the_tool_alone(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["SpoonTranslate", "SpoonPour", "BottlePickPour", "ShovelMove"])
 def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
-    env = made(name, arm=True, grasp="friction")
+    env = make_env(name, arm=True, grasp="friction")
     _, info, _ = episode(env, "scripted", 0)
     assert info["is_success"]
     assert 0 < env.carrier.grasp.slip < 0.003  # pyright: ignore[reportAttributeAccessIssue]
@@ -279,7 +293,7 @@ def test_layouts_are_flat_and_stay_within_their_bounds(pour: GrainEnv, layout: A
     assert sum(part.stop - part.start for part in observer.slices.values()) == length
 
 
-def test_dict_layout_holds_the_same_numbers(pour: GrainEnv) -> None:
+def test_the_dict_layout_has_the_same_numbers(pour: GrainEnv) -> None:
     flat, parts = (Observer(pour.task, pour.solver, layout) for layout in ("flat", "dict"))
     pour.reset(seed=0)
     now = pour.counter.read()

@@ -1,6 +1,7 @@
 """Stable-Baselines3 in every sub-task: its checks, and its methods for a few episodes, without a warning."""
 
 import warnings
+from collections.abc import Callable
 
 import gymnasium
 import numpy as np
@@ -49,19 +50,28 @@ def test_the_arm_passes_the_check_too(name: str) -> None:
         check_env(gymnasium.make(f"robosim/{name}-v0", obs="moments", arm=True).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.slow
-def test_carrying_is_learnt_beyond_standing_still() -> None:
-    """SAC as SB3 ships it, sixty episodes of SpoonTranslate: the best return is above that of no motion.
-
-    Thirty end within one point of it, on whichever side rounding puts them; sixty are clear of it by forty.
-    """
-    env = Monitor(gymnasium.make("robosim/SpoonTranslate-v0", obs="moments"))
-    env.reset(seed=0)
-    still, over = 0.0, False
+def play(env: gymnasium.Env, policy: Callable[[np.ndarray], np.ndarray], seed: int) -> float:
+    """Return of an episode."""
+    observation, _ = env.reset(seed=seed)
+    total, over = 0.0, False
     while not over:
-        _, reward, over, _, _ = env.step(np.zeros(3, np.float32))
-        still += float(reward)
-    before = len(env.get_episode_rewards())
-    SAC("MlpPolicy", env, seed=0).learn(60 * 100)
-    assert max(env.get_episode_rewards()[before:]) > still
+        observation, reward, terminated, truncated, _ = env.step(policy(observation))
+        total, over = total + float(reward), terminated or truncated
+    return total
+
+
+@pytest.mark.slow
+def test_sac_learns_to_carry() -> None:
+    """Sixty episodes of SpoonTranslate with SB3's own settings: without exploration, the learned policy earns more than
+    a tool that stands still from each of five starts that it has not seen.
+
+    It earned 20 and 85 more with two seeds, where returns of standing still differ by 3 between the starts; after
+    thirty episodes it may still be below.
+    """
+    env = gymnasium.make("robosim/SpoonTranslate-v0", obs="moments")
+    model = SAC("MlpPolicy", Monitor(env), seed=0).learn(60 * 100)
+    for seed in range(100, 105):
+        learned = play(env, lambda observation: model.predict(observation, deterministic=True)[0], seed)
+        still = play(env, lambda observation: np.zeros(3, np.float32), seed)
+        assert learned > still + 10.0, seed
     env.close()

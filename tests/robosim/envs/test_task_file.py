@@ -1,4 +1,4 @@
-"""A task in a file of one's own does in every command what a sub-task's name does."""
+"""A task file works in every command as a sub-task's name does."""
 
 import json
 from pathlib import Path
@@ -37,7 +37,7 @@ def written(name: str) -> str:
     return name
 
 
-def test_it_is_the_environment_that_the_file_says() -> None:
+def test_a_task_file_makes_its_environment() -> None:
     """The same numbers as the registered one that is given the file."""
     own = written("mine.yaml")
     registered = gymnasium.make("robosim/SpoonTranslate-v0", task=own, action_repeat=HOLD)
@@ -51,7 +51,7 @@ def test_it_is_the_environment_that_the_file_says() -> None:
 
 
 @pytest.mark.slow
-def test_a_vector_of_it_is_the_same_as_one() -> None:
+def test_a_vector_environment_of_a_task_file_behaves_as_one() -> None:
     own = written("mine.yaml")
     vector = gymnasium.make_vec("robosim/Task-v0", num_envs=2, workers=1, task=own, action_repeat=HOLD)
     alone, plain = make(own, action_repeat=HOLD), make("SpoonTranslate", action_repeat=HOLD)
@@ -64,7 +64,7 @@ def test_a_vector_of_it_is_the_same_as_one() -> None:
 
 
 @pytest.mark.slow
-def test_what_is_learnt_in_it_bears_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+def test_results_have_the_name_of_the_task_file(capsys: pytest.CaptureFixture[str]) -> None:
     """Training, evaluation and export; a sub-task refuses the motion, the file takes any that fits."""
     own, actions = written("mine.yaml"), np.full((4, 3), 0.1, np.float32)
     np.savez("demonstration_0.npz", actions=actions, hold=HOLD, task="mine", seed=0, nominal=True)
@@ -83,7 +83,7 @@ def test_what_is_learnt_in_it_bears_its_name(capsys: pytest.CaptureFixture[str])
     assert gymnasium.make(spec["id"], **spec["kwargs"]).unwrapped.TASK == "mine"
 
 
-def test_a_sweep_names_folders_after_it() -> None:
+def test_a_sweep_names_folders_after_a_task_file() -> None:
     own = written("mine.yaml")
     Path("sweep.yaml").write_text(f"tasks: [{own}, SpoonPour]\nmethods: [sac]\nseeds: [0]\nout: runs\n")
     runs = policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
@@ -96,12 +96,12 @@ def test_a_sweep_names_folders_after_it() -> None:
         policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
 
 
-def test_files_are_told_apart() -> None:
+def test_task_files_differ_from_rehearsal_files() -> None:
     assert is_task(written("mine.yaml")) and is_task("SpoonPour")
     assert not is_task(str(config_path("rehearsals", "spoon", "rehearsal"))) and not is_task("spoon")
 
 
-def test_what_is_no_task_is_said() -> None:
+def test_what_is_no_task_is_refused() -> None:
     Path("sweep.yaml").write_text("tasks: [gone.yaml]\nmethods: [sac]\nseeds: [0]\nout: runs\n")
     with pytest.raises(mpm.InvalidValue, match=r"gone\.yaml; accepted: .* a task's \.yaml file"):
         policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))

@@ -1,4 +1,4 @@
-"""Several environments at once: each is what it is alone, in one process or two, and ends or diverges alone."""
+"""Vector environments: each behaves as it does alone, in one process or two, and ends or diverges alone."""
 
 import json
 import os
@@ -49,7 +49,7 @@ def of(infos: dict[str, Any], e: int) -> dict[str, Any]:
             if not key.startswith("_") and infos.get(f"_{key}", np.ones(9))[e]}
 
 
-def test_each_is_what_it_is_alone(carried: gymnasium.vector.VectorEnv) -> None:
+def test_each_environment_behaves_as_it_does_alone(carried: gymnasium.vector.VectorEnv) -> None:
     compared(carried, "SpoonTranslate")
 
 
@@ -67,7 +67,7 @@ test_vector.compared(vector, name, **options)
     ("SpoonTranslate", {"obs": "moments", "randomize": {"friction_angle_deg": (20.0, 40.0)}}),
     ("SpoonScoop", {"obs": "dict"}),
 ])
-def test_each_is_what_it_is_alone_in_ieee_order(name: str, options: dict[str, Any]) -> None:
+def test_each_environment_has_the_same_bits_as_alone(name: str, options: dict[str, Any]) -> None:
     """The kernels of a batch and of a solver are compiled apart. Where sums may be reordered, a branch that few grains
     take (a scooping one does) may round otherwise in one than in the other."""
     subprocess.run([sys.executable, "-c", IEEE, name, json.dumps(options)], cwd=Path(__file__).parent, check=True)
@@ -99,7 +99,7 @@ def compared(vector: gymnasium.vector.VectorEnv, name: str, **options: Any) -> N
 
 
 def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> None:
-    """A grain of one becomes a NaN: that episode ends, says why, begins anew; the others notice nothing."""
+    """A particle of one becomes NaN: that episode ends with the reason and restarts; the others are unchanged."""
     batch = carried.batches[0]  # pyright: ignore[reportAttributeAccessIssue]
     given = actions(carried, 2)
     first, second = next(given), next(given)
@@ -119,7 +119,7 @@ def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> No
     assert np.isfinite(carried.step(first)[0]).all()
 
 
-def test_some_can_be_started_anew(carried: gymnasium.vector.VectorEnv) -> None:
+def test_a_mask_restarts_some_environments(carried: gymnasium.vector.VectorEnv) -> None:
     carried.reset(seed=3)
     given = actions(carried, 2)
     before = carried.step(next(given))[0]
@@ -151,7 +151,7 @@ def test_wrong_input_is_refused(carried: gymnasium.vector.VectorEnv) -> None:
 
 
 @pytest.mark.slow
-def test_processes_share_the_work_and_tell_when_one_dies() -> None:
+def test_two_processes_give_the_same_and_report_a_dead_one() -> None:
     options: dict[str, Any] = {"action_repeat": 150}
     one, two = (GrainVectorEnv("SpoonTranslate", 3, workers=n, **options) for n in (1, 2))
     try:
@@ -176,7 +176,7 @@ def test_processes_share_the_work_and_tell_when_one_dies() -> None:
 
 
 @pytest.mark.slow
-def test_arms_have_processes_of_their_own() -> None:
+def test_each_arm_has_a_process_of_its_own() -> None:
     vector = gymnasium.make_vec("robosim/ShovelMove-v0", num_envs=2, arm=True, action_repeat=250)
     try:
         first, _ = vector.reset(seed=[0, 1])
@@ -189,7 +189,7 @@ def test_arms_have_processes_of_their_own() -> None:
         vector.close()
 
 
-def test_nothing_warns_of_the_spaces(carried: gymnasium.vector.VectorEnv) -> None:
+def test_spaces_give_no_warning(carried: gymnasium.vector.VectorEnv) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         seen, _ = carried.reset(seed=0)

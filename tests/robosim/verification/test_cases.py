@@ -1,4 +1,4 @@
-"""The field against answers that nobody here wrote: the report's cases at the choices that their bands name."""
+"""Cases with independent reference solutions, at the choices for which their bands hold."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_free_fall_is_exact(precision: str, speed: float) -> None:
 
 
 @pytest.mark.parametrize(("precision", "steps"), [("f64", 200), ("f32", 1000)])
-def test_spinning_block_keeps_its_momentum(precision: str, steps: int) -> None:
+def test_a_spinning_block_conserves_momentum(precision: str, steps: int) -> None:
     errors = spin.measure(precision=precision, steps=steps).errors
     assert max(errors.values()) <= spin.BANDS[precision]
 
@@ -53,8 +53,8 @@ def test_walls_are_second_order() -> None:
 
 @pytest.mark.parametrize("model", ["fixed_corotated", *(pytest.param(m, marks=pytest.mark.slow)
                                                         for m in ("hencky", "neo_hookean"))])
-def test_a_ringing_block_gains_no_energy(model: str) -> None:
-    """Kinetic and elastic energy swing against each other: a wrong energy, or a wrong stress, would rise and fall."""
+def test_a_vibrating_block_gains_no_energy(model: str) -> None:
+    """Kinetic and elastic energy alternate: with a wrong energy or stress, their sum would rise and fall."""
     errors = elastic_energy.measure(model=model, periods=4).errors
     assert all(errors[name] <= bound for name, bound in elastic_energy.BANDS.items()), errors
 
@@ -62,17 +62,17 @@ def test_a_ringing_block_gains_no_energy(model: str) -> None:
 @pytest.mark.parametrize(("model", "stretch"), [
     pytest.param(*key, marks=() if key == ("neo_hookean", 1.1) else pytest.mark.slow)
     for key in uniaxial.EXACT])
-def test_bar_is_stretched_as_its_law_says(model: str, stretch: float) -> None:
-    """The stress is the wall's pull, not the law's own formula."""
+def test_a_stretched_bar_follows_its_law(model: str, stretch: float) -> None:
+    """The stress is measured by the wall's pull, not by the law's own formula."""
     errors = uniaxial.measure(model=model, stretch=stretch).errors
     assert all(abs(errors[name]) <= bound for name, bound in uniaxial.BANDS.items()), errors
 
 
 @pytest.mark.parametrize("choices", [return_mapping.SWEEP[0], *(pytest.param(c, marks=pytest.mark.slow)
                                                                  for c in return_mapping.SWEEP[1:])])
-def test_grains_yield_as_the_cone_says(choices: dict) -> None:
+def test_particles_return_to_the_cone(choices: dict) -> None:
     record = return_mapping.measure(**choices)
-    found = [finding for finding in (check.evaluate([record]) for check in return_mapping.CLAIMS)
+    found = [finding for finding in (claim.evaluate([record]) for claim in return_mapping.CLAIMS)
              if finding.found is not None]
     assert [finding.verdict for finding in found] == ["pass"] * 4, found
 
@@ -85,16 +85,16 @@ def test_paths_end_at_flow_with_constant_volume(choices: dict) -> None:
 
 
 @pytest.mark.parametrize("beyond", [-3.0, 8.0])
-def test_heap_stands_up_to_the_slope_that_friction_bears(beyond: float) -> None:
+def test_a_heap_stands_up_to_its_limit_slope(beyond: float) -> None:
     record = heap.measure(phi_deg=25.0, beyond_deg=beyond, cells=16)
-    finding = next(f for f in (check.evaluate([record]) for check in heap.CLAIMS) if f.found is not None)
+    finding = next(f for f in (claim.evaluate([record]) for claim in heap.CLAIMS) if f.found is not None)
     assert finding.verdict == "pass", finding
 
 
 @pytest.mark.slow
-def test_sand_runs_out_of_a_slot_at_a_constant_rate() -> None:
+def test_sand_leaves_a_slot_at_a_constant_rate() -> None:
     records = [orifice.measure(orifice_cells=d) for d in (9, 13)]
-    findings = [check.evaluate(records) for check in orifice.CLAIMS]
+    findings = [claim.evaluate(records) for claim in orifice.CLAIMS]
     assert [f.verdict for f in findings if f.found is not None] == ["pass"] * 3, findings
 
 
@@ -152,13 +152,14 @@ def test_dam_break() -> None:
 
 @pytest.mark.slow
 def test_slope_above_the_threshold() -> None:
-    """The sheet loses less to the grid with every refinement, and slides by m3, not by tan phi."""
+    """The error shrinks with every refinement, and the sheet slides by m3, not by tan phi."""
     records = [slope.measure(cells=n) for n in (8, 16, 32)]
     errors = [record.errors["acceleration"] for record in records]
     assert slope.BANDS["low at 32 cells"] <= errors[2] <= slope.BANDS["high at 32 cells"]
     assert abs(errors[2]) < abs(errors[1]) < abs(errors[0])
-    seen = records[2].readings
-    assert abs(seen["acceleration"] - seen["predicted"]) < abs(seen["acceleration"] - seen["by_angle"])
+    readings = records[2].readings
+    assert abs(readings["acceleration"] - readings["predicted"]) < \
+        abs(readings["acceleration"] - readings["by_angle"])
 
 
 @pytest.mark.parametrize("courant", [0.7, pytest.param(0.1, marks=pytest.mark.slow)])
@@ -198,8 +199,8 @@ def test_stiff_fine_column_keeps_its_height(a: float, cells: int, E: float) -> N
     (0.3, 0.75, 0.2), pytest.param(2.0, 0.0, 0.2, marks=pytest.mark.slow),
     pytest.param(2.0, 0.75, 2.0, marks=pytest.mark.slow)])
 def test_lock_gate(thickness: float, offset: float, duration: float) -> None:
-    """Thrust on a plate of a third to two cells, on nodes and between them; two seconds where water beside it used to
-    circulate."""
+    """Thrust on a plate of a third to two cells, on nodes and between them; two seconds in a place where the water next
+    to it once circulated."""
     record = lock_gate.measure(thickness_cells=thickness, offset_cells=offset, duration=duration)
     findings = [claim.evaluate([record]) for claim in lock_gate.CLAIMS]
     found = [finding for finding in findings if finding.found is not None]
@@ -207,19 +208,19 @@ def test_lock_gate(thickness: float, offset: float, duration: float) -> None:
     assert all(finding.verdict == "pass" for finding in found), found
 
 
-def test_no_grain_passes_a_thin_spoon() -> None:
-    """Filled, lifted and shaken on cells of ten times its thickness; the whole program is `make test-slow`."""
+def test_no_particle_crosses_a_thin_spoon() -> None:
+    """Filled, lifted and shaken on cells of ten times its thickness; the whole motion is a slow test."""
     record = shell_leak.measure(cell=0.01, grains=1500, until=2.2, offset=0.3)
     assert record.errors["crossed"] == 0
     assert record.errors["momentum"] <= shell_leak.BANDS["momentum"]
     assert abs(record.readings["weight_error"]) <= 1e-3
-    assert record.readings["kept"] >= 0.3  # the rest is shaken over the rim
+    assert record.readings["retained"] >= 0.3  # the rest is shaken over the rim
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", [0.005, 0.01])
 @pytest.mark.parametrize("offset", np.arange(10) / 10)
-def test_no_grain_passes_a_thin_spoon_at_any_offset(cell: float, offset: float) -> None:
+def test_no_particle_crosses_a_thin_spoon_at_any_offset(cell: float, offset: float) -> None:
     record = shell_leak.measure(cell=cell, offset=float(offset))
     assert record.particles >= 5000
     assert record.errors["crossed"] == 0
@@ -236,7 +237,7 @@ def test_cases_are_found_by_name() -> None:
 
 @pytest.mark.parametrize("precision", [pytest.param("f64", marks=pytest.mark.slow), "f32"])
 @pytest.mark.parametrize("material", [pytest.param("elastic", marks=pytest.mark.slow), "sand"])
-def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> None:
+def test_ball_and_blob_conserve_momentum(material: str, precision: str) -> None:
     """Through MuJoCo's own integration, angular momentum of the spinning ball included."""
     for ratio in (1.0,) if precision == "f32" else (1e-3, 1.0):
         record = closed_system.measure(material=material, precision=precision, mass_ratio=ratio)
@@ -246,7 +247,7 @@ def test_ball_and_blob_keep_their_momentum(material: str, precision: str) -> Non
 
 
 @pytest.mark.slow
-def test_block_is_slowed_by_the_wave_in_the_bar() -> None:
+def test_a_block_is_slowed_by_the_wave_in_the_bar() -> None:
     """Between nodes, where it is worst; a block lighter than the grid can resolve is nearer on a finer grid."""
     assert bar_impact.measure(offset_cells=0.25).errors["speed"] <= bar_impact.BANDS["speed"]
     coarse, fine = (bar_impact.measure(mass=0.05, cell=c) for c in (0.01, 0.005))
@@ -270,12 +271,12 @@ def test_block_is_slowed_wherever_the_nodes_are(offset: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("material", "acceleration"), [("sugar", 2.0), ("flour", 2.0), ("salt", 5.0)])
-def test_wrist_feels_other_loads(material: str, acceleration: float) -> None:
+def test_the_wrist_measures_other_loads(material: str, acceleration: float) -> None:
     errors = carried_load.measure(material=material, acceleration=acceleration).errors
     assert all(error <= carried_load.BANDS[name] for name, error in errors.items()), errors
 
 
-def test_wrist_feels_the_load() -> None:
+def test_the_wrist_measures_the_load() -> None:
     errors = carried_load.measure().errors
     assert all(error <= carried_load.BANDS[name] for name, error in errors.items()), errors
 
@@ -289,7 +290,7 @@ def test_cube_floats_at_its_draught() -> None:
 
 
 @pytest.mark.slow
-def test_water_round_a_ball_has_mass() -> None:
+def test_water_adds_mass_to_a_ball() -> None:
     record = find("added_mass").measure(cell=0.003, swings=1.2)
     assert abs(record.errors["frequency"]) < find("added_mass").BANDS["frequency"]
 

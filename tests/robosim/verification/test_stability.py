@@ -1,4 +1,4 @@
-"""Stiff and extreme cases behave or refuse, as defined in `robosim.verification.stability.field`."""
+"""Stiff and extreme cases are stable or refused, as defined in `robosim.verification.stability`."""
 
 import json
 from types import SimpleNamespace
@@ -15,54 +15,54 @@ from robosim.verification.stability_report import stability
 
 REFUSED = {("courant", 0.8), ("courant", 0.9), ("courant", 1.0), ("arm_host_step", 5e-3), ("arm_host_step", 1e-2),
            ("arm_pose", "stretched"), ("arm_pose", "near a limit"), ("arm_pose", "beyond reach")}
-"""Cells that name a bound and the value given; all others are stable."""
+"""Cells that are refused with the bound and the value; all others are stable."""
 QUICK = [("friction_angle_deg", 0.0), ("drop_height", 5.0), ("degenerate", "inverted"),
          ("arm_host_step", 2e-3), ("payload", 60.0), ("arm_pose", "wrist aligned")]
 
 
 @pytest.mark.parametrize(("axis", "value"), QUICK)
 def test_extreme_cell_is_stable(axis: str, value: float | str) -> None:
-    verdict = run_cell(axis, value)
-    assert verdict.verdict == "stable", verdict
+    result = run_cell(axis, value)
+    assert result.verdict == "stable", result
 
 
 @pytest.mark.parametrize("number", [0.8, 1.0])
 def test_steps_above_the_bound_are_refused_with_both_numbers(number: float) -> None:
-    verdict = run_cell("courant", number)
-    assert verdict.verdict == "refused" and "above the bound 0.0003873 s" in verdict.reason
+    result = run_cell("courant", number)
+    assert result.verdict == "refused" and "above the bound 0.0003873 s" in result.reason
 
 
-def test_a_plate_is_judged_by_the_bands_of_its_case(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plate_must_stay_within_the_bands_of_its_case(monkeypatch: pytest.MonkeyPatch) -> None:
     for errors, verdict in (({"force": 0.01, "torque": 0.02, "crossed": 0.0}, "stable"),
                             ({"force": -0.05, "torque": 0.02, "crossed": 0.1}, "unstable")):
         record = SimpleNamespace(errors=errors)
         monkeypatch.setattr(lock_gate, "measure", lambda record=record, **choices: record)
-        found = run_cell("shell_thickness", 0.5)
-        assert found.verdict == verdict
-    assert found.reason == "force off by -5.00%, crossed off by 10.00%"
+        result = run_cell("shell_thickness", 0.5)
+        assert result.verdict == verdict
+    assert result.reason == "force off by -5.00%, crossed off by 10.00%"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("axis", "value"), [(axis, value) for axis in AXES for value in AXES[axis][1]])
 def test_every_cell_is_stable_or_refused(axis: str, value: float | str) -> None:
-    verdict = run_cell(axis, value)
-    assert verdict.verdict == ("refused" if (axis, value) in REFUSED else "stable"), verdict
+    result = run_cell(axis, value)
+    assert result.verdict == ("refused" if (axis, value) in REFUSED else "stable"), result
 
 
 def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
-    """A cell whose process ends without an answer is unstable, with its last words; what is judged is kept."""
+    """A cell whose process ends without a result is unstable, with its last line on stderr; finished cells are kept."""
     monkeypatch.setitem(AXES, "payload", (AXES["payload"][0], (1.0, "heavy")))
     assert stability(["payload"], tmp_path) == 1
-    told = json.loads((tmp_path / "stability.json").read_text())["cells"]
-    assert [cell["verdict"] for cell in told] == ["stable", "unstable"]
-    assert "TypeError" in told[1]["reason"]
+    cells = json.loads((tmp_path / "stability.json").read_text())["cells"]
+    assert [cell["verdict"] for cell in cells] == ["stable", "unstable"]
+    assert "TypeError" in cells[1]["reason"]
     page = (tmp_path / "index.html").read_text()
     assert 'class="unstable" title=' in page and "1 stable, 0 refused, 1 unstable" in page
-    asked = []
-    answers = iter([(0, None, "again")])
-    monkeypatch.setattr(stability_report, "run_jobs", lambda work, jobs: asked.extend(work) or answers)
+    started = []
+    outcomes = iter([(0, None, "again")])
+    monkeypatch.setattr(stability_report, "run_jobs", lambda work, jobs: started.extend(work) or outcomes)
     assert stability(["payload"], tmp_path) == 1
-    assert [words for _, words in asked] == [("--cell", "payload", '"heavy"')]  # what gave no answer is judged again
+    assert [arguments for _, arguments in started] == [("--cell", "payload", '"heavy"')]  # without a result: again
     (tmp_path / "stability.json").write_text("{")
     with pytest.raises(ConfigError, match="left as it is"):
         stability(["payload"], tmp_path)
@@ -70,8 +70,8 @@ def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
 
 @pytest.mark.slow
-def test_auto_takes_the_eigenvalues_where_the_series_ends() -> None:
-    """Squeezed to 60 % the series is 1e-4 off; small strains are left to it, to the bit."""
+def test_auto_uses_eigenvalues_outside_the_range_of_the_series() -> None:
+    """Compressed to 60 % the series is wrong by 1e-4; for small strains it is used, with the same bits."""
     cell = 0.01
     positions = mpm.sample_box((0, 0, 0), (0.04, 0.04, 0.04), cell / 2)
     rollers = mpm.Walls.all("roller")

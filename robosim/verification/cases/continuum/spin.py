@@ -1,4 +1,8 @@
-"""A free elastic block spins about a slanted axis: momentum is kept to rounding, the affine part included."""
+"""Spin of a free elastic block about a slanted axis.
+
+Measured: change of linear and angular momentum over the run, relative to the angular momentum; the affine part of the
+particles' velocities counts. Reference: conservation.
+"""
 
 import numpy as np
 
@@ -19,7 +23,7 @@ CLAIMS = tuple(Within(name, BANDS[p], {"precision": p}) for p in ("f64", "f32") 
 
 
 def measure(*, precision: str = "f64", courant: float = 0.3, steps: int = 1000) -> Record:
-    """Drift of linear [1/m] and angular momentum over the run, relative to the angular momentum at its start."""
+    """Run the case; return the changes of linear [1/m] and angular momentum, relative to the latter."""
     cell, spin, centre = 1 / 24, np.array([1.0, 2.0, 3.0]), np.array([0.5, 0.5, 0.5])
     positions = mpm.sample_box(centre - 0.2, centre + 0.2, cell / 2)
     material = mpm.Elastic(E=1e4, nu=0.3, density=1000.0)

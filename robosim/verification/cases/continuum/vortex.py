@@ -1,7 +1,8 @@
-"""A ring twisted back and forth in plane strain, by up to 70 % shear, driven so that the twist is an exact solution.
+"""Manufactured twist of a ring in plane strain, by up to 70 % shear.
 
-alpha(R, t) = (A/2) (1 - cos 2 pi t) (1 - 32 (R-1)^2 + 256 (R-1)^4): both rims stay free of stress and displacement,
-so that no boundary condition takes part.
+Measured: rms error of the positions over a period, and its order. Reference: the angle alpha(R, t) = (A / 2)
+(1 - cos 2 pi t) (1 - 32 (R - 1)^2 + 256 (R - 1)^4), which a prescribed body acceleration makes an exact solution. Both
+rims stay free of stress and displacement, so that no boundary condition takes part.
 """
 
 import numpy as np
@@ -29,29 +30,29 @@ MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
 
 
 def shape(R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """h(R) and its first and second derivative."""
+    """Return h(R) and its first and second derivative."""
     s = R - 1
     return 1 - 32 * s**2 + 256 * s**4, -64 * s + 1024 * s**3, -64 + 3072 * s**2
 
 
-def turn(t: float, amplitude: float) -> tuple[float, float, float]:
-    """g(t) and its first and second derivative."""
+def twist(t: float, amplitude: float) -> tuple[float, float, float]:
+    """Return g(t) and its first and second derivative."""
     w = 2 * np.pi
     return (amplitude / 2 * (1 - np.cos(w * t)), amplitude / 2 * w * np.sin(w * t),
             amplitude / 2 * w**2 * np.cos(w * t))
 
 
 def position(X: np.ndarray, t: float, amplitude: float) -> np.ndarray:
-    """Places (n, 2) [m] at time t [s] of material points X (n, 2) [m] about the ring's centre."""
-    angle = turn(t, amplitude)[0] * shape(np.hypot(*X.T))[0]
+    """Return positions [m] (n, 2) at time t [s] of material points X [m] (n, 2) about the ring's centre."""
+    angle = twist(t, amplitude)[0] * shape(np.hypot(*X.T))[0]
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.stack([cosine * X[:, 0] - sine * X[:, 1], sine * X[:, 0] + cosine * X[:, 1]], 1)
 
 
 def acceleration(X: np.ndarray, t: float, amplitude: float) -> np.ndarray:
-    """Body acceleration (n, 2) [m/s^2] for neo-Hookean elasticity."""
+    """Return the body acceleration [m/s^2] (n, 2) for neo-Hookean elasticity."""
     R = np.hypot(*X.T)
-    (h, h1, h2), (g, g1, g2) = shape(R), turn(t, amplitude)
+    (h, h1, h2), (g, g1, g2) = shape(R), twist(t, amplitude)
     radial = -R * (g1 * h) ** 2 + MU / DENSITY * R * (g * h1) ** 2
     around = R * g2 * h - MU / DENSITY * (3 * g * h1 + R * g * h2)
     angle = np.arctan2(X[:, 1], X[:, 0]) + g * h
@@ -60,7 +61,7 @@ def acceleration(X: np.ndarray, t: float, amplitude: float) -> np.ndarray:
 
 
 def measure(*, cells: int = 40, courant: float = 0.2, precision: str = "f64", amplitude: float = 0.1) -> Record:
-    """Largest rms error of the positions over one period of 1 s [m per radian of twist]; cells per metre."""
+    """Run the case over a period of 1 s; return rms errors [m per radian of twist]. cells: per metre."""
     cell = 1.0 / cells
     lattice = mpm.sample_box((-1.25, -1.25, 0), (1.25, 1.25, cell), cell / 2)
     R = np.hypot(*lattice[:, :2].T)

@@ -1,4 +1,8 @@
-"""A ball on a spring in a water-filled hollow sphere swings more slowly: the water it pushes aside has mass."""
+"""Ball on a spring in a hollow sphere full of water.
+
+Measured: relative error of the frequency, which the water's added mass lowers. Reference: Stokes (1843), a ball of
+radius a in a hollow sphere of radius b carries C = (b^3 + 2 a^3) / (2 (b^3 - a^3)) of the displaced mass.
+"""
 
 import mujoco
 import numpy as np
@@ -39,7 +43,7 @@ BALL = """
 
 
 def hollow(radius: float, wall: float) -> trimesh.Trimesh:
-    """Wall [m] about a hollow of a radius [m] about the origin."""
+    """Build a wall of a thickness [m] around a hollow of a radius [m] about the origin."""
     inner = trimesh.creation.icosphere(4, radius)
     inner.invert()
     outer = trimesh.creation.icosphere(4, radius + wall)
@@ -48,8 +52,10 @@ def hollow(radius: float, wall: float) -> trimesh.Trimesh:
 
 
 def swing(x: np.ndarray, step: float) -> tuple[float, float]:
-    """Undamped frequency [rad/s] and damping ratio of a swing x(t) that starts through zero, from its first two peaks
-    to either side; not a number where it does not swing."""
+    """Return the undamped frequency [rad/s] and the damping ratio of a swing x(t) that starts through zero.
+
+    They follow from its first peak to either side, step [s] apart per sample; not a number where it does not swing.
+    """
     high = int(np.argmax(x))
     low = high + int(np.argmin(x[high:]))
     if not (0 < high < low < len(x) - 1 and x[low] < 0):
@@ -61,10 +67,10 @@ def swing(x: np.ndarray, step: float) -> tuple[float, float]:
 
 def measure(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2.0, swings: float = 2.0,
             precision: str = "f32") -> Record:
-    """Relative error of the frequency, and damping ratio.
+    """Run the case; return the error of the frequency.
 
-    cell [m]; mass_ratio: of the ball to the water that it displaces; radii: of the hollow, in the ball's; swings:
-    periods that are followed.
+    cell [m]; mass_ratio: of ball to displaced water; radii: radius of the hollow over the ball's; swings: periods that
+    are computed.
     """
     outer = radii * RADIUS
     reach = np.ceil(outer / cell + 3) * cell

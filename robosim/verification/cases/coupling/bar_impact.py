@@ -1,4 +1,8 @@
-"""A rigid block hits the end of an elastic bar: it is slowed by the wave that it starts, exponentially in time."""
+"""Impact of a rigid block on the end of an elastic bar.
+
+Measured: largest error of the block's speed, relative to its start, until the wave returns. Reference: the block is
+slowed by the wave that it starts, v = v0 exp(-Z t / m) with Z = rho c A.
+"""
 
 import mujoco
 import numpy as np
@@ -37,14 +41,17 @@ BLOCK = """
 
 def measure(*, cell: float = 0.005, mass: float = 0.5, offset_cells: float = 0.0, courant: float = 0.5,
             precision: str = "f32", host_step: float = 5e-4, coupling: str = "mobility") -> Record:
-    """Error of the block's speed. cell [m]; mass [kg]; offset_cells: of the bar's end from a plane of nodes."""
+    """Run the case; return the errors of the block's speed.
+
+    cell [m]; mass [kg]; offset_cells: of the bar's end from a plane of nodes; host_step [s].
+    """
     c = np.sqrt(E / DENSITY)
     end = 0.1 + offset_cells * cell
     positions = mpm.sample_box((end, 0, 0), (end + LENGTH, SIDE, SIDE), cell / 2)
     bar = mpm.Body(mpm.Elastic(E=E, nu=0.0, density=DENSITY), positions, volume=LENGTH * SIDE**2 / len(positions))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (end + LENGTH + 0.05, SIDE, SIDE), cell), bodies=[bar],
-                        gravity=(0, 0, 0), walls=mpm.Walls.all("roller"), dt=_step(cell / c * courant, host_step),
-                        precision=precision)
+                        gravity=(0, 0, 0), walls=mpm.Walls.all("roller"), precision=precision,
+                        dt=_dividing_step(cell / c * courant, host_step))
     model = mujoco.MjModel.from_xml_string(BLOCK.format(mass=mass, host_step=host_step, x=end - 0.05, y=SIDE / 2))
     data = mujoco.MjData(model)
     data.qvel[0] = SPEED
@@ -62,6 +69,6 @@ def measure(*, cell: float = 0.005, mass: float = 0.5, offset_cells: float = 0.0
                         speed_at_10_ms=float(np.interp(0.01, times, speeds)), fastest=float(np.abs(speeds).max()))
 
 
-def _step(longest: float, host_step: float) -> float:
-    """The largest whole part of the host step that is no longer than `longest`."""
+def _dividing_step(longest: float, host_step: float) -> float:
+    """Return the largest step [s] up to `longest` that divides the host step."""
     return host_step / np.ceil(host_step / longest - 1e-9)

@@ -1,4 +1,8 @@
-"""The spoon, full, is held still and then carried off at a constant acceleration: what the wrist feels is its load."""
+"""Full spoon, held still and then accelerated.
+
+Measured: relative error of the load on the wrist's force sensor, at rest and under acceleration. Reference: Newton's
+second law, force = (mass of the spoon + mass of the grains) (acceleration - gravity).
+"""
 
 import mujoco
 import numpy as np
@@ -43,7 +47,10 @@ GANTRY = """
 
 def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 0.005, thickness: float = 0.0025,
             coupling: str = "mobility") -> Record:
-    """Errors of the load that the force tells, at rest and under an acceleration [m/s^2]; cell, thickness [m]."""
+    """Run the case; return the errors of the load, at rest and accelerated.
+
+    acceleration [m/s^2]; cell, thickness [m].
+    """
     model = mujoco.MjModel.from_xml_string(GANTRY.format(host_step=HOST_STEP, mass=SPOON_MASS))
     data = mujoco.MjData(model)
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], cell / 2)
@@ -61,9 +68,9 @@ def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 
             timed.run(plugin.step)
             if step * HOST_STEP >= duration - 0.1:
                 forces.append(data.sensordata.copy())
-        wanted = mass * (np.array([a, 0.0, 0.0]) - gravity)
-        felt = np.mean(forces, axis=0) - SPOON_MASS * (np.array([a, 0.0, 0.0]) - gravity)
-        errors[name] = np.linalg.norm(felt - wanted) / np.linalg.norm(wanted)
+        expected = mass * (np.array([a, 0.0, 0.0]) - gravity)
+        measured = np.mean(forces, axis=0) - SPOON_MASS * (np.array([a, 0.0, 0.0]) - gravity)
+        errors[name] = np.linalg.norm(measured - expected) / np.linalg.norm(expected)
     local = solver.positions() - data.body("spoon").xpos
     choices = {"material": material, "acceleration": acceleration, "cell": cell, "coupling": coupling}
     return timed.record(NAME, choices, errors, mass=mass, speed=float(data.qvel[0]), left=float(np.mean(

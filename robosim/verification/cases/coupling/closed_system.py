@@ -1,4 +1,8 @@
-"""A free ball, spinning, hits a blob in empty space: what one loses the other gains, and nothing else has any."""
+"""Impact of a free, spinning ball on a blob in empty space.
+
+Measured: change of the total linear and angular momentum, and in every step the difference between what the ball
+receives and what the particles give. Reference: conservation of momentum in a closed system, through MuJoCo's step.
+"""
 
 import mujoco
 import numpy as np
@@ -39,14 +43,17 @@ BALL = """
 
 
 def materials() -> dict[str, Hencky]:
-    """What the blob is made of."""
+    """Return the materials of the blob by name."""
     return {"elastic": mpm.Elastic(E=1e5, nu=0.3, density=1000.0),
             "sand": mpm.DruckerPrager(E=1e5, nu=0.2, density=1000.0, friction_angle_deg=30.0)}
 
 
 def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: float = 1.0, cell: float = 0.01,
             coupling: str = "mobility", duration: float = 0.12) -> Record:
-    """Errors of momentum, angular momentum, reaction; mass_ratio: of ball and blob (1 kg); cell [m]; duration [s]."""
+    """Run the case; return the errors of momentum, angular momentum and reaction.
+
+    mass_ratio: of ball to blob (1 kg); cell [m]; duration [s].
+    """
     positions = mpm.sample_box((-SIDE / 2,) * 3, (SIDE / 2,) * 3, cell / 2)
     solver = mpm.Solver(
         grid=mpm.Grid((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4), cell), gravity=(0, 0, 0), precision=precision,
@@ -72,9 +79,9 @@ def measure(*, material: str = "elastic", precision: str = "f64", mass_ratio: fl
         before = parts()[0]
         timed.run(plugin.step)
         ball, blob = parts()
-        given = np.concatenate(plugin.ledger.bodies["ball"])
-        reaction = max(reaction, np.abs(ball - before + given)[:3].max())
-        exchanged = max(exchanged, np.linalg.norm(given[:3]))
+        received = np.concatenate(plugin.ledger.bodies["ball"])
+        reaction = max(reaction, np.abs(ball - before + received)[:3].max())
+        exchanged = max(exchanged, np.linalg.norm(received[:3]))
         for part in (slice(0, 3), slice(3, 6)):
             i = part.start // 3
             scale[i] = max(scale[i], np.linalg.norm(ball[part]) + np.linalg.norm(blob[part]))

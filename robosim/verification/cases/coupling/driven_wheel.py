@@ -1,4 +1,8 @@
-"""A wheel that is turned at one speed and moved on at another: the pull that it has over at a given slip."""
+"""Wheel driven over sand at a prescribed slip.
+
+Measured: excess of the drawbar pull over its limit, and whether the pull rises with slip. Reference: the pull is
+negative at zero slip, rises with slip and stays below W tan(phi), the shear that sand can give under the load W.
+"""
 
 import mujoco
 import numpy as np
@@ -43,9 +47,9 @@ WHEEL = """
 
 
 def measure(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, precision: str = "f32") -> Record:
-    """Excess of the pull over W tan(phi), means over the second half; the pull itself, in that unit, is a reading.
+    """Run the case; return the excess of the pull over W tan(phi), over the second half.
 
-    slip = 1 - (speed of the axle) / (speed of the rim); cell [m]; duration [s].
+    slip = 1 - (speed of the axle) / (speed of the rim); cell [m]; duration [s]. The reading `pull` is in W tan(phi).
     """
     positions = mpm.sample_box((0, 0, 0), BED, cell / 2)
     sand = mpm.DruckerPrager(E=5e5, nu=0.3, density=1600.0, friction_angle_deg=FRICTION_ANGLE)

@@ -1,7 +1,8 @@
-"""A spoon's bowl, 1 mm thick on cells five to ten times that, full of sand: lifted, shaken at 8 Hz, flicked at 1 m/s.
+"""Bowl of a spoon, 1 mm thick on cells of 5 to 10 mm, lifted, shaken and flicked full of sand.
 
-No grain may pass the wall; what goes over the rim is the motion's doing. The judge is the ellipsoid's own equation,
-which the field never sees: it works with a mesh of triangles.
+Measured: particles that cross the wall, and the part of the momentum exchanged with the shell that is unaccounted for.
+Reference: impenetrability and Newton's third law. Crossings are found with the ellipsoid's equation, while the field is
+given a triangle mesh; particles that go over the rim do not count.
 """
 
 import numpy as np
@@ -13,9 +14,9 @@ from robosim.verification.cases.record import Record
 from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "shell_leak"
-SOURCE = "impenetrability, and Newton's third law: what the grains gain, gravity, walls and the shell have given"
+SOURCE = "impenetrability; Newton's third law: the particles gain the impulses of gravity, walls and shell"
 BANDS = {"crossed": 0.0, "momentum": 1e-4}
-"""Grains through the wall, and the unaccounted share of the impulse exchanged with the shell."""
+"""Particles through the wall, and the unaccounted share of the impulse exchanged with the shell."""
 SWEEP = [{"cell": c, "offset": o / 10} for c in (0.005, 0.01) for o in range(10)]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"cell": 0.01, "grains": 1500, "until": 2.2, "offset": 0.3}]
@@ -29,7 +30,7 @@ LIFT, SHAKE, FLICK, END = 0.5, 1.5, 4.0, 5.0
 
 
 def bowl(around: int = 64, down: int = 24) -> trimesh.Trimesh:
-    """Mid-surface of the bowl: a half ellipsoid, open at z = 0."""
+    """Build the mid-surface of the bowl: a half ellipsoid, open at z = 0."""
     polar, azimuth = np.meshgrid(np.linspace(0, np.pi / 2, down + 1)[1:], np.arange(around) * 2 * np.pi / around,
                                  indexing="ij")
     rings = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), -np.cos(polar)], -1)
@@ -43,8 +44,8 @@ def bowl(around: int = 64, down: int = 24) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, np.concatenate(faces), process=False)
 
 
-def place(t: float) -> np.ndarray:
-    """Displacement (3,) [m] of the spoon at time t [s]."""
+def displacement(t: float) -> np.ndarray:
+    """Return the displacement [m] (3,) of the spoon at time t [s]."""
     lift = 0.05 * np.clip((t - LIFT) / 0.2, 0, 1)
     shake = 0.01 * np.sin(2 * np.pi * 8 * (t - SHAKE)) if SHAKE < t < FLICK else 0.0
     flick = 0.06 * np.clip((t - FLICK) / 0.06, 0, 1)  # 1 m/s for 60 ms, from rest to rest
@@ -53,7 +54,10 @@ def place(t: float) -> np.ndarray:
 
 def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0, grains: int = 5000,
             precision: str = "f32", until: float = END) -> Record:
-    """Grains through the wall and unaccounted momentum; cell and thickness [m], offset of the spoon in cells."""
+    """Run the case; return the crossings and the unaccounted momentum.
+
+    cell, thickness [m]; offset: of the spoon, in cells; grains: about how many; until [s].
+    """
     volume = 2.0 / 3.0 * np.pi * np.prod(AXES - thickness)
     spacing = (0.78 * volume / grains) ** (1 / 3)
     lattice = mpm.sample_box(-AXES, (AXES[0], AXES[1], -0.003), spacing, np.random.default_rng(0))
@@ -65,32 +69,32 @@ def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.25, 0.16, 0.2), cell), colliders=[spoon], precision=precision,
                         bodies=[mpm.Body(sand, fill + start, volume=spacing**3)])
     timed = TimedSolver(solver)
-    before, given, exchanged = solver.momentum().linear, np.zeros(3), 0.0
+    before, impulse_sum, exchanged = solver.momentum().linear, np.zeros(3), 0.0
     local, crossed, weight = solver.positions() - start, 0, []
     for step in range(round(until / HOST_DT)):
         t = step * HOST_DT
-        here, there = start + place(t), start + place(t + HOST_DT)
+        here, there = start + displacement(t), start + displacement(t + HOST_DT)
         solver.set_collider_motion(0, mpm.Pose(here, upright), mpm.Pose(there, upright))
         timed.advance(HOST_DT)
         moved = solver.positions() - there
         crossed += _crossings(local, moved)
         local = moved
         impulse = solver.collider_impulse(0).force
-        given += solver.ledger[:3, :3].sum(0)
+        impulse_sum += solver.ledger[:3, :3].sum(0)
         exchanged += float(np.abs(impulse).sum())
         if 0.7 * LIFT < t < LIFT:
             weight.append(-impulse[2] / HOST_DT)
-    left = solver.momentum().linear - before - given
+    unaccounted = solver.momentum().linear - before - impulse_sum
     level = np.linalg.norm(local / AXES, axis=1)
     choices = {"cell": cell, "thickness": thickness, "offset": offset, "precision": precision}
     return timed.record(
-        NAME, choices, {"crossed": crossed, "momentum": np.abs(left).max() / exchanged},
+        NAME, choices, {"crossed": crossed, "momentum": np.abs(unaccounted).max() / exchanged},
         weight_error=np.mean(weight) / (9.81 * solver.masses().sum()) - 1 if weight else 0.0,
-        kept=np.mean((level < 1) & (local[:, 2] < 0)))
+        retained=np.mean((level < 1) & (local[:, 2] < 0)))
 
 
 def _crossings(before: np.ndarray, after: np.ndarray) -> int:
-    """Segments (n, 3) to (n, 3) in the spoon's frame that pass the ellipsoid below the rim."""
+    """Count the segments (n, 3) to (n, 3), in the spoon's frame, that cross the ellipsoid below the rim."""
     inside, outside = (before / AXES), (after / AXES)
     a, b = np.linalg.norm(inside, axis=1), np.linalg.norm(outside, axis=1)
     share = np.clip((1 - a) / np.where(a == b, 1.0, b - a), 0, 1)

@@ -1,4 +1,8 @@
-"""Water at rest: p = rho0 g Z in material depth Z, and a surface that has sunk by what the pressure took."""
+"""Water, or sand without friction, at rest.
+
+Measured: relative errors of the pressure gradient, of the pressure at the base and of the height. Reference: p = rho0 g
+Z in material depth Z, and the height that the compression by this pressure leaves.
+"""
 
 import numpy as np
 
@@ -21,9 +25,9 @@ DEPTH, BULK, DENSITY, G, HEIGHT = 0.1, 1e5, 1000.0, 9.81, 0.0995095
 
 
 def measure(*, cells: int = 20, precision: str = "f32", material: str = "water") -> Record:
-    """Errors of the pressure's gradient, of its value at the base and of the height.
+    """Run the case; return the errors of gradient, base pressure and height.
 
-    material: "water", or "sand" with a friction angle of zero, which must not be told from it.
+    material: "water", or "sand" with a friction angle of zero, which must behave the same.
     """
     cell = DEPTH / cells
     positions = mpm.sample_box((0, 0, 0), (4 * cell, 4 * cell, DEPTH), cell / 2)

@@ -1,4 +1,8 @@
-"""Water stands 10 cm deep on one side of a thin plate, 5 cm on the other: thrust, torque about the floor, leaks."""
+"""Thin plate between water 10 cm and 5 cm deep.
+
+Measured: relative errors of thrust and of torque about the floor, and the share of particles that cross the plate.
+Reference: hydrostatics, F = rho g w (h1^2 - h2^2) / 2 and T = rho g w (h1^3 - h2^3) / 6.
+"""
 
 import numpy as np
 import trimesh
@@ -11,8 +15,8 @@ from robosim.verification.cases.timed_solver import TimedSolver
 NAME = "lock_gate"
 SOURCE = "hydrostatics: F = rho g w (h1^2 - h2^2) / 2, torque about the floor rho g w (h1^3 - h2^3) / 6"
 BANDS = {"force": 0.03, "torque": 0.03, "crossed": 0.0, "after 2 s": 0.005}
-"""Relative errors of the means over the second half, and the share of grains that changed sides; after 2 s force and
-torque, where what a plate does to the water beside it has had time to grow."""
+"""Relative errors of the means over the second half, and the share of particles that changed sides; after 2 s also of
+force and torque, when errors in the water next to the plate have had time to grow."""
 SWEEP = [{"thickness_cells": t, "offset_cells": o} for t in (0.3, 1.0, 2.0) for o in (0.0, 0.25, 0.5, 0.75)]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"thickness_cells": 0.3, "offset_cells": 0.75, "duration": 0.2},
@@ -25,7 +29,7 @@ DENSITY, G, SOUND = 1000.0, 9.81, 12.0
 
 
 def plate(height: float, width: float) -> trimesh.Trimesh:
-    """A rectangle (2 triangles) in the plane x = 0 that reaches past the floor, the top and the sides."""
+    """Build a rectangle of 2 triangles in the plane x = 0 that extends past floor, top and sides."""
     y, low = width, -0.05
     corners = [[0, -y, low], [0, y, low], [0, y, height], [0, -y, height]]
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
@@ -33,9 +37,9 @@ def plate(height: float, width: float) -> trimesh.Trimesh:
 
 def measure(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: float = 0.4, precision: str = "f32",
             duration: float = 2.0, offset_cells: float = 0.0) -> Record:
-    """Errors of thrust and torque, and the share of grains that crossed the plate.
+    """Run the case; return the errors of thrust and torque, and the share that crossed the plate.
 
-    cell [m], duration [s]; offset_cells: distance of the plate from a plane of nodes.
+    cell [m]; duration [s]; offset_cells: distance of the plate from a plane of nodes.
     """
     half, middle = 0.5 * thickness_cells * cell, CHAMBER + offset_cells * cell
     left = mpm.sample_box((0, 0, 0), (middle - half, WIDTH, DEEP), cell / 2)

@@ -1,7 +1,8 @@
-"""A heap with a straight slope stays as it is below the slope that friction bears, and slumps to less from above it.
+"""Heap with a straight slope, below and above the steepest one that friction bears.
 
-In plane strain the cone carries the shear ratio m3 (see `slope`), so that atan(m3) is the steepest slope. Its inertia
-carries a slumping heap some degrees past that. Half of the heap is computed, one cell thick.
+Measured: change of the slope [deg], and its difference [deg] from the limit. Reference: limit equilibrium in plane
+strain, in which a slope without cohesion stands up to atan(m3) (see `slope`). Inertia carries a slumping heap some
+degrees below the limit. Half of the heap is computed, one cell thick.
 """
 
 import math
@@ -31,8 +32,10 @@ BASE, DENSITY, NU, E, FLOOR_FRICTION = 0.2, 1500.0, 0.3, 1e5, 1.0
 
 def measure(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32, courant: float = 0.5,
             precision: str = "f32", duration: float = 1.5, cone: str = "compression") -> Record:
-    """Slope after a time [s] against its beginning (`change`) and against the limit (`excess`), in degrees; cells over
-    the heap's height."""
+    """Run the case; return the slope's change and its excess over the limit [deg].
+
+    beyond_deg: of the initial slope beyond the limit. cells: over the height. duration [s].
+    """
     sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi_deg, cone=cone)
     limit = math.degrees(math.atan(shear_ratio(phi_deg, cone)))
     begin = limit + beyond_deg
@@ -49,7 +52,7 @@ def measure(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32,
         dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
     timed = TimedSolver(solver)
     timed.advance(duration)
-    end = slope_of(solver.positions(), cell)
+    end = surface_slope(solver.positions(), cell)
     choices = {"phi_deg": phi_deg, "beyond_deg": beyond_deg, "cells": cells, "courant": courant,
                "precision": precision, "duration": duration, "cone": cone}
     speed = np.sqrt((solver.velocities() ** 2).sum(1).mean())
@@ -57,8 +60,8 @@ def measure(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32,
                         slope=end, speed=speed)
 
 
-def slope_of(positions: np.ndarray, cell: float) -> float:
-    """Angle [deg] of the surface between a fifth and four fifths of the heap's height."""
+def surface_slope(positions: np.ndarray, cell: float) -> float:
+    """Return the surface's angle [deg] between a fifth and four fifths of the heap's height."""
     columns = np.floor(positions[:, 0] / cell).astype(int)
     tops = np.full(columns.max() + 1, np.nan)
     for k in range(len(tops)):

@@ -1,7 +1,9 @@
-"""Sand runs out of a slot in a flat floor: at a constant rate, whatever still stands above, with the width's 3/2 power.
+"""Discharge of sand from a slot in a flat floor.
 
-A fluid's rate would fall with the root of its height. Half of the silo is computed, one cell thick. The slot is an odd
-number of cells wide, so that its edges lie midway between nodes: a wall begins at the first node in it.
+Measured: relative error of the discharge's prefactor, relative change of its rate in time, and its power of the free
+width. Reference: Q = C sqrt(g) D^(3/2) per thickness, independent of the height of the fill; that of a fluid would
+fall. Half of the silo is computed, one cell thick. The slot is an odd number of cells wide, so that its edges lie
+midway between nodes: a wall begins at the first node in it.
 """
 
 import math
@@ -15,7 +17,7 @@ from robosim.verification.cases.timed_solver import TimedSolver
 
 NAME = "orifice"
 SOURCE = ("Q = C sqrt(g) D^(3/2) per thickness (Beverloo et al. 1961 in a plane); C = 1.50 of the mu(I) continuum, "
-          "Staron, Lagree & Popinet 2012, Phys. Fluids 24:103301, by the fit shipped with Basilisk")
+          "Staron, Lagree & Popinet 2012, Phys. Fluids 24:103301, by the fit distributed with Basilisk")
 BANDS = {"prefactor": 0.30, "steadiness": 0.05, "least exponent": 1.4, "most exponent": 1.6}
 """Relative error of C; relative change of the rate from the first half to the second, after a quarter of the time;
 power of the free width."""
@@ -36,7 +38,10 @@ C = 1.504
 
 
 def measure(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "f32", E: float = E) -> Record:
-    """Errors of the discharge's prefactor and of its steadiness; width of the slot in cells."""
+    """Run the case; return the errors of the discharge's prefactor and steadiness.
+
+    orifice_cells: width of the slot; E: Young's modulus [Pa].
+    """
     half_slot = 0.5 * orifice_cells * CELL
     sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=PHI_DEG)
     positions = mpm.sample_box((0, 0, FALL), (HALF, CELL, FALL + HEIGHT), CELL / 2, np.random.default_rng(0))

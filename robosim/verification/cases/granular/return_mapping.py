@@ -1,7 +1,8 @@
-"""Single grains are strained and yield: what is left of their stretches against vectors from 50-digit arithmetic, and
-thousands at random against the laws of the cone.
+"""Return mapping of single particles onto the Drucker-Prager cone.
 
-A grain's strain is put into the solver's state and taken out again after one substep: the update is the field's own.
+Measured: errors of the principal stretches after a plastic step, and for thousands of random strains the distance from
+the cone, the change of volume, and the strain left after separation. Reference: stretches evaluated in 50-digit
+arithmetic, and the equations of the cone. The strains are set in the solver's state, so that the update is the field's.
 """
 
 import numpy as np
@@ -16,12 +17,12 @@ from robosim.verification.cases.timed_solver import TimedSolver
 NAME = "return_mapping"
 SOURCE = "Klar et al. 2016, ACM Trans. Graph. 35(4):103, evaluated in 50-digit arithmetic"
 BANDS = {"f64": 1e-12, "f32": 2e-6, "f32, at random": 2e-5}
-"""Largest error of a stretch by precision; at random also of the shear on the cone, of the volume, and of the strain
-left where a grain comes apart, as logarithms. In single precision b is rounded to 6e-8 of its largest entry: 5e-7 for a
-stretch of 3 beside one of 0.2, whose b is 0.04."""
+"""Largest error of a stretch by precision; for random strains also of the shear on the cone, of the volume, and of the
+strain left after separation, as logarithms. In single precision b is rounded to 6e-8 of its largest entry: 5e-7 for a
+stretch of 3 next to one of 0.2, whose b is 0.04."""
 SWEEP = [{"precision": p, "integrator": i} for p, i in (("f64", "exact"), ("f32", "exact"), ("f32", "auto"),
                                                         ("f32", "series"))]
-"""Choices that the report runs. The series is asked for strains up to SMALL alone, "auto" for all of them."""
+"""Choices that the report runs. The series is run for strains up to SMALL only, "auto" for all."""
 QUICK_SWEEP, MAIN_ERROR, RESOLUTION = SWEEP[:1] + SWEEP[2:3], "stretch", None
 CLAIMS = (*(Within("stretch", BANDS[p], {"precision": p}) for p in ("f64", "f32")),
           *(Within(name, BANDS[band], {"precision": band[:3]}) for band in ("f64", "f32, at random")
@@ -29,15 +30,15 @@ CLAIMS = (*(Within("stretch", BANDS[p], {"precision": p}) for p in ("f64", "f32"
 E, NU, DENSITY, CELL, DT, RANDOM, SMALL = 3.537e5, 0.3, 1500.0, 0.1, 1e-5, 4000, 0.15
 
 
-def turned(axis: tuple[float, ...], angle: float) -> np.ndarray:
-    """Rotation matrix (3, 3)."""
+def rotation_matrix(axis: tuple[float, ...], angle: float) -> np.ndarray:
+    """Return the rotation matrix (3, 3) of an angle [rad] about an axis."""
     return Rotation.from_rotvec(np.array(axis) / np.linalg.norm(axis) * angle).as_matrix()
 
 
 VECTORS = (
     (30, [[0.99, 0.08, 0], [0, 0.985, 0.01], [0.005, 0, 1]],
      (0.9716549254930555, 0.9950670406256893, 1.0085764158389063)),
-    (30, turned((1, 2, 3), 0.7) @ np.diag([1.06, 0.97, 0.93]) @ turned((0, 1, 1), -1.1).T,
+    (30, rotation_matrix((1, 2, 3), 0.7) @ np.diag([1.06, 0.97, 0.93]) @ rotation_matrix((0, 1, 1), -1.1).T,
      (0.9570316055093315, 0.9775200327763318, 1.0221358041351838)),
     (20, np.diag([1, 1, 0.9]), (0.91040192147800686, 0.99427076968015037, 0.99427076968015037)),
     (45, [[1, 0.2, 0], [0, 0.97, 0], [0, 0, 1]], (0.9540732863994636, 0.9933484499414169, 1.0235012557943168)),
@@ -47,24 +48,24 @@ VECTORS = (
     (0, [[0.99, 0.03, 0], [0, 0.99, 0], [0, 0, 0.99]], (0.99, 0.99, 0.99)),
     (60, [[0.95, 0.3, 0], [0, 0.95, 0], [0, 0, 0.95]], (0.8117692030835671, 0.95, 1.1117692030835673)),
 )
-"""Friction angle [deg], deformation gradient, and stretches that are left, in rising order."""
+"""Friction angle [deg], deformation gradient, and principal stretches after the return mapping, rising."""
 
 
-def sand(phi_deg: float) -> mpm.DruckerPrager:
-    """The sand of the vectors."""
+def make_sand(phi_deg: float) -> mpm.DruckerPrager:
+    """Make the sand of a friction angle [deg]."""
     return mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi_deg)
 
 
-def grains(phi_deg: float, n: int, precision: str, integrator: str | None) -> mpm.Solver:
-    """A solver with n grains; where they lie does not matter to a single substep's strains."""
+def build_solver(phi_deg: float, n: int, precision: str, integrator: str | None) -> mpm.Solver:
+    """Build a solver with n particles; their positions do not matter to a substep's strains."""
     positions = np.random.default_rng(0).uniform(0.4, 0.6, (n, 3))
-    body = mpm.Body(sand(phi_deg), positions, volume=1e-9)
+    body = mpm.Body(make_sand(phi_deg), positions, volume=1e-9)
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), CELL), bodies=[body], gravity=(0, 0, 0), dt=DT,
                       precision=precision, integrator=integrator)
 
 
-def strained(timed: TimedSolver, before: dict[str, np.ndarray], F: np.ndarray) -> dict[str, np.ndarray]:
-    """The state after a substep in which every grain is deformed by F (n, 3, 3) or (3, 3), from a state at rest."""
+def deform(timed: TimedSolver, before: dict[str, np.ndarray], F: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the state after a substep in which every particle is deformed by F (n, 3, 3) or (3, 3)."""
     rate = (F - np.eye(3)) / DT
     count = {"time": np.array(timed.solver.time), "steps": np.array(timed.solver.steps)}
     rates = np.broadcast_to(rate, (len(before["x"]), 3, 3)).reshape(-1, 9)
@@ -75,28 +76,31 @@ def strained(timed: TimedSolver, before: dict[str, np.ndarray], F: np.ndarray) -
     return before | {name: after[name] for name in ("e", "vc")}
 
 
-def left(timed: TimedSolver, still: dict[str, np.ndarray], F: np.ndarray) -> np.ndarray:
-    """Principal stretches (n, 3), rising, that are left of strains F F^T (n, 3, 3) or (3, 3) after a substep."""
+def yielded_stretches(timed: TimedSolver, still: dict[str, np.ndarray], F: np.ndarray) -> np.ndarray:
+    """Return the principal stretches (n, 3), rising, after a substep from b = F F^T."""
     e = np.broadcast_to(F @ np.swapaxes(F, -1, -2) - np.eye(3), (len(still["x"]), 3, 3))
     picked = np.stack([e[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], 1)
-    return stretches(strained(timed, still | {"e": picked.astype(still["e"].dtype)}, np.eye(3)))
+    return stretches(deform(timed, still | {"e": picked.astype(still["e"].dtype)}, np.eye(3)))
 
 
 def tensors(e: np.ndarray) -> np.ndarray:
-    """b (n, 3, 3) from the state's six numbers."""
+    """Return b (n, 3, 3) from the state's six numbers e = b - I (n, 6)."""
     return np.eye(3) + e.astype(float)[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
 
 def stretches(state: dict[str, np.ndarray]) -> np.ndarray:
-    """Principal stretches (n, 3), rising."""
+    """Return the principal stretches (n, 3), rising."""
     return np.sqrt(np.linalg.eigvalsh(tensors(state["e"])))
 
 
 def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
-    """Largest errors of the vectors' stretches, and of what thousands of random grains must keep: shear at most what
-    the cone bears, and exactly that where it yields; the volume where it does not come apart."""
-    asked = None if integrator == "auto" else integrator
-    solver = grains(30.0, RANDOM, precision, asked)
+    """Run the case; return the errors of the vectors and of the random strains.
+
+    Random particles must carry at most the shear of the cone, and exactly that where they yield, and keep their volume
+    where they do not separate.
+    """
+    option = None if integrator == "auto" else integrator
+    solver = build_solver(30.0, RANDOM, precision, option)
     timed, still = TimedSolver(solver), solver.state()
     still["v"][:], still["C"][:] = 0.0, 0.0
     wrong = []
@@ -104,16 +108,16 @@ def measure(*, precision: str = "f64", integrator: str = "exact") -> Record:
         F = np.asarray(F, float)
         if integrator == "series" and np.abs(np.log(np.linalg.svd(F)[1])).max() > SMALL:
             continue
-        solver.set_material(0, sand(phi))
-        wrong.append(np.abs(left(timed, still, F)[0] - expected).max())
-    solver.set_material(0, sand(30.0))
+        solver.set_material(0, make_sand(phi))
+        wrong.append(np.abs(yielded_stretches(timed, still, F)[0] - expected).max())
+    solver.set_material(0, make_sand(30.0))
     rng = np.random.default_rng(1)
     span = (np.log(0.2), np.log(3.0)) if integrator != "series" else (-SMALL, SMALL)
     axes = Rotation.from_quat(rng.standard_normal((2 * RANDOM, 4))).as_matrix().reshape(2, RANDOM, 3, 3)
     trial = np.sort(rng.uniform(*span, (RANDOM, 3)))
     F = axes[0] @ (np.exp(trial)[:, :, None] * axes[1])
-    h = np.log(left(timed, still, F))
-    law, pressed = sand(30.0), trial.sum(1) < 0
+    h = np.log(yielded_stretches(timed, still, F))
+    law, pressed = make_sand(30.0), trial.sum(1) < 0
     shear = np.linalg.norm(h - h.mean(1, keepdims=True), axis=1)
     alpha = np.sqrt(2.0) / 3.0 * shear_ratio(30.0, "compression")
     beyond = shear + (3 * law.lam + 2 * law.mu) / (2 * law.mu) * alpha * h.sum(1)

@@ -1,7 +1,8 @@
-"""A sheet of sand on a rough plane steeper than it can bear: it slides off with the acceleration that friction leaves.
+"""Sheet of sand on a rough plane that is steeper than friction can hold.
 
-In steady simple shear the cone carries tau / sigma_n = m3 at every depth, not tan(phi), so that the whole sheet gains
-a = g (sin theta - m3 cos theta). atan(m3) lies above phi for the cone of triaxial compression, below for plane strain.
+Measured: relative error of the mean acceleration. Reference: a = g (sin theta - m3 cos theta). In steady simple shear
+the cone carries tau / sigma_n = m3 at every depth, not tan(phi): atan(m3) is above phi for the cone of triaxial
+compression, below it for plane strain.
 """
 
 import math
@@ -32,14 +33,14 @@ WINDOW = 2e-3
 
 
 def shear_ratio(phi_deg: float, cone: str) -> float:
-    """m3 of sand with this friction angle, by the cones' own definitions: nothing is asked of the law under test."""
+    """Return m3 of sand with a friction angle [deg], from the cone's definition, not from the law under test."""
     sine = math.sin(math.radians(phi_deg))
     return sine if cone == "plane_strain" else 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
 
 
 def measure(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, E: float = 2e5, courant: float = 0.5,
             precision: str = "f32", cone: str = "compression") -> Record:
-    """Error of the mean acceleration; cells over the height of the sheet, E [Pa]."""
+    """Run the case; return the error of the acceleration. cells: over the height; E [Pa]."""
     sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=phi_deg, cone=cone)
     cell = HEIGHT / cells
     grains = mpm.sample_box((0, 0, 0), (cell, cell, HEIGHT), cell / 2)

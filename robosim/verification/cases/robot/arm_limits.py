@@ -1,4 +1,8 @@
-"""The whole arm scoops: in every step, motors and joints stay within what the data sheet allows."""
+"""Scooping with the whole arm within its limits.
+
+Measured: relative excess of motor torques and joint speeds over their limits in every step, and steps in which a torque
+was saturated. Reference: the arm's data sheet.
+"""
 
 from typing import Any
 
@@ -26,7 +30,7 @@ SPEEDS = np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0])
 
 
 def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
-    """Excesses over the limits while the task's script is carried out, read in every step of 2 ms."""
+    """Run the case on the task's scripted policy, in steps of 2 ms; return the excesses over the limits."""
     import robosim  # noqa: F401  (its environments are registered with it)
 
     env: Any = gymnasium.make(f"robosim/{task}-v0", arm=True, material=material, action_repeat=1).unwrapped

@@ -1,4 +1,8 @@
-"""Inverse kinematics of a thousand poses that the arm can reach, each solved from mid-range, with restarts."""
+"""Inverse kinematics of a thousand reachable poses, from mid-range and with restarts.
+
+Measured: share of poses without a solution, mean and 95th percentile of the time [ms], and share of solutions that are
+wrong. Reference: MuJoCo's forward kinematics; success and time of TRAC-IK on the same arm.
+"""
 
 import resource
 import time
@@ -30,7 +34,10 @@ ACCURACY = 1e-6
 
 
 def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
-    """Shares of poses that were not solved or solved wrongly; restarts: postures that a pose is tried from at most."""
+    """Run the case; return the shares of poses not solved and solved wrongly.
+
+    restarts: most postures that a pose is solved from.
+    """
     arm, model = Arm("spoon"), compile_spec(build_robot_spec("spoon"))
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     places = [model.joint(name).qposadr[0] for name in ARM_JOINTS]
@@ -41,24 +48,25 @@ def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
         begin = time.perf_counter()
         for attempt in range(restarts):
             start = middle if attempt == 0 else rng.uniform(0.9 * arm.lower, 0.9 * arm.upper)
-            found = solve_pose(arm, target, start, rest=middle, iterations=60)
-            if found.converged:
+            solution = solve_pose(arm, target, start, rest=middle, iterations=60)
+            if solution.converged:
                 break
         seconds.append(time.perf_counter() - begin)
-        if not found.converged:
+        if not solution.converged:
             failed += 1
             continue
-        data.qpos[places] = found.q
+        data.qpos[places] = solution.q
         mujoco.mj_kinematics(model, data)
         reached = Pose(data.body("spoon").xpos, data.body("spoon").xquat)
         error = max(np.linalg.norm(reached.position - target.position),
                     np.linalg.norm(relative_rotation(target.quaternion, reached.quaternion)))
-        within = np.all(found.q >= arm.lower) and np.all(found.q <= arm.upper)
+        within = np.all(solution.q >= arm.lower) and np.all(solution.q <= arm.upper)
         wrong += int(error > ACCURACY or not within)
         worst = max(worst, float(error))
-    told = 1e3 * np.array(seconds)
+    times_ms = 1e3 * np.array(seconds)
     return Record(
         case=NAME, choices={"restarts": restarts, "poses": poses}, particles=0, steps=poses,
         seconds=float(sum(seconds)), compile_seconds=0.0, errors={"failed": failed / poses, "wrong": wrong / poses},
-        readings={"mean_ms": float(told.mean()), "p95_ms": float(np.percentile(told, 95)), "worst_pose_error": worst},
+        readings={"mean_ms": float(times_ms.mean()), "p95_ms": float(np.percentile(times_ms, 95)),
+                  "worst_pose_error": worst},
         peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)

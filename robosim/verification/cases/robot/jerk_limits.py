@@ -1,5 +1,8 @@
-"""Smoothed joint motions at the controller's own samples: speed, acceleration and jerk within their limits, and the
-end where it was asked for."""
+"""Smoothed joint motions at the controller's samples.
+
+Measured: relative excess of speed, acceleration and jerk over their limits, and the error [rad] of the end. Reference:
+the limits; between the samples of a motion of bounded jerk, the mean jerk has the same bound.
+"""
 
 import resource
 import time
@@ -15,7 +18,7 @@ from robosim.verification.cases.record import Record
 NAME = "jerk_limits"
 SOURCE = "the limits themselves; between the samples of a motion of bounded jerk, mean jerk is bounded by the same"
 BANDS = {"velocity": 1e-9, "acceleration": 1e-9, "jerk": 1e-6, "end": 1e-7}
-"""Excess over the limits, relative; distance from the end that was asked for [rad]."""
+"""Excess over the limits, relative; error of the end [rad]."""
 SWEEP = [{"host_dt": dt} for dt in (1e-3, 2e-3, 5e-3)]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP, MAIN_ERROR, RESOLUTION = [{"host_dt": 1e-3, "motions": 5}], "jerk", None
@@ -23,7 +26,7 @@ CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 
 
 def measure(*, host_dt: float = 1e-3, motions: int = 20) -> Record:
-    """Excesses at samples every host_dt [s], over motions through random smooth joint paths of two seconds."""
+    """Run the case on random smooth joint paths of two seconds, at samples every host_dt [s]."""
     limits, rng = load_rehearsal("spoon").limits, np.random.default_rng(0)
     speed = SPEED_LIMITS * limits.velocity_fraction
     worst, most = dict.fromkeys(BANDS, 0.0), {}
