@@ -17,8 +17,8 @@ MPM_GROUPS = {
 """Order of the names of mpm on its page; names that are not listed follow in groups of their own."""
 FOREIGN = "tuple, dict, Exception, Warning, BaseModel"
 """Bases whose own members are left out."""
-POLICIES = ["policies.learning.vec_env.VectorFace", "policies.learning.presets.Preset",
-            "policies.learning.presets.load_preset"]
+POLICIES = ["policies.learners.vec_env.SB3VecEnv", "policies.learning.presets.Preset",
+            "policies.learning.preset_files.load_preset", "policies.methods.method.Method"]
 """What programs use of policies besides its commands."""
 
 

@@ -47,12 +47,12 @@ interquartile means and intervals.
 
 The motion with the highest return in training, replayed. Mean ± standard deviation over the seeds.
 
-{table(head, rows("best"))}
+{table(head, rows("tcs_of_best_return"))}
 ## Score of the last ten episodes
 
 The number that arXiv 2406.09178 reports.
 
-{table(head, rows("tcs"))}
+{table(head, rows("tcs_last10"))}
 ## Scores in arXiv 2406.09178
 
 Means of five runs on that paper's geometry, which is not published. Compare methods, not single values.

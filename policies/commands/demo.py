@@ -49,6 +49,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--arm-weight", type=float, default=0.0, help="of a penalty on joint speeds and angles beyond "
                         "the arm's limits (default: 0)")
     parser.add_argument("--no-video", action="store_true", help="draw no films")
+    parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)
 
@@ -62,6 +63,6 @@ def run(options: argparse.Namespace) -> int:
     o = options
     with o.settings.changed("tasks", o.task, o.out) as task:
         return demonstrate(task, o.out, n=o.n, material=o.material, iterations=o.iterations, rate=o.rate,
-                           hold=o.action_repeat, start=o.start, limit=o.limit, seed=o.seed, until=o.until, jobs=o.jobs,
-                           method=o.method, arm=o.arm, arm_weight=o.arm_weight, film=not o.no_video,
+                           action_repeat=o.action_repeat, start=o.start, limit=o.limit, seed=o.seed, until=o.until,
+                           jobs=o.jobs, method=o.method, arm=o.arm, arm_weight=o.arm_weight, film=not o.no_video,
                            nominal=o.nominal)

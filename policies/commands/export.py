@@ -21,6 +21,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
     parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")
+    parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)
 
@@ -31,4 +32,4 @@ def run(options: argparse.Namespace) -> int:
     from policies.demonstrations.export import export
 
     with options.settings.changed("tasks", options.task, options.out.parent) as task:
-        return export(task, options.demos, options.out, obs=options.obs, hold=options.action_repeat)
+        return export(task, options.demos, options.out, obs=options.obs, action_repeat=options.action_repeat)

@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> None:
                         "the same command")
     parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
     parser.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
-    parser.add_argument("--frames", type=Path, help="folder of `robosim frames`, for methods with a graph network")
+    parser.add_argument("--rollouts", type=Path, help="folder of `robosim rollouts`, for methods with a graph network")
     parser.add_argument("--episodes", type=int, help="at most (default: the method's)")
     parser.add_argument("--material", help=f"of the grains: one of {', '.join(bundled_names('materials'))}; or the "
                         "path of a .yaml file (default: the task's)")
@@ -33,6 +33,7 @@ def add_parser(commands: Any) -> None:
                         "(default: 10)")
     parser.add_argument("--obs", help="layout of the observation (default: the method's)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
+    parser.add_renamed("--frames", "--rollouts")
     parser.add_settings("method's file", "options.gamma=0.95")
     parser.set_defaults(run=run)
 
@@ -47,5 +48,5 @@ def run(options: argparse.Namespace) -> int:
 
     o = options
     return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
-                 starts=o.starts, hold=o.action_repeat, obs=o.obs, force=o.force, frames=o.frames,
+                 starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
                  change=o.settings.apply)

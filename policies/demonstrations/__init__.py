@@ -1,9 +1,9 @@
-"""Demonstrations: generators by gradient and by search, replay, export.
+"""Demonstrations: making them by gradient or by CMA-ES, reading, scoring and exporting them.
 
 Imports: learning.
 """
 
 METHODS = ("descent", "cmaes")
-"""How a demonstration is optimised: by gradients through the field, or by CMA-ES."""
+"""Searches for a demonstration: gradient descent through the field, or CMA-ES."""
 RATE = 0.05
-"""Step of the descent, in actions of -1 to 1."""
+"""Default step of the descent, in actions of -1 to 1."""

@@ -1,4 +1,4 @@
-"""Actions of a sub-task held for some steps, as twists of its tool, and derivatives the way back."""
+"""Actions as twists of a task's tool, step by step, and derivatives by twists as derivatives by actions."""
 
 from typing import Any
 
@@ -7,65 +7,75 @@ import numpy as np
 from mpm.geometry.rigid_motion import quaternion_of, relative_rotation, rotation_matrix
 
 
-class Hold:
-    """Actions (n, dimensions) in [-1, 1], each held for `hold` steps of an episode; the tool's origin stays in its box,
-    as the environment keeps it."""
+class ActionRepeat:
+    """The map from actions (decisions, dimensions) in [-1, 1] to the tool's twists in every step of an episode.
 
-    def __init__(self, task: Any, hold: int) -> None:
+    Each action is repeated for `action_repeat` steps. As in the environment, the tool's origin stays within the task's
+    box. The first three dimensions are linear velocity, three more, where a task has them, angular velocity.
+    """
+
+    def __init__(self, task: Any, action_repeat: int) -> None:
         action = task.action
-        self.steps, self.hold, self.dt = task.steps, hold, task.step_dt
-        self.n, self.dimensions = -(-task.steps // hold), action.dimensions
-        self.shape = (self.n, self.dimensions)
+        self.steps, self.action_repeat, self.dt = task.steps, action_repeat, task.step_dt
+        self.decisions, self.dimensions = -(-task.steps // action_repeat), action.dimensions
+        self.shape = (self.decisions, self.dimensions)
+        self.lower, self.upper = np.array(action.lower), np.array(action.upper)
+        """Bounds of the origin [m] (3,)."""
+        self.start = np.array(task.start.position)
+        """Origin of the tool before the first step [m] (3,)."""
+        self.unclipped = np.ones((task.steps, 3), bool)
+        """Where the twists that `to_twists` was last called with left the origin within the box."""
         self._speeds = np.array([action.speed] * 3 + [action.angular_speed] * (action.dimensions - 3))
-        self._low, self._high = np.array(action.lower), np.array(action.upper)
-        self._start = np.array(task.start.position)
-        self._free = np.ones((task.steps, 3), bool)
 
-    def begin(self, place: np.ndarray) -> None:
-        """Where the tool's origin is at the start [m] (3,)."""
-        self._start = np.asarray(place, float)
+    def set_start(self, position: np.ndarray) -> None:
+        """Set the tool's origin before the first step [m] (3,)."""
+        self.start = np.asarray(position, float)
 
-    def follow(self, task: Any, until: float) -> np.ndarray:
-        """Actions of shape `shape` that keep to the task's script up to a time [s], and rest from then on."""
-        way, matrix = task.scripted_path(self._start), task.start.pose.matrix
-        place, actions = self._start, np.zeros(self.shape)
-        for k in range(self.n):
-            begin = k * self.hold * self.dt
-            held = min(self.hold, self.steps - k * self.hold) * self.dt
-            if begin + held > until + 1e-9:
+    def follow_script(self, task: Any, until: float) -> np.ndarray:
+        """Return actions of shape `shape` that follow the task's script up to a time [s], and are zero after it."""
+        script, rotation = task.scripted_path(self.start), task.start.pose.matrix
+        position, actions = self.start, np.zeros(self.shape)
+        for k in range(self.decisions):
+            begin = k * self.action_repeat * self.dt
+            duration = min(self.action_repeat, self.steps - k * self.action_repeat) * self.dt
+            if begin + duration > until + 1e-9:
                 break
-            wanted = way.pose(begin + held)
-            action = (wanted.position - place) / held
+            target = script.pose(begin + duration)
+            action = (target.position - position) / duration
             if self.dimensions == 6:
-                action = np.append(action, matrix @ relative_rotation(quaternion_of(matrix), wanted.quaternion) / held)
+                turn = rotation @ relative_rotation(quaternion_of(rotation), target.quaternion)
+                action = np.append(action, turn / duration)
             actions[k] = np.clip(action / self._speeds, -1.0, 1.0)
-            place = np.clip(place + held * (self._speeds * actions[k])[:3], self._low, self._high)
+            position = np.clip(position + duration * (self._speeds * actions[k])[:3], self.lower, self.upper)
             if self.dimensions == 6:
-                matrix = rotation_matrix(held * (self._speeds * actions[k])[3:]) @ matrix
+                rotation = rotation_matrix(duration * (self._speeds * actions[k])[3:]) @ rotation
         return actions
 
-    def twists(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Velocities of every step, linear [m/s] and angular [rad/s], (steps, 3) each."""
-        asked = np.repeat(actions * self._speeds, self.hold, axis=0)[: self.steps]
-        places = np.empty((self.steps + 1, 3))
-        places[0] = self._start
+    def to_twists(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return linear [m/s] and angular [rad/s] velocities of every step, world axes, (steps, 3) each."""
+        commanded = np.repeat(actions * self._speeds, self.action_repeat, axis=0)[: self.steps]
+        positions = np.empty((self.steps + 1, 3))
+        positions[0] = self.start
         for k in range(self.steps):
-            wanted = places[k] + self.dt * asked[k, :3]
-            places[k + 1] = np.clip(wanted, self._low, self._high)
-            self._free[k] = places[k + 1] == wanted
-        angular = asked[:, 3:] if self.dimensions == 6 else np.zeros((self.steps, 3))
-        return np.diff(places, axis=0) / self.dt, angular
+            target = positions[k] + self.dt * commanded[k, :3]
+            positions[k + 1] = np.clip(target, self.lower, self.upper)
+            self.unclipped[k] = positions[k + 1] == target
+        angular = commanded[:, 3:] if self.dimensions == 6 else np.zeros((self.steps, 3))
+        return np.diff(positions, axis=0) / self.dt, angular
 
-    def back(self, by_linear: np.ndarray, by_angular: np.ndarray) -> np.ndarray:
-        """Derivatives by the actions that `twists` was last given: none of a step that the box cut off."""
-        by_asked = np.zeros((self.steps, self.dimensions))
-        place = np.zeros(3)  # derivative by the place after the step, through the steps that follow
+    def pull_back(self, linear_bar: np.ndarray, angular_bar: np.ndarray) -> np.ndarray:
+        """Return the adjoint of the actions from those of the twists (steps, 3), at the actions last converted.
+
+        A coordinate that the box clipped has no influence through its own step.
+        """
+        commanded_bar = np.zeros((self.steps, self.dimensions))
+        position_bar = np.zeros(3)  # of the origin after the step, through the steps that follow
         for k in reversed(range(self.steps)):
-            wanted = np.where(self._free[k], place + by_linear[k] / self.dt, 0.0)
-            by_asked[k, :3] = self.dt * wanted
-            place = wanted - by_linear[k] / self.dt
+            target_bar = np.where(self.unclipped[k], position_bar + linear_bar[k] / self.dt, 0.0)
+            commanded_bar[k, :3] = self.dt * target_bar
+            position_bar = target_bar - linear_bar[k] / self.dt
         if self.dimensions == 6:
-            by_asked[:, 3:] = by_angular
-        padded = np.zeros((self.n * self.hold, self.dimensions))
-        padded[: self.steps] = by_asked
-        return padded.reshape(self.n, self.hold, self.dimensions).sum(1) * self._speeds
+            commanded_bar[:, 3:] = angular_bar
+        padded = np.zeros((self.decisions * self.action_repeat, self.dimensions))
+        padded[: self.steps] = commanded_bar
+        return padded.reshape(self.decisions, self.action_repeat, self.dimensions).sum(1) * self._speeds

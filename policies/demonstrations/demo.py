@@ -11,133 +11,112 @@ import numpy as np
 
 import mpm
 from policies.demonstrations import RATE
-from policies.demonstrations.action_repeat import Hold
-from policies.demonstrations.curves import draw
-from policies.demonstrations.generator import FLUID, STAND_INS, Maker, Wanted, make_some, played
-from policies.demonstrations.workers import pool
-from policies.learning.environments import made
-from policies.learning.files import claim, write_json
+from policies.demonstrations.action_repeat import ActionRepeat
+from policies.demonstrations.curves import draw_learning_curves
+from policies.demonstrations.generator import make_demonstrations
+from policies.demonstrations.request import DemonstrationRequest, surrogate_material
+from policies.demonstrations.table import write_table
+from policies.learning.environments import make_environment
+from policies.learning.files import lock_folder
+from policies.learning.workers import make_pool
 
 SCRIPT = "script"
 
 
 def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = None, iterations: int = 150,
-                rate: float = RATE, hold: int = 10, start: str | Path | None = None, limit: float | None = None,
-                seed: int = 0, until: float | None = None, jobs: int = 1, method: str = "descent", arm: bool = False,
-                arm_weight: float = 0.0, film: bool = True, nominal: bool = False) -> int:
-    """Make demonstrations 0 .. n - 1 into a folder, with their table, curves and films; returns 0."""
-    for name, number in (("--n", n), ("--iterations", iterations), ("--action-repeat", hold), ("--jobs", jobs)):
+                rate: float = RATE, action_repeat: int = 10, start: str | Path | None = None,
+                limit: float | None = None, seed: int = 0, until: float | None = None, jobs: int = 1,
+                method: str = "descent", arm: bool = False, arm_weight: float = 0.0, film: bool = True,
+                nominal: bool = False) -> int:
+    """Make demonstrations 0 to n - 1 in a folder, with their table, learning curves and films; return 0.
+
+    start: where the search begins: None (at rest), "script" (the task's script) or a .npz file with `actions`.
+    until: with the script, time [s] up to which its actions are followed and not changed. Other arguments as in
+    `DemonstrationRequest`.
+
+    Raises:
+        mpm.InvalidValue: an argument is outside its range, or the folder holds other demonstrations.
+    """
+    for name, number in (("--n", n), ("--iterations", iterations), ("--action-repeat", action_repeat),
+                         ("--jobs", jobs)):
         if number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
     if seed < 0 or not 0 < rate <= 1 or not 0 <= arm_weight < np.inf:
         raise mpm.InvalidValue(f"--seed {seed}, --rate {rate}, --arm-weight {arm_weight}; accepted: 0 or more, above 0 "
                                f"up to 1, 0 or more")
-    sand: Any = made(task, action_repeat=hold).unwrapped
-    first = first_actions(start, until, sand.task, Hold(sand.task, hold))
-    ends = sand.task.step_dt * np.minimum(hold * np.arange(1, len(first) + 1), sand.task.steps)
-    kept = 0 if until is None else int(np.sum(ends <= until + 1e-9))
-    if until is not None and not 0 < kept < len(first):
-        raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --action-repeat {hold}")
-    stand_in = material or STAND_INS.get(sand.task.kind, FLUID)
-    wanted = Wanted(sand.source, out, stand_in, first, kept, method, iterations, rate, hold, limit, arm_weight, seed,
-                    nominal)
-    lock = claim(out)
+    env: Any = make_environment(task, action_repeat=action_repeat).unwrapped
+    actions = first_actions(start, until, env.task, ActionRepeat(env.task, action_repeat))
+    request = DemonstrationRequest(
+        task=env.source, out=out, material=material or surrogate_material(env.task), first_actions=actions,
+        fixed=count_fixed(until, env.task, action_repeat, len(actions)), method=method, iterations=iterations,
+        rate=rate, action_repeat=action_repeat, limit=limit, arm_weight=arm_weight, seed=seed, nominal=nominal)
+    lock = lock_folder(out)
     try:
         if jobs > 1:
             shares = [range(i, n, jobs) for i in range(min(jobs, n))]
-            with pool(len(shares)) as workers:
-                list(workers.map(make_some, [wanted] * len(shares), shares))
-        tabulate(wanted, n, sand, arm=arm)
-        draw(out, wanted.name, n)
+            with make_pool(len(shares)) as pool:
+                list(pool.map(make_demonstrations, [request] * len(shares), shares))
+        write_table(request, n, env, arm=arm)
+        draw_learning_curves(out, request.name, n)
         for k in range(n if film else 0):
-            filmed(wanted, k)
+            film_demonstration(request, k)
     finally:
         lock.release()
     print(out / "demonstrations.json")
     return 0
 
 
-def tabulate(wanted: Wanted, n: int, sand: Any, *, arm: bool) -> None:
-    """Write demonstrations.json: what each of the first n, made where it is not yet, does in its own material, in the
-    environment `sand` and, if asked, with the arm."""
-    maker, rows = Maker(wanted), []
-    carried = wanted.environment(arm=True) if arm else None
-    for k in range(n):
-        found = maker.make(k)
-        reset = wanted.start(k)
-        row = {"demonstration": wanted.path(k).name, "start": reset, "loss": float(found["losses"].min()),
-               "iterations": len(found["losses"]), "check": found["check"].tolist()}
-        readings = {f"in {wanted.material}": played(maker.env, found["actions"], reset),
-                    f"among grains of {sand.task.material}": played(sand, found["actions"], reset)}
-        if carried is not None:
-            try:
-                row["asked of the arm"] = asked_of_the_arm(maker, reset, found["actions"])
-                readings["with the arm"] = played(carried, found["actions"], reset) | carried.carrier.arm_readings
-            except ValueError as error:  # its start is out of reach
-                row["asked of the arm"] = str(error)
-        rows.append(row | readings)
-        write_json(wanted.out / "demonstrations.json", {"task": wanted.name, "material": wanted.material,
-                                                        "method": wanted.method, "demonstrations": rows})
-        tell(row, readings)
-
-
-def asked_of_the_arm(maker: Maker, start: dict[str, Any], actions: np.ndarray) -> dict[str, float]:
-    """What a motion from a start asks of the arm's joints; see `robosim.envs.reach.Reach.readings`."""
-    maker.env.reset(**start)
-    pose = maker.env.solver.collider_pose(0)
-    maker.hold.begin(pose.position)
-    return maker.reach.readings(pose, *maker.hold.twists(actions))
-
-
-def tell(row: dict[str, Any], readings: dict[str, dict[str, float]]) -> None:
-    """Print a demonstration's figures."""
-    print(f"{row['demonstration']}: loss {row['loss']:.4g}")
-    for where, values in readings.items():
-        print(f"  {where}: delivered {values['delivered']:.2f}, score {values['tcs']:.2f}")
-    if row["check"]:
-        print(f"  derivative along itself {row['check'][0][0]:.4g}, by differences {row['check'][0][1]:.4g}")
-    if "asked of the arm" in row:
-        asked = row["asked of the arm"]
-        print("  " + (asked if isinstance(asked, str) else
-                      ", ".join(f"{name} {value:.3g}" for name, value in asked.items())))
-
-
-def filmed(wanted: Wanted, k: int) -> None:
-    """demonstration_k.mp4: the motion among the task's own grains; a film that cannot be made is said so, no more."""
-    film = wanted.path(k).with_suffix(".mp4")
-    if film.is_file() and film.stat().st_mtime >= wanted.path(k).stat().st_mtime:
-        return
-    with tempfile.TemporaryDirectory(dir=wanted.out) as folder:
-        start = wanted.start(k)
-        words = ["evaluate", wanted.task, "--policy", str(wanted.path(k)), "--episodes", "1", "--seed",
-                 str(start["seed"]), "--out", folder, *(["--nominal"] if start["options"]["nominal"] else [])]
-        ended = subprocess.run([sys.executable, "-m", "robosim", *words], capture_output=True, text=True,
-                               check=False)
-        made = Path(folder) / "episode.mp4"
-        if ended.returncode == 0 and made.is_file():
-            made.replace(film)
-        else:
-            print(f"no film of {wanted.path(k).name}: {(ended.stderr.strip().splitlines() or ['?'])[-1]}",
-                  file=sys.stderr)
-
-
-def first_actions(start: str | Path | None, until: float | None, task: Any, hold: Hold) -> np.ndarray:
-    """Actions to begin with: none, those of a file, or the task's script up to a time [s]."""
+def first_actions(start: str | Path | None, until: float | None, task: Any, motion: ActionRepeat) -> np.ndarray:
+    """Return the actions (decisions, dimensions) that the search begins with; arguments as in `demonstrate`."""
     end = task.steps * task.step_dt
     if until is not None and (str(start) != SCRIPT or not 0 < until <= end):
         raise mpm.InvalidValue(f"--until {until}; accepted: with --from {SCRIPT}, above 0 up to {end:g} s")
     if start is None:
-        return np.zeros(hold.shape)
-    return hold.follow(task, until or end) if str(start) == SCRIPT else actions_of(Path(start), hold)
+        return np.zeros(motion.shape)
+    return motion.follow_script(task, until or end) if str(start) == SCRIPT else load_actions(Path(start), motion)
 
 
-def actions_of(path: Path, hold: Hold) -> np.ndarray:
-    """Actions to begin with, from a file; raises InvalidValue for what is none."""
+def load_actions(path: Path, motion: ActionRepeat) -> np.ndarray:
+    """Load actions to begin with from a file; raises mpm.InvalidValue for what does not fit the task."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             actions = np.asarray(stored["actions"], float)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
-    if actions.shape != hold.shape or not np.all(np.abs(actions) <= 1.0):
-        raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {hold.shape}, from -1 to 1")
+    if actions.shape != motion.shape or not np.all(np.abs(actions) <= 1.0):
+        raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {motion.shape}, from -1 to 1")
     return actions
+
+
+def count_fixed(until: float | None, task: Any, action_repeat: int, decisions: int) -> int:
+    """Return how many actions end by a time [s]; raises mpm.InvalidValue where that is none or all of them."""
+    if until is None:
+        return 0
+    ends = task.step_dt * np.minimum(action_repeat * np.arange(1, decisions + 1), task.steps)
+    fixed = int(np.sum(ends <= until + 1e-9))
+    if not 0 < fixed < decisions:
+        raise mpm.InvalidValue(f"--until {until}; accepted: {ends[0]:g} to {ends[-2]:g} s with --action-repeat "
+                               f"{action_repeat}")
+    return fixed
+
+
+def film_demonstration(request: DemonstrationRequest, k: int) -> None:
+    """Make demonstration_k.mp4, the motion among the task's own grains, unless it is newer than the demonstration.
+
+    Prints a line to stderr where that fails: a film is no part of the result.
+    """
+    film = request.path(k).with_suffix(".mp4")
+    if film.is_file() and film.stat().st_mtime >= request.path(k).stat().st_mtime:
+        return
+    with tempfile.TemporaryDirectory(dir=request.out) as folder:
+        start = request.reset_arguments(k)
+        arguments = ["evaluate", request.task, "--policy", str(request.path(k)), "--episodes", "1", "--seed",
+                     str(start["seed"]), "--out", folder, *(["--nominal"] if start["options"]["nominal"] else [])]
+        process = subprocess.run([sys.executable, "-m", "robosim", *arguments], capture_output=True, text=True,
+                                 check=False)
+        made = Path(folder) / "episode.mp4"
+        if process.returncode == 0 and made.is_file():
+            made.replace(film)
+        else:
+            print(f"no film of {request.path(k).name}: {(process.stderr.strip().splitlines() or ['?'])[-1]}",
+                  file=sys.stderr)

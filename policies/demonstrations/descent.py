@@ -1,41 +1,51 @@
-"""Descent with momentum and a step that a whole column of the parameters shares.
+"""Gradient descent with momentum, and a step size that all entries of a column share.
 
-Adam (Kingma & Ba 2015) divides each entry by its own size, so that the last of a motion's actions move as fast as the
-first, and a tool that has learnt to go overshoots for good: grains that it has pushed too far cannot be pulled back.
-Here all actions along one axis share one size, and a run of failures goes back to the best and takes smaller steps.
-Where that leads nowhere either, the slope at the best is not that of what lies around it (contact has kinks): the next
-one is taken a little aside.
+Adam (Kingma & Ba 2015) divides each entry by its own size, so that the last actions of a motion change as fast as the
+first; a tool then overshoots, and grains that it has pushed too far cannot be pulled back. Here all actions along one
+axis share one size. After a run of failures the search returns to the best motion with a smaller step. Where that fails
+too, the gradient at the best motion does not describe its neighbourhood (contact has kinks), and the search continues
+from a random motion near it.
 """
+
+from typing import ClassVar
 
 import numpy as np
 
-from policies.demonstrations.spline_search import motion
+from policies.demonstrations.spline_search import sample_spline
 
 DECAY, DECAY_SQUARES, SMALL = 0.9, 0.95, 1e-12
 FAILURES, SHRINK, GROW, LEAST = 4, 0.7, 1.1, 0.1
-"""Iterations without a better loss before a return to the best, what becomes of the step then and after success, and
-how small it may get."""
+"""Iterations without a lower loss before a return to the best; factor on the step then, and after a success; smallest
+step as a share of the rate."""
 KNOTS = 8
-"""Of the smooth motion that leads aside; its actions are as large as a step at its largest."""
+"""Knots of the random smooth motion, whose actions are as large as the largest step."""
+STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "returns", "count", "mean", "square")
+"""Attributes that the next steps depend on."""
 
 
 class Descent:
-    """Parameters (n, k) and steps of at most about `rate`; `step` is told what the loss was and how it slopes. The
-    first `kept` rows stay as they are."""
+    """A search over parameters (n, k) within -1 and 1, with steps of at most about `rate`.
 
-    def __init__(self, parameters: np.ndarray, rate: float, kept: int = 0) -> None:
-        self.now, self.rate, self._kept = parameters.copy(), rate, kept
+    The first `fixed` rows are not changed. A `policies.demonstrations.generator.Search`.
+    """
+
+    uses_gradient: ClassVar[bool] = True
+    check_every: ClassVar[int] = 5
+
+    def __init__(self, parameters: np.ndarray, rate: float, fixed: int = 0) -> None:
+        self.now, self.rate, self._fixed = parameters.copy(), rate, fixed
         self.best, self.best_gradient, self.lowest = parameters.copy(), np.zeros_like(parameters), np.inf
         self.share, self.failures, self.returns = 1.0, 0, 0
-        """returns: to the same best."""
-        self._forget()
+        """Step as a share of the rate; iterations since the last success; returns to the present best."""
+        self._reset_momentum()
 
-    def _forget(self) -> None:
+    def _reset_momentum(self) -> None:
         self.count = 0
         self.mean, self.square = np.zeros_like(self.now), np.zeros_like(self.now)
 
-    def step(self, loss: float, gradient: np.ndarray) -> None:
-        """Take the loss and its derivatives at `now`, and move on; entries stay within -1 and 1."""
+    def step(self, loss: float, gradient: np.ndarray | None = None) -> None:
+        """Take the loss and its derivatives (n, k) at `now`, and set the next `now`."""
+        assert gradient is not None
         if loss < self.lowest:
             self.lowest, self.best, self.best_gradient = loss, self.now.copy(), gradient.copy()
             self.failures, self.returns, self.share = 0, 0, min(1.0, GROW * self.share)
@@ -44,24 +54,23 @@ class Descent:
         if self.failures < FAILURES:
             self._move(gradient)
         else:
-            self.go_back()
+            self.return_to_best()
 
-    def go_back(self) -> None:
-        """Return to the best parameters, and leave them with a smaller step, or from the second time on for somewhere
-        near."""
+    def return_to_best(self) -> None:
+        """Continue from the best parameters with a smaller step; from the second return on, from a random neighbour."""
         self.now = self.best.copy()
         self.failures, self.share, self.returns = 0, max(LEAST, SHRINK * self.share), self.returns + 1
-        self._forget()
+        self._reset_momentum()
         if self.returns == 1:
             self._move(self.best_gradient)
         else:
-            aside = motion(np.random.default_rng(self.returns).normal(0.0, self.rate, (KNOTS, self.now.shape[1])),
-                           len(self.now) - self._kept)
-            self.now[self._kept :] = np.clip(self.now[self._kept :] + aside, -1.0, 1.0)
+            knots = np.random.default_rng(self.returns).normal(0.0, self.rate, (KNOTS, self.now.shape[1]))
+            offset = sample_spline(knots, len(self.now) - self._fixed)
+            self.now[self._fixed :] = np.clip(self.now[self._fixed :] + offset, -1.0, 1.0)
 
     def _move(self, gradient: np.ndarray) -> None:
-        gradient = np.where(np.arange(len(gradient))[:, None] < self._kept, 0.0, gradient)
-        squares = np.broadcast_to((gradient[self._kept :] ** 2).mean(0), gradient.shape)
+        gradient = np.where(np.arange(len(gradient))[:, None] < self._fixed, 0.0, gradient)
+        squares = np.broadcast_to((gradient[self._fixed :] ** 2).mean(0), gradient.shape)
         self.count += 1
         self.mean += (1.0 - DECAY) * (gradient - self.mean)
         self.square += (1.0 - DECAY_SQUARES) * (squares - self.square)
@@ -70,22 +79,19 @@ class Descent:
         self.now = np.clip(self.now - self.rate * self.share * mean / (np.sqrt(square) + SMALL), -1.0, 1.0)
 
     def fail(self) -> None:
-        """`now` has no loss."""
-        self.go_back()
+        """Return to the best parameters: `now` has no loss."""
+        self.return_to_best()
 
-    def course(self, losses: list[float]) -> list[float]:
-        """What has to settle: the losses themselves."""
+    def convergence_losses(self, losses: list[float]) -> list[float]:
+        """Return all losses."""
         return losses
 
     def state(self) -> dict[str, np.ndarray]:
-        """What the next steps depend on."""
+        """Return what the next steps depend on."""
         return {name: np.asarray(getattr(self, name)) for name in STATE}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
-        """Return to a state."""
+        """Restore a state."""
         for name in STATE:
-            value = state.get(name, np.zeros((), int))  # `returns` is younger than some files
+            value = state.get(name, np.zeros((), int))  # the first files have no `returns`
             setattr(self, name, value.copy() if value.ndim else value.item())
-
-
-STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "returns", "count", "mean", "square")

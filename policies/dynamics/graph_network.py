@@ -1,5 +1,8 @@
-"""A network that moves grains as a graph: nodes pass messages to those near them (Sanchez-Gonzalez et al. 2020; for
-grains that are scooped and poured, Tuomainen et al. 2022). What is rigid takes part as points whose way is known."""
+"""A graph network that predicts the motion of grains by message passing between neighbours.
+
+Rigid bodies take part as surface points whose motion is prescribed. Source: Sanchez-Gonzalez et al. 2020; for scooping
+and pouring Tuomainen et al. 2022.
+"""
 
 from typing import Any, NamedTuple
 
@@ -11,114 +14,119 @@ from torch import nn
 from policies.learning.presets import GraphSizes
 
 KINDS = 3
-"""Grain, what moves, what stands."""
-NEAR = 2.5
-"""Reach of a message over the distance to a grain's fifth neighbour."""
+"""Kinds of node: grain, moving rigid point, fixed rigid point."""
+RADIUS_OVER_SPACING = 2.5
+"""Connectivity radius divided by the distance to a grain's fifth neighbour."""
 
 
 class Scales(NamedTuple):
-    """Units of what a network sees and says, found in its roll-outs."""
+    """Units of the network's inputs and outputs, measured in its rollouts."""
 
     reach: float
-    """[m] of a message."""
+    """Connectivity radius [m]."""
     step: float
-    """Standard deviation of the grains' change of place in a frame [m]."""
+    """Standard deviation of the grains' displacement in a frame [m]."""
     mean: np.ndarray
-    """(3,) of the change of that [m]."""
+    """Mean of the change of displacement between frames [m], (3,)."""
     spread: np.ndarray
-    """(3,) standard deviation of the same."""
+    """Standard deviation of the same [m], (3,)."""
 
 
 class Graph(NamedTuple):
-    """One frame, or several beside each other."""
+    """The graph of one frame, or of several without edges between them."""
 
     nodes: torch.Tensor
     """(n, features), grains first within each frame."""
     edges: torch.Tensor
-    """(m, 4) from sender to receiver, in reaches, and its length."""
+    """(m, 4): vector from receiver to sender in units of the connectivity radius, and its length."""
     senders: torch.Tensor
+    """Indices of nodes (m,)."""
     receivers: torch.Tensor
+    """Indices of nodes (m,)."""
     grains: torch.Tensor
     """Indices of the nodes that are grains."""
 
 
-def layers(into: int, hidden: int, out: int, *, normed: bool = True) -> nn.Sequential:
-    """A network of two layers."""
-    parts: list[nn.Module] = [nn.Linear(into, hidden), nn.ReLU(), nn.Linear(hidden, out)]
-    return nn.Sequential(*parts, *([nn.LayerNorm(out)] if normed else []))
+def make_mlp(inputs: int, hidden: int, outputs: int, *, layer_norm: bool = True) -> nn.Sequential:
+    """Return a network of two layers, with layer normalisation of its output."""
+    parts: list[nn.Module] = [nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, outputs)]
+    return nn.Sequential(*parts, *([nn.LayerNorm(outputs)] if layer_norm else []))
 
 
 class GraphNetwork(nn.Module):
-    """Says how the change of place of every grain changes, in units of `Scales`."""
+    """Predicts each grain's change of displacement, in units of `Scales`."""
 
     def __init__(self, sizes: GraphSizes) -> None:
         super().__init__()
         h = sizes.hidden
-        self.node = layers(3 * sizes.history + KINDS + 4, h, h)
-        self.edge = layers(4, h, h)
-        self.hear = nn.ModuleList(layers(3 * h, h, h) for _ in range(sizes.message_steps))
-        self.move = nn.ModuleList(layers(2 * h, h, h) for _ in range(sizes.message_steps))
-        self.say = layers(h, h, 3, normed=False)
+        self.node_encoder = make_mlp(3 * sizes.history + KINDS + 4, h, h)
+        self.edge_encoder = make_mlp(4, h, h)
+        self.edge_update = nn.ModuleList(make_mlp(3 * h, h, h) for _ in range(sizes.message_steps))
+        self.node_update = nn.ModuleList(make_mlp(2 * h, h, h) for _ in range(sizes.message_steps))
+        self.decoder = make_mlp(h, h, 3, layer_norm=False)
 
     def forward(self, graph: Graph) -> torch.Tensor:
-        """(grains, 3)"""
-        node, edge = self.node(graph.nodes), self.edge(graph.edges)
-        for hear, move in zip(self.hear, self.move):
-            edge = edge + hear(torch.cat((edge, node[graph.senders], node[graph.receivers]), 1))
-            heard = torch.zeros_like(node).index_add_(0, graph.receivers, edge)
-            node = node + move(torch.cat((node, heard), 1))
-        return self.say(node[graph.grains])
+        """Return predictions (grains, 3)."""
+        nodes, edges = self.node_encoder(graph.nodes), self.edge_encoder(graph.edges)
+        for edge_update, node_update in zip(self.edge_update, self.node_update):
+            edges = edges + edge_update(torch.cat((edges, nodes[graph.senders], nodes[graph.receivers]), 1))
+            messages = torch.zeros_like(nodes).index_add_(0, graph.receivers, edges)
+            nodes = nodes + node_update(torch.cat((nodes, messages), 1))
+        return self.decoder(nodes[graph.grains])
 
 
-def graph_of(places: np.ndarray, moving: np.ndarray, standing: np.ndarray, ahead: np.ndarray, scales: Scales,
-             sizes: GraphSizes, floor: float) -> Graph:
-    """The graph of one frame.
+def make_graph(grains: np.ndarray, moving: np.ndarray, fixed: np.ndarray, moving_next: np.ndarray, scales: Scales,
+               sizes: GraphSizes, floor: float) -> Graph:
+    """Return the graph of one frame.
 
-    places (history + 1, n, 3), moving (history + 1, m, 3): of grains and of what moves, the last now; standing (k, 3);
-    ahead (m, 3): where what moves is next; floor: height [m] of the table.
+    grains (history + 1, n, 3), moving (history + 1, m, 3): positions [m], the last of the present frame. fixed (k, 3):
+    of fixed rigid points. moving_next (m, 3): of moving points in the next frame. floor: height [m] of the table.
     """
-    now = np.concatenate([places[-1], moving[-1], standing])
-    n, m, k = places.shape[1], moving.shape[1], len(standing)
-    past = np.concatenate([np.diff(places, axis=0), np.diff(moving, axis=0), np.zeros((len(places) - 1, k, 3))], 1)
-    known = np.zeros((len(now), 3))
-    known[n : n + m] = ahead - moving[-1]
+    positions = np.concatenate([grains[-1], moving[-1], fixed])
+    n, m, k = grains.shape[1], moving.shape[1], len(fixed)
+    displacements = np.concatenate([np.diff(grains, axis=0), np.diff(moving, axis=0),
+                                    np.zeros((len(grains) - 1, k, 3))], 1)
+    prescribed = np.zeros((len(positions), 3))
+    prescribed[n : n + m] = moving_next - moving[-1]
     kind = np.repeat(np.eye(KINDS), (n, m, k), 0)
-    height = np.clip((now[:, 2:] - floor) / scales.reach, 0.0, 2.0)
-    features = np.concatenate([past.transpose(1, 0, 2).reshape(len(now), -1) / scales.step, known / scales.step, kind,
-                               height], 1)
-    near, who = map(np.asarray, KDTree(now).query(now[:n], k=sizes.neighbours + 1, distance_upper_bound=scales.reach))
-    receivers, place = np.nonzero(np.isfinite(near[:, 1:]))  # the nearest is the grain itself
-    senders = who[receivers, place + 1]
-    way = (now[receivers] - now[senders]) / scales.reach
-    edges = np.concatenate([way, np.linalg.norm(way, axis=1, keepdims=True)], 1)
+    height = np.clip((positions[:, 2:] - floor) / scales.reach, 0.0, 2.0)
+    features = np.concatenate([displacements.transpose(1, 0, 2).reshape(len(positions), -1) / scales.step,
+                               prescribed / scales.step, kind, height], 1)
+    distances, neighbours = map(np.asarray, KDTree(positions).query(
+        positions[:n], k=sizes.neighbours + 1, distance_upper_bound=scales.reach))
+    receivers, column = np.nonzero(np.isfinite(distances[:, 1:]))  # column 0 is the grain itself
+    senders = neighbours[receivers, column + 1]
+    vectors = (positions[receivers] - positions[senders]) / scales.reach
+    edges = np.concatenate([vectors, np.linalg.norm(vectors, axis=1, keepdims=True)], 1)
     return Graph(*(torch.as_tensor(a, dtype=torch.float32) for a in (features, edges)),
                  *(torch.as_tensor(a) for a in (senders, receivers, np.arange(n))))
 
 
-def beside(graphs: list[Graph]) -> Graph:
-    """Several graphs as one that has no edges between them."""
-    firsts = np.cumsum([0, *(len(graph.nodes) for graph in graphs[:-1])])
+def batch_graphs(graphs: list[Graph]) -> Graph:
+    """Return several graphs as one, without edges between them."""
+    offsets = np.cumsum([0, *(len(graph.nodes) for graph in graphs[:-1])])
     return Graph(torch.cat([g.nodes for g in graphs]), torch.cat([g.edges for g in graphs]),
-                 *(torch.cat([getattr(g, name) + int(first) for g, first in zip(graphs, firsts)])
+                 *(torch.cat([getattr(g, name) + int(offset) for g, offset in zip(graphs, offsets)])
                    for name in ("senders", "receivers", "grains")))
 
 
-def scales_of(grains: list[np.ndarray]) -> Scales:
-    """Units in which the roll-outs' grains are near each other, and move."""
-    steps = [np.diff(places, axis=0) for places in grains]
-    turns = np.concatenate([np.diff(step, axis=0).reshape(-1, 3) for step in steps])
-    near = [np.median(KDTree(places[0]).query(places[0], k=6)[0][:, -1]) for places in grains]
-    return Scales(NEAR * float(np.median(near)), float(np.concatenate([s.reshape(-1, 3) for s in steps]).std()),
-                  turns.mean(0), turns.std(0) + 1e-9)
+def measure_scales(rollouts: list[np.ndarray]) -> Scales:
+    """Return the units of rollouts (frames, n, 3) of grains."""
+    displacements = [np.diff(positions, axis=0) for positions in rollouts]
+    changes = np.concatenate([np.diff(one, axis=0).reshape(-1, 3) for one in displacements])
+    spacings = [np.median(KDTree(positions[0]).query(positions[0], k=6)[0][:, -1]) for positions in rollouts]
+    return Scales(RADIUS_OVER_SPACING * float(np.median(spacings)),
+                  float(np.concatenate([one.reshape(-1, 3) for one in displacements]).std()),
+                  changes.mean(0), changes.std(0) + 1e-9)
 
 
-def arrays(network: GraphNetwork) -> dict[str, np.ndarray]:
-    """The weights."""
+def get_weights(network: GraphNetwork) -> dict[str, np.ndarray]:
+    """Return copies of the network's weights."""
     return {name: value.detach().numpy().copy() for name, value in network.state_dict().items()}
 
 
-def filled(sizes: GraphSizes, weights: dict[str, Any]) -> GraphNetwork:
-    """A network with these weights."""
+def make_network(sizes: GraphSizes, weights: dict[str, Any]) -> GraphNetwork:
+    """Return a network with given weights."""
     network = GraphNetwork(sizes)
     network.load_state_dict({name: torch.as_tensor(value) for name, value in weights.items()})
     return network

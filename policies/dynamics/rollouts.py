@@ -1,165 +1,95 @@
-"""`robosim frames`: roll-outs of the simulator with starts and motions of many kinds, for a network to learn from."""
+"""`robosim rollouts`: rollouts of the simulator with various starts and motions, for a network to learn from."""
 
-import json
 import sys
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
-from zipfile import BadZipFile
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 import mpm
-from policies.demonstrations.action_repeat import Hold
-from policies.demonstrations.generator import fingerprint
-from policies.demonstrations.spline_search import motion
-from policies.demonstrations.workers import pool
-from policies.learning.environments import made
-from policies.learning.files import claim, write, write_json
+from policies.demonstrations.action_repeat import ActionRepeat
+from policies.demonstrations.spline_search import sample_spline
+from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
+from policies.learning.environments import make_environment
+from policies.learning.episode import continue_episode
+from policies.learning.files import lock_folder, write
+from policies.learning.workers import make_pool
 
 KNOTS, SPREAD = 8, 0.4
-"""Of the smooth motion that is added to a part of the script: knots, and standard deviation of its actions."""
-SOLIDS = 150
-"""Points that stand for the surface of a tool or a container."""
+"""Of the random smooth motion that is added to the script: knots, and standard deviation of its actions."""
 
 
-class Solid(NamedTuple):
-    """What a network sees of something rigid."""
+def make_rollouts(task: str, out: Path, *, episodes: int = 200, material: str | None = None, action_repeat: int = 10,
+                  seed: int = 0, jobs: int = 1) -> int:
+    """Make rollouts 0 to episodes - 1 in a folder, where they are missing; return 0.
 
-    points: np.ndarray
-    """(n, 3), SOLIDS at most, near its surface [m]: in its own frame if it moves, in world axes if it stands."""
-    moves: bool
-
-
-def frames(task: str, out: Path, *, episodes: int = 200, material: str | None = None, hold: int = 10, seed: int = 0,
-           jobs: int = 1) -> int:
-    """Make roll-outs 0 .. episodes - 1 into a folder; returns 0. Raises InvalidValue for what cannot be made, and for a
-    folder of others."""
-    if min(episodes, hold, jobs) < 1 or seed < 0:
-        raise mpm.InvalidValue(f"--episodes {episodes}, --action-repeat {hold}, --jobs {jobs}, --seed {seed}; "
+    Raises:
+        mpm.InvalidValue: an argument is outside its range, or the folder holds other rollouts.
+    """
+    if min(episodes, action_repeat, jobs) < 1 or seed < 0:
+        raise mpm.InvalidValue(f"--episodes {episodes}, --action-repeat {action_repeat}, --jobs {jobs}, --seed {seed}; "
                                f"accepted: 1 or more, the seed 0 or more")
-    env: Any = made(task, material=material, action_repeat=hold).unwrapped
-    lock = claim(out)
+    env: Any = make_environment(task, material=material, action_repeat=action_repeat).unwrapped
+    lock = lock_folder(out)
     try:
-        _fill(out, env, material, episodes=episodes, seed=seed, jobs=jobs)
+        write_description(out, env, seed)
+        _make_missing(out, env, material, episodes=episodes, seed=seed, jobs=jobs)
     finally:
         lock.release()
-    print(f"{out}: {episodes} roll-outs of up to {-(-env.task.steps // hold) + 1} frames")
+    print(f"{out}: {episodes} rollouts of up to {-(-env.task.steps // action_repeat) + 1} frames")
     return 0
 
 
-def _fill(out: Path, env: Any, material: str | None, *, episodes: int, seed: int, jobs: int) -> None:
-    """Make what a folder lacks; see `frames`."""
-    told, about = {**of(env), "seed": seed}, out / "frames.json"
-    if about.is_file() and about.read_text() != json.dumps(told, indent=2) + "\n":
-        raise mpm.InvalidValue(f"--out {out}: holds roll-outs of {' '.join(about.read_text().split())}; give another "
-                               f"folder")
-    write_json(about, told)
-    waiting = [k for k in range(episodes) if not path_of(out, k).is_file()]
-    progress = tqdm(initial=episodes - len(waiting), total=episodes, unit="roll-out", file=sys.stderr)
+def _make_missing(out: Path, env: Any, material: str | None, *, episodes: int, seed: int, jobs: int) -> None:
+    missing = [k for k in range(episodes) if not rollout_path(out, k).is_file()]
+    progress = tqdm(initial=episodes - len(missing), total=episodes, unit="rollout", file=sys.stderr)
     if jobs == 1:
-        for k in waiting:
-            make(env, out, seed, k)
+        for k in missing:
+            make_rollout(env, out, seed, k)
             progress.update()
     else:
-        with pool(jobs) as workers:
-            for _ in workers.map(partial(made_apart, env.source, material, env.action_repeat, out, seed), waiting):
+        with make_pool(jobs) as pool:
+            work = partial(_make_in_worker, env.source, material, env.action_repeat, out, seed)
+            for _ in pool.map(work, missing):
                 progress.update()
     progress.close()
 
 
-def of(env: Any) -> dict[str, Any]:
-    """What roll-outs of an environment are of."""
-    return {"task": env.TASK, "hold": env.action_repeat, "grains": len(seen(env)), "scene": fingerprint(env)}
-
-
-def path_of(out: Path, k: int) -> Path:
-    """File of a roll-out."""
-    return out / f"rollout_{k:05d}.npz"
-
-
 @cache
-def environment(task: str, material: str | None, hold: int) -> Any:
-    """The sub-task, made once in a process."""
-    return made(task, material=material, action_repeat=hold).unwrapped
+def cached_environment(task: str, material: str | None, action_repeat: int) -> Any:
+    """Return the sub-task's environment, made once in a process."""
+    return make_environment(task, material=material, action_repeat=action_repeat).unwrapped
 
 
-def made_apart(task: str, material: str | None, hold: int, out: Path, seed: int, k: int) -> None:
-    """A roll-out in a process of its own."""
-    make(environment(task, material, hold), out, seed, k)
+def _make_in_worker(task: str, material: str | None, action_repeat: int, out: Path, seed: int, k: int) -> None:
+    make_rollout(cached_environment(task, material, action_repeat), out, seed, k)
 
 
-def make(env: Any, out: Path, seed: int, k: int) -> None:
-    """Roll-out k, kept as grains (frames, n, 3) and tool (frames, 7), in world axes [m]."""
+def make_rollout(env: Any, out: Path, seed: int, k: int) -> None:
+    """Make rollout k: grains (frames, n, 3) [m] and tool poses (frames, 7), in world axes."""
     rng = np.random.default_rng([seed, k])
-    env.reset(seed=int(rng.integers(2**31)), options={"nominal": bool(rng.integers(2))})
-    hold = Hold(env.task, env.action_repeat)
-    hold.begin(env.solver.collider_pose(0).position)
-    script = rng.uniform(0.0, 1.2) * hold.follow(env.task, env.task.steps * env.task.step_dt)
-    aside = motion(rng.normal(0.0, SPREAD, (KNOTS, hold.dimensions)), hold.n)
-    grains, poses = [seen(env)], [pose_of(env)]
-    for action in np.clip(script + rng.uniform() * aside, -1.0, 1.0).astype(np.float32):
-        _, _, ended, cut, info = env.step(action)
-        if info.get("diverged"):
+    observation, _ = env.reset(seed=int(rng.integers(2**31)), options={"nominal": bool(rng.integers(2))})
+    grains, poses = [grain_positions(env)], [tool_pose(env)]
+    for step in continue_episode(env, random_motion(env, rng), observation):
+        if step.info.get("diverged"):
             break
-        grains.append(seen(env))
-        poses.append(pose_of(env))
-        if ended or cut:
-            break
-    write(path_of(out, k), lambda path: np.savez_compressed(path, grains=np.array(grains, np.float32),
-                                                            tool=np.array(poses)))
+        grains.append(grain_positions(env))
+        poses.append(tool_pose(env))
+    write(rollout_path(out, k), lambda path: np.savez_compressed(path, grains=np.array(grains, np.float32),
+                                                                 tool=np.array(poses)))
 
 
-def seen(env: Any) -> np.ndarray:
-    """Places of the observed grains (n, 3); a copy, for the next reading goes to the same memory."""
-    return env.world.grains()[:, :3].copy()
+def random_motion(env: Any, rng: np.random.Generator) -> np.ndarray:
+    """Return actions (decisions, dimensions): a share of the script plus a random smooth motion."""
+    motion = ActionRepeat(env.task, env.action_repeat)
+    motion.set_start(env.solver.collider_pose(0).position)
+    script = rng.uniform(0.0, 1.2) * motion.follow_script(env.task, env.task.steps * env.task.step_dt)
+    smooth = sample_spline(rng.normal(0.0, SPREAD, (KNOTS, motion.dimensions)), motion.decisions)
+    return np.clip(script + rng.uniform() * smooth, -1.0, 1.0).astype(np.float32)
 
 
-def pose_of(env: Any) -> np.ndarray:
-    """The tool's pose (7,)."""
+def tool_pose(env: Any) -> np.ndarray:
+    """Return the tool's pose: position [m] and quaternion (w, x, y, z), (7,)."""
     return np.concatenate(env.solver.collider_pose(0))
-
-
-def solids(env: Any) -> list[Solid]:
-    """The scene's tool and, standing where they are, what else is rigid; each as points drawn from its surface."""
-    found, rng = [], np.random.default_rng(0)
-    for index, collider in enumerate(env.solver.colliders):
-        lower, upper = collider.sdf.bounds
-        drawn = rng.uniform(lower, upper, (200_000, 3))
-        near = np.abs(collider.sdf.distance(drawn)) < 0.02 * np.linalg.norm(upper - lower)
-        points = drawn[near][:SOLIDS]
-        pose = env.solver.collider_pose(index)
-        found.append(Solid(points if index == 0 else pose.apply(points), index == 0))
-    return found
-
-
-class Rollouts(NamedTuple):
-    """What `robosim frames` has made of a task."""
-
-    grains: list[np.ndarray]
-    """(frames, n, 3) of each roll-out [m]."""
-    poses: list[np.ndarray]
-    """(frames, 7) of its tool."""
-
-
-def read(folder: Path, env: Any) -> Rollouts:
-    """All roll-outs of a folder of two frames or more; raises InvalidValue where it holds none of an environment."""
-    wanted = of(env)
-    try:
-        told = json.loads((folder / "frames.json").read_text())
-        other = [f"{name} {told[name]}, now {value}" for name, value in wanted.items() if told[name] != value]
-        if other:
-            raise mpm.InvalidValue(f"--frames {folder}: of another environment: {'; '.join(other)}")
-        found = []
-        for path in sorted(folder.glob("rollout_*.npz")):
-            with np.load(path, allow_pickle=False) as stored:
-                if len(stored["grains"]) > 1:  # one that diverged at once has nothing to learn from
-                    found.append((stored["grains"], stored["tool"]))
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise mpm.InvalidValue(f"--frames {folder}: {error}; `robosim frames {env.source} --out {folder}` makes "
-                               f"them") from error
-    if len(found) < 2:
-        raise mpm.InvalidValue(f"--frames {folder}: {len(found)} roll-outs; accepted: 2 or more, of which some are "
-                               f"held back for the test")
-    return Rollouts(*map(list, zip(*found)))

@@ -1,4 +1,4 @@
-"""Building blocks of learning: presets, buffers, networks, observation scaling, SB3 learners.
+"""What a run of learning is set up from: presets, task names, environments, episodes, files, worker processes.
 
 Imports: nothing of the project.
 """

@@ -6,19 +6,29 @@ import mpm
 
 
 def configs_folder() -> Path:
-    """Folder configs/, beside the packages in a checkout and inside robosim in a wheel."""
+    """Return the folder configs/: next to the packages in a checkout, inside robosim in a wheel."""
     top = Path(__file__).resolve().parents[2]
-    inside = top / "robosim" / "configs"
-    return inside if inside.is_dir() else top / "configs"
+    installed = top / "robosim" / "configs"
+    return installed if installed.is_dir() else top / "configs"
 
 
 def bundled_names(kind: str) -> list[str]:
-    """Names of configs/<kind>/*.yaml, sorted; kind: "tasks", "training", "materials" or "rehearsals"."""
+    """Return the names of configs/<kind>/*.yaml, sorted; kind: "tasks", "training", "materials" or "rehearsals"."""
     return sorted(path.stem for path in (configs_folder() / kind).glob("*.yaml"))
 
 
+def is_task_file(task: str) -> bool:
+    """Return whether a task is given as the path of a .yaml file, not as a name."""
+    return task.endswith((".yaml", ".yml"))
+
+
+def is_unknown_task(task: str) -> bool:
+    """Return whether a task is no bundled sub-task, no existing file and no Gymnasium id such as Pendulum-v1."""
+    return not Path(task).is_file() if is_task_file(task) else "-v" not in task and task not in bundled_names("tasks")
+
+
 def check_method(name: str) -> Path:
-    """Find the file of a method, by name or path; raises mpm.InvalidValue for one that does not exist."""
+    """Return the file of a method, given by name or path; raises mpm.InvalidValue for one that does not exist."""
     path = Path(name) if name.endswith((".yaml", ".yml")) else configs_folder() / "training" / f"{name}.yaml"
     if not path.is_file():
         raise mpm.InvalidValue(f"method {name!r}; accepted: {', '.join(bundled_names('training'))}, or the path of a "
@@ -28,7 +38,7 @@ def check_method(name: str) -> Path:
 
 def check_task(name: str, also: str = "") -> None:
     """Raise mpm.InvalidValue unless a task is a sub-task's name or the path of a .yaml file."""
-    if name.endswith((".yaml", ".yml")):
+    if is_task_file(name):
         if not Path(name).is_file():
             raise mpm.InvalidValue(f"task {name}: no such file")
     elif name.split("/")[-1].split("-v")[0] not in bundled_names("tasks"):

@@ -1,4 +1,4 @@
-"""Files written beside their place and renamed, so that what is there is always whole, in folders of one process."""
+"""Atomic writes and folder locks: what lies under a file's name is always complete, in folders of one process."""
 
 import hashlib
 import json
@@ -11,18 +11,23 @@ from filelock import FileLock, Timeout
 
 import mpm
 
+LOCK_NAME = ".lock"
+
 
 def digest(value: Any) -> str:
-    """Twelve letters that change with a value."""
+    """Return twelve hexadecimal digits of the SHA-256 of a value's JSON."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:12]
 
 
-def claim(folder: Path) -> FileLock:
-    """Make a folder and keep other processes out until the lock is released, or this process ends, however it ends;
-    raises mpm.InvalidValue where one is at work there."""
+def lock_folder(folder: Path) -> FileLock:
+    """Make a folder and lock it against other processes until the lock is released or this process ends.
+
+    Raises:
+        mpm.InvalidValue: another process holds the lock, or the folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / ".lock")
+        lock = FileLock(folder / LOCK_NAME)
         lock.acquire(timeout=0)
     except OSError as error:
         if not isinstance(error, Timeout):
@@ -32,17 +37,28 @@ def claim(folder: Path) -> FileLock:
     return lock
 
 
-def write(path: Path, writer: Callable[[Path], object]) -> None:
-    """Let `writer` write a file beside `path`, then rename it."""
-    beside = path.with_name(f".{path.stem}.part{path.suffix}")
+def is_locked(folder: Path) -> bool:
+    """Return whether another process holds a folder's lock."""
+    if not folder.is_dir():
+        return False
     try:
-        writer(beside)
-        os.replace(beside, path)
+        with FileLock(folder / LOCK_NAME).acquire(timeout=0):
+            return False
+    except Timeout:
+        return True
+
+
+def write(path: Path, writer: Callable[[Path], object]) -> None:
+    """Call `writer` with a temporary path in the same folder, then rename that file to `path`."""
+    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        writer(temporary)
+        os.replace(temporary, path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def write_json(path: Path, value: object) -> None:
-    """Indented JSON; refuses numbers that JSON does not know."""
+    """Write indented JSON. Raises ValueError for numbers that JSON does not have (NaN, infinity)."""
     text = json.dumps(value, indent=2, allow_nan=False) + "\n"
-    write(path, lambda place: place.write_text(text))
+    write(path, lambda temporary: temporary.write_text(text))

@@ -1,126 +1,136 @@
-"""What a method of learning is made of: files of configs/training."""
+"""Presets: the settings of a method, as files of configs/training hold them."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import pydantic
-import yaml
 from pydantic import ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
-
-import mpm
-from policies.learning.bundled import bundled_names, check_method
 
 Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "GNN-CMA-ES", "replay"]
 OFF_POLICY = ("SAC", "TD3", "DDPG", "TQC", "CrossQ")
-"""Learners with a buffer that demonstrations can join."""
-Change = Callable[[dict[str, Any]], dict[str, Any]]
-"""Gives a changed copy of a table."""
-IMITATE = ("BC", "GAIL", "replay")
-"""Learners that have nothing but demonstrations."""
+"""Learners with a replay buffer, which demonstrations can be mixed into."""
+IMITATION = ("BC", "GAIL", "replay")
+"""Learners that learn from demonstrations alone."""
+SEARCH = ("CMA-ES", "GNN-CMA-ES")
+"""Learners that search for one motion; they may begin at a demonstration."""
 
 
 class Demonstrations(pydantic.BaseModel):
-    """How demonstrations take part in batches."""
+    """How demonstrations are mixed into batches."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     size: PositiveInt = 50_000
-    """Transitions that their buffer has room for."""
+    """Capacity of the demonstration buffer, in transitions."""
     fraction: float = Field(0.5, ge=0.0, le=1.0)
-    """Share of a batch, once there is experience of one's own."""
+    """Fraction of a batch, once the agent has transitions of its own."""
     updates: NonNegativeInt = 1
-    """Updates for each demonstrated transition, as it enters."""
+    """Gradient updates after each demonstrated transition, as it enters the buffer."""
 
 
 class Actor(pydantic.BaseModel):
-    """How the actor of an actor-critic learns beside its critics."""
+    """How the actor of an actor-critic method learns, compared with its critics."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     waits: NonNegativeInt = 0
-    """Decisions before its first update."""
+    """Decisions before the actor's first update."""
     rate: float = Field(1.0, gt=0.0)
-    """Its learning rate over the critics'."""
+    """The actor's learning rate divided by the critics'."""
 
 
 class GraphSizes(pydantic.BaseModel):
-    """How large a network is and how it learns."""
+    """Size and training of a graph network."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     hidden: PositiveInt = 32
     message_steps: PositiveInt = 2
     history: PositiveInt = 3
-    """Frames whose changes of place a node knows."""
+    """Past frames whose displacements are features of a node."""
     neighbours: PositiveInt = 10
-    """Nearest nodes within reach that a grain hears."""
+    """Largest number of nearest nodes within the connectivity radius that send to a grain."""
     updates: PositiveInt = 3000
     batch_size: PositiveInt = 8
     learning_rate: PositiveFloat = 1e-3
     decay: PositiveFloat = 0.1
-    """Learning rate at the end over that at the start."""
+    """Learning rate at the end divided by that at the start."""
     noise: NonNegativeFloat = 0.2
-    """Standard deviation of the error that places are given in training, over that of what the network has to say: so
-    that errors of its own do not grow."""
+    """Standard deviation of the noise on training positions, in units of the targets' standard deviation: the network
+    learns to correct errors of its own."""
 
 
 class Preset(pydantic.BaseModel):
-    """A method."""
+    """A method of learning: a learner and its settings.
+
+    Raises pydantic.ValidationError for settings that do not fit each other.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     description: str
     learner: Learner
     demonstrations: Demonstrations | None = None
-    """Null: no batch holds any."""
+    """null: demonstrations are not mixed into batches."""
     obs: str = "flat"
     """Layout of the observation."""
     scaled: bool = True
-    """Observations in units of the task (decimetres from its goal, and so on); false: metres, as the environment's."""
+    """Observations in units of the task (positions from the goal in decimetres, ...); false: SI units."""
     episodes: PositiveInt = 150
+    """Largest number of episodes."""
     residual: float | None = Field(None, gt=0.0, le=1.0)
-    """The policy corrects the first demonstration, by at most so much; null: it acts itself."""
+    """The policy corrects the first demonstration, by at most this share of the action range; null: the policy's
+    action is the action."""
     correction_cost: float = Field(0.0, ge=0.0)
-    """Reward that a decision pays for the mean square of its correction, in units of `residual`; what is told and kept
-    of an episode does not count it."""
+    """Cost subtracted from the reward, per mean square of a correction in units of `residual`; reported returns
+    leave it out."""
     actor: Actor | None = None
-    """Null: as its critics."""
+    """null: the actor learns as its critics do."""
     critic_layer_norm: bool = False
+    """Layer normalisation in the critics."""
     encoder: Literal["pointnet", "deep_sets"] | None = None
-    """What sees the grains as a set; null: a flat network."""
+    """Permutation-invariant encoder of the grains; null: a network on the flat observation."""
     graph: GraphSizes | None = None
-    """Of a network that foresees what grains do; needs roll-outs to learn from."""
+    """Graph network that predicts the grains' motion; it learns from rollouts."""
     discriminator_updates: PositiveInt = 1
-    """Of GAIL, for each batch of the policy's transitions."""
+    """Updates of GAIL's discriminator for each batch of the policy's transitions."""
     options: dict[str, Any] = {}  # noqa: RUF012
     """Arguments of the learner's class."""
 
     @property
-    def shown(self) -> bool:
-        """Whether it needs demonstrations."""
-        return self.demonstrations is not None or self.residual is not None or self.learner in IMITATE
+    def needs_demonstrations(self) -> bool:
+        """Whether the method cannot run without demonstrations."""
+        return self.demonstrations is not None or self.residual is not None or self.learner in IMITATION
 
     @property
-    def joins(self) -> bool:
-        """Whether demonstrations can take part in its batches."""
+    def accepts_demonstrations(self) -> bool:
+        """Whether the method uses demonstrations if there are some."""
+        return self.needs_demonstrations or self.learner in SEARCH
+
+    @property
+    def mixes_demonstrations(self) -> bool:
+        """Whether demonstrations can be mixed into the method's batches."""
         return self.learner in OFF_POLICY and self.residual is None
+
+    @property
+    def needs_rollouts(self) -> bool:
+        """Whether the method learns from rollouts of the simulator."""
+        return self.graph is not None
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "Preset":
         if self.encoder is not None and self.obs not in ("flat", "all"):
             raise ValueError(f"encoder {self.encoder} with obs {self.obs}; accepted: flat or all, which "
-                             f"hold places and velocities")
-        if self.demonstrations is not None and not self.joins:
+                             f"contain positions and velocities")
+        if self.demonstrations is not None and not self.mixes_demonstrations:
             raise ValueError(f"demonstrations with learner {self.learner} and residual {self.residual}; accepted: with "
-                             f"{', '.join(OFF_POLICY)}, without residual; others learn from them as they are, or not")
+                             f"{', '.join(OFF_POLICY)}, without residual; remove `demonstrations`")
         if self.learner in ("BC", "GAIL") and self.obs == "dict":
-            raise ValueError(f"learner {self.learner} with obs dict; accepted: any other, it sees one row of numbers")
+            raise ValueError(f"learner {self.learner} with obs dict; accepted: any layout that is one array")
         if self.critic_layer_norm and (self.obs == "dict" or self.learner != "SAC"):
             raise ValueError(f"critic_layer_norm with learner {self.learner} and obs {self.obs}; accepted: SAC, "
                              f"any obs but dict")
-        needed = {"CMA-ES": ("population", "knots", "sigma")}.get(self.learner, ())
-        missing = [name for name in needed if name not in self.options]
+        required = {"CMA-ES": ("population", "knots", "sigma")}.get(self.learner, ())
+        missing = [name for name in required if name not in self.options]
         if missing:
             raise ValueError(f"learner {self.learner} without options {', '.join(missing)}")
         if (self.graph is not None) != (self.learner == "GNN-CMA-ES"):
@@ -129,63 +139,3 @@ class Preset(pydantic.BaseModel):
         if self.correction_cost and self.residual is None:
             raise ValueError(f"correction_cost {self.correction_cost} without residual; accepted: with one, or 0")
         return self
-
-
-def in_words(error: Exception, kind: type[pydantic.BaseModel]) -> str:
-    """Describe what is wrong with a file in a line: key, value, reason; of an unknown key, the keys that exist."""
-    if not isinstance(error, pydantic.ValidationError):
-        return str(error)
-    lines = []
-    for one in error.errors():
-        place = ".".join(map(str, one["loc"]))
-        if one["type"] == "extra_forbidden":
-            table = table_at(kind, one["loc"][:-1])
-            renamed = getattr(table, "RENAMED", {}).get(one["loc"][-1])
-            lines.append(f"key {place!r} is now called {renamed!r}; rename it" if renamed else
-                         f"unknown key {place!r}; accepted: {', '.join(table.model_fields)}")
-        else:
-            given = f" (given: {one['input']!r})" if one["type"] not in ("missing", "value_error") else ""
-            lines.append(f"{place or 'file'}: {one['msg'].removeprefix('Value error, ')}{given}")
-    return "; ".join(lines)
-
-
-def table_at(kind: type[pydantic.BaseModel], place: Sequence[int | str]) -> type[pydantic.BaseModel]:
-    """Find the class of a table within another; a key holds a table or null."""
-    for key in place:
-        annotation = kind.model_fields[str(key)].annotation
-        kind = next(one for one in (annotation, *get_args(annotation))
-                    if isinstance(one, type) and issubclass(one, pydantic.BaseModel))
-    return kind
-
-
-def in_file(task: str) -> bool:
-    """Whether a task is a file of the user's own, and no name."""
-    return task.endswith((".yaml", ".yml"))
-
-
-def strange(task: str) -> bool:
-    """Whether a task is neither a sub-task, nor a file that is there, nor an id of Gymnasium such as Pendulum-v1."""
-    return not Path(task).is_file() if in_file(task) else "-v" not in task and task not in bundled_names("tasks")
-
-
-def known(preset: dict[str, Any]) -> dict[str, Any]:
-    """A preset that an earlier version wrote down, with what it lacks as it was then and without numbers that did
-    nothing; as it is where it is none."""
-    try:
-        idle = preset.get("residual") is not None or preset.get("learner") not in OFF_POLICY
-        return Preset(**{**preset, **({"demonstrations": None} if idle else {})}).model_dump()
-    except pydantic.ValidationError:
-        return preset
-
-
-def load_preset(name: str, change: Change | None = None) -> Preset:
-    """Load a method by name or path; raises mpm.InvalidValue for one that cannot be used.
-
-    change: of its table, before it is checked.
-    """
-    path = check_method(name)
-    try:
-        table = yaml.safe_load(path.read_text())
-        return Preset(**(change(table) if change else table))
-    except (pydantic.ValidationError, yaml.YAMLError, TypeError) as error:
-        raise mpm.InvalidValue(f"{path}: {in_words(error, Preset)}") from error

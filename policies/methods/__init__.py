@@ -1,4 +1,4 @@
-"""Methods of learning beyond SB3's own: cloning, adversarial imitation, evolution, planning.
+"""Methods of learning: what a method must offer, those beyond Stable-Baselines3's own, and `robosim train`.
 
 Imports: demonstrations, dynamics, learning, runs.
 """

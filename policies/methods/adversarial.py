@@ -1,5 +1,8 @@
-"""Generative adversarial imitation (Ho & Ermon 2016): a discriminator learns to tell the policy's transitions from the
-demonstrations', and what it takes for demonstrated is rewarded."""
+"""Generative adversarial imitation learning (Ho & Ermon 2016), with PPO.
+
+A discriminator learns to tell the policy's transitions from the demonstrations'; the policy is rewarded for those that
+it takes for demonstrated.
+"""
 
 from typing import Any
 
@@ -13,54 +16,58 @@ from torch.nn import functional
 from policies.runs.training import Training
 
 WIDTH, RATE, BATCH = 64, 3e-4, 128
+"""Of the discriminator: width of a layer, learning rate, pairs from each side in a batch."""
 
 
-class Imitated(VecEnvWrapper):
-    """Rewards -log(1 - D) of what is seen and done instead of the environment's; keeps both for the discriminator."""
+class DiscriminatorReward(VecEnvWrapper):
+    """Replaces the reward by -log(1 - D) of observation and action, and stores these pairs for the discriminator."""
 
-    def __init__(self, venv: Any, judge: nn.Module) -> None:
+    def __init__(self, venv: Any, discriminator: nn.Module) -> None:
         super().__init__(venv)
-        self._judge, self.recent = judge, []
-        self._seen: Any = None
-        self._done: Any = None
+        self._discriminator = discriminator
+        self.recent: list[torch.Tensor] = []
+        """Pairs of the policy since the discriminator's last update."""
+        self._observations: Any = None
+        self._actions: Any = None
 
     def reset(self) -> Any:
-        """The first observation."""
-        self._seen = self.venv.reset()
-        return self._seen
+        """Reset the environments; returns their observations."""
+        self._observations = self.venv.reset()
+        return self._observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Act."""
-        self._done = actions
+        """Set the actions of the next step."""
+        self._actions = actions
         self.venv.step_async(actions)
 
     def step_wait(self) -> Any:
-        """As the environment answers, with the other reward."""
-        pair = torch.as_tensor(np.concatenate([self._seen, self._done], 1), dtype=torch.float32)
-        self.recent.append(pair)
+        """Step the environments; returns the discriminator's rewards."""
+        pairs = torch.as_tensor(np.concatenate([self._observations, self._actions], 1), dtype=torch.float32)
+        self.recent.append(pairs)
         observations, _, dones, infos = self.venv.step_wait()
-        self._seen = observations
+        self._observations = observations
         with torch.no_grad():
-            rewards = functional.softplus(self._judge(pair)).numpy()[:, 0]
+            rewards = functional.softplus(self._discriminator(pairs)).numpy()[:, 0]
         return observations, rewards, dones, infos
 
 
-class Discriminator(BaseCallback):
-    """Learns after every batch of the policy's transitions."""
+class DiscriminatorTraining(BaseCallback):
+    """Updates the discriminator after every batch of the policy's transitions."""
 
-    def __init__(self, venv: Imitated, judge: nn.Module, demonstrated: torch.Tensor, updates: int) -> None:
+    def __init__(self, venv: DiscriminatorReward, discriminator: nn.Module, demonstrated: torch.Tensor,
+                 updates: int) -> None:
         super().__init__()
-        self._venv, self._judge, self._demonstrated, self._updates = venv, judge, demonstrated, updates
-        self._optimizer = torch.optim.Adam(judge.parameters(), RATE)
+        self._venv, self._discriminator, self._demonstrated, self._updates = venv, discriminator, demonstrated, updates
+        self._optimizer = torch.optim.Adam(discriminator.parameters(), RATE)
 
     def state(self) -> dict[str, Any]:
-        """What the next updates depend on."""
-        return {"judge": self._judge.state_dict(), "optimizer": self._optimizer.state_dict(),
+        """Return what the next updates depend on."""
+        return {"discriminator": self._discriminator.state_dict(), "optimizer": self._optimizer.state_dict(),
                 "recent": list(self._venv.recent)}
 
     def load(self, state: dict[str, Any]) -> None:
-        """Return to a state."""
-        self._judge.load_state_dict(state["judge"])
+        """Restore a state."""
+        self._discriminator.load_state_dict(state["discriminator"])
         self._optimizer.load_state_dict(state["optimizer"])
         self._venv.recent = list(state["recent"])
 
@@ -68,41 +75,44 @@ class Discriminator(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        own, shown = torch.cat(self._venv.recent), self._demonstrated
+        own, demonstrated = torch.cat(self._venv.recent), self._demonstrated
         self._venv.recent.clear()
         for _ in range(self._updates):
-            pairs = torch.cat((own[torch.randint(len(own), (BATCH,))], shown[torch.randint(len(shown), (BATCH,))]))
-            said = self._judge(pairs)[:, 0]
-            truth = torch.cat((torch.zeros(BATCH), torch.ones(BATCH)))
-            loss = functional.binary_cross_entropy_with_logits(said, truth)
+            pairs = torch.cat((own[torch.randint(len(own), (BATCH,))],
+                               demonstrated[torch.randint(len(demonstrated), (BATCH,))]))
+            logits = self._discriminator(pairs)[:, 0]
+            labels = torch.cat((torch.zeros(BATCH), torch.ones(BATCH)))
+            loss = functional.binary_cross_entropy_with_logits(logits, labels)
             self._optimizer.zero_grad()
             loss.backward()
             self._optimizer.step()
 
 
-def imitate(training: Training) -> None:
-    """Run GAIL to its end."""
-    torch.manual_seed(training.seed)
-    pairs = np.array([np.concatenate([step.observation, step.action]) for step in training.demonstrated()], np.float32)
-    shown = torch.as_tensor(pairs)
-    judge = nn.Sequential(Standardised(shown), nn.Linear(pairs.shape[1], WIDTH), nn.Tanh(), nn.Linear(WIDTH, WIDTH),
-                          nn.Tanh(), nn.Linear(WIDTH, 1))
-    venv = Imitated(DummyVecEnv([lambda: training.acting]), judge)
-    training.learn(venv, Discriminator(venv, judge, shown, training.preset.discriminator_updates))
-
-
-class Standardised(nn.Module):
-    """Inputs less the demonstrations' mean, over their spread; what never varied there is left as wide as it is."""
+class Standardise(nn.Module):
+    """Subtracts the mean of data (n, features) and divides by its standard deviation; by 1 where that is zero."""
 
     mean: torch.Tensor
     scale: torch.Tensor
 
-    def __init__(self, shown: torch.Tensor) -> None:
+    def __init__(self, data: torch.Tensor) -> None:
         super().__init__()
-        spread = shown.std(0)
-        self.register_buffer("mean", shown.mean(0))
+        spread = data.std(0)
+        self.register_buffer("mean", data.mean(0))
         self.register_buffer("scale", torch.where(spread > 1e-6, spread, torch.ones_like(spread)))
 
     def forward(self, pairs: torch.Tensor) -> torch.Tensor:
-        """(batch, n) to the same."""
+        """Map (batch, features) to the same shape."""
         return (pairs - self.mean) / self.scale
+
+
+def imitate(training: Training) -> None:
+    """Train policy and discriminator together until the run is over."""
+    torch.manual_seed(training.seed)
+    pairs = np.array([np.concatenate([step.observation, step.action])
+                      for step in training.demonstration_transitions()], np.float32)
+    demonstrated = torch.as_tensor(pairs)
+    discriminator = nn.Sequential(Standardise(demonstrated), nn.Linear(pairs.shape[1], WIDTH), nn.Tanh(),
+                                  nn.Linear(WIDTH, WIDTH), nn.Tanh(), nn.Linear(WIDTH, 1))
+    venv = DiscriminatorReward(DummyVecEnv([lambda: training.agent_env]), discriminator)
+    training.learn(venv, DiscriminatorTraining(venv, discriminator, demonstrated,
+                                               training.preset.discriminator_updates))

@@ -1,33 +1,45 @@
-"""Behaviour cloning: the demonstrations' actions as a function of what was seen."""
+"""Behaviour cloning: a policy fitted to the actions of demonstrations."""
+
+from typing import Any
 
 import numpy as np
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
+from policies.learning.episode import play
 from policies.runs.training import Training
 
 
 def clone(training: Training) -> None:
-    """Fit a policy to the demonstrations by least squares, then let it act in every episode of the run."""
+    """Fit a policy by least squares, then play every episode of the run with it."""
     options = training.preset.options
     set_random_seed(training.seed)
-    shown = list(training.demonstrated())
-    seen = torch.as_tensor(np.array([step.observation for step in shown]))
-    done = torch.as_tensor(np.array([step.action for step in shown]))
+    policy = fit_policy(training, options)
+    policy.set_training_mode(False)
+
+    def act(observation: Any) -> np.ndarray:
+        return policy.predict(observation, deterministic=True)[0]
+
+    while not training.is_over:
+        play(training.env, act)
+        training.save_if_best(policy)
+
+
+def fit_policy(training: Training, options: dict[str, Any]) -> ActorCriticPolicy:
+    """Return a policy fitted to the demonstrations' transitions.
+
+    options: learning_rate, updates, batch_size, net_arch.
+    """
+    transitions = list(training.demonstration_transitions())
+    observations = torch.as_tensor(np.array([step.observation for step in transitions]))
+    actions = torch.as_tensor(np.array([step.action for step in transitions]))
     policy = ActorCriticPolicy(training.env.observation_space, training.env.action_space,
                                lambda _: options["learning_rate"], net_arch=options["net_arch"])
     for _ in range(options["updates"]):
-        batch = torch.randint(len(seen), (options["batch_size"],))
-        error = ((policy.get_distribution(seen[batch]).mode() - done[batch]) ** 2).mean()
+        batch = torch.randint(len(observations), (options["batch_size"],))
+        error = ((policy.get_distribution(observations[batch]).mode() - actions[batch]) ** 2).mean()
         policy.optimizer.zero_grad()
         error.backward()
         policy.optimizer.step()
-    policy.set_training_mode(False)
-    while not training.over:
-        observation, over = training.env.reset()[0], False
-        while not over:
-            action, _ = policy.predict(observation, deterministic=True)
-            observation, _, terminated, truncated, _ = training.env.step(action)
-            over = terminated or truncated
-        training.keep_best(policy)
+    return policy

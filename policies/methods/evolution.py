@@ -1,4 +1,4 @@
-"""CMA-ES (Hansen 2016) on a smooth motion, in the simulator itself: no gradient, no model of the grains."""
+"""CMA-ES (Hansen 2016) on a smooth motion, in the simulator itself; and the replay of demonstrations."""
 
 import pickle
 from typing import Any
@@ -7,50 +7,52 @@ import cma
 import numpy as np
 
 import mpm
-from policies.demonstrations.spline_search import fitted, motion
+from policies.demonstrations.spline_search import fit_knots, sample_spline
+from policies.learning.episode import play
 from policies.runs import checkpoint
 from policies.runs.training import Training
 
 
 def evolve(training: Training) -> None:
-    """Run the search to its end; it begins with the first demonstration if there is one, at rest otherwise."""
-    options, n = training.preset.options, training.base.action_space.shape[0]
-    if training.preset.episodes < options["population"]:
-        raise mpm.InvalidValue(f"--episodes {training.preset.episodes}; accepted: a generation or more, "
-                               f"{options['population']}")
-    first = np.zeros((options["knots"], n))
-    for actions in training.sequences.values():
-        first = fitted(actions, options["knots"])
-        break
+    """Search generation by generation for the motion of highest return.
+
+    Raises:
+        mpm.InvalidValue: the run has fewer episodes than a generation.
+    """
+    population, episodes = training.preset.options["population"], training.preset.episodes
+    if episodes < population:
+        raise mpm.InvalidValue(f"--episodes {episodes}; accepted: a generation or more, {population}")
     search: Any
     if training.folder.checkpoint.is_file():
         _, state = checkpoint.load(training.folder.checkpoint, None, None)
         search = pickle.loads(state["search"])
-        training.start_again(state)
+        training.resume(state)
     else:
-        search = cma.CMAEvolutionStrategy(first.ravel(), options["sigma"], {
-            "seed": training.seed + 1, "popsize": options["population"], "verbose": -9})  # 0 is a seed by the clock
-    while not training.over and training.env.count + options["population"] <= training.preset.episodes:
+        search = make_search(training)
+    while not training.is_over and training.env.count + population <= episodes:
         points = search.ask()
-        search.tell(points, [-played(training, motion(point.reshape(first.shape), training.decisions))
-                             for point in points])
-        training.keep(search=pickle.dumps(search))
+        search.tell(points, [-play(training.env, to_motion(training, point))[0] for point in points])
+        training.save_checkpoint(search=pickle.dumps(search))
 
 
-def played(training: Training, actions: np.ndarray) -> float:
-    """Return of an episode with these actions."""
-    training.env.reset()
-    total = 0.0
-    for action in actions:
-        _, reward, terminated, truncated, _ = training.env.step(action)
-        total += float(reward)
-        if terminated or truncated:
-            break
-    return total
+def make_search(training: Training) -> Any:
+    """Return a new search for the knots of a motion, from the first demonstration, or from rest without one.
+
+    Options of the preset: knots, sigma (initial standard deviation of the actions), population.
+    """
+    options, first = training.preset.options, training.demonstrations.first
+    knots = np.zeros((options["knots"], training.dimensions)) if first is None else fit_knots(first, options["knots"])
+    return cma.CMAEvolutionStrategy(knots.ravel(), options["sigma"], {
+        "seed": training.seed + 1, "popsize": options["population"], "verbose": -9})  # seed 0 is the clock's
+
+
+def to_motion(training: Training, point: np.ndarray) -> np.ndarray:
+    """Return the motion (decisions, dimensions) of a search's point."""
+    return sample_spline(point.reshape(-1, training.dimensions), training.decisions)
 
 
 def replay(training: Training) -> None:
-    """The demonstrations one after the other, as a method among others."""
-    for actions in training.sequences.values():
+    """Play the demonstrations, one after the other."""
+    for actions in training.demonstrations.motions.values():
         if training.env.count < training.preset.episodes:
-            played(training, actions)
+            play(training.env, actions)

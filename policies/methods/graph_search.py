@@ -1,72 +1,80 @@
-"""CMA-ES on a smooth motion whose outcome a network foresees; the best motion of each generation is tried among grains.
-The baseline that arXiv 2406.09178 takes from Tuomainen et al. 2022."""
+"""CMA-ES on a smooth motion whose outcome a graph network predicts.
+
+The best motion of each generation is played in the simulator. Source: the baseline that arXiv 2406.09178 takes from
+Tuomainen et al. 2022.
+"""
 
 import math
 import pickle
 from typing import Any
 
-import cma
 import numpy as np
 
 from mpm.geometry.rigid_motion import rotation_matrix
-from policies.demonstrations.action_repeat import Hold
-from policies.demonstrations.spline_search import FAILED, fitted, motion
-from policies.dynamics import rollouts as frames
+from policies.demonstrations.action_repeat import ActionRepeat
+from policies.demonstrations.spline_search import FAILED
 from policies.dynamics.graph_model import GraphModel
-from policies.dynamics.graph_network import arrays
+from policies.dynamics.graph_network import get_weights
+from policies.dynamics.rollout_files import grain_positions
+from policies.dynamics.solids import sample_solids
+from policies.learning.episode import play
 from policies.learning.files import write, write_json
-from policies.methods.evolution import played
+from policies.methods.evolution import make_search, to_motion
 from policies.runs import checkpoint
 from policies.runs.training import Training
 
 
-def foresee(training: Training) -> None:
-    """Let the network learn, then search; goes on where an earlier call was cut."""
-    env, preset = training.base.unwrapped, training.preset
-    assert preset.graph is not None and training.rollouts is not None
-    rollouts = training.rollouts
-    model = GraphModel(preset.graph, rollouts, frames.solids(env), float(env.solver.grid.lower[2]), training.seed)
+def plan(training: Training) -> None:
+    """Train the graph model, then search with it."""
+    env, sizes, rollouts = training.base.unwrapped, training.preset.graph, training.rollouts
+    assert sizes is not None and rollouts is not None
+    model = GraphModel(sizes, rollouts, sample_solids(env), float(env.solver.grid.lower[2]), training.seed)
     state: dict[str, Any] = {}
     if training.folder.checkpoint.is_file():
         _, state = checkpoint.load(training.folder.checkpoint, None, None)
-        model.load(state["foreseen"])
-        training.start_again(state)
+        model.load(state["model"])
+        training.resume(state)
     if state.get("search") is None:
-        model.learn(lambda: training.keep(foreseen=model.state(), search=None))
-        write(training.folder.path / "network.npz", lambda path: np.savez(path, **arrays(model.network)))  # pyright: ignore[reportArgumentType]
-        write_json(training.folder.path / "network.json", {
-            "sizes": preset.graph.model_dump(), "roll_outs": len(rollouts.grains), "updates": model.updates,
-            "loss": float(np.mean(model.losses)), "errors": model.errors()})
-    search(training, model, state.get("search"))
+        model.train(lambda: training.save_checkpoint(model=model.state(), search=None))
+        write_model(training, model)
+    search_with(training, model, state.get("search"))
 
 
-def search(training: Training, model: GraphModel, kept: bytes | None) -> None:
-    """A generation in the network, its best among grains, and so on."""
-    options, env = training.preset.options, training.base.unwrapped
+def write_model(training: Training, model: GraphModel) -> None:
+    """Write the network's weights to network.npz, and its sizes and test errors to network.json."""
+    weights = get_weights(model.network)
+    write(training.folder.path / "network.npz", lambda path: np.savez(path, **weights))  # pyright: ignore[reportArgumentType]
+    write_json(training.folder.path / "network.json", {
+        "sizes": model.sizes.model_dump(), "rollouts": len(model.training_set) + len(model.test_set),
+        "updates": model.updates, "loss": float(np.mean(model.losses)), "errors": model.test_errors()})
+
+
+def search_with(training: Training, model: GraphModel, stored_search: bytes | None) -> None:
+    """Evaluate each generation in the model and play its best motion in the simulator, until the run is over.
+
+    stored_search: pickle of the search of a checkpoint.
+    """
+    env = training.base.unwrapped
     env.reset(seed=0, options={"nominal": True})
-    grains, start, hold = frames.seen(env).astype(float), env.solver.collider_pose(0), Hold(env.task, training.hold)
-    first = np.zeros((options["knots"], hold.dimensions))
-    for actions in training.sequences.values():
-        first = fitted(actions, options["knots"])
-        break
-    found: Any = pickle.loads(kept) if kept is not None else cma.CMAEvolutionStrategy(
-        first.ravel(), options["sigma"], {"seed": training.seed + 1, "popsize": options["population"], "verbose": -9})
-    while not training.over:
-        points = found.ask()
-        motions = [motion(point.reshape(first.shape), training.decisions) for point in points]
+    grains, start = grain_positions(env).astype(float), env.solver.collider_pose(0)
+    converter = ActionRepeat(env.task, training.action_repeat)
+    search = pickle.loads(stored_search) if stored_search is not None else make_search(training)
+    while not training.is_over:
+        points = search.ask()
+        motions = [to_motion(training, point) for point in points]
         costs = []
         for actions in motions:
-            seen = list(model.foreseen(grains, model.way(start, hold, actions)))
-            whole = len(seen) == hold.n
-            costs.append(cost(env.task, seen[-1], turned(start.matrix, hold, actions)) if whole else FAILED)
-        found.tell(points, costs)
-        played(training, motions[int(np.argmin(costs))])
-        training.keep(foreseen=model.state(), search=pickle.dumps(found))
+            frames = list(model.predict_rollout(grains, model.tool_points(start, converter, actions)))
+            is_complete = len(frames) == converter.decisions
+            costs.append(cost(env.task, frames[-1], turn_angle(start.matrix, converter, actions))
+                         if is_complete else FAILED)
+        search.tell(points, costs)
+        play(training.env, motions[int(np.argmin(costs))])
+        training.save_checkpoint(model=model.state(), search=pickle.dumps(search))
 
 
 def cost(task: Any, grains: np.ndarray, angle: float) -> float:
-    """What the reward takes for where grains (n, 3) are at the end, and for the angle [rad] that a tool that scoops has
-    turned by."""
+    """Return what the reward subtracts for grains (n, 3) [m] away from the goal and a tool off its angle [rad]."""
     distance = task.reward.distance
     away = np.sort(np.abs(grains - np.array(task.goal)) @ np.array(distance.weights))
     counted = max(1, task.grains.counted // task.grains.observe_every) if task.grains.elites else len(away)
@@ -77,10 +85,10 @@ def cost(task: Any, grains: np.ndarray, angle: float) -> float:
     return total
 
 
-def turned(start: np.ndarray, hold: Hold, actions: np.ndarray) -> float:
-    """Angle [rad] about the tool's lateral axis that actions turn it by, from a matrix (3, 3)."""
+def turn_angle(start: np.ndarray, converter: ActionRepeat, actions: np.ndarray) -> float:
+    """Return the angle [rad] about its lateral axis that actions turn a tool by, from a rotation matrix (3, 3)."""
     matrix = start
-    for turn in rotation_matrix(hold.dt * hold.twists(actions)[1]):
-        matrix = turn @ matrix
+    for step in rotation_matrix(converter.dt * converter.to_twists(actions)[1]):
+        matrix = step @ matrix
     R = start.T @ matrix
     return math.atan2(R[0, 2], R[0, 0])

@@ -8,63 +8,69 @@ import pydantic
 
 import mpm
 from policies.learning.installed import check_installed
-from policies.learning.presets import Change, Preset, load_preset
+from policies.learning.preset_files import Change, load_preset
+from policies.learning.presets import Preset
 
 
 def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | None = None, episodes: int | None = None,
-          material: str | None = None, starts: str = "nominal", hold: int = 10, obs: str | None = None,
-          force: bool = False, frames: Path | None = None, change: Change | None = None) -> int:
-    """Train a method in a folder to its end; returns 0. A finished run is not repeated.
+          material: str | None = None, starts: str = "nominal", action_repeat: int = 10, obs: str | None = None,
+          force: bool = False, rollouts: Path | None = None, change: Change | None = None) -> int:
+    """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
-    change: of the method's table, before it is checked.
+    episodes, obs: instead of the preset's. change: of the method's table, before it is checked. Other arguments as in
+    `policies.runs.training.Training`.
+
+    Raises:
+        mpm.InvalidValue: a package is missing, or arguments do not fit.
     """
     check_installed()
-    preset = load_preset(method, change)
-    for name, number in (("--episodes", episodes), ("--action-repeat", hold)):
+    for name, number in (("--episodes", episodes), ("--action-repeat", action_repeat)):
         if number is not None and number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
     if seed < 0:
         raise mpm.InvalidValue(f"--seed {seed}; accepted: 0 or more")
-    given = {key: value for key, value in (("episodes", episodes), ("obs", obs)) if value is not None}
-    try:
-        preset = Preset(**{**preset.model_dump(), **given})
-    except pydantic.ValidationError as error:
-        raise mpm.InvalidValue(f"method {method} with {given}: {error.errors()[0]['msg']}") from error
+    preset = prepare_preset(method, change, episodes=episodes, obs=obs)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    import torch  # without learning nothing of it is loaded
+    import torch  # heavy: only training loads it
 
-    from policies.methods.adversarial import imitate
-    from policies.methods.cloning import clone
-    from policies.methods.evolution import evolve, replay
-    from policies.methods.graph_search import foresee
+    from policies.methods.method import select_method
     from policies.runs.training import Training
 
     torch.set_num_threads(1)
     options: dict[str, Any] = {"material": material} if material else {}
-    training = Training(method, preset, task, out, seed=seed, demos=demos, starts=starts, hold=hold, force=force,
-                        roll_outs=frames, **options)
+    training = Training(method, preset, task, out, seed=seed, demos=demos, starts=starts, action_repeat=action_repeat,
+                        force=force, rollouts=rollouts, **options)
     try:
-        if training.folder.finished and not force:
+        if training.folder.is_finished and not force:
             print(f"{out}: finished already")
             return 0
-        training.folder.status("running")
-        own = {"BC": clone, "GAIL": imitate, "CMA-ES": evolve, "GNN-CMA-ES": foresee, "replay": replay}
-        own.get(preset.learner, Training.learn)(training)
+        training.folder.write_status("running")
+        select_method(preset.learner)(training)
     except KeyboardInterrupt:
-        training.folder.status("stopped", reason="Ctrl-C; the same command goes on from the last checkpoint")
+        training.folder.write_status("stopped", reason="Ctrl-C; the same command continues from the last checkpoint")
         raise
     except Exception as error:
-        training.folder.status("failed", reason=f"{type(error).__name__}: {error}")
+        training.folder.write_status("failed", reason=f"{type(error).__name__}: {error}")
         raise
     else:
         training.finish()
     finally:
         training.folder.close()
-    found = training.folder.read("status.json")
-    print(f"{method} on {task}: best return {found['best_return']}, replayed {found['replayed']}")
-    if training.cap is not None:  # of our own sub-tasks
-        seen = [f"robosim evaluate {training.source} --policy {out / 'best.npz'} --episodes 1"]
-        seen += ["--nominal"] if starts == "nominal" else []
-        seen += [f"--material {material}"] if material else []
-        print("to see it:", *seen, "--out FOLDER")
+    status = training.folder.read_json("status.json")
+    print(f"{method} on {task}: best return {status['best_return']}, replayed {status['replayed']}")
+    if training.is_granular:
+        arguments = [f"robosim evaluate {training.source} --policy {out / 'best.npz'} --episodes 1"]
+        arguments += ["--nominal"] if starts == "nominal" else []
+        arguments += [f"--material {material}"] if material else []
+        print("to film it:", *arguments, "--out FOLDER")
     return 0
+
+
+def prepare_preset(method: str, change: Change | None, **settings: Any) -> Preset:
+    """Return a method's preset with settings that are not None instead of its own."""
+    preset = load_preset(method, change)
+    given = {key: value for key, value in settings.items() if value is not None}
+    try:
+        return Preset(**{**preset.model_dump(), **given})
+    except pydantic.ValidationError as error:
+        raise mpm.InvalidValue(f"method {method} with {given}: {error.errors()[0]['msg']}") from error

@@ -1,4 +1,4 @@
-"""Tables over runs, beside published numbers.
+"""Tables of runs, with published numbers for comparison.
 
 Imports: learning.
 """

@@ -1,4 +1,4 @@
-"""Tables beside those of scores: what down-sampling saves, how far tools have turned, other materials."""
+"""Tables besides those of scores: gain of down-sampling, turn of the tools, other materials."""
 
 import json
 from collections import defaultdict
@@ -6,88 +6,109 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-MOTION = ("task", "material", "score", "td_mm", "delivered")
-"""What is told of a motion in a material."""
-SETTING = ("material", "starts", "hold", "wanted")
-"""What two runs must share for their seconds to be compared."""
+from policies.results.summary import Summaries
+from policies.results.text_table import TextTable
+
+MATERIAL_COLUMNS = ("task", "material", "score", "td_mm", "delivered")
+"""Columns that are taken from materials.json."""
+TIMED_SETTINGS = ("material", "starts", "action_repeat", "max_episodes")
+"""Columns that two runs must share for their seconds to be compared."""
 
 
-class Table(NamedTuple):
-    """A table of words."""
+class Turn(NamedTuple):
+    """The turn of a method's tools, mean over its best motions."""
 
-    title: str
-    head: list[str]
-    rows: list[list[str]]
+    method: str
+    task: str
+    off_deg: float
+    """Mean error of the turn [deg]."""
+    asked_deg: float
+    """Required turn [deg]."""
+    published: str
+    """Published error, empty where there is none."""
 
 
-def further(found: dict[str, dict[str, dict]], runs: list[dict[str, Any]], folders: list[Path],
-            published: dict) -> tuple[dict, list[Table]]:
-    """What there is of them, as numbers and as words. found: summaries by method, task and reading; runs: the rows
-    that they are made of."""
-    saved, turned, among = gain(runs), turns(found, published), materials(folders)
+def make_further_tables(summaries: Summaries, rows: list[dict[str, Any]], sources: list[Path],
+                        published: dict) -> tuple[dict, list[TextTable]]:
+    """Return the tables that there are runs for, as numbers and as texts."""
+    gain, turns, materials = downsampling_gain(rows), tool_turns(summaries, published), read_materials(sources)
     tables = []
-    if saved:
-        theirs = published["gain_of_down_sampling"]
-        tables.append(Table("seconds of an episode that sees every grain, over one that sees some",
-                            ["task", "gain", published["source"]],
-                            [[task, f"{value:.2f}", f"{theirs[task]:.2f}" if task in theirs else ""]
-                             for task, value in saved.items()]))
-    if turned:
-        tables.append(Table("how far the best motion has turned its tool off what was asked",
-                            ["method", "task", "off [deg]", "off by", "asked [deg]", published["source"] + ", dg_sac"],
-                            [[method, task, f"{off:.1f}", f"{off / abs(asked):.1%}", f"{asked:g}", theirs]
-                             for method, task, off, asked, theirs in turned]))
-    if among:
-        motions = sorted({(row["task"], row["policy"]) for row in among})
-        names = list(dict.fromkeys(row["material"] for row in among))
-        by = {(row["task"], row["policy"], row["material"]): row for row in among}
-        tables.append(Table("score of one motion among other materials, in brackets TD [mm]",
-                            ["material", *(f"{task}, {policy}" for task, policy in motions)],
-                            [[name, *(cell(by.get((*motion, name))) for motion in motions)] for name in names]))
-    return {"gain_of_down_sampling": saved, "materials": among,
-            "turns": [dict(zip(("method", "task", "off_deg", "asked_deg"), row)) for row in turned]}, tables
+    if gain:
+        published_gain = published["gain_of_down_sampling"]
+        tables.append(TextTable("seconds of an episode that observes every grain / one that observes some",
+                                ["task", "gain", published["source"]],
+                                [[task, f"{value:.2f}",
+                                  f"{published_gain[task]:.2f}" if task in published_gain else ""]
+                                 for task, value in gain.items()]))
+    if turns:
+        tables.append(TextTable("error of the tool's turn in the motion with the highest return",
+                                ["method", "task", "error [deg]", "relative", "required [deg]",
+                                 published["source"] + ", dg_sac"],
+                                [[turn.method, turn.task, f"{turn.off_deg:.1f}",
+                                  f"{turn.off_deg / abs(turn.asked_deg):.1%}", f"{turn.asked_deg:g}", turn.published]
+                                 for turn in turns]))
+    if materials:
+        tables.append(_tabulate_materials(materials))
+    return {"gain_of_down_sampling": gain, "materials": materials,
+            "turns": [{key: getattr(turn, key) for key in ("method", "task", "off_deg", "asked_deg")}
+                      for turn in turns]}, tables
 
 
-def gain(runs: list[dict[str, Any]]) -> dict[str, float]:
-    """Seconds of an episode of `dg_sac` with all grains seen over those with some, by task: mean over the settings that
-    both were run with."""
+def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Return seconds of an episode of dg_sac that observes all grains / one that observes some, by task.
+
+    Mean over the settings that both were run with.
+    """
     seconds, ratios = defaultdict(list), defaultdict(list)
-    for one in runs:
-        seconds[one["method"], one["task"], tuple(one[key] for key in SETTING)].append(one["seconds"])
-    for (method, task, setting), values in seconds.items():
-        some = seconds.get(("dg_sac", task, setting))
-        if method == "all" and some:
-            ratios[task].append(fmean(values) / fmean(some))
+    for row in rows:
+        seconds[row["method"], row["task"], tuple(row[key] for key in TIMED_SETTINGS)].append(row["seconds"])
+    for (method, task, settings), values in seconds.items():
+        of_some = seconds.get(("dg_sac", task, settings))
+        if method == "all" and of_some:
+            ratios[task].append(fmean(values) / fmean(of_some))
     return {task: fmean(values) for task, values in ratios.items()}
 
 
-def turns(found: dict[str, dict[str, dict]], published: dict) -> list[tuple[str, str, float, float, str]]:
-    """Method, task, mean error [deg] of the best motions, what was asked [deg], what the paper's own came to."""
-    asked, theirs = published["turn"]["asked_deg"], published["turn"]["dg_sac_deg"]
-    rows = []
-    for method, tasks in found.items():
-        for task, values in tasks.items():
-            if "turn_error_deg" in values:
-                told = f"{abs(theirs[task][0] - asked):.1f} ({abs(theirs[task][0] / asked - 1.0):.1%})" \
-                    if task in theirs else ""
-                rows.append((method, task, values["turn_error_deg"]["mean"], asked, told))
-    return rows
+def tool_turns(summaries: Summaries, published: dict) -> list[Turn]:
+    """Return the turns of all methods and tasks whose tools have to turn."""
+    required, published_turns = published["turn"]["asked_deg"], published["turn"]["dg_sac_deg"]
+    turns = []
+    for method, tasks in summaries.items():
+        for task, figures in tasks.items():
+            if "turn_error_deg" in figures:
+                text = ""
+                if task in published_turns:
+                    turn = published_turns[task][0]
+                    text = f"{abs(turn - required):.1f} ({abs(turn / required - 1.0):.1%})"
+                turns.append(Turn(method, task, figures["turn_error_deg"]["mean"], required, text))
+    return turns
 
 
-def materials(folders: list[Path]) -> list[dict[str, Any]]:
-    """Rows of every materials.json of `robosim materials` below folders; those that cannot be read are left out."""
+def read_materials(sources: list[Path]) -> list[dict[str, Any]]:
+    """Return the rows of every materials.json of `robosim materials` in folders; unreadable files are left out."""
     rows = []
-    for path in sorted(path for top in folders if top.is_dir() for path in top.rglob("materials.json")):
+    for path in sorted(path for source in sources if source.is_dir() for path in source.rglob("materials.json")):
         try:
-            told = json.loads(path.read_text())
-            rows += [{"policy": told["policy"], **{key: row[key] for key in MOTION}} for row in told["rows"]]
+            stored = json.loads(path.read_text())
+            rows += [{"policy": stored["policy"], **{key: row[key] for key in MATERIAL_COLUMNS}}
+                     for row in stored["rows"]]
         except (OSError, ValueError, KeyError, TypeError):
             continue
     return rows
 
 
-def cell(row: dict[str, Any] | None) -> str:
-    """A score, and the trajectory's deviation."""
+def _tabulate_materials(rows: list[dict[str, Any]]) -> TextTable:
+    motions = sorted({(row["task"], row["policy"]) for row in rows})
+    names = list(dict.fromkeys(row["material"] for row in rows))
+    by_key = {(row["task"], row["policy"], row["material"]): row for row in rows}
+    return TextTable("score of one motion in other materials, in brackets trajectory deviation (TD) [mm]",
+                     ["material", *(f"{task}, {policy}" for task, policy in motions)],
+                     [[name, *(_format_material(by_key.get((*motion, name))) for motion in motions)]
+                      for name in names])
+
+
+def _format_material(row: dict[str, Any] | None) -> str:
+    """Return score and trajectory deviation."""
     if row is None:
         return ""
     return f"{row['score']:.1f} ({'-' if row['td_mm'] is None else format(row['td_mm'], '.1f')})"

@@ -1,4 +1,4 @@
-"""Training runs: folder, checkpoints, episodes, sweeps.
+"""Training runs: the training itself, its folder, episodes and checkpoints; sweeps and pipelines of many runs.
 
-Imports: demonstrations, dynamics, learning, results.
+Imports: demonstrations, dynamics, learners, learning, results.
 """

@@ -1,6 +1,7 @@
-"""Checkpoints between two episodes: a run that goes on from one ends with the same bits as one that was never stopped.
+"""Checkpoints: a run that continues from one ends with the same bits as one that was never interrupted.
 
-They hold pickles, as stable_baselines3's own files do: load those that you made. What is shipped is `network`'s.
+They hold pickles, as Stable-Baselines3's own files do, and a pickle executes code: load your own only. Files to share
+are written by `policies.learners.policy_file`.
 """
 
 import io
@@ -16,40 +17,42 @@ import torch
 from policies.learning.files import write
 
 
-def save(path: Path, model: Any, **more: Any) -> None:
-    """Keep a model with its buffers, the states of all random numbers, and what else is given."""
+def save(path: Path, model: Any, **parts: Any) -> None:
+    """Write a model (or None) with its replay buffer, the states of all random numbers, and other parts."""
     if model is not None:
-        more["actions"] = model.action_space.np_random.bit_generator.state
-    state = {"python": random.getstate(), "numpy": np.random.get_state(),  # noqa: NPY002  (what stable_baselines3 draws from)
-             "torch": torch.get_rng_state(), **more}
+        parts["actions"] = model.action_space.np_random.bit_generator.state
+    state = {"python": random.getstate(), "numpy": np.random.get_state(),  # noqa: NPY002  (SB3 draws from it)
+             "torch": torch.get_rng_state(), **parts}
 
-    def parts(beside: Path) -> None:
-        with zipfile.ZipFile(beside, "w") as file:
+    def write_archive(temporary: Path) -> None:
+        with zipfile.ZipFile(temporary, "w") as archive:
             if model is not None:
-                inner = io.BytesIO()
-                model.save(inner)
-                file.writestr("model.zip", inner.getvalue())
+                stored_model = io.BytesIO()
+                model.save(stored_model)
+                archive.writestr("model.zip", stored_model.getvalue())
                 if getattr(model, "replay_buffer", None) is not None:
-                    file.writestr("buffer.pickle", pickle.dumps(model.replay_buffer, pickle.HIGHEST_PROTOCOL))
-            file.writestr("state.pickle", pickle.dumps(state, pickle.HIGHEST_PROTOCOL))
+                    archive.writestr("buffer.pickle", pickle.dumps(model.replay_buffer, pickle.HIGHEST_PROTOCOL))
+            archive.writestr("state.pickle", pickle.dumps(state, pickle.HIGHEST_PROTOCOL))
 
-    write(path, parts)
+    write(path, write_archive)
 
 
 def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
-    """The model, of class `kind` (None: none was kept), in an environment, and what else was kept. The random numbers
-    go on where they were, once `resume` is called with it."""
-    with zipfile.ZipFile(path) as file:
+    """Return the model, of class `kind` (None: no model was stored), in an environment, and the other parts.
+
+    Random numbers continue only once `restore_random_state` is called with the parts.
+    """
+    with zipfile.ZipFile(path) as archive:
         model = None
         if kind is not None:
-            model = kind.load(io.BytesIO(file.read("model.zip")), env=env, device="cpu", force_reset=False)
-            if "buffer.pickle" in file.namelist():
-                model.replay_buffer = pickle.loads(file.read("buffer.pickle"))
-        return model, pickle.loads(file.read("state.pickle"))
+            model = kind.load(io.BytesIO(archive.read("model.zip")), env=env, device="cpu", force_reset=False)
+            if "buffer.pickle" in archive.namelist():
+                model.replay_buffer = pickle.loads(archive.read("buffer.pickle"))
+        return model, pickle.loads(archive.read("state.pickle"))
 
 
-def resume(state: dict[str, Any], model: Any = None) -> None:
-    """Let the random numbers go on where they were, those of a model's first random actions too."""
+def restore_random_state(state: dict[str, Any], model: Any = None) -> None:
+    """Restore the states of all random numbers, also those of a model's first random actions."""
     if model is not None:
         model.action_space.np_random.bit_generator.state = state["actions"]
     random.setstate(state["python"])

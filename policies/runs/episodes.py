@@ -1,4 +1,4 @@
-"""Episodes of a run, whatever learns in them: where each starts, what it came to, and the best of them."""
+"""Episodes of a run, whatever method makes them: their starts, their figures, their actions."""
 
 import time
 from collections.abc import Callable
@@ -9,10 +9,10 @@ import numpy as np
 
 
 class Episode(NamedTuple):
-    """What an episode came to."""
+    """A finished episode."""
 
     row: dict[str, Any]
-    """Numbers for a table. needed: decisions after which no reading changed any more."""
+    """Its figures, as a row of episodes.csv. needed: decisions up to the last change of a reading."""
     actions: np.ndarray
     """(decisions, dimensions)"""
 
@@ -23,36 +23,38 @@ class Episode(NamedTuple):
 
 
 class Episodes(gymnasium.Wrapper):
-    """Starts the k-th episode from numbers that depend on the run's seed and on k only, so that a run that is resumed
-    sees the starts that it would have seen; reports every episode that ends.
+    """Seeds and reports the episodes of a run.
 
-    options are handed to every reset. on_end is called with every Episode, before the next one starts.
+    The start of episode k depends on the run's seed and k only, so that a resumed run has the same starts.
+
+    options: of every reset. on_end: called with every finished Episode, before the next one starts.
     """
 
     def __init__(self, env: gymnasium.Env, seed: int, options: dict[str, Any] | None,
                  on_end: Callable[[Episode], None]) -> None:
         super().__init__(env)
-        self.seed, self.options, self.on_end, self.count = seed, options, on_end, 0
-        """count: episodes that have ended"""
+        self.seed, self.options, self.on_end = seed, options, on_end
+        self.count = 0
+        """Finished episodes."""
         self._actions: list[np.ndarray] = []
         self._readings: dict[str, float] | None = None
         self._start = self._needed = 0
         self._total, self._simulating, self._began = 0.0, 0.0, time.perf_counter()
 
     @property
-    def under_way(self) -> bool:
-        """Whether an episode has begun and not ended."""
+    def is_under_way(self) -> bool:
+        """Whether an episode has made a decision and not ended."""
         return bool(self._actions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start the episode that is due; a seed given here is not used, for the run's own rules."""
+        """Start the next episode; `seed` is ignored, the run's own seed applies."""
         self._actions, self._total, self._simulating, self._began = [], 0.0, 0.0, time.perf_counter()
         self._readings, self._needed = None, 0
         self._start = int(np.random.SeedSequence([self.seed, self.count]).generate_state(1)[0])
         return self.env.reset(seed=self._start, options=options or self.options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """As the environment's; info["episode"] at the end, as gymnasium and stable_baselines3 name it."""
+        """Step the environment; the last info has "episode", as Gymnasium and Stable-Baselines3 name it."""
         began = time.perf_counter()
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._simulating += time.perf_counter() - began

@@ -1,5 +1,8 @@
-"""The pipeline from nothing to the whole arm's motion (Algorithm 1 of arXiv 2406.09178), one command after the
-other, each in a folder of its own: demonstrations, learning, the learnt sub-tasks in a row, the arm."""
+"""The pipeline from nothing to the whole arm's motion, a command after the other.
+
+Demonstrations and training of every sub-task, the learned sub-tasks in sequence, and the whole arm, each in a folder of
+its own. Source: arXiv 2406.09178, Algorithm 1.
+"""
 
 import argparse
 import json
@@ -19,215 +22,188 @@ from tqdm import tqdm
 
 import mpm
 from policies.learning.bundled import configs_folder
-from policies.learning.files import claim, write, write_json
+from policies.learning.files import lock_folder, write, write_json
 from policies.learning.installed import check_installed
-from policies.learning.presets import load_preset
-from policies.results.tables import aligned
+from policies.learning.preset_files import load_preset
+from policies.runs.pipeline_table import collect_rows, format_rows
 
-BEGINNINGS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate", "0.03"),
-              "ScoopScoop": ("--from", "script", "--rate", "0.01"),
-              "ScoopTranslate": ("--rate", "0.03"),
-              "SpoonPour": ("--from", "script", "--rate", "0.02"),
-              "ScoopPour": ("--from", "script", "--rate", "0.02")}
-"""What a descent begins with: where a tool must touch its material first, and where from rest it finds a pour that the
-hand is in the way of. ScoopTranslate stops short of its target at the default rate."""
+DEMO_ARGUMENTS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate", "0.03"),
+                  "ScoopScoop": ("--from", "script", "--rate", "0.01"),
+                  "ScoopTranslate": ("--rate", "0.03"),
+                  "SpoonPour": ("--from", "script", "--rate", "0.02"),
+                  "ScoopPour": ("--from", "script", "--rate", "0.02")}
+"""Arguments of `robosim demo` by task. Scooping begins with the script, because the tool must touch its material first;
+pouring, because a descent from rest finds pours that the hand obstructs. ScoopTranslate stops short of its target at
+the default rate."""
+SEQUENCE, ARM = "sub-tasks in sequence", "whole arm"
+DEPENDENTS = {"demonstrations": ("training of {task}", SEQUENCE, ARM), "training": (SEQUENCE, ARM)}
+"""Kind of stage -> the stages that use its result."""
+SHARED_OPTIONS = ("seed", "n", "iterations", "episodes", "material")
+"""Options that all calls in one folder must share."""
 
-DOWNSTREAM = {"demonstrations": ("learning of {task}", "sub-tasks in a row", "whole arm"),
-              "learning": ("sub-tasks in a row", "whole arm")}
-"""What a command's outcome goes into."""
 
-
-def rehearsals() -> dict[str, list[str]]:
-    """Sub-tasks of every rehearsal that has learnt ones."""
-    files = sorted((configs_folder() / "rehearsals").glob("*.yaml"))
-    found = {path.stem: yaml.safe_load(path.read_text()).get("learned", []) for path in files}
-    return {name: tasks for name, tasks in found.items() if tasks}
+def learned_rehearsals() -> dict[str, list[str]]:
+    """Return the sub-tasks of every bundled rehearsal that has learned ones."""
+    paths = sorted((configs_folder() / "rehearsals").glob("*.yaml"))
+    tasks = {path.stem: yaml.safe_load(path.read_text()).get("learned", []) for path in paths}
+    return {name: names for name, names in tasks.items() if names}
 
 
 class Pipeline:
-    """Runs what is not finished yet; pipeline.json says of every command how it went."""
+    """Runs the stages of a pipeline that are not finished; pipeline.json has the state of each.
+
+    options: of `robosim pipeline`.
+
+    Raises:
+        mpm.InvalidValue: an option is wrong, or the folder holds a pipeline with other options.
+    """
 
     def __init__(self, options: argparse.Namespace) -> None:
-        check_installed()  # now, and not after the first demonstrations
-        known = rehearsals()
-        if options.rehearsal not in known:
-            raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(known)}")
+        check_installed()  # before the first demonstrations, which need less
+        rehearsals = learned_rehearsals()
+        if options.rehearsal not in rehearsals:
+            raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(rehearsals)}")
         if min(options.jobs, options.n) < 1:
             raise mpm.InvalidValue(f"--jobs {options.jobs}, --n {options.n}; accepted: 1 or more")
         preset = load_preset(options.method)
-        if preset.graph is not None:
-            raise mpm.InvalidValue(f"--method {options.method}: learns from roll-outs; accepted: one that learns from "
+        if preset.needs_rollouts:
+            raise mpm.InvalidValue(f"--method {options.method}: learns from rollouts; accepted: one that learns from "
                                    f"demonstrations or by itself")
-        self._shown = preset.shown
-        self.options, self.out, self.tasks = options, options.out, known[options.rehearsal]
+        self._needs_demonstrations = preset.needs_demonstrations
+        self.options, self.out, self.tasks = options, options.out, rehearsals[options.rehearsal]
         self.out.mkdir(parents=True, exist_ok=True)
         self._file, self._lock = self.out / "pipeline.json", threading.Lock()
-        self._running: set[subprocess.Popen] = set()
-        self._asked = {name: getattr(options, name) for name in ("seed", "n", "iterations", "episodes", "material")}
-        self._stopped = False
-        self.stages = self._earlier()
+        self._processes: set[subprocess.Popen] = set()
+        self._shared_options = {name: getattr(options, name) for name in SHARED_OPTIONS}
+        self._is_stopped = False
+        self.stages = self._load_finished()
         self._progress: Any = None
 
-    def _earlier(self) -> dict[str, dict[str, Any]]:
-        """What an earlier run of the same folder has finished; nothing where that cannot be read. Raises
-        mpm.InvalidValue for one with options that its commands would refuse to go on with."""
+    def _load_finished(self) -> dict[str, dict[str, Any]]:
+        """Return the stages that earlier calls have finished; none where their file cannot be read."""
         try:
-            told = json.loads(self._file.read_text())
-            stages = {name: stage for name, stage in told["stages"].items() if stage["state"] == "finished"}
-            other = [f"--{name} {told['options'][name]}, now {value}" for name, value in self._asked.items()
-                     if told["options"][name] != value]
+            stored = json.loads(self._file.read_text())
+            stages = {name: stage for name, stage in stored["stages"].items() if stage["state"] == "finished"}
+            differences = [f"--{name} {stored['options'][name]}, now {value}"
+                           for name, value in self._shared_options.items() if stored["options"][name] != value]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return {}
-        if other:
-            raise mpm.InvalidValue(f"--out {self.out}: holds a pipeline with {'; '.join(other)}; give another folder")
+        if differences:
+            raise mpm.InvalidValue(f"--out {self.out}: holds a pipeline with {'; '.join(differences)}; give another "
+                                   f"folder")
         return stages
 
     def run(self) -> int:
-        """Everything; returns 0, or 1 where a command failed."""
-        for name in ("SIGTERM", "SIGHUP"):  # told to go it stops what it began, as after Ctrl-C
+        """Run all stages; return 0, or 1 where one failed."""
+        for name in ("SIGTERM", "SIGHUP"):  # as on Ctrl-C: the processes of the stages are interrupted
             if signal.getsignal(getattr(signal, name, signal.SIGTERM)) == signal.SIG_DFL:
                 signal.signal(getattr(signal, name), signal.default_int_handler)
-        lock = claim(self.out)
+        lock = lock_folder(self.out)
         self._progress = tqdm(total=2 * len(self.tasks) + 2, unit="command", file=sys.stderr)
-        pool = ThreadPoolExecutor(self.options.jobs)  # the commands after them, too: Ctrl-C reaches this thread alone
+        pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
         try:
-            made = list(pool.map(self._learn, self.tasks))
-            whole = all(made) and pool.submit(self._carry_out).result()
+            is_learned = list(pool.map(self._learn, self.tasks))
+            is_complete = all(is_learned) and pool.submit(self._execute).result()
         finally:
             self._stop()
             pool.shutdown()
             self._progress.close()
             lock.release()
-        self._keep(table=self._table())
-        print(as_text(self._table()))
+        rows = collect_rows(self.out, self.tasks, {task: self._training_folder(task) for task in self.tasks})
+        self._store(rows=rows)
+        print(format_rows(rows))
         for name, stage in self.stages.items():
             if stage["state"] != "finished":
-                print(f"{stage['state']}: {name}: {stage['reason']} (robosim {' '.join(stage['words'])})",
+                print(f"{stage['state']}: {name}: {stage['reason']} (robosim {' '.join(stage['arguments'])})",
                       file=sys.stderr)
         print(self._file)
-        return 0 if whole else 1
+        return 0 if is_complete else 1
 
     def _stop(self) -> None:
-        """Begin nothing more, and let what runs end as after Ctrl-C, with its files whole."""
+        """Start nothing more, and interrupt what runs."""
         with self._lock:
-            self._stopped = True
-            for process in self._running:
+            self._is_stopped = True
+            for process in self._processes:
                 process.send_signal(signal.SIGINT)
 
     def _learn(self, task: str) -> bool:
-        """Demonstrations and learning of a sub-task."""
+        """Make a sub-task's demonstrations and train on them; return whether there is a learned motion."""
         o, material = self.options, [] if self.options.material is None else ["--material", self.options.material]
-        demos, runs = self.out / "demonstrations" / task, self._runs(task)
-        words = ["demo", task, "--out", str(demos), "--n", str(o.n), "--nominal", "--seed", str(o.seed), "--iterations",
-                 str(o.iterations), *BEGINNINGS.get(task, ()), *(["--no-video"] if o.no_video else [])]
-        if self._shown and not self._done(f"demonstrations of {task}", words):
+        demos, folder, training = self.out / "demonstrations" / task, self._training_folder(task), f"training of {task}"
+        arguments = ["demo", task, "--out", str(demos), "--n", str(o.n), "--nominal", "--seed", str(o.seed),
+                     "--iterations", str(o.iterations), *DEMO_ARGUMENTS.get(task, ()),
+                     *(["--no-video"] if o.no_video else [])]
+        if self._needs_demonstrations and not self._run_stage(f"demonstrations of {task}", arguments):
             return False
-        words = ["train", o.method, task, "--seed", str(o.seed), "--out", str(runs), *material,
-                 *(["--demos", str(demos)] if self._shown else []),
-                 *([] if o.episodes is None else ["--episodes", str(o.episodes)])]
-        if not self._done(f"learning of {task}", words):
+        arguments = ["train", o.method, task, "--seed", str(o.seed), "--out", str(folder), *material,
+                     *(["--demos", str(demos)] if self._needs_demonstrations else []),
+                     *([] if o.episodes is None else ["--episodes", str(o.episodes)])]
+        if not self._run_stage(training, arguments):
             return False
         (self.out / "motions").mkdir(exist_ok=True)
-        if not (runs / "best.npz").is_file():
-            self._keep(f"learning of {task}", **{**self.stages[f"learning of {task}"], "state": "failed",
-                                                 "reason": f"{runs} holds no best.npz: every episode diverged"})
+        if not (folder / "best.npz").is_file():
+            self._store(training, **{**self.stages[training], "state": "failed",
+                                     "reason": f"{folder} has no best.npz: every episode diverged"})
             return False
-        write(self.out / "motions" / f"{task}.npz", lambda beside: shutil.copyfile(runs / "best.npz", beside))
+        write(self.out / "motions" / f"{task}.npz", lambda path: shutil.copyfile(folder / "best.npz", path))
         return True
 
-    def _runs(self, task: str) -> Path:
-        """Folder of a sub-task's learning."""
+    def _training_folder(self, task: str) -> Path:
         return self.out / "learning" / f"{Path(self.options.method).stem}_{self.options.seed}" / task
 
-    def _carry_out(self) -> bool:
-        """The sub-tasks in a row, and the whole arm; neither waits for the other to succeed."""
-        o, made = self.options, []
-        more = ["--motions", str(self.out / "motions"), *([] if o.material is None else ["--material", o.material]),
-                *(["--no-video"] if o.no_video else [])]
-        for name, words in (("sub-tasks in a row", ["chain", o.rehearsal, "--out", str(self.out / "chain"), *more]),
-                            ("whole arm", ["rehearse", o.rehearsal, "--out", str(self.out / "arm"), "--grasp", o.grasp,
-                                           *more])):
-            made.append(self._done(name, words))
-        return all(made)
+    def _execute(self) -> bool:
+        """Run the sub-tasks in sequence, and the whole arm, even if the sequence failed."""
+        o = self.options
+        shared = ["--motions", str(self.out / "motions"), *([] if o.material is None else ["--material", o.material]),
+                  *(["--no-video"] if o.no_video else [])]
+        results = [self._run_stage(SEQUENCE, ["chain", o.rehearsal, "--out", str(self.out / "chain"), *shared]),
+                   self._run_stage(ARM, ["rehearse", o.rehearsal, "--out", str(self.out / "arm"), "--grasp", o.grasp,
+                                         *shared])]
+        return all(results)
 
-    def _done(self, name: str, words: list[str]) -> bool:
-        """Run a command unless the same one is finished; whether it is now. Its words go to a file of logs/."""
-        earlier = self.stages.get(name)
-        if self._stopped:
+    def _run_stage(self, name: str, arguments: list[str]) -> bool:
+        """Run a command unless the same one is finished; return whether it is finished now.
+
+        Its output is appended to a file of logs/. Stages that use its result are no longer finished.
+        """
+        stage = self.stages.get(name)
+        if self._is_stopped:
             return False
-        if earlier is None or earlier["words"] != words:
-            with self._lock:  # what was made of the old is no longer true
-                for later in DOWNSTREAM.get(name.split(" of ")[0], ()):
-                    self.stages.pop(later.replace("{task}", name.split(" of ")[-1]), None)
+        if stage is None or stage.get("arguments") != arguments:
+            with self._lock:
+                for dependent in DEPENDENTS.get(name.split(" of ")[0], ()):
+                    self.stages.pop(dependent.replace("{task}", name.split(" of ")[-1]), None)
             log = self.out / "logs" / f"{name.replace(' ', '_')}.txt"
             log.parent.mkdir(exist_ok=True)
-            self._keep(name, state="running", words=words, reason="was cut short; the same command goes on")
+            self._store(name, state="running", arguments=arguments,
+                        reason="interrupted; the same command continues")
             began = time.time()
             with log.open("a") as file:
-                process = self._begun(words, file)
-                good = process is not None and process.wait() == 0
+                process = self._start(arguments, file)
+                is_finished = process is not None and process.wait() == 0
                 with self._lock:
-                    self._running.discard(process)
-            last = (log.read_text().strip().splitlines() or ["said nothing"])[-1]
-            self._keep(name, state="finished" if good else "failed", words=words, reason="" if good else last,
-                       seconds=time.time() - began)
+                    self._processes.discard(process)
+            last_line = (log.read_text().strip().splitlines() or ["no output"])[-1]
+            self._store(name, state="finished" if is_finished else "failed", arguments=arguments,
+                        reason="" if is_finished else last_line, seconds=time.time() - began)
         with self._lock:
             self._progress.update()
         return self.stages[name]["state"] == "finished"
 
-    def _begun(self, words: list[str], file: Any) -> subprocess.Popen | None:
-        """A command's process, unless nothing more is to begin."""
+    def _start(self, arguments: list[str], file: Any) -> subprocess.Popen | None:
+        """Start a command's process, unless the pipeline is stopped."""
         with self._lock:
-            if self._stopped:
+            if self._is_stopped:
                 return None
-            process = subprocess.Popen([sys.executable, "-m", "robosim", *words], stdout=file, stderr=file,
+            process = subprocess.Popen([sys.executable, "-m", "robosim", *arguments], stdout=file, stderr=file,
                                        env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
-            self._running.add(process)
+            self._processes.add(process)
             return process
 
-    def _keep(self, name: str | None = None, table: list[dict[str, Any]] | None = None, **stage: Any) -> None:
-        """Write down how a stage stands."""
+    def _store(self, name: str | None = None, rows: list[dict[str, Any]] | None = None, **stage: Any) -> None:
+        """Write pipeline.json, with a new state of a stage, or with the table's rows."""
         with self._lock:
             if name is not None:
                 self.stages[name] = stage
             write_json(self._file, {"rehearsal": self.options.rehearsal, "method": self.options.method,
-                                    "options": self._asked,
-                                    "stages": self.stages, "sub_tasks": table or []})
-
-    def _table(self) -> list[dict[str, Any]]:
-        """A row for each sub-task: score of its demonstration and of the best motion that was learnt, how it went on
-        from what the one before had left, and the turn of its tool; the last has the arm's fractions."""
-        in_a_row = {row["task"]: row for row in read(self.out / "chain" / "chain.json").get("sub_tasks", [])}
-        rows = []
-        for task in self.tasks:
-            shown = read(self.out / "demonstrations" / task / "demonstrations.json").get("demonstrations", [])
-            among = [values["tcs"] for row in shown for where, values in row.items() if where.startswith("among")]
-            learnt = read(self._runs(task) / "status.json").get("replayed", {})
-            row = in_a_row.get(task, {})
-            went = row.get("handed_over", row.get("own_start", {}))
-            rows.append({"task": task, "demonstration": max(among, default=None), "learnt": learnt.get("tcs"),
-                         "grains": went.get("grains"), "delivered": went.get("delivered"),
-                         "turned_deg": went.get("turned_deg"), "relative_turn_error": went.get("relative_turn_error")})
-        arm = read(self.out / "arm" / "report.json")
-        return [*rows, {"task": "whole arm", **{key: arm.get(key) for key in (
-            "scooped_mass", "delivered_fraction", "spilled_fraction")}}]
-
-
-def read(path: Path) -> dict[str, Any]:
-    """A table from a JSON file; empty where there is none."""
-    return json.loads(path.read_text()) if path.is_file() else {}
-
-
-def as_text(rows: list[dict[str, Any]]) -> str:
-    """The table, for a terminal."""
-    def cell(value: Any, form: str) -> str:
-        return "-" if value is None else form.format(value)
-
-    lines = [["sub-task", "demonstration", "learnt", "grains", "delivered", "turned [deg]", "off by"]]
-    lines += [[row["task"], cell(row["demonstration"], "{:.2f}"), cell(row["learnt"], "{:.2f}"),
-               cell(row["grains"], "{}"), cell(row["delivered"], "{:.3f}"), cell(row["turned_deg"], "{:.1f}"),
-               cell(row["relative_turn_error"], "{:.1%}")] for row in rows[:-1]]
-    arm = rows[-1]
-    told = f"whole arm: {cell(arm['scooped_mass'], '{:.4f} kg')} taken up, " \
-           f"{cell(arm['delivered_fraction'], '{:.3f}')} delivered, {cell(arm['spilled_fraction'], '{:.3f}')} spilled"
-    return f"{aligned(lines)}\n{told}"
+                                    "options": self._shared_options, "stages": self.stages, "sub_tasks": rows or []})

@@ -1,8 +1,9 @@
-"""A run: the environment it learns in, its folder, and what happens at the end of every episode."""
+"""A training run: its environment, its folder, and what is stored at the end of every episode."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
@@ -12,201 +13,207 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from tqdm import tqdm
 
 import mpm
-from policies.demonstrations import reading as demonstrations
-from policies.dynamics import rollouts as frames
-from policies.learning.environments import any_made
+from policies.dynamics.rollout_files import Rollouts, read_rollouts
+from policies.learners.buffers import prefill_demo_buffer
+from policies.learners.learner import build_learner, learner_class
+from policies.learners.observation_scaling import ScaledObservation
+from policies.learners.policy_file import export_policy
+from policies.learners.residual_actions import ResidualActionWrapper
+from policies.learning.environments import fingerprint, make_training_environment
+from policies.learning.episode import Transition, play, read_scores, run_episode
 from policies.learning.files import digest
-from policies.learning.learner import Corrected, build, kind_of
-from policies.learning.network import export
-from policies.learning.observation_scaling import Scaled
 from policies.learning.presets import Preset
 from policies.runs import checkpoint
+from policies.runs.demonstration_set import load_demonstrations, select_replayable
 from policies.runs.episodes import Episode, Episodes
-from policies.runs.run_folder import RunFolder, commit
+from policies.runs.run_folder import RunFolder, current_commit
 
-EVERY = 10
-"""Episodes between checkpoints, which go between two."""
-LATEST = 30
-"""Episodes after which a checkpoint is written within one."""
+CHECKPOINT_EVERY = 10
+"""Episodes between checkpoints, which are written between two episodes."""
+CHECKPOINT_LATEST = 30
+"""Episodes after which a checkpoint is written within an episode."""
 
 
 class Training:
-    """One run in one folder, from where it stands; `learn` (or another method's function) brings it to its end.
+    """One run in one folder. A method (`policies.methods.method.Method`) brings it to its end.
 
-    starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos: what
-    `demonstrations.read` takes. roll_outs: folder of `robosim frames`. Raises mpm.InvalidValue for what does not fit.
+    starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos:
+    folder of demonstrations, or one file. rollouts: folder of `robosim rollouts`. options: of the environment.
+
+    Raises:
+        mpm.InvalidValue: arguments that do not fit each other, or a folder that holds another run.
     """
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
-                 starts: str = "nominal", hold: int = 10, force: bool = False, roll_outs: Path | None = None,
+                 starts: str = "nominal", action_repeat: int = 10, force: bool = False, rollouts: Path | None = None,
                  **options: Any) -> None:
-        self.preset, self.seed, self.hold = preset, seed, hold
-        self.base: Any = any_made(task, preset.obs, hold, **options)
+        self.preset, self.seed, self.action_repeat = preset, seed, action_repeat
+        self.base: Any = make_training_environment(task, preset.obs, action_repeat, **options)
+        """The environment, with scaled observations where the preset asks for them."""
         raw = self.base.unwrapped
-        granular = hasattr(raw, "task")
-        self.decisions = -(-raw.task.steps // hold) if granular else self.base.spec.max_episode_steps
+        self.is_granular = hasattr(raw, "task")
+        self.decisions = -(-raw.task.steps // action_repeat) if self.is_granular else self.base.spec.max_episode_steps
+        """Decisions of an episode."""
         if self.decisions is None or not isinstance(self.base.action_space, gymnasium.spaces.Box):
             raise mpm.InvalidValue(f"task {task!r}: accepted: continuous actions and episodes of a fixed length")
-        self.cap: float | None = raw.reward.extremes()[1] if granular else None
-        self.nominal = {"nominal": True} if granular else None
-        self.reset_options = self.nominal if starts == "nominal" else None
-        task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
-        self.sequences, self.rollouts = self._sequences(demos, task if granular else ""), self._rollouts(roll_outs)
-        self.task, self.source = task, getattr(raw, "source", "") or task
-        self._begun = {path.name: demonstrations.start_in(path)
-                       for path in (demonstrations.paths_in(demos) if self.sequences and demos is not None else ())}
-        self._check_starts(starts)
-        if granular and preset.scaled and preset.obs != "dict":
-            self.base = Scaled(self.base, preset.obs)
-        scene = [raw.task.model_dump(), raw.material.model_dump()] if granular else [task]
-        self.folder = RunFolder(out, {
-            "method": method, "preset": preset.model_dump(), "task": task, "seed": seed, "starts": starts, "hold": hold,
-            "material": options.get("material") or (raw.task.material if granular else None),
-            "fingerprint": digest(scene), "demonstrations": self._shown(),
-            "commit": commit(), "command": " ".join(sys.argv)}, force)
-        self.env = Episodes(self.base, seed, self.reset_options, self._ended)
-        self.acting: gymnasium.Env = self.env
-        if preset.residual is not None:
-            self.acting = Corrected(self.env, next(iter(self.sequences.values())), preset.residual,
-                                    preset.correction_cost)
-        self.progress: tqdm = tqdm(total=preset.episodes, desc=f"{method} {task} seed {seed}", file=sys.stderr)
-        self.model: Any = None
-        self._improved = False
-
-    def _sequences(self, demos: Path | None, task: str) -> dict[str, np.ndarray]:
-        """Actions of the demonstrations, by file."""
-        asked = self.preset.shown
-        if demos is not None and not asked and "CMA-ES" not in self.preset.learner:  # which may begin with one
-            raise mpm.InvalidValue(f"--demos {demos}: this method takes no demonstrations; leave it out")
-        if demos is None and not asked:
-            return {}
-        if demos is None:
-            raise mpm.InvalidValue("this method learns from demonstrations; give their folder as --demos")
-        return demonstrations.read(demos, self.decisions, self.hold, self.base.action_space.shape[0], task)
-
-    def _check_starts(self, starts: str) -> None:
-        """Raise mpm.InvalidValue where a motion is to be played from another start than it was made for."""
-        if self.preset.graph is not None and starts != "nominal":
+        self.highest_score: float | None = raw.reward.extremes()[1] if self.is_granular else None
+        self.task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
+        self.source = getattr(raw, "source", "") or self.task
+        self.demonstrations = load_demonstrations(preset, demos, self.decisions, action_repeat, self.dimensions,
+                                                  self.task if self.is_granular else "")
+        self.rollouts = self._load_rollouts(rollouts)
+        if preset.needs_rollouts and starts != "nominal":
             raise mpm.InvalidValue(f"--starts {starts}: this method plans one motion, from the task's own start; "
                                    f"accepted: nominal")
-        count = len(self._begun) if self.preset.learner == "replay" else int(self.preset.residual is not None)
-        played = list(self._begun)[:count]
-        aside = [name for name in played if not self._begun[name][1]["nominal"]] if starts == "nominal" else []
-        if aside and len(aside) == len(played):
-            raise mpm.InvalidValue(f"--demos: {', '.join(aside)}: made for a start aside of the task's own, from which "
-                                   f"this method plays; accepted: the first of `robosim demo --nominal`")
-        if self.preset.learner == "replay":
-            self.sequences = {name: actions for name, actions in self.sequences.items() if name not in aside}
-
-    def _rollouts(self, folder: Path | None) -> frames.Rollouts | None:
-        """The roll-outs of a folder, where the method takes some."""
-        needed = self.preset.graph is not None
-        if needed != (folder is not None):
-            raise mpm.InvalidValue("this method learns from roll-outs; give their folder as --frames" if needed else
-                                   f"--frames {folder}: this method takes no roll-outs; leave it out")
-        return None if folder is None else frames.read(folder, self.base.unwrapped)
-
-    def _shown(self) -> dict[str, str]:
-        """What the run learns from, by file, as digests."""
-        told = {name: digest(actions.tolist()) for name, actions in self.sequences.items()}
-        if self.rollouts is not None:
-            told["frames"] = digest([places.tobytes().hex() for places in self.rollouts.grains])
-        return told
-
-    def _ended(self, episode: Episode) -> None:
-        self._improved |= self.folder.add(episode, self.hold)
-        told = {key: f"{episode.row[key]:.2f}" for key in ("return", "tcs") if key in episode.row}
-        self.progress.set_postfix(told)
-        self.progress.update()
-        self.folder.status("running")
+        self.demonstrations = select_replayable(self.demonstrations, preset, starts)
+        if self.is_granular and preset.scaled and preset.obs != "dict":
+            self.base = ScaledObservation(self.base, preset.obs)
+        self.reset_options = {"nominal": True} if self.is_granular and starts == "nominal" else None
+        self.folder = RunFolder(out, {
+            "method": method, "preset": preset.model_dump(), "task": self.task, "seed": seed, "starts": starts,
+            "action_repeat": action_repeat,
+            "material": options.get("material") or (raw.task.material if self.is_granular else None),
+            "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),
+            "demonstrations": self._input_digests(), "commit": current_commit(), "command": " ".join(sys.argv)}, force)
+        self.env = Episodes(self.base, seed, self.reset_options, self._on_episode_end)
+        self.agent_env: gymnasium.Env = self.env
+        """The environment that a learner acts in: `env`, or corrections of a motion in it."""
+        if preset.residual is not None:
+            assert self.demonstrations.first is not None
+            self.agent_env = ResidualActionWrapper(self.env, self.demonstrations.first, preset.residual,
+                                                   preset.correction_cost)
+        self.progress: tqdm = tqdm(total=preset.episodes, desc=f"{method} {self.task} seed {seed}", file=sys.stderr)
+        self.model: Any = None
+        self._has_improved = False
 
     @property
-    def over(self) -> bool:
-        """Whether all episodes are done, or there is nothing left to reach."""
-        return self.env.count >= self.preset.episodes or self.folder.capped(self.cap)
+    def dimensions(self) -> int:
+        """Dimensions of an action."""
+        return self.base.action_space.shape[0]
 
-    def start_again(self, state: dict[str, Any]) -> None:
-        """Go on from the rest of a checkpoint: episodes and random numbers."""
-        self.folder.rows, self.folder.best, self.env.count = state["rows"], state["best"], len(state["rows"])
+    @property
+    def is_over(self) -> bool:
+        """Whether all episodes are done, or the last ones all reached the highest score."""
+        return self.env.count >= self.preset.episodes or self.folder.has_reached(self.highest_score)
+
+    def _load_rollouts(self, folder: Path | None) -> Rollouts | None:
+        if self.preset.needs_rollouts != (folder is not None):
+            raise mpm.InvalidValue("this method learns from rollouts; give their folder as --rollouts"
+                                   if self.preset.needs_rollouts else
+                                   f"--rollouts {folder}: this method takes no rollouts; leave it out")
+        return None if folder is None else read_rollouts(folder, self.base.unwrapped)
+
+    def _input_digests(self) -> dict[str, str]:
+        """Return digests of what the run learns from, by file."""
+        digests = self.demonstrations.digests()
+        if self.rollouts is not None:
+            digests["rollouts"] = digest([grains.tobytes().hex() for grains in self.rollouts.grains])
+        return digests
+
+    def _on_episode_end(self, episode: Episode) -> None:
+        self._has_improved |= self.folder.add(episode, self.action_repeat)
+        self.progress.set_postfix({key: f"{episode.row[key]:.2f}" for key in ("return", "tcs") if key in episode.row})
+        self.progress.update()
+        self.folder.write_status("running")
+
+    def resume(self, state: dict[str, Any]) -> None:
+        """Restore episodes and random numbers from the parts of a checkpoint."""
+        self.folder.rows, self.folder.best_return = state["rows"], state["best"]
+        self.env.count = len(state["rows"])
         self.progress.update(self.env.count)
-        checkpoint.resume(state, self.model)
+        checkpoint.restore_random_state(state, self.model)
 
-    def keep(self, **more: Any) -> None:
-        """Write a checkpoint."""
-        checkpoint.save(self.folder.checkpoint, self.model, rows=self.folder.rows, best=self.folder.best, **more)
+    def save_checkpoint(self, **parts: Any) -> None:
+        """Write a checkpoint of the model, the episodes and a method's own parts."""
+        checkpoint.save(self.folder.checkpoint, self.model, rows=self.folder.rows, best=self.folder.best_return,
+                        **parts)
 
-    def keep_best(self, policy: Any) -> None:
-        """Keep the policy if the episode that has just ended was the best so far."""
-        if self._improved and self.preset.residual is None:  # a correction is no policy without what it corrects
-            units = (self.base.offset, self.base.factor) if isinstance(self.base, Scaled) else None
-            export(policy, self.folder.path / "best_policy.npz", units, obs=self.preset.obs, hold=self.hold,
-                   task=self.folder.manifest["task"], method=self.folder.manifest["method"])
-        self._improved = False
+    def save_if_best(self, policy: Any) -> None:
+        """Write the policy to best_policy.npz if an episode since the last call was the best so far."""
+        if self._has_improved and self.preset.residual is None:  # a correction is no policy without its motion
+            units = (self.base.offset, self.base.factor) if isinstance(self.base, ScaledObservation) else None
+            export_policy(policy, self.folder.path / "best_policy.npz", units, obs=self.preset.obs,
+                          action_repeat=self.action_repeat, task=self.task, method=self.folder.manifest["method"])
+        self._has_improved = False
 
-    def demonstrated(self) -> Any:
-        """Transitions of all demonstrations, acted out where is learnt, each from its own start."""
-        for name, actions in self.sequences.items():
-            seed, options = self._begun[name]
-            yield from demonstrations.acted(self.base, actions, options if self.nominal else None, seed)
+    def demonstration_transitions(self) -> Iterator[Transition]:
+        """Yield the transitions of all demonstrations, played in the run's environment, each from its own start."""
+        for name, actions in self.demonstrations.motions.items():
+            seed, options = self.demonstrations.starts[name]
+            yield from run_episode(self.base, actions, seed=seed, options=options if self.is_granular else None)
 
-    def learn(self, venv: Any = None, part: Any = None) -> None:
-        """Run a method of stable_baselines3 to its end; part: another callback, with its own `state` and `load`."""
-        venv = venv or DummyVecEnv([lambda: self.acting])
+    def learn(self, venv: Any = None, callback: "StatefulCallback | None" = None) -> None:
+        """Run a learner of Stable-Baselines3 to the run's end; the method of most presets.
+
+        venv: the vectorized environment, by default of `agent_env` alone. callback: one whose state is part of
+        checkpoints.
+        """
+        venv = venv or DummyVecEnv([lambda: self.agent_env])
         logger = configure(str(self.folder.path), ["tensorboard"])
         if self.folder.checkpoint.is_file():
-            self.model, state = checkpoint.load(self.folder.checkpoint, kind_of(self.preset), venv)
+            self.model, state = checkpoint.load(self.folder.checkpoint, learner_class(self.preset), venv)
             self.model.set_logger(logger)
-            if part is not None:
-                part.load(state["part"])
-            self.start_again(state)
+            if callback is not None:
+                callback.load(state["callback"])
+            self.resume(state)
             self.model._last_obs = venv.reset()
         else:
-            self.model = build(self.preset, venv, self.seed, getattr(self.base.unwrapped, "observation_slices", None))
+            self.model = build_learner(self.preset, venv, self.seed,
+                                       getattr(self.base.unwrapped, "observation_slices", None))
             self.model.set_logger(logger)
-            wanted = self.preset.demonstrations
-            if wanted is not None:
-                demonstrations.guide(self.model, self.demonstrated(), wanted.updates)
-        first = self.env.count == 0
-        keeper = Keeper(self, part)
-        while not self.over:
-            left = (self.preset.episodes - self.env.count) * self.decisions
-            self.model.learn(left, callback=[keeper, *([part] if part else [])], reset_num_timesteps=first)
-            first = False
+            if self.preset.demonstrations is not None:
+                prefill_demo_buffer(self.model, self.demonstration_transitions(), self.preset.demonstrations.updates)
+        is_first = self.env.count == 0
+        checkpoints = CheckpointCallback(self, callback)
+        while not self.is_over:
+            steps_left = (self.preset.episodes - self.env.count) * self.decisions
+            self.model.learn(steps_left, callback=[checkpoints, *([callback] if callback else [])],
+                             reset_num_timesteps=is_first)
+            is_first = False
 
     def replay_best(self) -> dict[str, Any]:
-        """The best actions once more, from the start that they were found at; nothing where there are none."""
+        """Replay the best actions from the start that they were made at; return return and scores, or {} for none."""
         path = self.folder.path / "best.npz"
         if not path.is_file():
             return {}
         with np.load(path, allow_pickle=False) as stored:
             actions, start = stored["actions"], int(stored["start"])
-        total, info = 0.0, {}
-        for step in demonstrations.acted(self.base, actions, self.reset_options, start):
-            total, info = total + step.reward, step.info
-        return {"return": total, **({"tcs": info["tcs"], "is_success": info["is_success"], **info["readings"]}
-                                    if "tcs" in info else {})}
+        total, info = play(self.base, actions, seed=start, options=self.reset_options)
+        return {"return": total, **read_scores(info)}
 
     def finish(self) -> None:
-        """Close the run: its best replayed, its status written."""
+        """Replay the best actions and write the final status."""
         self.progress.close()
-        reason = "score stayed at its highest" if self.folder.capped(self.cap) else "every episode done"
-        self.folder.status("finished", reason=reason, replayed=self.replay_best(), highest=self.cap)
+        reason = "score stayed at its highest" if self.folder.has_reached(self.highest_score) else "every episode done"
+        self.folder.write_status("finished", reason=reason, replayed=self.replay_best(), highest=self.highest_score)
 
 
-class Keeper(BaseCallback):
-    """Keeps the best policy at the end of an episode, a checkpoint between two, and stops where nothing is left."""
+class StatefulCallback(Protocol):
+    """A callback of Stable-Baselines3 whose state is part of checkpoints."""
 
-    def __init__(self, training: Training, part: Any) -> None:
+    def state(self) -> Any:
+        """Return what the next updates depend on."""
+
+    def load(self, state: Any) -> None:
+        """Restore a state."""
+
+
+class CheckpointCallback(BaseCallback):
+    """Stores the best policy at the end of an episode and checkpoints between episodes; stops when the run is over."""
+
+    def __init__(self, training: Training, callback: StatefulCallback | None) -> None:
         super().__init__()
-        self.training, self._part, self._kept = training, part, training.env.count
+        self.training, self._callback, self._saved_at = training, callback, training.env.count
 
     def _on_rollout_start(self) -> None:
         count = self.training.env.count
-        # PPO's batches may end within episodes for good, once one has ended early: then the next begins anew
-        if count >= self._kept + EVERY and (not self.training.env.under_way or count >= self._kept + LATEST):
-            self.training.keep(part=self._part.state() if self._part else None)
-            self._kept = count
+        # Once an episode has ended early, PPO's batches may never again end between episodes: then the checkpoint is
+        # written within an episode, which a resumed run starts again.
+        is_late = count >= self._saved_at + CHECKPOINT_LATEST
+        if count >= self._saved_at + CHECKPOINT_EVERY and (not self.training.env.is_under_way or is_late):
+            self.training.save_checkpoint(callback=self._callback.state() if self._callback else None)
+            self._saved_at = count
 
     def _on_step(self) -> bool:
-        self.training.keep_best(self.model.policy)
-        return not self.training.over
+        self.training.save_if_best(self.model.policy)
+        return not self.training.is_over

@@ -12,6 +12,8 @@ from robosim.errors import RobosimError, RobotDiverged
 
 COMMANDS = ("rehearse", "evaluate", "materials", "chain", "explain", "report", "stability", "bench", "keys", "new")
 """Modules of this package that add a command each."""
+RENAMED = {"frames": "rollouts"}
+"""Commands of earlier versions -> their names now."""
 GROUP = "robosim.commands"
 """Entry points of other packages' commands: functions that are given the parsers and add their own."""
 EXAMPLE = """examples:
@@ -53,6 +55,9 @@ class Version(argparse.Action):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; 0 when all is well, 1 for a run that failed, 2 for wrong input, 130 for Ctrl-C."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments and arguments[0] in RENAMED:
+        parser().error(f"the command {arguments[0]} is now called {RENAMED[arguments[0]]}")
     options = parser().parse_args(arguments)
     try:
         return options.run(options)

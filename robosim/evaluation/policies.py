@@ -52,7 +52,7 @@ def training_options(name: str) -> dict[str, Any]:
     if not Path(name).is_file():
         return {}
     arrays = _load(Path(name))
-    options: dict[str, tuple[str, type]] = {"hold": ("action_repeat", int)}
+    options: dict[str, tuple[str, type]] = {"action_repeat": ("action_repeat", int)}
     if "weight_0" in arrays:
         options["obs"] = ("obs", str)
     return {option: kind(arrays[key]) for key, (option, kind) in options.items() if key in arrays}
@@ -62,7 +62,8 @@ def _load(path: Path) -> dict[str, np.ndarray]:
     """Load the arrays of a .npz file; raise ConfigError for one that cannot be read."""
     try:
         with np.load(path, allow_pickle=False) as stored:
-            return dict(stored)
+            # until release 0.1 action_repeat was called hold
+            return {"action_repeat" if key == "hold" else key: array for key, array in stored.items()}
     except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise ConfigError(f"{path}: cannot be read as a .npz file: {error}") from error
 
@@ -88,7 +89,7 @@ class ScriptedPolicy:
 class ReplayPolicy:
     """Recorded actions, one after the other, and zeros after the last.
 
-    A file may state the steps that each action is meant for, as `hold`; the environment's action_repeat must divide it.
+    A file may state the steps that each action is meant for, as `action_repeat`; the environment's must divide it.
     Raises ConfigError for actions of another shape, task or action_repeat.
     """
 
@@ -97,7 +98,7 @@ class ReplayPolicy:
             raise ConfigError(f"{path}: holds {', '.join(arrays)}; accepted: an array `actions`, or `weight_0`, "
                               f"`bias_0` and so on")
         dimensions, actions = env.task.action.dimensions, arrays["actions"]
-        steps = int(arrays.get("hold", env.action_repeat))
+        steps = int(arrays.get("action_repeat", env.action_repeat))
         if actions.ndim != 2 or actions.shape[1] != dimensions:
             raise ConfigError(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions})")
         recorded_for = str(arrays.get("task", env.TASK))
@@ -116,7 +117,7 @@ class ReplayPolicy:
 class NetworkPolicy:
     """A learned network: layers W x + b, each followed by the function that `activations` names.
 
-    `bound` names how the last layer is kept within -1 and 1; `obs` and `hold` are the layout and the action_repeat that
+    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that
     the network was learned with. Raises ConfigError for a network that does not fit the environment.
     """
 
@@ -136,8 +137,8 @@ class NetworkPolicy:
             raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes "
                               f"{env.observation_space.shape} and takes {env.task.action.dimensions}; the network was "
                               f"learned with obs={arrays.get('obs', '?')} for {arrays.get('task', '?')}")
-        if int(arrays.get("hold", env.action_repeat)) != env.action_repeat:
-            raise ConfigError(f"{path}: learned with action_repeat={arrays['hold']}; the environment has "
+        if int(arrays.get("action_repeat", env.action_repeat)) != env.action_repeat:
+            raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
         self._env = env
 

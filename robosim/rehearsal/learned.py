@@ -55,11 +55,13 @@ def motion_of(path: Path, name: str, task: TaskConfig) -> Motion:
     poses = [carrier.restart(task.start.pose)]
     try:
         with np.load(path, allow_pickle=False) as stored:
-            actions, hold = stored["actions"], int(stored["hold"])
-            whole = -(-task.steps // hold)
+            # until release 0.1 action_repeat was called hold
+            actions = stored["actions"]
+            action_repeat = int(stored["action_repeat" if "action_repeat" in stored else "hold"])
+            whole = -(-task.steps // action_repeat)
             decisions = int(stored["needed"]) if "needed" in stored and task.kind == "pour" else whole
         for action in actions[:decisions]:
-            poses += [carrier.command(*scale.velocities(action)) for _ in range(hold)]
+            poses += [carrier.command(*scale.velocities(action)) for _ in range(action_repeat)]
     except (ValueError, KeyError, EOFError, BadZipFile, ConfigError) as error:
         raise ConfigError(f"{path}: not a motion of {name}: {error}") from error
     given, times = task.step_dt * np.arange(len(poses)), np.arange(0.0, task.step_dt * (len(poses) - 0.5), SAMPLING)

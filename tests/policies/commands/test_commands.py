@@ -9,7 +9,7 @@ from policies.learning.bundled import bundled_names
 from robosim.commands.main import main, parser
 
 
-@pytest.mark.parametrize("name", ["demo", "export", "frames", "gradients", "train"])
+@pytest.mark.parametrize("name", ["demo", "export", "gradients", "rollouts", "train"])
 def test_help_lists_the_bundled_tasks(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main([name, "--help"])
@@ -19,7 +19,7 @@ def test_help_lists_the_bundled_tasks(name: str, capsys: pytest.CaptureFixture[s
 
 @pytest.mark.parametrize(("arguments", "place"), [
     (["demo", "SpoonPour", "--out", "x"], "policies.demonstrations.demo:demonstrate"),
-    (["frames", "SpoonPour", "--out", "x"], "policies.dynamics.rollouts:frames"),
+    (["rollouts", "SpoonPour", "--out", "x"], "policies.dynamics.rollouts:make_rollouts"),
     (["export", "SpoonPour", "--demos", "x", "--out", "y.hdf5"], "policies.demonstrations.export:export"),
     (["gradients", "SpoonPour", "--out", "x"], "policies.demonstrations.gradients:gradients"),
     (["train", "sac", "SpoonPour", "--out", "x"], "policies.methods.train:train"),

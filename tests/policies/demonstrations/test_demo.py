@@ -1,4 +1,4 @@
-"""Demonstrations: the way from actions to twists and back, descent, and the command."""
+"""Demonstrations: actions and twists, searches, and `demonstrate`."""
 
 import json
 
@@ -9,60 +9,60 @@ import pytest
 import mpm
 from mpm.geometry.rigid_motion import rotation_matrix
 from policies.demonstrations import demo
-from policies.demonstrations.action_repeat import Hold
+from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.demo import demonstrate
 from policies.demonstrations.descent import Descent
-from policies.demonstrations.generator import Maker
 from policies.demonstrations.gradients import gradients
-from policies.demonstrations.spline_search import Evolution
-from policies.learning.files import claim
+from policies.demonstrations.motion_loss import MotionLoss
+from policies.demonstrations.spline_search import SplineSearch
+from policies.learning.files import lock_folder
 from robosim.envs.reach import Reach
 from robosim.evaluation.evaluate import evaluate
 from robosim.tasks.task import load_task
 
 
-def test_actions_become_twists_and_derivatives_return():
-    """Against central differences, with a box that cuts some steps off."""
-    hold = Hold(load_task("SpoonPour"), 10)
+def test_adjoint_of_the_map_from_actions_to_twists():
+    """Against central differences, with steps that the box clips."""
+    motion = ActionRepeat(load_task("SpoonPour"), 10)
     rng = np.random.default_rng(0)
-    actions = rng.uniform(-0.6, 0.9, (hold.n, 6))
-    linear, angular = hold.twists(actions)
+    actions = rng.uniform(-0.6, 0.9, (motion.decisions, 6))
+    linear, angular = motion.to_twists(actions)
     assert linear.shape == angular.shape == (1000, 3)
-    places = hold._start + hold.dt * linear.cumsum(0)
-    assert np.all(places <= hold._high + 1e-12)
-    assert not hold._free.all()
+    positions = motion.start + motion.dt * linear.cumsum(0)
+    assert np.all(positions <= motion.upper + 1e-12)
+    assert not motion.unclipped.all()
     W, U = rng.standard_normal((1000, 3)), rng.standard_normal((1000, 3))
-    bars = hold.back(W, U)
+    bars = motion.pull_back(W, U)
     for _ in range(20):
-        way = rng.standard_normal(actions.shape)
+        direction = rng.standard_normal(actions.shape)
         ends = []
         for s in (1e-7, -1e-7):
-            v, w = hold.twists(actions + s * way)
+            v, w = motion.to_twists(actions + s * direction)
             ends.append(np.sum(W * v) + np.sum(U * w))
-        hold.twists(actions)
-        assert np.sum(bars * way) == pytest.approx((ends[0] - ends[1]) / 2e-7, rel=1e-5, abs=1e-4)
+        motion.to_twists(actions)
+        assert np.sum(bars * direction) == pytest.approx((ends[0] - ends[1]) / 2e-7, rel=1e-5, abs=1e-4)
 
 
-def test_a_start_follows_the_script_and_rests():
-    """The tool that moves by these actions is where the script has it, and stays where it left it."""
+def test_first_actions_follow_the_script_and_rest():
+    """The tool reaches the script's pose at the given time, and stays there."""
     task = load_task("SpoonScoop")
-    hold = Hold(task, 10)
-    actions = demo.first_actions("script", 0.74, task, hold)
+    motion = ActionRepeat(task, 10)
+    actions = demo.first_actions("script", 0.74, task, motion)
     assert not actions[37:].any()
-    linear, angular = hold.twists(actions)
+    linear, angular = motion.to_twists(actions)
     assert not linear[370:].any()
-    way, matrix = task.scripted_path(), task.start.pose.matrix
+    script, matrix = task.scripted_path(), task.start.pose.matrix
     for w in angular[:370]:
         matrix = rotation_matrix(task.step_dt * w) @ matrix
-    place = np.array(task.start.position) + task.step_dt * linear.sum(0)
-    assert place == pytest.approx(way.pose(0.74).position, abs=1e-9)
-    assert matrix == pytest.approx(way.pose(0.74).matrix, abs=1e-9)
+    position = np.array(task.start.position) + task.step_dt * linear.sum(0)
+    assert position == pytest.approx(script.pose(0.74).position, abs=1e-9)
+    assert matrix == pytest.approx(script.pose(0.74).matrix, abs=1e-9)
     for given, until in ((None, 0.5), ("script", 2.1), ("script", 0.0), ("actions.npz", 0.5)):
         with pytest.raises(mpm.InvalidValue, match="--until"):
-            demo.first_actions(given, until, task, hold)
+            demo.first_actions(given, until, task, motion)
 
 
-def test_descent_goes_on_where_it_was():
+def test_descent_continues_from_a_state():
     """On a valley whose sides differ by a factor of a hundred; a stored state gives the same steps to the bit."""
     scale = np.array([1.0, 100.0])
 
@@ -82,48 +82,48 @@ def test_descent_goes_on_where_it_was():
     assert np.abs(one.now).max() <= 1.0
 
 
-def test_descent_leaves_a_place_whose_slope_misleads():
-    """Within a hundredth of the start the slope has the wrong sign, as on a kink; what is kept stays there."""
+def test_descent_leaves_a_point_with_a_misleading_gradient():
+    """Within a hundredth of the start the gradient has the wrong sign, as at a kink; fixed rows stay there."""
     first = np.zeros((20, 2))
 
     def slope(x: np.ndarray) -> tuple[float, np.ndarray]:
         right = 1.0 if np.abs(x[5:]).max() > 0.01 else -1.0
         return float(np.sum((x[5:] - 0.3) ** 2)), right * 2.0 * (x - 0.3)
 
-    found = Descent(first, 0.002, kept=5)
+    search = Descent(first, 0.002, fixed=5)
     for _ in range(400):
-        found.step(*slope(found.now))
-        assert np.array_equal(found.now[:5], first[:5])
-    assert found.lowest < 0.5 * slope(first)[0]
+        search.step(*slope(search.now))
+        assert np.array_equal(search.now[:5], first[:5])
+    assert search.lowest < 0.5 * slope(first)[0]
 
 
-@pytest.mark.parametrize("search", [lambda first: Descent(first, 0.05, kept=5),
-                                    lambda first: Evolution(first, seed=0, kept=5)])
-def test_a_beginning_that_is_kept(search):
-    """Its actions stay to the bit; the others reach the valley's floor."""
+@pytest.mark.parametrize("make_search", [lambda first: Descent(first, 0.05, fixed=5),
+                                         lambda first: SplineSearch(first, seed=0, fixed=5)])
+def test_fixed_actions_stay(make_search):
+    """To the bit; the others reach the minimum."""
     first = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2))
-    found = search(first)
+    search = make_search(first)
     for _ in range(400):
-        offset = found.now - 0.3
-        found.step(*((np.sum(offset**2), 2.0 * offset) if isinstance(found, Descent) else (np.sum(offset[5:] ** 2),)))
-        assert np.array_equal(found.now[:5], first[:5])
-    assert np.array_equal(found.best[:5], first[:5])
-    assert found.best[5:] == pytest.approx(np.full((15, 2), 0.3), abs=0.2)
+        offset = search.now - 0.3
+        search.step(float(np.sum(offset[5:] ** 2)), 2.0 * offset)
+        assert np.array_equal(search.now[:5], first[:5])
+    assert np.array_equal(search.best[:5], first[:5])
+    assert search.best[5:] == pytest.approx(np.full((15, 2), 0.3), abs=0.2)
 
 
-def test_evolution_goes_on_where_it_was():
-    """It finds a valley's floor within its bounds; told the same losses again, it asks the same questions."""
-    wanted = np.linspace(-0.5, 0.8, 20)[:, None] * [1.0, -1.0]
+def test_spline_search_continues_from_its_losses():
+    """It finds a minimum within its bounds; from the same losses it proposes the same motions."""
+    target = np.linspace(-0.5, 0.8, 20)[:, None] * [1.0, -1.0]
 
     def loss(actions: np.ndarray) -> float:
-        return float(np.mean((actions - wanted) ** 2))
+        return float(np.mean((actions - target) ** 2))
 
-    one = Evolution(np.zeros((20, 2)), seed=3)
+    one = SplineSearch(np.zeros((20, 2)), seed=3)
     losses = []
     for _ in range(255):
         losses.append(loss(one.now))
         one.step(losses[-1])
-    two = Evolution(np.zeros((20, 2)), seed=3)
+    two = SplineSearch(np.zeros((20, 2)), seed=3)
     two.load(one.state())
     assert np.array_equal(one.now, two.now)
     for _ in range(300):
@@ -132,54 +132,54 @@ def test_evolution_goes_on_where_it_was():
         two.step(loss(two.now))
     assert np.array_equal(one.best, two.best)
     assert one.lowest == two.lowest < 0.01 * losses[0]
-    assert len(one.course(losses)) == 25
-    assert one.course(losses)[-1] == min(losses[:250])
+    assert len(one.convergence_losses(losses)) == 25
+    assert one.convergence_losses(losses)[-1] == min(losses[:250])
 
 
-def test_what_a_motion_asks_of_the_arm():
-    """The penalty's derivatives against central differences; a slow motion costs nothing; a fast one is told when it
-    passes a limit; where the arm's joints take the tool is where it was commanded to be."""
+def test_demands_on_the_arm():
+    """The penalty's derivatives against central differences; a slow motion costs nothing; a fast one has a
+    time at which it passes a limit; the arm moves the tool to where it was commanded to be."""
     task = load_task("SpoonPour")
     reach, start, rng = Reach(task), task.start.pose, np.random.default_rng(0)
     linear, angular = (np.repeat(rng.normal(0.0, s, (6, 3)), 10, axis=0) for s in (0.6, 4.0))
     value, bars = reach.penalty(start, linear, angular)
     assert value > 1.0
     for _ in range(20):
-        ways = rng.standard_normal((2, 60, 3))
-        ends = [reach.penalty(start, linear + s * ways[0], angular + s * ways[1])[0] for s in (1e-5, -1e-5)]
-        slope = np.sum(bars[0] * ways[0]) + np.sum(bars[1] * ways[1])
+        directions = rng.standard_normal((2, 60, 3))
+        ends = [reach.penalty(start, linear + s * directions[0], angular + s * directions[1])[0] for s in (1e-5, -1e-5)]
+        slope = np.sum(bars[0] * directions[0]) + np.sum(bars[1] * directions[1])
         assert slope == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-6, abs=1e-7)
     slow = reach.penalty(start, 0.02 * linear, 0.02 * angular)
     assert slow[0] == 0.0
     assert not np.any(slow[1])
-    told = reach.readings(start, linear, angular)
-    assert told["speed_limit_ratio_max"] > 1.0
-    assert 0.0 <= told["first_violation_time"] <= 0.12
+    fast = reach.readings(start, linear, angular)
+    assert fast["speed_limit_ratio_max"] > 1.0
+    assert 0.0 <= fast["first_violation_time"] <= 0.12
     calm = reach.readings(start, 0.05 * linear, 0.05 * angular)
     assert calm["first_violation_time"] == -1.0
     assert calm["end_position_error"] < 1e-4
 
 
 @pytest.mark.slow
-def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
+def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
     """Three iterations lower the loss; a run that is killed after two and resumed ends with the same bits; a finished
     one is not made again; another seed, start or rate in the same folder is refused."""
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     assert demonstrate("SpoonTranslate", whole, n=1, iterations=3, film=False) == 0
     with np.load(whole / "demonstration_0.npz", allow_pickle=False) as stored:
-        found = dict(stored)
-    assert found["actions"].shape == (100, 3)
-    assert len(found["losses"]) == 3
-    assert found["losses"][2] < found["losses"][0]
-    assert np.isfinite(found["check"]).all()
+        whole_arrays = dict(stored)
+    assert whole_arrays["actions"].shape == (100, 3)
+    assert len(whole_arrays["losses"]) == 3
+    assert whole_arrays["losses"][2] < whole_arrays["losses"][0]
+    assert np.isfinite(whole_arrays["check"]).all()
     assert {p.name for p in whole.glob("[!.]*")} == {"demonstration_0.npz", "demonstrations.json", "learning_curve.png"}
-    told = json.loads((whole / "demonstrations.json").read_text())["demonstrations"][0]
+    row = json.loads((whole / "demonstrations.json").read_text())["demonstrations"][0]
     file = str(whole / "demonstration_0.npz")
     assert evaluate("SpoonTranslate", file, tmp_path / "again", episodes=1, film=False) == 0
     again = json.loads((tmp_path / "again" / "evaluation.json").read_text())
-    assert again["tcs"] == pytest.approx(told["among grains of salt"]["tcs"], abs=1e-9)
+    assert again["tcs"] == pytest.approx(row["among grains of salt"]["tcs"], abs=1e-9)
 
-    real, calls = Maker.value_and_grad, []
+    real, calls = MotionLoss.value_and_grad, []
 
     def killed(self, actions):
         calls.append(1)
@@ -187,7 +187,7 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return real(self, actions)
 
-    monkeypatch.setattr(Maker, "value_and_grad", killed)
+    monkeypatch.setattr(MotionLoss, "value_and_grad", killed)
     with pytest.raises(KeyboardInterrupt):
         demonstrate("SpoonTranslate", cut, n=1, iterations=3, film=False)
     assert (cut / "demonstration_0.unfinished.npz").is_file()
@@ -195,33 +195,33 @@ def test_a_demonstration_is_made_kept_and_recognised(tmp_path, monkeypatch):
     assert demonstrate("SpoonTranslate", cut, n=1, iterations=3, film=False) == 0
     assert {p.name for p in cut.glob("[!.]*")} == {p.name for p in whole.glob("[!.]*")}
     with np.load(cut / "demonstration_0.npz", allow_pickle=False) as stored:
-        assert np.array_equal(stored["actions"], found["actions"])
-        assert np.array_equal(stored["losses"], found["losses"])
+        assert np.array_equal(stored["actions"], whole_arrays["actions"])
+        assert np.array_equal(stored["losses"], whole_arrays["losses"])
 
-    monkeypatch.setattr(Maker, "value_and_grad", None)  # not called again
+    monkeypatch.setattr(MotionLoss, "value_and_grad", None)  # not called again
     for given in ({"seed": 1}, {"nominal": True}, {"rate": 0.01}, {"start": whole / "demonstration_0.npz"}):
         with pytest.raises(mpm.InvalidValue, match="made for another"):
             demonstrate("SpoonTranslate", whole, n=1, iterations=3, film=False, **given)
 
 
-@pytest.mark.parametrize("given, told", [({"n": 0}, "--n 0"), ({"iterations": 0}, "--iterations 0"),
+@pytest.mark.parametrize("given, message", [({"n": 0}, "--n 0"), ({"iterations": 0}, "--iterations 0"),
                                          ({"seed": -1}, "--seed -1"), ({"rate": 2.0}, "--rate 2")])
-def test_what_is_refused_before_any_work(tmp_path, given, told):
-    with pytest.raises(mpm.InvalidValue, match=told):
+def test_wrong_arguments_are_refused_before_any_work(tmp_path, given, message):
+    with pytest.raises(mpm.InvalidValue, match=message):
         demonstrate("SpoonTranslate", tmp_path / "out", **given)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_has_one_maker(tmp_path):
-    lock = claim(tmp_path)
+def test_a_folder_is_locked(tmp_path):
+    lock = lock_folder(tmp_path)
     with pytest.raises(mpm.InvalidValue, match="another process is at work"):
         demonstrate("SpoonTranslate", tmp_path, n=1, iterations=1, film=False)
     lock.release()
 
 
 @pytest.mark.slow
-def test_side_by_side_is_one_after_the_other(tmp_path):
-    """Two processes make what one does, to the bit."""
+def test_two_workers_make_the_same_demonstrations(tmp_path):
+    """To the bit."""
     for jobs in (1, 2):
         assert demonstrate("SpoonTranslate", tmp_path / str(jobs), n=2, iterations=2, jobs=jobs, film=False) == 0
     for k in range(2):
@@ -231,18 +231,17 @@ def test_side_by_side_is_one_after_the_other(tmp_path):
     assert {p.name for p in (tmp_path / "1").glob("[!.]*")} == {p.name for p in (tmp_path / "2").glob("[!.]*")}
 
 
-def test_an_arm_has_no_roll_out():
+def test_an_arm_has_no_rollout():
     with pytest.raises(ValueError, match="mobile"):
         gymnasium.make("robosim/SpoonTranslate-v0", arm=True).unwrapped.rollout(10)
 
 
 @pytest.mark.slow
-def test_growth_of_derivatives_is_kept_and_recognised(tmp_path):
-    """Derivatives up to a hundred steps before the end are the slopes of differences in clay, but for what grains do
-    where a node newly touches the tool (3 to 7 %); what is there is not run again, and a file of another scene is
-    refused."""
+def test_growth_of_derivatives_is_stored_and_recognised(tmp_path):
+    """Derivatives up to a hundred steps before the end agree with differences in clay, but for grains at nodes that
+    newly touch the tool (3 to 7 %); stored results are not computed again, and a file of another scene is refused."""
     assert gradients(["ShovelMove"], tmp_path, jobs=2) == 0
-    rows = {told["variant"]: told for told in json.loads((tmp_path / "gradients.json").read_text())}
+    rows = {row["variant"]: row for row in json.loads((tmp_path / "gradients.json").read_text())}
     near = {check.pop("steps_before_the_end"): check for check in rows["fluid or clay"]["checks"]}
     for back in (10, 30, 100):
         assert near[back]["derivative"] == pytest.approx(near[back]["difference"], rel=0.1)

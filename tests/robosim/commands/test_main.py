@@ -11,7 +11,7 @@ import pytest
 from robosim.commands import main as module
 from robosim.commands.main import COMMANDS, main, parser
 
-EVERY = sorted([*COMMANDS, "demo", "export", "frames", "gradients", "pipeline", "sweep", "tables", "train"])
+EVERY = sorted([*COMMANDS, "demo", "export", "gradients", "pipeline", "rollouts", "sweep", "tables", "train"])
 HEAVY = {"taichi", "mujoco", "pinocchio", "torch", "matplotlib", "gymnasium", "numpy", "scipy", "pydantic", "yaml"}
 WRONG = {
     "a command": (["fork"], "'fork'.*rehearse"),
@@ -110,3 +110,15 @@ def test_numbers_are_checked(option: str, words: str, capsys: pytest.CaptureFixt
     with pytest.raises(SystemExit) as end:
         main(["evaluate", "SpoonPour", option, "0.5"])
     assert end.value.code == 2 and words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["frames", "SpoonPour", "--out", "x"], "robosim: the command frames is now called rollouts; "),
+    (["demo", "SpoonPour", "--hold", "5", "--out", "x"], "robosim demo: --hold is now called --action-repeat; "),
+    (["train", "gnn_cmaes", "SpoonPour", "--frames=y", "--out", "x"], "robosim train: --frames is now called "
+     "--rollouts; ")], ids=lambda value: value[0] if isinstance(value, list) else "")
+def test_earlier_names_are_refused_with_the_new_one(arguments: list[str], message: str,
+                                                    capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2 and capsys.readouterr().err.startswith(message)

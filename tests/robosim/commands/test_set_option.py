@@ -16,7 +16,7 @@ from robosim.tasks.task import load_task
 @pytest.mark.parametrize("arguments", [
     ["rehearse", "spoon", "--out"], ["chain", "spoon", "--out"], ["evaluate", "SpoonPour", "--out"],
     ["explain", "SpoonPour", "--out"], ["explain", "spoon", "--out"], ["materials", "SpoonPour", "--out"],
-    ["demo", "SpoonPour", "--out"], ["frames", "SpoonPour", "--out"],
+    ["demo", "SpoonPour", "--out"], ["rollouts", "SpoonPour", "--out"],
 ], ids=lambda arguments: " ".join(arguments[:2]))
 def test_a_setting_that_does_not_fit_is_refused_before_any_work(arguments: list[str], tmp_path: Path,
                                                                 capsys: pytest.CaptureFixture[str]) -> None:

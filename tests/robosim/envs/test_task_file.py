@@ -9,17 +9,17 @@ import pytest
 import yaml
 
 import mpm
-import policies.runs.sweep
 from policies.demonstrations.export import export
-from policies.learning.environments import any_made
+from policies.learning.environments import make_training_environment
 from policies.methods.train import train
+from policies.runs.sweep_file import load_sweep, plan_runs
 from robosim.config.resources import config_path
 from robosim.envs import make
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation.evaluate import evaluate
 from robosim.tasks.task import is_task
 
-HOLD = 250
+ACTION_REPEAT = 250
 ACTION = np.array([0.1, 0.2, -0.1], np.float32)
 
 
@@ -40,8 +40,8 @@ def written(name: str) -> str:
 def test_a_task_file_makes_its_environment() -> None:
     """The same numbers as the registered one that is given the file."""
     own = written("mine.yaml")
-    registered = gymnasium.make("robosim/SpoonTranslate-v0", task=own, action_repeat=HOLD)
-    by_file = any_made(own, "flat", HOLD)
+    registered = gymnasium.make("robosim/SpoonTranslate-v0", task=own, action_repeat=ACTION_REPEAT)
+    by_file = make_training_environment(own, "flat", ACTION_REPEAT)
     assert (by_file.unwrapped.TASK, by_file.unwrapped.source) == ("mine", own)
     assert by_file.unwrapped.task.field.tool_friction == 0.3
     begun, other = (env.reset(seed=3)[0] for env in (registered, by_file))
@@ -53,8 +53,8 @@ def test_a_task_file_makes_its_environment() -> None:
 @pytest.mark.slow
 def test_a_vector_environment_of_a_task_file_behaves_as_one() -> None:
     own = written("mine.yaml")
-    vector = gymnasium.make_vec("robosim/Task-v0", num_envs=2, workers=1, task=own, action_repeat=HOLD)
-    alone, plain = make(own, action_repeat=HOLD), make("SpoonTranslate", action_repeat=HOLD)
+    vector = gymnasium.make_vec("robosim/Task-v0", num_envs=2, workers=1, task=own, action_repeat=ACTION_REPEAT)
+    alone, plain = make(own, action_repeat=ACTION_REPEAT), make("SpoonTranslate", action_repeat=ACTION_REPEAT)
     together, _ = vector.reset(seed=3)
     assert np.array_equal(together[0], alone.reset(seed=3)[0])
     plain.reset(seed=3)
@@ -67,17 +67,17 @@ def test_a_vector_environment_of_a_task_file_behaves_as_one() -> None:
 def test_results_have_the_name_of_the_task_file(capsys: pytest.CaptureFixture[str]) -> None:
     """Training, evaluation and export; a sub-task refuses the motion, the file takes any that fits."""
     own, actions = written("mine.yaml"), np.full((4, 3), 0.1, np.float32)
-    np.savez("demonstration_0.npz", actions=actions, hold=HOLD, task="mine", seed=0, nominal=True)
-    assert train("demo", own, Path("run"), demos=Path(), hold=HOLD) == 0
+    np.savez("demonstration_0.npz", actions=actions, action_repeat=ACTION_REPEAT, task="mine", seed=0, nominal=True)
+    assert train("demo", own, Path("run"), demos=Path(), action_repeat=ACTION_REPEAT) == 0
     assert json.loads(Path("run/manifest.json").read_text())["task"] == "mine"
     assert f"robosim evaluate {own} --policy run/best.npz" in capsys.readouterr().out
     assert evaluate(own, "run/best.npz", None, nominal=True) == 0
     with pytest.raises(ConfigError, match="actions for mine; accepted: for SpoonTranslate"):
         evaluate("SpoonTranslate", "run/best.npz", None)
-    np.savez("other.npz", actions=actions, hold=HOLD, task="SpoonTranslate")
+    np.savez("other.npz", actions=actions, action_repeat=ACTION_REPEAT, task="SpoonTranslate")
     assert evaluate(own, "other.npz", None, nominal=True) == 0
     h5py = pytest.importorskip("h5py")
-    assert export(own, Path("demonstration_0.npz"), Path("all.hdf5"), hold=HOLD) == 0
+    assert export(own, Path("demonstration_0.npz"), Path("all.hdf5"), action_repeat=ACTION_REPEAT) == 0
     with h5py.File("all.hdf5") as file:
         spec = json.loads(file.attrs["env_spec"])
     assert gymnasium.make(spec["id"], **spec["kwargs"]).unwrapped.TASK == "mine"
@@ -86,14 +86,14 @@ def test_results_have_the_name_of_the_task_file(capsys: pytest.CaptureFixture[st
 def test_a_sweep_names_folders_after_a_task_file() -> None:
     own = written("mine.yaml")
     Path("sweep.yaml").write_text(f"tasks: [{own}, SpoonPour]\nmethods: [sac]\nseeds: [0]\nout: runs\n")
-    runs = policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
+    runs = plan_runs(load_sweep(Path("sweep.yaml")))
     assert [run.out for run in runs] == [Path("runs/mine/sac/seed_0"), Path("runs/SpoonPour/sac/seed_0")]
-    assert runs[0].words[:3] == ["train", "sac", own]
+    assert runs[0].arguments[:3] == ["train", "sac", own]
     Path("below").mkdir()
     Path("sweep.yaml").write_text(f"tasks: [{own}, {written('below/mine.yaml')}]\nmethods: [sac]\nseeds: [0]\n"
                                   f"out: runs\n")
     with pytest.raises(mpm.InvalidValue, match="share a folder"):
-        policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
+        plan_runs(load_sweep(Path("sweep.yaml")))
 
 
 def test_task_files_differ_from_rehearsal_files() -> None:
@@ -104,7 +104,7 @@ def test_task_files_differ_from_rehearsal_files() -> None:
 def test_what_is_no_task_is_refused() -> None:
     Path("sweep.yaml").write_text("tasks: [gone.yaml]\nmethods: [sac]\nseeds: [0]\nout: runs\n")
     with pytest.raises(mpm.InvalidValue, match=r"gone\.yaml; accepted: .* a task's \.yaml file"):
-        policies.runs.sweep.planned(policies.runs.sweep.load(Path("sweep.yaml")))
+        plan_runs(load_sweep(Path("sweep.yaml")))
     for name in ("gone.yaml", "SpoonStir"):
         with pytest.raises((ConfigError, UnknownName), match="SpoonPour"):
             evaluate(name, "zero", None)

@@ -36,7 +36,7 @@ def motions(folder: Path, *names: str) -> None:
     for name in names:
         action = load_task(name).action
         row = np.array([0.0, 0.02 / action.speed, 0.0, np.radians(10.0) / action.angular_speed, 0.0, 0.0])
-        np.savez(folder / f"{name}.npz", actions=np.tile(row[: action.dimensions], (100, 1)), hold=10)
+        np.savez(folder / f"{name}.npz", actions=np.tile(row[: action.dimensions], (100, 1)), action_repeat=10)
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_a_tool_is_kept_clear_of_containers(chained, tmp_path):
 
     def dipping(depth: float) -> LearnedPath:
         rows = np.outer(np.repeat([-1.0, 1.0], 50), [0.0, 0.0, depth / action.speed, 0.0, 0.0, 0.0])
-        np.savez(tmp_path / "SpoonScoop.npz", actions=rows, hold=10)
+        np.savez(tmp_path / "SpoonScoop.npz", actions=rows, action_repeat=10)
         return LearnedPath(chained)
 
     def lowest(path: LearnedPath) -> float:
@@ -244,7 +244,7 @@ def test_a_motion_ends_where_its_work_is_done(tmp_path):
         found = learned.motion_of(tmp_path / f"{name}.npz", name, load_task(name))
         assert len(found.places) - 1 == round(seconds / SAMPLING)
         assert found.places[-1, 1] - found.places[0, 1] == pytest.approx(0.02 * seconds, abs=1e-9)
-    np.savez(tmp_path / "SpoonPour.npz", actions=np.zeros((100, 3)), hold=10)
+    np.savez(tmp_path / "SpoonPour.npz", actions=np.zeros((100, 3)), action_repeat=10)
     with pytest.raises(ConfigError, match=r"SpoonPour.npz: not a motion of SpoonPour: .*shape \(3,\)"):
         learned.motion_of(tmp_path / "SpoonPour.npz", "SpoonPour", load_task("SpoonPour"))
 

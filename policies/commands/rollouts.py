@@ -1,4 +1,4 @@
-"""`robosim frames`: rollouts of the simulator from which a graph network learns."""
+"""`robosim rollouts`: rollouts of the simulator from which a graph network learns."""
 
 import argparse
 from pathlib import Path
@@ -7,13 +7,13 @@ from typing import Any
 from policies.learning.bundled import bundled_names, check_material, check_task
 
 EXAMPLE = """examples:
-  robosim frames SpoonPour --episodes 200 --jobs 2 --out out/frames/SpoonPour
-  robosim train gnn_cmaes SpoonPour --frames out/frames/SpoonPour --out out/runs/SpoonPour/gnn_cmaes/seed_0"""
+  robosim rollouts SpoonPour --episodes 200 --jobs 2 --out out/rollouts/SpoonPour
+  robosim train gnn_cmaes SpoonPour --rollouts out/rollouts/SpoonPour --out out/runs/SpoonPour/gnn_cmaes/seed_0"""
 
 
 def add_parser(commands: Any) -> None:
-    """Add `frames` to the command line."""
-    parser = commands.add_parser("frames", help="make rollouts from which a graph network learns", epilog=EXAMPLE,
+    """Add `rollouts` to the command line."""
+    parser = commands.add_parser("rollouts", help="make rollouts from which a graph network learns", epilog=EXAMPLE,
                                  description="Simulate a sub-task with random starts and motions, and write the "
                                  "positions of grains and tool at every action.")
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
@@ -26,6 +26,7 @@ def add_parser(commands: Any) -> None:
                         "one frame each (default: 10)")
     parser.add_argument("--seed", type=int, default=0, help="of starts and motions (default: 0)")
     parser.add_argument("--jobs", type=int, default=1, help="rollouts at a time, a core each (default: 1)")
+    parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)
 
@@ -34,8 +35,8 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then make the rollouts."""
     check_task(options.task)
     check_material(options.material)
-    from policies.dynamics.rollouts import frames
+    from policies.dynamics.rollouts import make_rollouts
 
     with options.settings.changed("tasks", options.task, options.out) as task:
-        return frames(task, options.out, episodes=options.episodes, material=options.material,
-                      hold=options.action_repeat, seed=options.seed, jobs=options.jobs)
+        return make_rollouts(task, options.out, episodes=options.episodes, material=options.material,
+                             action_repeat=options.action_repeat, seed=options.seed, jobs=options.jobs)

@@ -1,0 +1,87 @@
+"""Loss of a motion through the differentiable field, its derivatives, and their check by finite differences."""
+
+import sys
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+import mpm
+from policies.demonstrations.action_repeat import ActionRepeat
+
+DIRECTIONS = 3
+"""Random directions of the check."""
+DIFFERENCE = 1e-3
+"""Step of the finite differences, in actions of -1 to 1; with a smaller one single precision's rounding dominates."""
+
+
+class MotionLoss:
+    """The loss of actions (decisions, dimensions) that a sub-task's environment is driven with.
+
+    env: the unwrapped environment. limit: of `mpm.Rollout`. arm_weight: weight of the penalty on motions beyond the
+    arm's limits.
+    """
+
+    def __init__(self, env: Any, action_repeat: int, *, limit: float | None = None, arm_weight: float = 0.0) -> None:
+        self.env, self.actions = env, ActionRepeat(env.task, action_repeat)
+        self._limit, self._arm_weight, self._objective = limit, arm_weight, env.objective()
+        self._start_pose: Any = None
+
+    @cached_property
+    def rollout(self) -> Any:
+        """The differentiable rollout of a whole episode; its memory is allocated at first use."""
+        return self.env.rollout(limit=self._limit)
+
+    @cached_property
+    def reach(self) -> Any:
+        """The arm that would carry the tool."""
+        return self.env.reach()
+
+    def set_start(self) -> None:
+        """Take the environment's present state as the start of every motion."""
+        self.rollout.restart()
+        self._start_pose = self.env.solver.collider_pose(0)
+        self.actions.set_start(self._start_pose.position)
+
+    def value(self, actions: np.ndarray) -> float:
+        """Return the loss. Raises mpm.SimulationDiverged."""
+        twists = self.actions.to_twists(actions)
+        loss = self.rollout.value(*twists, self._objective)
+        if self._arm_weight:
+            loss += self._arm_weight * self.reach.penalty(self._start_pose, *twists)[0]
+        return loss
+
+    def value_and_grad(self, actions: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the loss and its derivatives (decisions, dimensions).
+
+        Raises mpm.SimulationDiverged and mpm.GradientDiverged.
+        """
+        twists = self.actions.to_twists(actions)
+        loss, twist_bars = self.rollout.value_and_grad(*twists, self._objective)
+        if self._arm_weight:
+            penalty, penalty_bars = self.reach.penalty(self._start_pose, *twists)
+            loss += self._arm_weight * penalty
+            twist_bars = tuple(a + self._arm_weight * b for a, b in zip(twist_bars, penalty_bars))
+        return loss, self.actions.pull_back(*twist_bars)
+
+    def check_gradient(self, actions: np.ndarray) -> np.ndarray:
+        """Return derivatives and central differences along the gradient and random directions (1 + DIRECTIONS, 2).
+
+        They are taken at 0.99 x the actions, away from their bounds; (0, 2) where the motion there diverges.
+        """
+        try:
+            return self._compare_with_differences(0.99 * actions)
+        except (mpm.SimulationDiverged, mpm.GradientDiverged) as error:
+            print(f"the gradient of the best motion is not checked: {error}", file=sys.stderr)
+            return np.zeros((0, 2))
+
+    def _compare_with_differences(self, actions: np.ndarray) -> np.ndarray:
+        _, gradient = self.value_and_grad(actions)
+        rng = np.random.default_rng(0)
+        rows = []
+        for direction in (gradient, *(rng.standard_normal(gradient.shape) for _ in range(DIRECTIONS))):
+            largest = np.abs(direction).max()
+            unit = direction / largest if largest > 0 else direction
+            above, below = (self.value(actions + s * unit) for s in (DIFFERENCE, -DIFFERENCE))
+            rows.append((float(np.sum(gradient * unit)), (above - below) / (2.0 * DIFFERENCE)))
+        return np.array(rows)

@@ -1,0 +1,96 @@
+"""What demonstrations are to be made, and the files that they are stored in."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+import mpm
+from policies.learning.environments import fingerprint, make_environment
+
+SURROGATE_MATERIALS = {"move": "clay", "scoop": "clay"}
+"""Kind of sub-task -> material of the search, where it is not FLUID. A fluid's surface lies below the rim of a level
+spoon that stands on the container's floor, so that there is nothing to scoop."""
+FLUID = "glycerol"
+"""Not water, which splashes: over a pour its derivatives by positions grow by four orders of magnitude, glycerol's by
+two."""
+
+
+def surrogate_material(task: Any) -> str:
+    """Return the material that demonstrations of a task are searched in."""
+    return SURROGATE_MATERIALS.get(task.kind, FLUID)
+
+
+class DemonstrationRequest(NamedTuple):
+    """The settings that all demonstrations of a folder share."""
+
+    task: str
+    """Name of a sub-task, or a task's .yaml file."""
+    out: Path
+    material: str
+    """Material of the search."""
+    first_actions: np.ndarray
+    """(decisions, dimensions), where the search begins."""
+    fixed: int
+    """Number of first actions that the search does not change."""
+    method: str
+    """"descent" or "cmaes"."""
+    iterations: int
+    """Largest number of iterations of a demonstration."""
+    rate: float
+    """Largest step of an iteration, in actions of -1 to 1."""
+    action_repeat: int
+    limit: float | None
+    """Bound on the entries of the state's adjoint in every substep; None: no bound."""
+    arm_weight: float
+    """Weight of the penalty on motions beyond the arm's limits; 0: no penalty."""
+    seed: int
+    """Seed of demonstration 0's start; demonstration k has seed + k."""
+    nominal: bool
+    """Whether demonstration 0 begins at the task's own start instead."""
+
+    @property
+    def name(self) -> str:
+        """The task's name in files."""
+        return Path(self.task).stem
+
+    def path(self, k: int) -> Path:
+        """Return the file of demonstration k."""
+        return self.out / f"demonstration_{k}.npz"
+
+    def unfinished_path(self, k: int) -> Path:
+        """Return the file of demonstration k while its search runs."""
+        return self.out / f"demonstration_{k}.unfinished.npz"
+
+    def reset_arguments(self, k: int) -> dict[str, Any]:
+        """Return the arguments of the environment's reset for demonstration k."""
+        return {"seed": self.seed + k, "options": {"nominal": self.nominal and k == 0}}
+
+    def fingerprint(self, k: int, env: Any) -> str:
+        """Return a digest of all that demonstration k depends on."""
+        return fingerprint(env, self.material, self.action_repeat, self.limit, self.reset_arguments(k), self.rate,
+                           self.first_actions.tolist(), self.fixed, self.method, self.arm_weight)
+
+    def make_environment(self, **options: Any) -> Any:
+        """Make the task's environment with the demonstrations' action_repeat."""
+        return make_environment(self.task, action_repeat=self.action_repeat, **options).unwrapped
+
+
+def load_stored(path: Path, expected: str) -> dict[str, np.ndarray] | None:
+    """Return the arrays that an earlier call stored with the fingerprint `expected`, or None without a file.
+
+    Raises:
+        mpm.InvalidValue: the file cannot be read, or has another fingerprint.
+    """
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = dict(stored)
+    except (ValueError, EOFError, BadZipFile) as error:
+        raise mpm.InvalidValue(f"{path}: cannot be read: {error}; give another --out, or remove it") from error
+    if str(arrays.get("fingerprint")) != expected:
+        raise mpm.InvalidValue(f"{path}: made for another scene, task, material, method, seed or start (fingerprint "
+                               f"{arrays.get('fingerprint')}, now {expected}); give another --out, or remove it")
+    return arrays

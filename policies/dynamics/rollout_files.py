@@ -1,0 +1,74 @@
+"""Folders of rollouts: what they belong to, and reading them."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+import mpm
+from policies.learning.environments import fingerprint
+from policies.learning.files import write_json
+
+
+class Rollouts(NamedTuple):
+    """The rollouts of a folder."""
+
+    grains: list[np.ndarray]
+    """Positions of each rollout's grains [m], (frames, n, 3)."""
+    poses: list[np.ndarray]
+    """Poses of each rollout's tool (frames, 7)."""
+
+
+def describe_environment(env: Any) -> dict[str, Any]:
+    """Return what rollouts of an environment must have in common."""
+    return {"task": env.TASK, "action_repeat": env.action_repeat, "grains": len(grain_positions(env)),
+            "scene": fingerprint(env)}
+
+
+def grain_positions(env: Any) -> np.ndarray:
+    """Return the positions of the observed grains [m], (n, 3); a copy, because the environment reuses its array."""
+    return env.world.grains()[:, :3].copy()
+
+
+def rollout_path(folder: Path, k: int) -> Path:
+    """Return the file of rollout k."""
+    return folder / f"rollout_{k:05d}.npz"
+
+
+def write_description(folder: Path, env: Any, seed: int) -> None:
+    """Write rollouts.json; raises mpm.InvalidValue for a folder of other rollouts."""
+    path, description = folder / "rollouts.json", {**describe_environment(env), "seed": seed}
+    if (folder / "frames.json").is_file():
+        raise mpm.InvalidValue(f"--out {folder}: made by `robosim frames` of an earlier version; give another folder")
+    if path.is_file() and path.read_text() != json.dumps(description, indent=2) + "\n":
+        raise mpm.InvalidValue(f"--out {folder}: holds rollouts of {' '.join(path.read_text().split())}; give another "
+                               f"folder")
+    write_json(path, description)
+
+
+def read_rollouts(folder: Path, env: Any) -> Rollouts:
+    """Return all rollouts of a folder with two frames or more.
+
+    Raises:
+        mpm.InvalidValue: the folder holds fewer than two, or they are of another environment.
+    """
+    now = describe_environment(env)
+    try:
+        stored = json.loads((folder / "rollouts.json").read_text())
+        differences = [f"{name} {stored[name]}, now {value}" for name, value in now.items() if stored[name] != value]
+        if differences:
+            raise mpm.InvalidValue(f"--rollouts {folder}: of another environment: {'; '.join(differences)}")
+        pairs = []
+        for path in sorted(folder.glob("rollout_*.npz")):
+            with np.load(path, allow_pickle=False) as arrays:
+                if len(arrays["grains"]) > 1:  # one that diverged in its first step has a single frame
+                    pairs.append((arrays["grains"], arrays["tool"]))
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise mpm.InvalidValue(f"--rollouts {folder}: {error}; `robosim rollouts {env.source} --out {folder}` makes "
+                               f"them") from error
+    if len(pairs) < 2:
+        raise mpm.InvalidValue(f"--rollouts {folder}: {len(pairs)} rollouts; accepted: 2 or more, some of which are "
+                               f"the test set")
+    return Rollouts(*map(list, zip(*pairs)))

@@ -1,0 +1,73 @@
+"""Models of Stable-Baselines3 and sb3-contrib, built from presets."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import sb3_contrib
+import stable_baselines3
+from stable_baselines3.common.noise import NormalActionNoise
+
+import mpm
+from policies.learners.actor_critics import DelayedActorMixin, NormalisedCritic
+from policies.learners.buffers import DemoReplayBuffer
+from policies.learners.residual_actions import zero_residual
+from policies.learners.set_encoders import DeepSets, PointNet
+from policies.learning.presets import Preset
+
+CONTRIBUTED = ("TQC", "CrossQ")
+"""Learners of sb3-contrib."""
+DETERMINISTIC = ("TD3", "DDPG")
+"""Learners with deterministic policies, which explore by added noise."""
+NOISE = 0.1
+"""Standard deviation of that noise (Fujimoto et al. 2018)."""
+ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets}
+
+
+def learner_class(preset: Preset) -> Any:
+    """Return the class of a preset's learner; GAIL's policy learns by PPO."""
+    name = "PPO" if preset.learner == "GAIL" else preset.learner
+    kind = getattr(sb3_contrib if name in CONTRIBUTED else stable_baselines3, name)
+    return type(f"DelayedActor{name}", (DelayedActorMixin, kind), {}) if preset.actor is not None else kind
+
+
+def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] | None = None) -> Any:
+    """Build an untrained model.
+
+    slices: parts of a flat observation by name, which encoders need.
+
+    Raises:
+        mpm.InvalidValue: options that the learner's class does not have, or parts of the preset that do not fit it.
+    """
+    kind, options = learner_class(preset), dict(preset.options)
+    policy: Any = "MlpPolicy"
+    policy_options = dict(options.pop("policy_kwargs", {}))
+    if preset.critic_layer_norm:
+        policy = NormalisedCritic
+    if preset.encoder is not None:
+        if not slices:
+            raise mpm.InvalidValue(f"encoder {preset.encoder}: needs a task with grains, and obs: flat")
+        policy_options |= {"features_extractor_class": ENCODERS[preset.encoder],
+                           "features_extractor_kwargs": {"slices": slices}}
+    if preset.learner in DETERMINISTIC:
+        n = env.action_space.shape[0]
+        options["action_noise"] = NormalActionNoise(np.zeros(n), np.full(n, NOISE))
+    if preset.learner not in ("GAIL", "PPO"):
+        # Also without demonstrations: same random numbers as SB3's own buffer, and smaller checkpoints.
+        demos = preset.demonstrations
+        options["replay_buffer_class"] = DemoReplayBuffer
+        options["replay_buffer_kwargs"] = {"demo_size": demos.size, "demo_fraction": demos.fraction} if demos else {
+            "demo_size": 1}
+    if isinstance(env.observation_space, gymnasium.spaces.Dict):
+        policy = "MultiInputPolicy"
+    try:
+        model = kind(policy, env, seed=seed, policy_kwargs=policy_options, device="cpu", **options)
+    except TypeError as error:
+        raise mpm.InvalidValue(f"options of {preset.learner}: {error}") from error
+    if preset.residual is not None:
+        zero_residual(model, preset.learner)
+    if preset.actor is not None:
+        if not hasattr(getattr(model, "actor", None), "optimizer"):
+            raise mpm.InvalidValue(f"actor with learner {preset.learner}; accepted: SAC, TD3, DDPG, TQC or CrossQ")
+        model.actor_waits, model.actor_rate = preset.actor.waits, preset.actor.rate
+    return model

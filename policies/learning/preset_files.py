@@ -1,0 +1,70 @@
+"""Reading configuration files of methods and sweeps, with errors that name the key."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+import pydantic
+import yaml
+
+import mpm
+from policies.learning.bundled import check_method
+from policies.learning.presets import Preset
+
+Model = TypeVar("Model", bound=pydantic.BaseModel)
+Change = Callable[[dict[str, Any]], dict[str, Any]]
+"""Returns a changed copy of a table."""
+
+
+def load_preset(name: str, change: Change | None = None) -> Preset:
+    """Load a method by name, or from a .yaml file.
+
+    change: of the file's table, before it is checked.
+
+    Raises:
+        mpm.InvalidValue: the method is unknown, or its file is wrong.
+    """
+    return load_model(check_method(name), Preset, change)
+
+
+def load_model(path: Path, kind: type[Model], change: Change | None = None) -> Model:
+    """Load a .yaml file as a pydantic model.
+
+    change: of the file's table, before it is checked. A model's `RENAMED`, keys of earlier versions -> their names now,
+    is used in errors.
+
+    Raises:
+        mpm.InvalidValue: the file cannot be read or does not fit the model.
+    """
+    try:
+        table = yaml.safe_load(path.read_text())
+        return kind(**(change(table) if change else table))
+    except (OSError, pydantic.ValidationError, yaml.YAMLError, TypeError) as error:
+        raise mpm.InvalidValue(f"{path}: {describe_error(error, kind)}") from error
+
+
+def describe_error(error: Exception, kind: type[pydantic.BaseModel]) -> str:
+    """Return what is wrong with a file, in one line: key, reason, value; for an unknown key, those that exist."""
+    if not isinstance(error, pydantic.ValidationError):
+        return str(error)
+    return "; ".join(_describe_item(item, kind) for item in error.errors())
+
+
+def _describe_item(item: Any, kind: type[pydantic.BaseModel]) -> str:
+    key = ".".join(map(str, item["loc"]))
+    if item["type"] == "extra_forbidden":
+        table = model_at(kind, item["loc"][:-1])
+        renamed = getattr(table, "RENAMED", {}).get(item["loc"][-1])
+        return f"key {key!r} is now called {renamed!r}; rename it" if renamed else \
+            f"unknown key {key!r}; accepted: {', '.join(table.model_fields)}"
+    given = f" (given: {item['input']!r})" if item["type"] not in ("missing", "value_error") else ""
+    return f"{key or 'file'}: {item['msg'].removeprefix('Value error, ')}{given}"
+
+
+def model_at(kind: type[pydantic.BaseModel], keys: Sequence[int | str]) -> type[pydantic.BaseModel]:
+    """Return the model of a table within another; each key holds a table or null."""
+    for key in keys:
+        annotation = kind.model_fields[str(key)].annotation
+        kind = next(one for one in (annotation, *get_args(annotation))
+                    if isinstance(one, type) and issubclass(one, pydantic.BaseModel))
+    return kind

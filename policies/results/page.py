@@ -1,0 +1,73 @@
+"""The tables of runs as text and as one HTML page without other files."""
+
+import html
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from policies.results.summary import FIGURES, Summaries
+from policies.results.text_table import TextTable, align_columns
+
+STYLE = "body{font:15px sans-serif;margin:2em}table{border-collapse:collapse}td,th{border:1px solid #bbb;" \
+        "padding:.3em .6em;text-align:right}small{color:#666}"
+
+
+def format_table(summaries: Summaries, published: dict, figure: str,
+                 form: Callable[[dict[str, Any]], str]) -> list[list[str]]:
+    """Return a figure's table as lines of cells, methods by tasks; form: text of one cell's statistics."""
+    tasks = [task for task in published["tasks"] if any(task in row for row in summaries.values())]
+    tasks += sorted({task for row in summaries.values() for task in row} - set(tasks))
+    lines = [["method", *tasks]]
+    for line in sorted(summaries):
+        cells = (summaries[line].get(task, {}).get(figure) for task in tasks)
+        lines.append([line, *("" if cell is None else form(cell) for cell in cells)])
+    return lines
+
+
+def format_scores(summaries: Summaries, published: dict) -> str:
+    """Return the scores of the best motions as text."""
+    def form(cell: dict) -> str:
+        spread = f"±{cell['std']:.1f}" if cell["n"] > 1 else ""
+        return f"{cell['mean']:.1f}{spread} n={cell['n']}" \
+            + (f" ({cell['published'][0]:.1f})" if cell["published"] else "")
+
+    figure = "tcs_of_best_return"
+    return f"{FIGURES[figure]}, in brackets {published['source']}:\n" \
+        + align_columns(format_table(summaries, published, figure, form))
+
+
+def make_page(summaries: Summaries, published: dict, sources: list[Path], further_tables: list[TextTable],
+              notes: dict[str, list[str]]) -> str:
+    """Return all tables, and lists of notes by title, as an HTML page."""
+    tables = [TextTable(title, *_split(format_table(summaries, published, figure, _format_cell)))
+              for figure, title in FIGURES.items()]
+    tables += [table._replace(rows=[[row[0], *map(html.escape, row[1:])] for row in table.rows])
+               for table in further_tables]
+    parts = [f"<h1>Results of runs</h1><p>robosim {html.escape(version('robosim'))}; runs in "
+             f"{html.escape(', '.join(map(str, sources)))}. Mean ± standard deviation; interquartile mean with its "
+             f"95 % interval; in italics {html.escape(published['source'])}, on a different geometry.</p>"]
+    parts += [_format_html(table) for table in tables]
+    parts += [f"<h2>{title}</h2><ul>" + "".join(f"<li>{html.escape(text)}</li>" for text in texts) + "</ul>"
+              for title, texts in notes.items() if texts]
+    return f"<!doctype html><meta charset=utf-8><title>runs</title><style>{STYLE}</style>{''.join(parts)}"
+
+
+def _split(lines: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    return lines[0], lines[1:]
+
+
+def _format_cell(cell: dict[str, Any]) -> str:
+    """Return the HTML of one cell's statistics."""
+    text = f"{cell['mean']:.2f}<br><small>1 run</small>" if cell["n"] == 1 else \
+        f"{cell['mean']:.2f} ± {cell['std']:.2f}<br><small>{cell['n']} runs, IQM {cell['iqm']:.2f} " \
+        f"[{cell['low']:.2f}, {cell['high']:.2f}]</small>"
+    return text + ("<br><i>{:.2f} ± {:.2f}</i>".format(*cell["published"]) if cell["published"] else "")
+
+
+def _format_html(table: TextTable) -> str:
+    """Return the HTML of a table whose cells, besides the first of each row, are HTML."""
+    head = "".join(f"<th>{html.escape(text)}</th>" for text in table.head)
+    rows = (f"<tr><th>{html.escape(row[0])}</th>{''.join(f'<td>{cell}</td>' for cell in row[1:])}</tr>"
+            for row in table.rows)
+    return f"<h2>{table.title}</h2><table><tr>{head}</tr>{''.join(rows)}</table>"

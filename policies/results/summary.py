@@ -1,0 +1,91 @@
+"""Summaries over runs: which runs are pooled, and the statistics of their figures."""
+
+from collections import Counter, defaultdict
+from typing import Any
+
+import numpy as np
+
+FIGURES = {"tcs_of_best_return": "score of the motion with the highest return, replayed",
+           "tcs_last10": "score, mean of the last ten episodes", "return": "return, mean of the last ten episodes",
+           "delivered": "delivered by the motion with the highest return",
+           "spilled": "spilled by the motion with the highest return",
+           "collisions": "collisions of the motion with the highest return",
+           "turn_error_deg": "turn error of the motion with the highest return [deg]", "seconds": "seconds an episode"}
+"""Columns that are summarised, and their titles."""
+SETTINGS = {"material": "{}", "starts": "{} starts", "action_repeat": "action repeat {}", "obs": "observes {}",
+            "max_episodes": "at most {} episodes"}
+"""Columns of settings in which the runs of a method may differ, and their texts in a table."""
+RESAMPLES = 2000
+"""Resamples of the bootstrap."""
+
+Summaries = dict[str, dict[str, dict[str, dict[str, Any]]]]
+"""line -> task -> figure -> statistics"""
+
+
+def summarise_runs(rows: list[dict[str, Any]], published: dict) -> tuple[Summaries, list[str]]:
+    """Return the summaries of all runs with published values, and a note on each mean over runs that differ."""
+    rng, summaries, notes = np.random.default_rng(0), defaultdict(dict), []
+    groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
+    for line, row in zip(name_lines(rows), rows):
+        groups[line, row["task"]].append(row)
+    for (line, task), members in groups.items():
+        notes += describe_mixture(line, task, members)
+        summaries[line][task] = {
+            key: {**summarise(values, rng), "published": published_value(published, key, members[0]["method"], task)}
+            for key in FIGURES if (values := [row[key] for row in members if row[key] is not None])}
+    return summaries, notes
+
+
+def name_lines(rows: list[dict[str, Any]]) -> list[str]:
+    """Return the line of the tables that each run belongs to.
+
+    It is the run's method and its own value of each setting in which the method's runs differ: runs of different
+    settings are not pooled.
+    """
+    values: dict[tuple[str, str], set] = defaultdict(set)
+    for row in rows:
+        for key in SETTINGS:
+            values[row["method"], key].add(row[key])
+    return [", ".join([row["method"], *(text.format(row[key]) for key, text in SETTINGS.items()
+                                        if len(values[row["method"], key]) > 1)]) for row in rows]
+
+
+def describe_mixture(line: str, task: str, members: list[dict[str, Any]]) -> list[str]:
+    """Return notes on pooled runs that share a seed, or differ in their preset or demonstrations."""
+    seeds = [str(seed) for seed, count in Counter(row["seed"] for row in members).items() if count > 1]
+    notes = [f"{line}, {task}: seed {', '.join(seeds)} more than once"] if seeds else []
+    for key, name in (("preset", "settings of the method"), ("demonstrations", "demonstrations")):
+        count = len({row[key] for row in members} - {None})
+        notes += [f"{line}, {task}: {count} different {name}"] if count > 1 else []
+    return notes
+
+
+def summarise(values: list[float], rng: np.random.Generator) -> dict[str, float]:
+    """Return number, mean, standard deviation, interquartile mean and its 95 % interval.
+
+    The deviation is that of a sample, 0 for one value. The interval is that of a bootstrap (Agarwal et al. 2021); of
+    two or three values it is the smallest and the largest.
+    """
+    data = np.array(values)
+    resampled = [interquartile_mean(rng.choice(data, len(data))) for _ in range(RESAMPLES)] if len(data) > 1 else \
+        [interquartile_mean(data)]
+    low, high = np.percentile(resampled, (2.5, 97.5))
+    return {"n": len(data), "mean": float(data.mean()), "std": float(data.std(ddof=min(1, len(data) - 1))),
+            "iqm": interquartile_mean(data), "low": float(low), "high": float(high)}
+
+
+def interquartile_mean(data: np.ndarray) -> float:
+    """Return the mean of the values between the quartiles."""
+    ordered = np.sort(data)
+    cut = len(ordered) // 4
+    return float(ordered[cut : len(ordered) - cut].mean())
+
+
+def published_value(published: dict, key: str, method: str, task: str) -> list[float] | None:
+    """Return the published mean and deviation of a figure, None where there is none.
+
+    The published score is a mean of the last ten episodes; it is also given for the best motion, for comparison.
+    """
+    name = {"tcs_of_best_return": "tcs", "tcs_last10": "tcs", "return": "return"}.get(key)
+    values = published[name].get(method) if name is not None else None
+    return values[published["tasks"].index(task)] if values and task in published["tasks"] else None

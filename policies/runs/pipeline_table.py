@@ -1,0 +1,54 @@
+"""The table of a pipeline: each sub-task's scores from demonstration to sequence, and the whole arm's result."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from policies.results.text_table import align_columns
+
+ARM_COLUMNS = ("scooped_mass", "delivered_fraction", "spilled_fraction")
+
+
+def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path]) -> list[dict[str, Any]]:
+    """Return a row for each sub-task and a last one of the whole arm; None where a result is missing.
+
+    demonstration: best score among the task's grains. learned: score of the best motion, replayed. grains, delivered,
+    turned_deg, relative_turn_error: in the sequence of sub-tasks, each begun with what the one before has left.
+    """
+    sequence = {row["task"]: row for row in read_json(out / "chain" / "chain.json").get("sub_tasks", [])}
+    rows = []
+    for task in tasks:
+        replayed = read_json(training_folders[task] / "status.json").get("replayed", {})
+        result = sequence.get(task, {})
+        result = result.get("handed_over", result.get("own_start", {}))
+        rows.append({"task": task, "demonstration": _best_demonstration(out / "demonstrations" / task),
+                     "learned": replayed.get("tcs"), "grains": result.get("grains"),
+                     "delivered": result.get("delivered"), "turned_deg": result.get("turned_deg"),
+                     "relative_turn_error": result.get("relative_turn_error")})
+    arm = read_json(out / "arm" / "report.json")
+    return [*rows, {"task": "whole arm", **{key: arm.get(key) for key in ARM_COLUMNS}}]
+
+
+def _best_demonstration(folder: Path) -> float | None:
+    demonstrations = read_json(folder / "demonstrations.json").get("demonstrations", [])
+    return max((values["tcs"] for row in demonstrations for condition, values in row.items()
+                if condition.startswith("among")), default=None)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the content of a JSON file, {} without a file."""
+    return json.loads(path.read_text()) if path.is_file() else {}
+
+
+def format_rows(rows: list[dict[str, Any]]) -> str:
+    """Return the table as text."""
+    def cell(value: Any, form: str) -> str:
+        return "-" if value is None else form.format(value)
+
+    lines = [["sub-task", "demonstration", "learned", "grains", "delivered", "turned [deg]", "turn error"]]
+    lines += [[row["task"], cell(row["demonstration"], "{:.2f}"), cell(row["learned"], "{:.2f}"),
+               cell(row["grains"], "{}"), cell(row["delivered"], "{:.3f}"), cell(row["turned_deg"], "{:.1f}"),
+               cell(row["relative_turn_error"], "{:.1%}")] for row in rows[:-1]]
+    arm = rows[-1]
+    return (f"{align_columns(lines)}\nwhole arm: {cell(arm['scooped_mass'], '{:.4f} kg')} scooped, "
+            f"{cell(arm['delivered_fraction'], '{:.3f}')} delivered, {cell(arm['spilled_fraction'], '{:.3f}')} spilled")

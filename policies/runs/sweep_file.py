@@ -1,0 +1,108 @@
+"""Sweep files: tasks x methods x seeds, and the runs that they stand for."""
+
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import pydantic
+from pydantic import ConfigDict, Field, PositiveInt
+
+import mpm
+from policies.learning.bundled import bundled_names, is_task_file, is_unknown_task
+from policies.learning.migration import migrate_preset
+from policies.learning.preset_files import Change, load_model, load_preset
+from policies.learning.presets import Preset
+
+
+class SweepFile(pydantic.BaseModel):
+    """The content of a sweep file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    RENAMED: ClassVar[dict[str, str]] = {"frames": "rollouts"}
+    """Keys of earlier versions -> their names now."""
+
+    tasks: list[str] = Field(min_length=1)
+    methods: list[str] = Field(min_length=1)
+    seeds: list[int] = Field(min_length=1)
+    demos: str | None = None
+    """Folder of the demonstrations; {task} stands for the task's name."""
+    rollouts: str | None = None
+    """Folder of the rollouts that a graph network learns from; {task} as above."""
+    episodes: PositiveInt | None = None
+    """Largest number of episodes; null: the method's own."""
+    options: list[str] = []  # noqa: RUF012
+    """Further arguments of `robosim train`."""
+    out: Path
+    """Runs are written to out/task/method/seed_k."""
+
+
+class SweepRun(NamedTuple):
+    """One run of a sweep."""
+
+    out: Path
+    arguments: list[str]
+    """Arguments of `robosim`."""
+    preset: dict[str, Any]
+
+    @property
+    def state(self) -> str:
+        """State of the run's folder: "new", "another" (of another run), or that of its status.json."""
+        try:
+            manifest = json.loads((self.out / "manifest.json").read_text())
+            stored = migrate_preset(manifest["preset"])
+            # What arguments may change is compared by the command below: with --set, everything.
+            from_arguments = stored if "--set" in self.arguments else {
+                name: stored.get(name) for name in ("obs", "episodes")}
+            has_same_command = manifest["command"].split(" ", 1)[-1] == " ".join(self.arguments)
+            if not has_same_command or {**self.preset, **from_arguments} != stored:
+                return "another"  # `robosim train` refuses it and names the difference
+            return str(json.loads((self.out / "status.json").read_text())["state"])
+        except (OSError, ValueError, KeyError):
+            return "new"
+
+
+def load_sweep(path: Path, change: Change | None = None) -> SweepFile:
+    """Load a sweep file, with a change of its table; raises mpm.InvalidValue for one that is wrong."""
+    return load_model(path, SweepFile, change)
+
+
+def plan_runs(file: SweepFile) -> list[SweepRun]:
+    """Return all runs of a sweep, seeds outermost, so that an interrupted sweep has each seed for all methods.
+
+    Raises:
+        mpm.InvalidValue: a task or method is unknown, a method's input is missing, or two runs share a folder.
+    """
+    unknown = [task for task in file.tasks if is_unknown_task(task)]
+    if unknown:
+        raise mpm.InvalidValue(f"tasks {', '.join(unknown)}; accepted: {', '.join(bundled_names('tasks'))}, a "
+                               f"task's .yaml file, or an id of Gymnasium such as Pendulum-v1")
+    runs = [_plan_run(file, seed, task, method)
+            for seed, task, method in product(file.seeds, file.tasks, file.methods)]
+    if len({run.out for run in runs}) < len(runs):
+        raise mpm.InvalidValue("two runs would share a folder; accepted: tasks, methods and seeds of different names")
+    return runs
+
+
+def _plan_run(file: SweepFile, seed: int, task: str, method: str) -> SweepRun:
+    name = Path(task).stem if is_task_file(task) else task
+    out = file.out / name / Path(method).stem / f"seed_{seed}"
+    preset = load_preset(method)
+    arguments = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options,
+                 *_input_arguments(file, preset, method, name)]
+    if file.episodes is not None:
+        arguments += ["--episodes", str(file.episodes)]
+        preset = preset.model_copy(update={"episodes": file.episodes})
+    return SweepRun(out, arguments, preset.model_dump())
+
+
+def _input_arguments(file: SweepFile, preset: Preset, method: str, task: str) -> list[str]:
+    """Return the arguments for the demonstrations or rollouts that a method needs."""
+    arguments = []
+    for key, folder, is_needed in (("demos", file.demos, preset.needs_demonstrations),
+                                   ("rollouts", file.rollouts, preset.needs_rollouts)):
+        if is_needed:
+            if folder is None:
+                raise mpm.InvalidValue(f"method {method} learns from {key}; give their folder as `{key}`")
+            arguments += [f"--{key}", folder.replace("{task}", task)]
+    return arguments

@@ -1,0 +1,81 @@
+"""Models built from presets."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from policies.learners.actor_critics import NormalisedReLU  # noqa: E402
+from policies.learners.buffers import DemoReplayBuffer  # noqa: E402
+from policies.learners.learner import ENCODERS, build_learner, learner_class  # noqa: E402
+from policies.learning.bundled import bundled_names  # noqa: E402
+from policies.learning.preset_files import load_preset  # noqa: E402
+
+BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")
+"""Learners that are classes of Stable-Baselines3."""
+OWN_OPTIONS = {"BC": {"learning_rate", "updates", "batch_size", "net_arch"}, "CMA-ES": {"knots", "sigma", "population"},
+               "GNN-CMA-ES": {"knots", "sigma", "population"}, "replay": set()}
+"""Options of the other learners, all of which a preset must give."""
+SLICES = {"particles": slice(0, 24), "tool": slice(24, 31), "time": slice(31, 32)}
+
+
+class Grains(gymnasium.Env):
+    """An environment with spaces as of a sub-task with four grains, for models that are built only."""
+
+    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (32,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+
+def widths(network) -> list[int]:
+    """Widths of a network's hidden layers."""
+    return [layer.out_features for layer in network if isinstance(layer, torch.nn.Linear)]
+
+
+@pytest.mark.parametrize("name", bundled_names("training"))
+def test_a_model_has_every_setting_of_its_preset(name):
+    """Options, network, buffer and the parts beyond Stable-Baselines3, read back from the model."""
+    preset = load_preset(name)
+    if preset.learner not in BUILT:
+        assert set(preset.options) == OWN_OPTIONS[preset.learner]
+        return
+    model = build_learner(preset, Grains(), 0, SLICES)
+    assert type(model) is learner_class(preset) or preset.actor is not None
+    for option, value in preset.options.items():
+        if option == "policy_kwargs":
+            assert model.policy.net_arch == value["net_arch"]
+        elif option == "ent_coef" and value.startswith("auto_"):
+            assert float(torch.exp(model.log_ent_coef.detach())) == pytest.approx(float(value[5:]))
+        else:
+            assert getattr(model, option) == value, option
+    if preset.learner in ("PPO", "GAIL"):
+        assert widths(model.policy.mlp_extractor.policy_net) == [256, 256]
+        return
+    buffer, demos = model.replay_buffer, preset.demonstrations
+    assert isinstance(buffer, DemoReplayBuffer) and buffer.own.buffer_size == preset.options["buffer_size"]
+    if demos is not None:
+        assert (buffer.demo.buffer_size, buffer.demo_fraction) == (demos.size, demos.fraction)
+    assert (model.action_noise is not None) == (preset.learner in ("TD3", "DDPG"))
+    critic, n = model.critic.qf0, 32
+    assert any(isinstance(layer, NormalisedReLU) for layer in critic) == preset.critic_layer_norm
+    if preset.encoder is not None:
+        assert type(model.critic.features_extractor) is ENCODERS[preset.encoder]
+        n = 64 * ENCODERS[preset.encoder].POOLS + 8
+    assert critic[0].in_features == n + 3 and widths(critic) == [256, 256, 1]
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_an_encoder_ignores_the_order_of_the_grains(encoder):
+    """And nothing else: its features change with a grain's place and with the rest of the observation."""
+    torch.manual_seed(0)
+    network = ENCODERS[encoder](Grains.observation_space, SLICES)
+    observation = torch.as_tensor(np.random.default_rng(0).normal(size=(2, 32)), dtype=torch.float32)
+    shuffled, moved, later = observation.clone(), observation.clone(), observation.clone()
+    shuffled[:, :24] = observation[:, :24].reshape(2, 4, 6)[:, [2, 0, 3, 1]].reshape(2, 24)
+    moved[:, :3] += 1.0
+    later[:, 31] += 1.0
+    features = network(observation)
+    assert features.shape == (2, network.features_dim)
+    assert torch.allclose(network(shuffled), features, atol=1e-6)
+    assert not torch.allclose(network(moved), features, atol=1e-3)
+    assert not torch.allclose(network(later), features, atol=1e-3)

@@ -1,0 +1,127 @@
+"""Methods, from preset to finished run."""
+
+import json
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+from stable_baselines3 import SAC  # noqa: E402
+
+from policies.demonstrations.spline_search import sample_spline  # noqa: E402
+from policies.learning.bundled import bundled_names  # noqa: E402
+from policies.learning.episode import play  # noqa: E402
+from policies.learning.preset_files import load_preset  # noqa: E402
+from policies.methods import method as registry  # noqa: E402
+from policies.methods.train import train  # noqa: E402
+from policies.runs import checkpoint  # noqa: E402
+from policies.runs.episodes import Episodes  # noqa: E402
+from policies.runs.training import Training  # noqa: E402
+
+torch.set_num_threads(1)
+SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
+EPISODES = {"cmaes": 10, "demo": 1}
+"""Episodes of a short run: a generation, the one demonstration; 3 of other methods."""
+
+
+def test_a_run_is_the_method_itself(tmp_path):
+    """The same parameters, bit for bit, as Stable-Baselines3's own class in the same episodes."""
+    preset = load_preset("sac").model_copy(update={"episodes": 2, "options": SMALL})
+    training = Training("sac", preset, "Pendulum-v1", tmp_path, seed=0)
+    training.learn()
+    own = SAC("MlpPolicy", Episodes(gymnasium.make("Pendulum-v1"), 0, None, lambda episode: None), seed=0,
+              device="cpu", **SMALL).learn(399)  # a run ends before the update after its last step
+    for one, other in zip(training.model.policy.parameters(), own.policy.parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+def search_randomly(training: Training) -> None:
+    """The example in `Method`'s docstring."""
+    rng = np.random.default_rng(training.seed)
+    knots = training.preset.options["knots"]
+    if training.folder.checkpoint.is_file():
+        _, state = checkpoint.load(training.folder.checkpoint, None, None)
+        rng.bit_generator.state = state["rng"]
+        training.resume(state)
+    while not training.is_over:
+        motion = sample_spline(rng.uniform(-1, 1, (knots, training.dimensions)), training.decisions)
+        play(training.env, motion)
+        training.save_checkpoint(rng=rng.bit_generator.state)
+
+
+def test_the_example_of_a_method_runs_and_continues(tmp_path, monkeypatch):
+    """An interrupted run ends with the episodes of one that was not; the docstring has this code."""
+    source = Path(registry.__file__).read_text()
+    for line in ("while not training.is_over:", "play(training.env, motion)", "training.resume(state)"):
+        assert line in source
+    monkeypatch.setattr(registry, "METHODS", {**registry.METHODS, "replay": search_randomly})
+    returns = {}
+    for name, episodes in (("whole", [4]), ("interrupted", [2, 4])):
+        for last in episodes:
+            preset = load_preset("demo").model_copy(update={"episodes": 4, "learner": "CMA-ES", "options": {
+                "knots": 4}})
+            training = Training(name, preset, "Pendulum-v1", tmp_path / name, seed=1)
+            training.preset = preset.model_copy(update={"episodes": last})
+            registry.select_method("replay")(training)
+            training.folder.close()
+        returns[name] = [row["return"] for row in training.folder.rows]
+    assert len(returns["whole"]) == 4 and returns["whole"] == returns["interrupted"]
+
+
+@pytest.mark.slow
+def test_soft_actor_critic_learns_the_pendulum(tmp_path):
+    """20 000 steps at a rate of 1e-3: the mean of 100 episodes lies within -200 and -120."""
+    preset = load_preset("sac").model_copy(update={"episodes": 100})
+    preset = preset.model_copy(update={"options": {**preset.options, "learning_rate": 1e-3, "batch_size": 256}})
+    training = Training("sac", preset, "Pendulum-v1", tmp_path, seed=0)
+    training.learn()
+    env = gymnasium.make("Pendulum-v1")
+    totals = [play(env, lambda observation: training.model.predict(observation, deterministic=True)[0],
+                   seed=1000 + k)[0] for k in range(100)]
+    assert -200 < np.mean(totals) < -120
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [name for name in bundled_names("training")
+                                    if not load_preset(name).needs_rollouts])
+def test_every_method_runs_on_grains(tmp_path, method):
+    """A few episodes; the stored motion gives the return that was trained with, and is the method's own."""
+    rng = np.random.default_rng(0)
+    demonstration = rng.uniform(-0.3, 0.3, (50, 3)).astype(np.float32)
+    np.savez(tmp_path / "demonstration_0.npz", actions=demonstration, action_repeat=20)
+    preset, out, episodes = load_preset(method), tmp_path / "run", EPISODES.get(method, 3)
+    assert train(method, "SpoonTranslate", out, demos=tmp_path if preset.needs_demonstrations else None,
+                 episodes=episodes, action_repeat=20) == 0
+    status = json.loads((out / "status.json").read_text())
+    assert status["state"] == "finished" and status["episodes"] == episodes
+    assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)
+    best = np.load(out / "best.npz")
+    assert best["action_repeat"] == 20 and best["actions"].shape == (50, 3)
+    if method == "demo":
+        assert np.array_equal(best["actions"], demonstration)
+    if preset.residual is not None:
+        assert np.abs(best["actions"] - demonstration).max() <= preset.residual + 1e-6
+    has_policy_file = preset.learner in ("BC", "GAIL", "PPO", "SAC", "TD3", "DDPG") and preset.residual is None \
+        and preset.encoder is None
+    assert (out / "best_policy.npz").is_file() == has_policy_file
+    if has_policy_file:
+        check_policy_file(out, best, is_deterministic=preset.learner == "BC")
+
+
+def check_policy_file(out: Path, best, is_deterministic: bool) -> None:
+    """The file acts in an environment made with its options; a policy without noise makes the best motion again."""
+    from robosim.evaluation.policies import make_policy, training_options
+
+    options = training_options(str(out / "best_policy.npz"))
+    env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", **options).unwrapped
+    observation = env.reset(seed=int(best["start"]), options={"nominal": True})[0]
+    assert np.load(out / "best_policy.npz")["weight_0"].shape[1] == len(observation)
+    act = make_policy(str(out / "best_policy.npz"), env, 0)
+    for action in best["actions"][:5]:
+        own = act()
+        assert own.shape == (3,) and np.all(np.abs(own) <= 1.0) and own.any()
+        if is_deterministic:
+            assert own == pytest.approx(action, abs=1e-4)
+        env.step(own)

@@ -1,0 +1,129 @@
+"""The pipeline: stages in order, each run once."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mpm
+from policies.runs import pipeline
+from robosim.commands.main import parser
+from robosim.config.rehearsal import load_rehearsal
+
+
+class EndedProcess:
+    """A process that has ended with an exit status."""
+
+    def __init__(self, code: int) -> None:
+        self.wait = lambda: code
+
+
+def options(out, *more: str):
+    return parser().parse_args(["pipeline", "spoon", "--out", str(out), "--no-video", *more])
+
+
+def test_sub_tasks_are_those_of_the_rehearsals():
+    assert {name: tuple(tasks) for name, tasks in pipeline.learned_rehearsals().items()} == {
+        name: load_rehearsal(name).learned for name in ("bottle", "scoop", "shovel", "spoon")}
+    assert set(pipeline.DEMO_ARGUMENTS) < {task for tasks in pipeline.learned_rehearsals().values() for task in tasks}
+
+
+def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
+    """The order is demonstrations, training, sequence, arm. A failed stage is named with the last line of its output
+    and run again; with another method the stages that depend on it run again. Options that the commands would refuse
+    to continue with are refused at once."""
+    calls, failing = [], {"SpoonPour"}
+
+    def start(arguments, stdout=None, **_):
+        arguments = arguments[3:]
+        calls.append(arguments)
+        if arguments[0] == "train" and arguments[2] in failing:
+            stdout.write("no such grain\n")
+            stdout.flush()
+            return EndedProcess(1)
+        if arguments[0] == "demo":
+            pipeline.write_json(make_folder(tmp_path, "demonstrations", arguments[1]) / "demonstrations.json", {
+                "demonstrations": [{"among grains of salt": {"tcs": 3.0}, "in clay": {"tcs": 9.0}}]})
+        if arguments[0] == "train":
+            folder = make_folder(Path(arguments[arguments.index("--out") + 1]))
+            np.savez(folder / "best.npz", actions=np.zeros((2, 3)))
+            pipeline.write_json(folder / "status.json", {"replayed": {"tcs": 4.0}})
+        return EndedProcess(0)
+
+    monkeypatch.setattr(pipeline.subprocess, "Popen", start)
+    assert pipeline.Pipeline(options(tmp_path)).run() == 1
+    output = capsys.readouterr()
+    assert "failed: training of SpoonPour: no such grain" in output.err and "3.00           4.00" in output.out
+    assert [arguments[0] for arguments in calls] == ["demo", "train"] * 3
+    assert calls[0][calls[0].index("--from") + 1] == "script" and "--demos" in calls[1]
+    calls.clear()
+    failing.clear()
+    assert pipeline.Pipeline(options(tmp_path)).run() == 0
+    assert [arguments[0] for arguments in calls] == ["train", "chain", "rehearse"]
+    assert calls[2][calls[2].index("--grasp") + 1] == "friction"
+    motions = {path.stem for path in (tmp_path / "motions").glob("*.npz")}
+    assert motions == set(pipeline.learned_rehearsals()["spoon"])
+    calls.clear()
+    assert pipeline.Pipeline(options(tmp_path)).run() == 0 and calls == []
+    pipeline.Pipeline(options(tmp_path, "--grasp", "weld")).run()
+    assert [arguments[0] for arguments in calls] == ["rehearse"]
+    calls.clear()
+    pipeline.Pipeline(options(tmp_path, "--grasp", "weld", "--method", "rlpd")).run()
+    assert [arguments[0] for arguments in calls] == ["train"] * 3 + ["chain", "rehearse"]
+    with pytest.raises(mpm.InvalidValue, match="holds a pipeline with --episodes None, now 5; give another folder"):
+        pipeline.Pipeline(options(tmp_path, "--episodes", "5"))
+    stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
+    assert len(stages) == 8 and all(stage["state"] == "finished" for stage in stages.values())
+
+
+def make_folder(out, *parts: str):
+    """Make a folder in another and return it."""
+    folder = out.joinpath(*parts)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
+    calls = []
+    monkeypatch.setattr(pipeline.subprocess, "Popen", lambda words, **_: calls.append(words[3:]) or EndedProcess(1))
+    assert pipeline.Pipeline(options(tmp_path, "--method", "sac", "--jobs", "3")).run() == 1
+    assert [words[0] for words in calls] == ["train"] * 3 and not any("--demos" in words for words in calls)
+
+
+def test_ctrl_c_interrupts_the_running_stage_and_starts_no_other(tmp_path):
+    """The running command receives SIGINT and ends; so does the pipeline."""
+    arguments = ["pipeline", "shovel", "--no-video", "--out", str(tmp_path)]
+    # a background job of a shell ignores SIGINT
+    code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += "from robosim.commands.main import main; sys.exit(main(sys.argv[1:]))"
+    process = subprocess.Popen([sys.executable, "-c", code, *arguments], stderr=subprocess.DEVNULL,
+                               stdout=subprocess.DEVNULL)
+    log = tmp_path / "logs" / "demonstrations_of_ShovelMove.txt"
+    try:
+        while not (log.is_file() and "demonstration_0" in log.read_text()) and process.poll() is None:
+            time.sleep(0.1)
+        with pytest.raises(mpm.InvalidValue, match="another process is at work there"):
+            pipeline.Pipeline(parser().parse_args(arguments)).run()
+    finally:
+        process.send_signal(signal.SIGINT)
+        status = process.wait(100)
+    assert status == 130
+    assert "stopped by Ctrl-C" in log.read_text()
+    stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
+    assert set(stages) == {"demonstrations of ShovelMove"} and stages[min(stages)]["state"] == "failed"
+
+
+def test_wrong_input_is_named(tmp_path):
+    for more, message in ((("--jobs", "0"), "--jobs 0"), (("--method", "magic"), "method 'magic'; accepted: bc,"),
+                       (("--method", "gnn_cmaes"), "learns from rollouts")):
+        with pytest.raises(mpm.InvalidValue, match=message):
+            pipeline.Pipeline(options(tmp_path, *more))
+    given = options(tmp_path)
+    given.rehearsal = "ladle"
+    with pytest.raises(mpm.InvalidValue, match="accepted: bottle, scoop, shovel, spoon"):
+        pipeline.Pipeline(given)

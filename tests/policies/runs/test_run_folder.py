@@ -1,0 +1,77 @@
+"""Run folders and their episodes."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import mpm
+
+pytest.importorskip("torch")
+from policies.runs import checkpoint  # noqa: E402
+from policies.runs.episodes import Episode, Episodes  # noqa: E402
+from policies.runs.run_folder import RunFolder  # noqa: E402
+
+
+def test_the_best_motion_outlasts_a_resume(tmp_path):
+    """A worse episode after the resume does not replace it."""
+    def row(k, total):
+        return Episode({"episode": k, "return": total, "seconds": 1.0, "simulating": 0.5, "diverged": ""},
+                       np.full((5, 1), total))
+
+    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"}
+    folder = RunFolder(tmp_path, manifest)
+    assert folder.add(row(0, 1.0), 10) and not folder.add(row(1, 0.5), 10)
+    checkpoint.save(folder.checkpoint, None, rows=folder.rows, best=folder.best_return)
+    _, state = checkpoint.load(folder.checkpoint, None, None)
+    folder.close()
+    later = RunFolder(tmp_path, manifest)
+    later.rows, later.best_return = state["rows"], state["best"]
+    assert not later.add(row(2, 0.7), 10)
+    with np.load(tmp_path / "best.npz") as best:
+        assert float(best["return"]) == 1.0 and np.all(best["actions"] == 1.0)
+
+
+def test_a_folder_of_another_run_is_refused(tmp_path):
+    """With each entry in which it differs, unless forced."""
+    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"}
+    RunFolder(tmp_path / "a", manifest).close()
+    with pytest.raises(mpm.InvalidValue, match="seed 0, now 1"):
+        RunFolder(tmp_path / "a", {**manifest, "seed": 1})
+    RunFolder(tmp_path / "a", {**manifest, "seed": 1}, force=True).close()
+    with pytest.raises(mpm.InvalidValue, match=r"preset.options.gamma 0.9, now 0.8; give") as refused:
+        RunFolder(tmp_path / "b", {**manifest, "preset": {"options": {"gamma": 0.9, "tau": 0.1}}}).close()
+        RunFolder(tmp_path / "b", {**manifest, "preset": {"options": {"gamma": 0.8, "tau": 0.1}}})
+    assert "tau" not in str(refused.value)
+
+
+def test_needed_decisions():
+    """Up to the last one that changed a reading, in each episode."""
+    class Counting(gymnasium.Env):
+        observation_space = action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            self.t = 0
+            return np.zeros(1, np.float32), {}
+
+        def step(self, action):
+            self.t += 1
+            info = {"tcs": 1.0, "is_success": True, "readings": {"delivered": min(self.t, self.last) / self.last}}
+            return np.zeros(1, np.float32), 1.0, self.t == 10, False, info
+
+    ended, env = [], Counting()
+    episodes = Episodes(env, 0, None, ended.append)
+    for env.last in (7, 3):
+        episodes.reset()
+        while not episodes.step(np.zeros(1))[2]:
+            pass
+    assert [episode.row["needed"] for episode in ended] == [7, 3]
+
+
+def test_episodes_with_different_columns_share_a_table(tmp_path):
+    """The rows of an earlier version, without a column that was added since."""
+    folder = RunFolder(tmp_path, {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"})
+    folder.rows = [{"episode": 0, "return": 1.0, "seconds": 1.0, "simulating": 0.5, "diverged": ""}]
+    folder.add(Episode({**folder.rows[0], "episode": 1, "needed": 4}, np.zeros((5, 1))), 10)
+    lines = (tmp_path / "episodes.csv").read_text().splitlines()
+    assert lines == ["episode,return,seconds,simulating,diverged,needed", "0,1.0,1.0,0.5,,", "1,1.0,1.0,0.5,,4"]

@@ -1,0 +1,115 @@
+"""Sweeps: planning, running, SLURM."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import mpm
+from policies.learning.preset_files import load_preset
+from policies.runs import slurm
+from policies.runs.sweep import sweep
+from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
+
+
+def test_unknown_tasks_are_refused_before_any_run(tmp_path):
+    whole = {"methods": ["sac"], "seeds": [0], "out": tmp_path}
+    for task in ("SpoonPuor", "shovel"):
+        with pytest.raises(mpm.InvalidValue, match=f"tasks {task}; accepted: BottlePickPour, .*Pendulum-v1"):
+            plan_runs(SweepFile(tasks=["SpoonPour", task], **whole))
+    assert len(plan_runs(SweepFile(tasks=["SpoonPour", "Pendulum-v1"], **whole))) == 2
+
+
+def test_renamed_keys_are_named(tmp_path):
+    file = tmp_path / "sweep.yaml"
+    file.write_text("tasks: [SpoonPour]\nmethods: [gnn_cmaes]\nseeds: [0]\nout: runs\nframes: out/frames\n")
+    with pytest.raises(mpm.InvalidValue, match="key 'frames' is now called 'rollouts'"):
+        load_sweep(file)
+
+
+def test_inputs_of_a_method_are_passed_on(tmp_path):
+    """Demonstrations and rollouts, to the methods that need them; without them the sweep is refused."""
+    settings = {"tasks": ["SpoonPour"], "methods": ["dg_sac", "sac", "gnn_cmaes"], "seeds": [0], "out": tmp_path}
+    runs = plan_runs(SweepFile(**settings, demos="demos/{task}", rollouts="rollouts/{task}"))
+    inputs = [run.arguments[7:] for run in runs]
+    assert inputs == [["--demos", "demos/SpoonPour"], [], ["--rollouts", "rollouts/SpoonPour"]]
+    with pytest.raises(mpm.InvalidValue, match="method gnn_cmaes learns from rollouts; give their folder"):
+        plan_runs(SweepFile(**settings, demos="demos"))
+
+
+def test_a_run_with_other_options_is_another(tmp_path):
+    """A run that finished with other arguments, such as another material, is another run."""
+    def state(*options: str) -> str:
+        return plan_runs(SweepFile(tasks=["SpoonPour"], methods=["sac"], seeds=[0], options=list(options),
+                                   out=tmp_path))[0].state
+
+    folder = tmp_path / "SpoonPour" / "sac" / "seed_0"
+    arguments = f"train sac SpoonPour --seed 0 --out {folder}"
+    assert state() == "new"
+    folder.mkdir(parents=True)
+    (folder / "status.json").write_text('{"state": "finished"}')
+    (folder / "manifest.json").write_text(json.dumps({"preset": load_preset("sac").model_dump(),
+                                                      "command": f"robosim {arguments}"}))
+    assert state() == "finished" and state("--material", "sugar") == "another"
+    preset = {**load_preset("sac").model_dump(), "obs": "moments"}
+    (folder / "manifest.json").write_text(json.dumps({"preset": preset,
+                                                      "command": f"robosim {arguments} --obs moments"}))
+    assert state("--obs", "moments") == "finished" and state() == "another"
+
+
+def test_runs_are_submitted_to_slurm(tmp_path, monkeypatch):
+    """One job of one core for each unfinished run, which runs `robosim train` to its end in the run's folder."""
+    file, jobs, parameters = tmp_path / "small.yaml", [], {}
+    file.write_text(f"tasks: [Pendulum-v1]\nmethods: [sac]\nseeds: [0, 1, 2]\nout: {tmp_path / 'runs'}\n")
+    runs = plan_runs(load_sweep(file))
+    runs[1].out.mkdir(parents=True)
+    (runs[1].out / "status.json").write_text('{"state": "finished"}')
+    (runs[1].out / "manifest.json").write_text(json.dumps({
+        "preset": load_preset("sac").model_dump(), "command": "robosim " + " ".join(runs[1].arguments)}))
+
+    class Executor:
+        def __init__(self, folder: str) -> None:
+            assert Path(folder) == tmp_path / "small.slurm"
+
+        def update_parameters(self, **given) -> None:
+            parameters.update(given)
+
+        def map_array(self, function, values):
+            jobs.extend((function, value) for value in values)
+            return [SimpleNamespace(job_id=str(k)) for k in range(len(jobs))]
+
+    monkeypatch.setitem(sys.modules, "submitit", SimpleNamespace(AutoExecutor=Executor))
+    assert sweep(file, slurm="long") == 0
+    assert parameters == {"slurm_partition": "long", "cpus_per_task": 1, "timeout_min": 1440}
+    assert [run for _, run in jobs] == [runs[0], runs[2]]
+    started = []
+    monkeypatch.setattr(slurm, "start_process", lambda run: started.append(run) or SimpleNamespace(wait=lambda: 3))
+    function, run = jobs[0]
+    assert function(run) == 3 and started == [runs[0]]
+    monkeypatch.setitem(sys.modules, "submitit", None)
+    with pytest.raises(mpm.InvalidValue, match=r"pip install '.\[cluster\]'"):
+        sweep(file, slurm="long")
+
+
+@pytest.mark.slow
+def test_a_sweep_that_is_killed_twice_finishes(tmp_path):
+    """Two tasks, two methods, two seeds; SIGKILL to the sweep only: its runs are waited for, not repeated."""
+    file, out = tmp_path / "sweep.yaml", tmp_path / "runs"
+    file.write_text(f"tasks: [Pendulum-v1, MountainCarContinuous-v0]\nmethods: [sac, ppo]\nseeds: [0, 1]\nepisodes: 2\n"
+                    f"out: {out}\n")
+    arguments = [sys.executable, "-m", "robosim", "sweep", str(file), "--jobs", "2"]
+    for seconds in (8, 12):
+        process = subprocess.Popen(arguments, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        time.sleep(seconds)
+        process.kill()
+        process.wait()
+    assert subprocess.run(arguments, capture_output=True, check=False).returncode == 0
+    states = [json.loads(path.read_text()) for path in out.rglob("status.json")]
+    assert len(states) == 8 and all(state["state"] == "finished" and state["episodes"] == 2 for state in states)
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}
+    assert subprocess.run(arguments, capture_output=True, check=False).returncode == 0
+    assert before == {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}

@@ -1,0 +1,122 @@
+"""Training runs: resuming, inputs that do not fit, seeds of episodes."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import mpm
+
+torch = pytest.importorskip("torch")
+from policies.demonstrations.reading import read_demonstrations, read_start  # noqa: E402
+from policies.learning.preset_files import load_preset  # noqa: E402
+from policies.learning.presets import Preset  # noqa: E402
+from policies.methods.train import train  # noqa: E402
+from policies.runs import training as module  # noqa: E402
+from policies.runs.training import Training  # noqa: E402
+
+torch.set_num_threads(1)
+SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
+"""Options of a learner that is quick."""
+
+
+def make_preset(**changes) -> Preset:
+    return load_preset("sac").model_copy(update={"episodes": 4, "options": SMALL, **changes})
+
+
+@pytest.mark.parametrize("learner", ["SAC", "PPO"])
+def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner):
+    """Interrupted after two of four episodes, where its checkpoint is; continued with other global random states."""
+    options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "CHECKPOINT_EVERY", 2)
+        preset = make_preset(learner=learner, options=options)
+        whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole", seed=1)
+        whole.learn()
+        interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1)
+        interrupted.preset = preset.model_copy(update={"episodes": 3})
+        interrupted.learn()
+        with pytest.raises(mpm.InvalidValue, match="another process"):
+            Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1)
+        interrupted.folder.close()
+        np.random.seed(99)  # noqa: NPY002  (the process that continues has another state)
+        torch.manual_seed(99)
+        again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1)
+        again.learn()
+    assert again.env.count == whole.env.count == 4
+    for one, other in zip(again.model.policy.parameters(), whole.model.policy.parameters(), strict=True):
+        assert torch.equal(one, other)
+    keys = ("episode", "return", "decisions")
+    assert [[row[key] for key in keys] for row in again.folder.rows] == [
+        [row[key] for key in keys] for row in whole.folder.rows]
+
+
+def test_arguments_that_do_not_fit_are_refused(tmp_path):
+    with pytest.raises(mpm.InvalidValue, match="accepted: bc, cmaes"):
+        train("dgsac", "Pendulum-v1", tmp_path)
+    with pytest.raises(mpm.InvalidValue, match="NoSuchTask"):
+        train("sac", "NoSuchTask", tmp_path)
+    with pytest.raises(mpm.InvalidValue, match="--demos"):
+        train("dg_sac", "Pendulum-v1", tmp_path)
+    np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((100, 6)))
+    with pytest.raises(mpm.InvalidValue, match=r"shape \(100, 6\)"):
+        train("dg_sac", "Pendulum-v1", tmp_path / "run", demos=tmp_path)
+    with pytest.raises(mpm.InvalidValue, match="takes no demonstrations"):
+        train("sac", "Pendulum-v1", tmp_path / "run", demos=tmp_path)
+    np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((10, 3)))
+    with pytest.raises(mpm.InvalidValue, match="10 actions"):
+        read_demonstrations(tmp_path, 100, 10, 3)
+    assert not (tmp_path / "run").exists()
+
+
+def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
+    """A demonstration names its task; one that is replayed or corrected must begin where episodes do."""
+    file = tmp_path / "demonstration_0.npz"
+    np.savez(file, actions=np.zeros((100, 3)), task=np.array("SpoonTranslate"), seed=np.array(7),
+             nominal=np.array(False))
+    assert read_start(file) == (7, {"nominal": False})
+    with pytest.raises(mpm.InvalidValue, match="made for SpoonTranslate; accepted: one for SpoonPour"):
+        read_demonstrations(tmp_path, 100, 10, 3, "SpoonPour")
+    with pytest.raises(mpm.InvalidValue, match="demonstration_0.npz: made for another start"):
+        train("residual", "SpoonTranslate", tmp_path / "run", demos=tmp_path)
+    assert not (tmp_path / "run").exists()
+    np.savez(tmp_path / "demonstration_1.npz", actions=np.zeros((100, 3)), seed=np.array(8), nominal=np.array(True),
+             task=np.array("SpoonTranslate"))
+    again = Training("demo", load_preset("demo"), "robosim/SpoonTranslate-v0", tmp_path / "run", demos=tmp_path)
+    assert list(again.demonstrations.motions) == ["demonstration_1.npz"]  # the one that begins where episodes do
+    assert again.folder.manifest["task"] == "SpoonTranslate"
+    again.folder.close()
+    (tmp_path / "demonstration_1.npz").unlink()
+    np.savez(file, actions=np.zeros((100, 3)))
+    assert read_start(file) == (0, {"nominal": True})
+    assert list(read_demonstrations(tmp_path, 100, 10, 3, "SpoonPour")) == [file.name]
+
+
+@pytest.mark.parametrize(("method", "obs"), [("bc", "dict"), ("gail", "dict"), ("pointnet_sac", "positions"),
+                                             ("sets_sac", "moments"), ("rlpd", "dict")])
+def test_layouts_that_a_method_cannot_observe_are_refused(tmp_path, method, obs):
+    with pytest.raises(mpm.InvalidValue, match=f"obs {obs}; accepted"):
+        train(method, "SpoonTranslate", tmp_path / "run", obs=obs)
+
+
+@pytest.mark.slow
+def test_a_killed_command_continues(tmp_path):
+    """SIGKILL after the first checkpoint; the same command ends with the episodes of a run that was not killed."""
+    def run(out, kill: bool):
+        arguments = [sys.executable, "-m", "robosim", "train", "sac", "Pendulum-v1", "--episodes", "14", "--out",
+                 str(out)]
+        process = subprocess.Popen(arguments, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        while kill and process.poll() is None:
+            if (out / "checkpoint.zip").is_file():
+                process.kill()
+            time.sleep(0.02)
+        return process.wait()
+
+    assert run(tmp_path / "whole", False) == 0
+    assert run(tmp_path / "killed", True) != 0
+    assert run(tmp_path / "killed", False) == 0
+    tables = [(tmp_path / name / "episodes.csv").read_text().splitlines() for name in ("whole", "killed")]
+    columns = [[line.split(",")[:3] for line in lines] for lines in tables]  # returns, too
+    assert columns[0] == columns[1] and len(columns[0]) == 15
