@@ -32,10 +32,10 @@ def plan(training: Training) -> None:
     state: dict[str, Any] = {}
     if training.folder.checkpoint.is_file():
         _, state = checkpoint.load(training.folder.checkpoint, None, None)
-        model.load(state["model"])
+        model.load(state["graph_model"])
         training.resume(state)
     if state.get("search") is None:
-        model.train(lambda: training.save_checkpoint(model=model.state(), search=None))
+        model.train(lambda: training.save_checkpoint(graph_model=model.state(), search=None))
         write_model(training, model)
     search_with(training, model, state.get("search"))
 
@@ -70,7 +70,7 @@ def search_with(training: Training, model: GraphModel, stored_search: bytes | No
                          if is_complete else FAILED)
         search.tell(points, costs)
         play(training.env, motions[int(np.argmin(costs))])
-        training.save_checkpoint(model=model.state(), search=pickle.dumps(search))
+        training.save_checkpoint(graph_model=model.state(), search=pickle.dumps(search))
 
 
 def cost(task: Any, grains: np.ndarray, angle: float) -> float:

@@ -46,7 +46,7 @@ class Method(Protocol):
     `description`, `learner` and `options`. Then `robosim train <method> TASK --out DIR` runs it.
     """
 
-    def __call__(self, training: Training) -> None:
+    def __call__(self, training: Training, /) -> None:
         """Run until `training.is_over`."""
 
 

@@ -170,18 +170,18 @@ def test_rollouts_are_stored_and_recognised(tmp_path):
         train("sac", "Pendulum-v1", tmp_path / "run", rollouts=tmp_path)
 
 
-@pytest.mark.slow
 def test_planning_with_a_network(tmp_path):
     """Rollouts, training, search and simulator, end to end; the same command again changes nothing."""
-    make_rollouts("SpoonTranslate", tmp_path / "rollouts", episodes=4, action_repeat=20)
+    make_rollouts("SpoonTranslate", tmp_path / "rollouts", episodes=2, action_repeat=250)
     preset = load_preset("gnn_cmaes")
-    small = preset.graph.model_copy(update={"updates": 50, "message_steps": 1})
+    small = preset.graph.model_copy(update={"updates": 5, "message_steps": 1})
     file = tmp_path / "small.yaml"
-    file.write_text(json.dumps(preset.model_copy(update={"graph": small, "episodes": 2}).model_dump()))
+    changes = {"graph": small, "episodes": 2, "options": {**preset.options, "population": 4}}
+    file.write_text(json.dumps(preset.model_copy(update=changes).model_dump()))
     out = tmp_path / "run"
     for _ in range(2):
-        assert train(str(file), "SpoonTranslate", out, action_repeat=20, rollouts=tmp_path / "rollouts") == 0
+        assert train(str(file), "SpoonTranslate", out, action_repeat=250, rollouts=tmp_path / "rollouts") == 0
     status, network = (json.loads((out / name).read_text()) for name in ("status.json", "network.json"))
-    assert status["state"] == "finished" and status["episodes"] == 2 and network["updates"] == 50
+    assert status["state"] == "finished" and status["episodes"] == 2 and network["updates"] == 5
     assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)
     assert all(np.isfinite(value) for value in network["errors"].values())
