@@ -21,7 +21,8 @@ from policies.learning.files import write
 def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repeat: int = 10) -> int:
     """Play every demonstration among grains, from its own start, and write its transitions to an HDF5 file; return 0.
 
-    Layout, as Minari's (https://minari.farama.org/content/dataset_standards): a group `episode_k` for each, with
+    The file is main_data.hdf5 of a Minari dataset (https://minari.farama.org/content/dataset_standards); Minari also
+    reads the spaces from a metadata.json next to it, which is not written. Layout: a group `episode_k` for each, with
     observations (T + 1, ...), actions (T, n), rewards, terminations and truncations (T,), and attributes id, seed,
     total_steps, demonstration and score; on top the attributes total_episodes, total_steps and env_spec.
 

@@ -1,4 +1,4 @@
-"""Names of the bundled configuration files, found without reading them."""
+"""Names of the bundled configuration files, listed without reading them."""
 
 from pathlib import Path
 

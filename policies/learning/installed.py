@@ -1,4 +1,4 @@
-"""Whether what learning needs is installed."""
+"""Check of the packages that learning needs."""
 
 from importlib.util import find_spec
 

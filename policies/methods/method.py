@@ -15,7 +15,7 @@ class Method(Protocol):
 
     A method
 
-    - acts in `training.env` only, which seeds, counts and stores its episodes, and keeps the actions of the best one;
+    - acts in `training.env` only, which seeds, counts and stores its episodes, and the actions of the best one;
     - ends when `training.is_over`, or earlier;
     - reads its settings from `training.preset` (`options` are the method's own) and draws random numbers from
       generators seeded with `training.seed`, or from the global ones of torch, numpy and random;

@@ -13,7 +13,7 @@ COLUMNS = ("task", "method", "material", "seed", "starts", "action_repeat", "obs
            "turn_error_deg", "preset", "demonstrations")
 """Of a row. tcs_of_best_return: score of the motion with the highest return, replayed, as are delivered to
 turn_error_deg; tcs_last10, return: means of the last ten episodes; seconds: of an episode; preset, demonstrations:
-digests."""
+digests, that of the preset over all its keys but obs and episodes."""
 OPTIONAL = ("turn_error_deg", "preset", "demonstrations")
 """Columns that the files of earlier versions lack."""
 

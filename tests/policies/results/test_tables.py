@@ -8,6 +8,7 @@ import pytest
 
 import mpm
 from policies.learning.bundled import bundled_names
+from policies.learning.files import digest
 from policies.learning.migration import ROW_KEYS
 from policies.learning.preset_files import load_preset
 from policies.results.run_rows import collect_rows
@@ -152,11 +153,13 @@ def test_summaries_follow_their_definitions() -> None:
 
 
 def test_the_bundled_table_has_distinct_runs_within_the_tasks_bounds() -> None:
-    """No score is above the highest that its task's reward has; best motions are replayed with all figures."""
+    """No score is above the highest of its task's reward; presets are those of today, where a row has their digest."""
     path = Path(__file__).resolve().parents[3] / "policies" / "trained" / "tables.json"
     rows, unfinished = collect_rows([path])
     assert len(rows) == len(json.loads(path.read_text())["runs"]) and not unfinished
     highest = {task: Reward(load_task(task)).extremes()[1] for task in bundled_names("tasks")}
+    presets = {name: load_preset(name).model_dump() for name in bundled_names("training")}
     for row in rows:
+        assert row["preset"] in (None, digest({**presets[row["method"]], "obs": None, "episodes": None})), row
         assert max(row["tcs_of_best_return"], row["tcs_last10"]) <= highest[row["task"]] + 1e-9, row
         assert row["episodes"] <= row["max_episodes"] and 0.0 <= row["delivered"] + row["spilled"] <= 1.0 + 1e-9, row
