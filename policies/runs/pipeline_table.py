@@ -20,11 +20,11 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
     for task in tasks:
         replayed = read_json(training_folders[task] / "status.json").get("replayed", {})
         result = sequence.get(task, {})
-        result = result.get("handed_over", result.get("own_start", {}))
+        result = result.get("from_previous", result.get("from_settled_start", {}))
         rows.append({"task": task, "demonstration": _best_demonstration(out / "demonstrations" / task),
                      "learned": replayed.get("tcs"), "grains": result.get("grains"),
-                     "delivered": result.get("delivered"), "turned_deg": result.get("turned_deg"),
-                     "relative_turn_error": result.get("relative_turn_error")})
+                     "delivered": result.get("delivered"), "turned_deg": result.get("rotation_deg"),
+                     "relative_turn_error": result.get("rotation_relative_error")})
     arm = read_json(out / "arm" / "report.json")
     return [*rows, {"task": "whole arm", **{key: arm.get(key) for key in ARM_COLUMNS}}]
 

@@ -77,11 +77,12 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
 
 def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run a rehearsal with the whole arm, without film."""
-    from robosim.rehearsal.learned import placed
-    from robosim.rehearsal.metrics import figures
-    from robosim.rehearsal.rehearsal import Rehearsal, plan
+    from robosim.rehearsal.metrics import compute_figures
+    from robosim.rehearsal.paths.motion_sequence import place_target
+    from robosim.rehearsal.plan import plan_motion
+    from robosim.rehearsal.run import RehearsalRun
 
-    config = placed(load_rehearsal(name))
+    config = place_target(load_rehearsal(name))
     cell = config.field.cell * setting.get("cell", 1.0)
     field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
                                             * setting.get("grains_per_cell", 1.0)})
@@ -89,17 +90,17 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     config = config.model_copy(update={"field": field, "collision_thickness": wall})
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))
-    run = Rehearsal(config, plan(config), material=material)
+    run = RehearsalRun(config, plan_motion(config), material=material)
     run.solver.compile()
     stopwatch = Stopwatch()
     stopwatch.wrap(run.solver, "advance", "field")
     stopwatch.wrap(run.plugin, "step", "coupling, with MuJoCo's step")
     stopwatch.wrap(run.servo, "compute_torque", "servo")
     run.run(lambda: None)
-    values = figures(run)
+    figures = compute_figures(run)
     names = {"scooped_mass": "scooped_mass", "wrist_payload": "wrist_payload", "delivered": "delivered_fraction",
              "spilled": "spilled_fraction"}
-    readings = {name: float(values[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
+    readings = {name: float(figures[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
                 if key != "wrist_payload" or config.weigh_at is not None}  # a shovel does not weigh its load
     return make_result(run.solver, stopwatch, run.wall_time, run.time, readings)
 

@@ -6,7 +6,8 @@ import numpy as np
 import mpm
 from robosim.config.materials import MaterialConfig
 from robosim.errors import ConfigError
-from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
+from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
+from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
 from robosim.scene.build import add_container
 from robosim.scene.models import allow_empty_prefixes, compile_spec, load_spec
 from robosim.tasks.counting import TOOL
@@ -45,7 +46,7 @@ class Picture:
         else:
             pose = solver.collider_pose(TOOL)
             self._data.mocap_pos[0], self._data.mocap_quat[0] = pose.position, pose.quaternion
-        frame = self._renderer.frame(self._data, solver.positions(), self._camera)
+        frame = self._renderer.draw(self._data, solver.positions(), self._camera)
         if self._window is None:
             return frame
         self._window.show(frame)

@@ -1,4 +1,4 @@
-"""Whole-arm rehearsals: paths, bundled motions, the run, its recording, metrics and film.
+"""Whole-arm rehearsals: plan, run, recording, metrics, plots and film.
 
 Imports: config, coupling, envs, errors, evaluation, rendering, robot, scene, shapes, tasks, mpm.
 """

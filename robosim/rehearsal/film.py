@@ -1,23 +1,25 @@
-"""The film of a rehearsal: frames at a fixed rate, nine of them kept for a sheet."""
+"""The film of a rehearsal: frames at a fixed rate, and nine of them on a sheet."""
 
 import itertools
 
 import mujoco
 import numpy as np
 
-from robosim.config.materials import MaterialConfig
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS
-from robosim.rehearsal.rehearsal import Rehearsal
-from robosim.rendering.renderer import GRAIN_RADIUS, SceneRenderer, add_grain_skin, add_mark, apply_quality
-from robosim.rendering.video import Mp4Writer, contact_sheet
+from robosim.rehearsal.run import RehearsalRun
+from robosim.rendering.contact_sheet import write_contact_sheet
+from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
+from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
+from robosim.rendering.video import Mp4Writer
 from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.models import compile_spec
 
 FRAME_RATE = 30
-SHEET_MOMENTS = 9
+"""Frames per second of simulated time."""
+SHEET_FRAMES = 9
+"""Frames on the sheet."""
 
 
 def check_camera(name: str) -> None:
@@ -27,63 +29,69 @@ def check_camera(name: str) -> None:
 
 
 class Film:
-    """Draws the state of a rehearsal on a model of its own: the simulated one carries nothing for pictures."""
+    """Draws a rehearsal with a model of its own, so that the simulated one has no visual extras.
 
-    def __init__(self, rehearsal: Rehearsal, out: OutputFolder, camera: str) -> None:
+    Writes rehearsal.mp4 and frames.png into `out`. Raises UnknownName for the camera, RenderingUnavailable.
+    """
+
+    def __init__(self, run: RehearsalRun, out: OutputFolder, camera: str) -> None:
         check_camera(camera)
-        self._rehearsal, self._out, self._camera = rehearsal, out, camera
-        self._model = self._drawn_model(rehearsal.config, rehearsal.material)
+        self._run, self._out, self._camera = run, out, camera
+        self._model = _compile_drawn_model(run)
         self._data = mujoco.MjData(self._model)
-        self._renderer = SceneRenderer(self._model, len(rehearsal.solver.positions()))
+        self._renderer = SceneRenderer(self._model, len(run.solver.positions()))
         self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=FRAME_RATE)
-        self._next_frame = 0.0
-        self._moments = list(_moments(rehearsal))
-        self._kept: list[np.ndarray] = []
+        self._next_frame_time = 0.0
+        self._sheet_moments = _choose_sheet_moments(run)
+        self._sheet: list[np.ndarray] = []
         self._captions: list[str] = []
 
-    def _drawn_model(self, config: RehearsalConfig, material: MaterialConfig) -> mujoco.MjModel:
-        spec = build_rehearsal_spec(config)
-        apply_quality(spec)
-        if config.area is not None:
-            add_mark(spec, config.area)
-        radius = GRAIN_RADIUS * self._rehearsal.grains.grain_volume ** (1 / 3)
-        add_grain_skin(spec, len(self._rehearsal.solver.positions()), radius, material.colour)
-        return compile_spec(spec)
-
-    def look(self) -> None:
-        """Add a frame when its time has come."""
-        time = self._rehearsal.time
-        if time + 1e-9 < self._next_frame:
+    def add_due_frame(self) -> None:
+        """Add a frame of the present state if one is due."""
+        time = self._run.time
+        if time + 1e-9 < self._next_frame_time:
             return
-        self._next_frame += 1.0 / FRAME_RATE
-        frame = self.frame()
+        self._next_frame_time += 1.0 / FRAME_RATE
+        frame = self.draw()
         self._writer.add(frame)
-        if self._moments and time >= self._moments[0][0]:
-            self._kept.append(frame)
-            self._captions.append(f"{self._moments.pop(0)[1]}, {time:.1f} s")
+        if self._sheet_moments and time >= self._sheet_moments[0][0]:
+            self._sheet.append(frame)
+            self._captions.append(f"{self._sheet_moments.pop(0)[1]}, {time:.1f} s")
 
-    def frame(self) -> np.ndarray:
-        """Picture (height, width, 3) of the present state."""
-        self._data.qpos[:] = self._rehearsal.data.qpos
-        return self._renderer.frame(self._data, self._rehearsal.solver.positions(), self._camera)
+    def draw(self) -> np.ndarray:
+        """Draw the present state (height, width, 3)."""
+        self._data.qpos[:] = self._run.data.qpos
+        return self._renderer.draw(self._data, self._run.solver.positions(), self._camera)
 
     def close(self) -> None:
-        """Finish the film, also after a stop: what was drawn can be watched."""
+        """Finish film and sheet, with the frames so far where the run stopped early."""
         self._writer.close()
-        if self._kept:
-            self._out.write("frames.png", lambda path: contact_sheet(self._kept, self._captions, path))
+        if self._sheet:
+            self._out.write("frames.png", lambda path: write_contact_sheet(self._sheet, self._captions, path))
         self._renderer.close()
 
 
-def _moments(rehearsal: Rehearsal) -> list[tuple[float, str]]:
-    """Nine waypoints with the times [s] at which they are passed: those that follow closest on another are left out.
-    Of a learnt motion, nine moments."""
-    if rehearsal.config.trajectory == "learned":
-        marks = sorted((rehearsal.waypoint_time(name), name) for name in rehearsal.plan.path.times)
-        moments = np.linspace(0.0, rehearsal.duration - 1.0 / FRAME_RATE, SHEET_MOMENTS)
-        return [(float(t), next((name for at, name in reversed(marks) if at <= t), "start")) for t in moments]
-    times = sorted((rehearsal.waypoint_time(name), name) for name in rehearsal.plan.path.times)
-    while len(times) > SHEET_MOMENTS:
-        gaps = [b[0] - a[0] for a, b in itertools.pairwise(times)]
-        del times[int(np.argmin(gaps)) + 1]
-    return times
+def _compile_drawn_model(run: RehearsalRun) -> mujoco.MjModel:
+    """The rehearsal's scene with its grains and its target area."""
+    spec = build_rehearsal_spec(run.config)
+    apply_quality(spec)
+    if run.config.area is not None:
+        add_mark(spec, run.config.area)
+    radius = GRAIN_RADIUS * run.grains.grain_volume ** (1 / 3)
+    add_grain_skin(spec, len(run.solver.positions()), radius, run.material.colour)
+    return compile_spec(spec)
+
+
+def _choose_sheet_moments(run: RehearsalRun) -> list[tuple[float, str]]:
+    """Times [s] and captions of the frames on the sheet.
+
+    Of a script its waypoints, without those that follow most closely on another; of learned motions equal intervals.
+    """
+    moments = sorted((run.waypoint_time(name), name) for name in run.plan.path.times)
+    if run.config.trajectory == "learned":
+        times = np.linspace(0.0, run.duration - 1.0 / FRAME_RATE, SHEET_FRAMES)
+        return [(float(t), next((name for begin, name in reversed(moments) if begin <= t), "start")) for t in times]
+    while len(moments) > SHEET_FRAMES:
+        gaps = [b[0] - a[0] for a, b in itertools.pairwise(moments)]
+        del moments[int(np.argmin(gaps)) + 1]
+    return moments

@@ -1,5 +1,7 @@
-"""`robosim chain`: the sub-tasks of a rehearsal one after the other, the tool alone; each begins at its own start with
-what the one before has left in the tool. Beside it stands the same motion from the sub-task's own settled start.
+"""`robosim chain`: a rehearsal's sub-tasks in sequence, with the tool alone.
+
+Each sub-task begins at its own start pose with what the one before left in the tool; for comparison, the same motion is
+replayed from the sub-task's own settled start.
 """
 
 import math
@@ -17,23 +19,29 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError
 from robosim.evaluation.policies import make_policy, training_options
-from robosim.rehearsal.learned import shipped
+from robosim.rehearsal.paths.bundled_motions import find_motion
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
 from robosim.tasks.handover import Load, take_load
 
 FRAME_RATE = 50
-"""Frames a second: one for each action of ten steps of 2 ms."""
+"""Frames per second of simulated time: one for each action of ten steps of 2 ms."""
 RESULTS = ("chain.json", "chain.mp4")
+"""Files that a run writes."""
+STARTS = {"from_settled_start": "its own start", "from_previous": "what was left"}
+"""Key of chain.json -> the start's name in the table."""
 
 
-def chain(name: str, out: Path, *, material: str | None = None, motions: Path | None = None, film: bool = True) -> int:
-    """Play a rehearsal's learnt motions, those of a folder (TASK.npz) or those that ship, among grains of a material;
-    write chain.json and chain.mp4; returns 0, or 1 where the chain broke: a field diverged, or a tool was left with too
-    little."""
+def run_chain(name: str, out: Path, *, material: str | None = None, motions: Path | None = None,
+              film: bool = True) -> int:
+    """Replay a rehearsal's learned motions in sequence; write chain.json and chain.mp4 into `out`.
+
+    motions: folder with TASK.npz files; None: the bundled motions. Returns 0, or 1 where the chain broke: the field
+    diverged, or too little was left in a tool. Raises ConfigError before any work.
+    """
     chosen = {"trajectory": "learned", "material": material, "motions": motions and str(motions)}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
-    paths = {task: shipped(config, task) for task in config.learned}  # complain before any work
+    paths = {task: find_motion(config, task) for task in config.learned}
     folder = OutputFolder(out)
     folder.clear(RESULTS)
     writer = Mp4Writer(out / "chain.mp4", fps=FRAME_RATE) if film else None
@@ -42,68 +50,87 @@ def chain(name: str, out: Path, *, material: str | None = None, motions: Path | 
     broken = ""
     try:
         for task, path in tqdm(paths.items(), unit="sub-task", file=sys.stderr):
-            own, left = played(task, path, material=config.material, writer=None if rows else writer)
-            row: dict[str, Any] = {"task": task, "own_start": own}
-            try:
-                if load is not None:
-                    row["handed_over"], left = played(task, path, load=load, writer=writer)
-            except ConfigError as error:  # too few grains for it
-                broken = str(error)
+            row, load, broken = _replay_sub_task(task, path, config.material, load, writer)
             rows.append(row)
-            went = row.get("handed_over", own)
-            broken = broken or (f"{task} diverged: {went['diverged']}" if went["diverged"] else "")
-            if left is None and len(rows) < len(paths):
-                broken = broken or f"{task} leaves nothing in its tool"
+            if not broken and load is None and len(rows) < len(paths):
+                broken = f"{task} leaves nothing in its tool"
             folder.write_json("chain.json", {"rehearsal": name, "material": config.material, "broken": broken,
                                              "sub_tasks": rows})
-            load = left
             if broken:
                 break
     finally:
         if writer is not None:
             writer.close()
-    print(as_text(rows))
+    print(format_rows(rows))
     if broken:
         print(f"the chain broke: {broken}", file=sys.stderr)
     return 1 if broken else 0
 
 
-def played(task: str, path: Path, *, material: str | None = None, load: Load | None = None,
-           writer: Mp4Writer | None = None) -> tuple[dict[str, Any], Load | None]:
-    """Figures of an episode, and what the tool holds after it; None where the field diverged, or nothing is held."""
-    made = gymnasium.make(f"robosim/{task}-v0", material=material, load=load,
-                          render_mode="rgb_array" if writer else None, **training_options(str(path)))
-    env = made.unwrapped
+def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
+                     writer: Mp4Writer | None) -> tuple[dict[str, Any], Load | None, str]:
+    """Replay a motion from its settled start, and with a load where there is one.
+
+    Returns the row of chain.json, the load that is left, and why the chain broke, if it did.
+    """
+    figures, left = replay_motion(task, path, material=material, writer=writer if load is None else None)
+    row: dict[str, Any] = {"task": task, "from_settled_start": figures}
+    broken = ""
+    if load is not None:
+        try:
+            figures, left = replay_motion(task, path, load=load, writer=writer)
+            row["from_previous"] = figures
+        except ConfigError as error:  # too few grains for this sub-task
+            broken = str(error)
+    if not broken and figures["diverged"]:
+        broken = f"{task} diverged: {figures['diverged']}"
+    return row, left, broken
+
+
+def replay_motion(task: str, path: Path, *, material: str | None = None, load: Load | None = None,
+                  writer: Mp4Writer | None = None) -> tuple[dict[str, Any], Load | None]:
+    """Replay one motion in the sub-task's environment, from its nominal start or with a load.
+
+    Returns the episode's figures and what the tool holds after it; None where the field diverged or nothing is held.
+    """
+    wrapped = gymnasium.make(f"robosim/{task}-v0", material=material, load=load,
+                             render_mode="rgb_array" if writer else None, **training_options(str(path)))
+    env = wrapped.unwrapped
     assert isinstance(env, GrainEnv)
     env.reset(seed=0, options={"nominal": True})
-    act, over, info = make_policy(str(path), env, 0), False, {}
-    while not over:
-        _, _, ended, cut, info = env.step(act())
-        over = ended or cut
+    policy, is_over, info = make_policy(str(path), env, 0), False, {}
+    while not is_over:
+        _, _, terminated, truncated, info = env.step(policy())
+        is_over = terminated or truncated
         if writer is not None:
-            writer = shown(env, writer)
-    worst, best = env.reward.extremes()
-    values = {"grains": env.task.grains.count, "score": info["tcs"], "none": worst, "perfect": best,
-              **info["readings"], "diverged": info.get("diverged")}
-    turn = env.task.reward.turn
-    if turn is not None:
-        angle = math.degrees(env.episode.tool_rotation())
-        values |= {"turned_deg": angle, "wanted_deg": turn.angle_deg,
-                   "relative_turn_error": abs(np.remainder(angle - turn.angle_deg + 180, 360) - 180)
-                   / abs(turn.angle_deg)}
+            writer = _add_frame(env, writer)
+    lowest, highest = env.reward.extremes()
+    figures = {"grains": env.task.grains.count, "score": info["tcs"], "score_min": lowest, "score_max": highest,
+               **info["readings"], "diverged": info.get("diverged"), **_rotation_figures(env)}
     left = None
     if not info.get("diverged"):
         try:
             left = take_load(env)
-            values["held"] = left.count
+            figures["grains_in_tool"] = left.count
         except ConfigError:
-            values["held"] = 0
-    made.close()
-    return values, left
+            figures["grains_in_tool"] = 0
+    wrapped.close()
+    return figures, left
 
 
-def shown(env: GrainEnv, writer: Mp4Writer) -> Mp4Writer | None:
-    """Add a frame; None, and a word on why, where none can be drawn."""
+def _rotation_figures(env: GrainEnv) -> dict[str, float]:
+    """The tool's rotation in a sub-task that requires one; empty for others."""
+    turn = env.task.reward.turn
+    if turn is None:
+        return {}
+    angle = math.degrees(env.episode.tool_rotation())
+    error = abs(np.remainder(angle - turn.angle_deg + 180, 360) - 180)
+    return {"rotation_deg": angle, "required_rotation_deg": turn.angle_deg,
+            "rotation_relative_error": error / abs(turn.angle_deg)}
+
+
+def _add_frame(env: GrainEnv, writer: Mp4Writer) -> Mp4Writer | None:
+    """Add a frame; None, with the reason on stderr, where none can be drawn."""
     try:
         frame = env.render()
     except RenderingUnavailable as error:
@@ -114,15 +141,16 @@ def shown(env: GrainEnv, writer: Mp4Writer) -> Mp4Writer | None:
     return writer
 
 
-def as_text(rows: list[dict[str, Any]]) -> str:
-    """A line for each start of each sub-task."""
-    lines = [["sub-task", "from", "grains", "score", "of", "delivered", "spilled", "held after", "turned [deg]"]]
+def format_rows(rows: list[dict[str, Any]]) -> str:
+    """Format the rows of chain.json as a table, with a line for each start of each sub-task."""
+    lines = [["sub-task", "from", "grains", "score", "of", "delivered", "spilled", "grains in tool", "rotation [deg]"]]
     for row in rows:
-        for start, words in (("own_start", "its own start"), ("handed_over", "what was left")):
-            if start in row:
-                v = row[start]
-                turned = f"{v['turned_deg']:.1f} of {v['wanted_deg']:.0f} ({100 * v['relative_turn_error']:.1f} %)" \
-                    if "turned_deg" in v else ""
-                lines.append([row["task"], words, str(v["grains"]), f"{v['score']:.2f}", f"{v['perfect']:.2f}",
-                              f"{v['delivered']:.3f}", f"{v['spilled']:.3f}", str(v.get("held", "")), turned])
+        for key, start in STARTS.items():
+            if key in row:
+                v = row[key]
+                rotation = (f"{v['rotation_deg']:.1f} of {v['required_rotation_deg']:.0f} "
+                            f"({100 * v['rotation_relative_error']:.1f} %)") if "rotation_deg" in v else ""
+                lines.append([row["task"], start, str(v["grains"]), f"{v['score']:.2f}", f"{v['score_max']:.2f}",
+                              f"{v['delivered']:.3f}", f"{v['spilled']:.3f}", str(v.get("grains_in_tool", "")),
+                              rotation])
     return aligned(lines)

@@ -1,4 +1,4 @@
-"""report.png: the rehearsal's figures over time."""
+"""report.png: the readings of a rehearsal over time."""
 
 from pathlib import Path
 
@@ -7,64 +7,93 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)
 import numpy as np  # noqa: E402
+from matplotlib.axes import Axes  # noqa: E402
 
-from robosim.rehearsal.metrics import tracking_error  # noqa: E402
-from robosim.rehearsal.rehearsal import Rehearsal  # noqa: E402
+from robosim.rehearsal.metrics import compute_tracking_errors  # noqa: E402
+from robosim.rehearsal.recording import ARM  # noqa: E402
+from robosim.rehearsal.run import RehearsalRun  # noqa: E402
 
-SMOOTH = 20
-"""Steps over which plotted forces are averaged; the file trajectory.csv is not."""
+AVERAGED_STEPS = 20
+"""Steps over which plotted forces are averaged; those in trajectory.csv are not."""
 
 
-def plot_report(run: Rehearsal, path: Path) -> None:
+def plot_report(run: RehearsalRun, path: Path) -> None:
     """Draw mass in the tool, wrist wrench, joint torques, tracking error, momentum residual and energies."""
-    rec = run.recording
-    t, ts = rec.array("time"), rec.sampled("time")
     figure, axes = plt.subplots(3, 2, figsize=(14, 11), sharex=True, constrained_layout=True)
     figure.suptitle(f"{run.config.description}: {run.config.material}, {len(run.solver.positions())} grains, "
                     f"cells of {run.config.field.cell * 1e3:g} mm")
-    _lines(axes[0, 0], ts, rec.sampled("in_tool")[:, None] * 1e3, ["in the tool"], "mass [g]")
-    wrist = _smooth(rec.array("wrist"))
-    _lines(axes[0, 1], t, wrist[:, :3], ["Fx", "Fy", "Fz"], "wrist force [N]")
-    torque_axis = axes[0, 1].twinx()
-    torque_axis.plot(t, wrist[:, 3:], "--", lw=0.8)
-    torque_axis.set_ylabel("wrist torque x, y, z [N m], dashed")
-    share = rec.array("torque") / run.plan.arm.torque_limits
-    _lines(axes[1, 0], t, share, [f"A{i}" for i in range(1, 8)], "joint torque / limit")
-    axes[1, 0].set_ylim(-1.05, 1.05)
-    _lines(axes[1, 1], t, tracking_error(run)[:, None] * 1e3, ["tool position"], "tracking error [mm]")
-    scale = np.cumsum(rec.array("exchanged"), axis=0) + 1e-12
-    drift = np.abs(np.cumsum(rec.array("residual"), axis=0))
-    relative = np.stack([drift[:, :3].max(1) / scale[:, 0], drift[:, 3:].max(1) / scale[:, 1]], -1)
-    _lines(axes[2, 0], t, relative + 1e-12, ["linear", "angular"], "momentum residual / exchanged")
-    axes[2, 0].set_yscale("log")
-    te = np.array([e.time for e in rec.energies])
-    energies = np.array([[e.kinetic, e.potential - rec.energies[0].potential, e.elastic] for e in rec.energies])
-    work = np.interp(te, t, np.cumsum(rec.array("tool_work")))
-    dissipated = work - (energies.sum(1) - energies.sum(1)[0])
-    _lines(axes[2, 1], te, np.column_stack([energies, work, dissipated]) * 1e3,
-           ["kinetic", "potential", "elastic", "work of the tool", "dissipated"], "energy [mJ]")
-    for axis in axes.flat:
-        for name, time in run.plan.path.times.items():
-            axis.axvline(time + run.config.grasp_time, color="0.85", lw=0.6, zorder=0)
-            if axis is axes[0, 0]:
-                place = (time + run.config.grasp_time, axis.get_ylim()[1])
-                axis.text(*place, f" {name}", rotation=90, fontsize=7, va="top")
+    _plot_mass(axes[0, 0], run)
+    _plot_wrist(axes[0, 1], run)
+    _plot_torques(axes[1, 0], run)
+    time = run.recording.stack_steps("time")
+    _plot_lines(axes[1, 1], time, compute_tracking_errors(run)[:, None] * 1e3, ["tool position"], "tracking error [mm]")
+    _plot_momentum(axes[2, 0], run)
+    _plot_energies(axes[2, 1], run)
+    _mark_waypoints(axes, run)
     for axis in axes[2]:
         axis.set_xlabel("time [s]")
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
 
-def _lines(axis, t: np.ndarray, values: np.ndarray, labels: list[str], ylabel: str) -> None:  # noqa: ANN001
-    axis.plot(t, values, lw=1.0, label=labels)
+def _plot_mass(axis: Axes, run: RehearsalRun) -> None:
+    mass = run.recording.stack_grains("mass_in_tool")[:, None] * 1e3
+    _plot_lines(axis, run.recording.stack_grains("time"), mass, ["in the tool"], "mass [g]")
+
+
+def _plot_wrist(axis: Axes, run: RehearsalRun) -> None:
+    time, wrist = run.recording.stack_steps("time"), _average(run.recording.stack_steps("wrist"))
+    _plot_lines(axis, time, wrist[:, :3], ["Fx", "Fy", "Fz"], "wrist force [N]")
+    torque_axis = axis.twinx()
+    torque_axis.plot(time, wrist[:, 3:], "--", lw=0.8)
+    torque_axis.set_ylabel("wrist torque x, y, z [N m], dashed")
+
+
+def _plot_torques(axis: Axes, run: RehearsalRun) -> None:
+    share = run.recording.stack_steps("torque") / run.plan.arm.torque_limits
+    _plot_lines(axis, run.recording.stack_steps("time"), share, ARM, "joint torque / limit")
+    axis.set_ylim(-1.05, 1.05)
+
+
+def _plot_momentum(axis: Axes, run: RehearsalRun) -> None:
+    recording = run.recording
+    exchanged = np.cumsum(recording.stack_steps("exchanged"), axis=0) + 1e-12
+    drift = np.abs(np.cumsum(recording.stack_steps("residual"), axis=0))
+    relative = np.stack([drift[:, :3].max(1) / exchanged[:, 0], drift[:, 3:].max(1) / exchanged[:, 1]], -1)
+    _plot_lines(axis, recording.stack_steps("time"), relative + 1e-12, ["linear", "angular"],
+                "momentum residual / exchanged")
+    axis.set_yscale("log")
+
+
+def _plot_energies(axis: Axes, run: RehearsalRun) -> None:
+    recording, start = run.recording, run.recording.energies[0].potential
+    time = np.array([e.time for e in recording.energies])
+    energies = np.array([[e.kinetic, e.potential - start, e.elastic] for e in recording.energies])
+    work = np.interp(time, recording.stack_steps("time"), np.cumsum(recording.stack_steps("tool_work")))
+    dissipated = work - (energies.sum(1) - energies.sum(1)[0])
+    _plot_lines(axis, time, np.column_stack([energies, work, dissipated]) * 1e3,
+                ["kinetic", "potential", "elastic", "work of the tool", "dissipated"], "energy [mJ]")
+
+
+def _mark_waypoints(axes: np.ndarray, run: RehearsalRun) -> None:
+    """Vertical lines at all waypoints, with their names in the first plot."""
+    for name in run.plan.path.times:
+        time = run.waypoint_time(name)
+        for axis in axes.flat:
+            axis.axvline(time, color="0.85", lw=0.6, zorder=0)
+        axes[0, 0].text(time, axes[0, 0].get_ylim()[1], f" {name}", rotation=90, fontsize=7, va="top")
+
+
+def _plot_lines(axis: Axes, time: np.ndarray, values: np.ndarray, labels: list[str], ylabel: str) -> None:
+    axis.plot(time, values, lw=1.0, label=labels)
     axis.set_ylabel(ylabel)
     axis.legend(fontsize=7, ncols=2)
     axis.grid(alpha=0.3)
 
 
-def _smooth(values: np.ndarray) -> np.ndarray:
-    """Moving average over SMOOTH steps (n, k)."""
-    if len(values) < SMOOTH:
+def _average(values: np.ndarray) -> np.ndarray:
+    """Moving average of values (n, k) over AVERAGED_STEPS."""
+    if len(values) < AVERAGED_STEPS:
         return values
-    kernel = np.ones(SMOOTH) / SMOOTH
+    kernel = np.ones(AVERAGED_STEPS) / AVERAGED_STEPS
     return np.stack([np.convolve(column, kernel, mode="same") for column in values.T], -1)

@@ -1,4 +1,4 @@
-"""What a rehearsal writes down, step by step."""
+"""The recording of a rehearsal, step by step."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -14,47 +14,57 @@ COLUMNS = (
     + [f"external_torque_{a}_Nm" for a in ARM] + [f"wrist_{c}" for c in WRENCH]
     + [f"commanded_{c}" for c in POSE] + [f"reached_{c}" for c in POSE]
 )
+"""Columns of trajectory.csv; poses in metres and quaternions."""
+WRITTEN = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque", "wrist", "commanded", "reached")
+"""The fields of `Step` in these columns."""
 
 
 class Step(NamedTuple):
-    """One step's readings; arrays in SI."""
+    """Readings of one host step, at its end unless stated; vectors of the arm are (7,)."""
 
     time: float
+    """[s]"""
     q: np.ndarray
+    """Joint angles [rad]."""
     qd: np.ndarray
+    """Joint speeds [rad/s]."""
     qdd: np.ndarray
+    """Mean joint accelerations over the step [rad/s^2]."""
     torque: np.ndarray
-    demand: np.ndarray
-    """Torques before clipping at the limits (7,) [N m]."""
-    joint_torque: np.ndarray
-    """What the joint torque sensors feel (7,) [N m]."""
+    """Motor torques [N m] during the step."""
+    demanded_torque: np.ndarray
+    """Motor torques [N m] before clipping at the limits."""
+    sensed_torque: np.ndarray
+    """Readings of the joint torque sensors [N m], at the step's start."""
     external_torque: np.ndarray
-    """What the controller takes for outside forces (7,) [N m]."""
+    """External torques [N m] that the controller estimates from them."""
     commanded: np.ndarray
-    """Tool pose (7,): position, quaternion."""
+    """Commanded world pose of the tool (7,): position [m], quaternion."""
     reached: np.ndarray
+    """World pose of the tool (7,)."""
     wrist: np.ndarray
-    """Force and torque (6,) at the flange in world axes, that the arm exerts on the hand [N], [N m]."""
+    """Force [N] and torque [N m] (6,) of the arm on the hand at the flange, in world axes, at the step's start."""
     residual: np.ndarray
-    """Unaccounted momentum of the step (6,) [N s], [N m s]."""
+    """Change of the grains' momentum (6,) [N s], [N m s] that no impulse accounts for."""
     exchanged: np.ndarray
-    """Sum of the magnitudes of all impulses of the step (2,): linear, angular."""
+    """Sum of the magnitudes of all impulses (2,): linear [N s], angular [N m s]."""
     tool_work: float
-    """Work of the tool on the grains in the step [J]."""
+    """Work [J] of the tool on the grains."""
 
 
-class Sample(NamedTuple):
-    """Readings that need all particles' places; taken every few steps."""
+class GrainSample(NamedTuple):
+    """Readings that need all grains' positions."""
 
     time: float
-    in_tool: float
+    """[s]"""
+    mass_in_tool: float
     """[kg]"""
     lost: int
-    """Grains at the sides or the top of the region, where a clamp holds them, or nowhere."""
+    """Number of grains at the sides or the top of the region, or with positions that are not finite."""
 
 
 class EnergySample(NamedTuple):
-    """The grains' energies [J], which need all particles' strains; taken now and then."""
+    """Energies of the grains [J] at a time [s]."""
 
     time: float
     kinetic: float
@@ -63,30 +73,28 @@ class EnergySample(NamedTuple):
 
 
 class Recording:
-    """Grows step by step; `array` gives one column for all steps."""
+    """All readings of a run."""
 
     def __init__(self) -> None:
         self.steps: list[Step] = []
-        self.samples: list[Sample] = []
+        self.grains: list[GrainSample] = []
         self.energies: list[EnergySample] = []
 
-    def array(self, name: str) -> np.ndarray:
-        """Values of one field of `Step` over all steps (n, ...)."""
+    def stack_steps(self, name: str) -> np.ndarray:
+        """Stack the values of one field of `Step` over all steps (n, ...)."""
         return np.array([getattr(step, name) for step in self.steps])
 
-    def sampled(self, name: str) -> np.ndarray:
-        """Values of one field of `Sample` (m,)."""
-        return np.array([getattr(sample, name) for sample in self.samples])
+    def stack_grains(self, name: str) -> np.ndarray:
+        """Stack the values of one field of `GrainSample` over all samples (m,)."""
+        return np.array([getattr(sample, name) for sample in self.grains])
 
-    def between(self, begin: float, end: float) -> slice:
-        """Steps whose time lies in [begin, end) s."""
-        times = self.array("time")
+    def select_steps(self, begin: float, end: float) -> slice:
+        """Select the steps whose time lies in [begin, end) [s]."""
+        times = self.stack_steps("time")
         return slice(int(np.searchsorted(times, begin)), int(np.searchsorted(times, end)))
 
     def write_csv(self, path: Path) -> None:
-        """trajectory.csv: one row a step."""
-        rows = np.column_stack([self.array(name).reshape(len(self.steps), -1) for name in
-                                ("time", "q", "qd", "qdd", "torque", "joint_torque", "external_torque", "wrist",
-                                 "commanded", "reached")])
+        """Write trajectory.csv: one row a step, nine digits."""
+        rows = np.column_stack([self.stack_steps(name).reshape(len(self.steps), -1) for name in WRITTEN])
         with path.open("w") as file:
             np.savetxt(file, rows, delimiter=",", header=",".join(COLUMNS), comments="", fmt="%.9g")

@@ -10,18 +10,20 @@ from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError, RobotDiverged
+from robosim.rehearsal.bounds import find_missed
 from robosim.rehearsal.film import Film, check_camera
-from robosim.rehearsal.learned import placed
-from robosim.rehearsal.metrics import figures, missed
+from robosim.rehearsal.metrics import compute_figures
+from robosim.rehearsal.paths.motion_sequence import place_target
+from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.plots import plot_report
-from robosim.rehearsal.rehearsal import Rehearsal, plan
+from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.field import check_field
 
 RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
            "last_good_state.npz")
-"""Files of an earlier run that would contradict this one's."""
+"""Files of an earlier run, which are removed first."""
 PRINTED = {
     "scooped_mass": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
     "spilled_fraction": ("spilled", "{:.1%}"),
@@ -35,35 +37,35 @@ PRINTED = {
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
              camera: str | None = "close", seed: int = 0, trajectory: str | None = None,
              motions: Path | None = None) -> int:
-    """Run a rehearsal and fill the folder `out`; returns 0, or 1 where a figure missed its bound.
+    """Run a rehearsal and write its results into the folder `out`; returns 0, or 1 where a figure missed its bound.
 
     camera: None for no video. trajectory: "script" or "learned", the latter from a folder of motions, or with None the
     bundled ones.
 
-    Input is checked before any work. Whatever ends the run, what was written is whole.
+    Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """
     if motions is not None and trajectory == "script":
         raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
     chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
               "motions": motions and str(motions.resolve())}
-    config = placed(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
-    substance = load_material(config.material)
-    check_field(config, law_of(substance))
+    config = place_target(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
+    material_config = load_material(config.material)
+    check_field(config, law_of(material_config))
     if camera is not None:
         check_camera(camera)
     folder = OutputFolder(out)
     folder.clear(RESULTS)
     folder.write_yaml("config.yaml", config.model_dump(mode="json"))
-    folder.write_yaml("material.yaml", substance.model_dump(mode="json"))
+    folder.write_yaml("material.yaml", material_config.model_dump(mode="json"))
     print("planning the motion ...", file=sys.stderr)
-    planned = plan(config)
-    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(planned.motion))
+    plan = plan_motion(config)
+    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(plan.motion))
     print("preparing grains and robot ...", file=sys.stderr)
     mpm.init()
-    run = Rehearsal(config, planned, seed=seed)
-    film = _film(run, folder, camera)
+    run = RehearsalRun(config, plan, seed=seed)
+    film = _open_film(run, folder, camera)
     try:
-        _carry_out(run, film)
+        _simulate(run, film)
     except (mpm.SimulationDiverged, RobotDiverged):
         folder.write("last_good_state.npz", run.save_last_good_state)
         raise
@@ -72,16 +74,16 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
             film.close()
         if run.recording.steps:
             folder.write("trajectory.csv", run.recording.write_csv)
-    values = figures(run)
-    beyond = missed(values, config)
-    folder.write_json("report.json", values | {"missed": beyond})
+    figures = compute_figures(run)
+    missed = find_missed(figures, config)
+    folder.write_json("report.json", figures | {"missed": missed})
     folder.write("report.png", lambda path: plot_report(run, path))
-    _print(values, beyond, folder)
-    return int(bool(beyond))
+    _print(figures, missed, folder)
+    return int(bool(missed))
 
 
-def _film(run: Rehearsal, folder: OutputFolder, camera: str | None) -> Film | None:
-    """The film; None, with the reason on stderr, where it cannot be drawn."""
+def _open_film(run: RehearsalRun, folder: OutputFolder, camera: str | None) -> Film | None:
+    """Open the film; None, with the reason on stderr, where it cannot be drawn."""
     if camera is None:
         return None
     try:
@@ -91,24 +93,24 @@ def _film(run: Rehearsal, folder: OutputFolder, camera: str | None) -> Film | No
         return None
 
 
-def _carry_out(run: Rehearsal, film: Film | None) -> None:
+def _simulate(run: RehearsalRun, film: Film | None) -> None:
     """Run with a progress bar: simulated time, real-time factor, time left."""
     bar_format = "{l_bar}{bar}| {n:.2f}/{total:.2f} s simulated [{elapsed}<{remaining}{postfix}]"
     with tqdm(total=round(run.duration, 3), bar_format=bar_format, mininterval=0.5, file=sys.stderr) as bar:
-        def each_step() -> None:
+        def after_step() -> None:
             if film is not None:
-                film.look()
+                film.add_due_frame()
             bar.update(min(run.config.host_dt, bar.total - bar.n))
             elapsed = bar.format_dict["elapsed"]
             bar.set_postfix_str(f"real-time factor {run.time / max(elapsed, 1e-9):.4f}", refresh=False)
 
-        run.run(each_step)
+        run.run(after_step)
 
 
-def _print(values: dict, beyond: list[str], folder: OutputFolder) -> None:
+def _print(figures: dict, missed: list[str], folder: OutputFolder) -> None:
     """Print the main figures, and those that missed their bounds."""
     for key, (name, form) in PRINTED.items():
-        print(f"{name:46s} {'-' if values[key] is None else form.format(values[key])}")
-    for line in beyond:
+        print(f"{name:46s} {'-' if figures[key] is None else form.format(figures[key])}")
+    for line in missed:
         print(f"outside its bound: {line}")
     print(f"written to {folder.path}")

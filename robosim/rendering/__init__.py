@@ -1,4 +1,4 @@
-"""Pictures: OpenGL without a display, the grain renderer, video files.
+"""Rendering: OpenGL without a display, scenes with grains, video files, contact sheets.
 
 Imports: config, errors.
 """

@@ -1,4 +1,4 @@
-"""Which OpenGL library MuJoCo is to load; asked once, before its import."""
+"""Choice of the OpenGL library that MuJoCo loads, before its import."""
 
 import ctypes
 import os
@@ -7,8 +7,7 @@ import os
 def choose_graphics() -> None:
     """Set MUJOCO_GL unless the user did: "egl" where its libraries load, otherwise "disable".
 
-    Without a display only EGL draws, and MuJoCo cannot even be imported when it is told to use a library that is
-    not there.
+    Without a display only EGL can draw, and importing MuJoCo fails where MUJOCO_GL names a library that is missing.
     """
     if "MUJOCO_GL" in os.environ:
         return

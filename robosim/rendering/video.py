@@ -1,4 +1,4 @@
-"""Films and sheets of pictures on disk, written beside their final name and renamed when complete."""
+"""H.264 films, written under a temporary name and renamed when complete."""
 
 from fractions import Fraction
 from pathlib import Path
@@ -7,68 +7,65 @@ from types import TracebackType
 import av
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
-Frame = NDArray[np.uint8]  # (height, width, 3), RGB
+Frame = NDArray[np.uint8]
+"""Picture (height, width, 3), RGB."""
 
 KEYFRAME_SECONDS = 2
 FRAGMENTED = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_packets": "1"}
-SHEET_COLUMNS = 3
-SHEET_WIDTH = 640  # pixels of one picture on the sheet
 
 
-def beside(path: Path) -> Path:
-    """Return the name under which a file is written until it is complete; its folder is made."""
+def partial_path(path: Path) -> Path:
+    """Return the name under which a file is written until it is complete; make its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path.with_name(path.name + ".part")
 
 
 class Mp4Writer:
-    """Writes frames to an H.264 film that every player opens (yuv420p).
+    """Writes frames to an H.264 film in yuv420p, which every player opens.
 
     Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the
-    .part of a killed run plays up to its last seconds; close() rewrites it with its index in front
-    (faststart), without encoding anything again.
+    .part of a killed run plays up to its last seconds; close() rewrites it with its index first
+    (faststart), without encoding again. Raises ValueError for frames of another size or an odd one.
     """
 
     def __init__(self, path: str | Path, fps: int = 30) -> None:
         if fps < 1:
-            raise ValueError(f"film {path}: fps is {fps}, but must be at least 1")
+            raise ValueError(f"film {path}: fps is {fps}; accepted: 1 or more")
         self.path = Path(path)
-        self._part = beside(self.path)
+        self._part = partial_path(self.path)
         self._fps = fps
         self._stream: av.VideoStream | None = None
         self._file = av.open(str(self._part), "w", format="mp4", options=FRAGMENTED)
 
     def add(self, frame: Frame) -> None:
-        """Append one frame (height, width, 3); all frames have the size of the first, with even sides."""
+        """Append one frame (height, width, 3); all have the size of the first, with even sides."""
         if self._stream is None:
             self._stream = self._open_stream(frame)
         expected = (self._stream.height, self._stream.width, 3)
         if frame.shape != expected or frame.dtype != np.uint8:
-            given = f"{frame.shape} {frame.dtype}"
-            raise ValueError(f"film {self.path}: frame {given}, expected {expected} uint8")
+            raise ValueError(f"film {self.path}: frame {frame.shape} {frame.dtype}; accepted: {expected} uint8")
         self._file.mux(self._stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
 
     def _open_stream(self, frame: Frame) -> av.VideoStream:
         """Return a stream of the frame's size."""
         height, width = frame.shape[:2]
         if height % 2 or width % 2:  # yuv420p halves the resolution of colour
-            raise ValueError(f"film {self.path}: frames are {width} x {height}, but both sides must be even")
+            raise ValueError(f"film {self.path}: frames are {width} x {height}; accepted: even sides")
         options = {"crf": "20", "preset": "veryfast", "g": str(KEYFRAME_SECONDS * self._fps)}
         stream = self._file.add_stream("libx264", rate=Fraction(self._fps), options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         return stream
 
     def close(self) -> None:
-        """Finish the film under its final name; without frames no file is left. Harmless twice."""
+        """Finish the film under its final name; without frames no file is left. May be called twice."""
         if not self._part.exists():
             return
         if self._stream is not None:
             self._file.mux(self._stream.encode())
         self._file.close()
         if self._stream is not None:
-            index_in_front(self._part, self.path)
+            move_index_to_front(self._part, self.path)
         self._part.unlink()
 
     def __enter__(self) -> "Mp4Writer":
@@ -77,14 +74,14 @@ class Mp4Writer:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Finish the film; after a fault keep it as .part, for it is not what was asked for."""
+        """Finish the film; after an error keep it as .part, because it is incomplete."""
         if fault is None:
             self.close()
         else:
             self._file.close()
 
 
-def index_in_front(source: Path, target: Path) -> None:
+def move_index_to_front(source: Path, target: Path) -> None:
     """Copy the packets of a fragmented film into one whose index comes first, under its final name."""
     finished = target.with_name(target.name + ".done")
     with av.open(str(source)) as old, av.open(
@@ -92,35 +89,7 @@ def index_in_front(source: Path, target: Path) -> None:
     ) as new:
         stream = new.add_stream_from_template(old.streams.video[0])
         for packet in old.demux(video=0):
-            if packet.dts is not None:  # the last one is empty and only ends the stream
+            if packet.dts is not None:  # the last packet is empty and only ends the stream
                 packet.stream = stream
                 new.mux(packet)
     finished.replace(target)
-
-
-def contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
-    """Write one to nine frames (height, width, 3) of one size with captions as one PNG, three in a row."""
-    if not 1 <= len(frames) <= SHEET_COLUMNS**2 or len(captions) != len(frames):
-        raise ValueError(
-            f"contact sheet: {len(frames)} frames, {len(captions)} captions; wanted: 1 to 9, as many of each"
-        )
-    height = round(SHEET_WIDTH * frames[0].shape[0] / frames[0].shape[1])
-    rows = -(-len(frames) // SHEET_COLUMNS)
-    sheet = Image.new("RGB", (SHEET_COLUMNS * SHEET_WIDTH, rows * height), "white")
-    for k, (frame, caption) in enumerate(zip(frames, captions)):
-        picture = Image.fromarray(frame).resize((SHEET_WIDTH, height), Image.Resampling.LANCZOS)
-        write_caption(picture, caption)
-        sheet.paste(picture, (k % SHEET_COLUMNS * SHEET_WIDTH, k // SHEET_COLUMNS * height))
-    target = Path(path)
-    part = beside(target)
-    sheet.save(part, format="PNG")
-    part.replace(target)
-
-
-def write_caption(picture: Image.Image, caption: str) -> None:
-    """Draw the caption into the picture's lower left corner, on a dark strip that keeps it readable."""
-    font = ImageFont.load_default(size=20)
-    draw = ImageDraw.Draw(picture, "RGBA")
-    left, top, right, bottom = draw.textbbox((16, picture.height - 40), caption, font=font)
-    draw.rectangle((left - 10, top - 8, right + 10, bottom + 8), fill=(20, 22, 26, 190))
-    draw.text((16, picture.height - 40), caption, font=font, fill=(255, 255, 255, 255))

@@ -14,7 +14,7 @@ from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_names, config_path
 from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
-from robosim.rehearsal.rehearsal import plan
+from robosim.rehearsal.plan import plan_motion
 
 
 @pytest.fixture
@@ -75,14 +75,14 @@ def test_unreachable_waypoint_says_how_far(tmp_path: Path, spoon: dict) -> None:
     far = next(w for w in spoon["waypoints"] if w["name"] == "across")
     far.update(frame="world", position=[1.6, 0.0, 0.4])
     with pytest.raises(UnreachableWaypoint, match="'across'.*mm beyond the arm's reach") as error:
-        plan(load_rehearsal(written(tmp_path, spoon)))
+        plan_motion(load_rehearsal(written(tmp_path, spoon)))
     assert error.value.position_error > 0.05
 
 
 def test_a_speed_that_joints_cannot_follow_is_refused(tmp_path: Path, spoon: dict) -> None:
     next(w for w in spoon["waypoints"] if w["name"] == "tilt")["angular_speed"] = 2.6
     with pytest.raises(ConfigError, match=r"joint A\d would need"):
-        plan(load_rehearsal(written(tmp_path, spoon)))
+        plan_motion(load_rehearsal(written(tmp_path, spoon)))
 
 
 def test_time_step_above_the_bound_gives_both_numbers() -> None:

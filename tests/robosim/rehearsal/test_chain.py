@@ -1,4 +1,4 @@
-"""What a sub-task leaves in the tool begins the next one."""
+"""Sub-tasks in sequence: each begins with the grains that the one before left in the tool."""
 
 import json
 
@@ -8,17 +8,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robosim
-from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError
-from robosim.rehearsal.learned import shipped
-from robosim.rehearsal.motion_chain import chain
+from robosim.rehearsal.motion_chain import run_chain
 from robosim.tasks import handover
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
 
 
-def test_strains_turn_with_the_tool():
-    """A stretch along x, turned a quarter about z, is one along y; there and back changes nothing."""
+def test_strains_rotate_with_the_tool():
+    """A strain along x, rotated by 90 deg about z, is one along y; rotating back restores it."""
     quarter = Rotation.from_euler("z", 90, degrees=True).as_matrix()
     assert handover.rotate_strain(np.array([[0.1, 0, 0, 0.02, 0, 0]]), quarter) == pytest.approx(
         np.array([[0, 0.1, 0, -0.02, 0, 0]]))
@@ -28,9 +26,11 @@ def test_strains_turn_with_the_tool():
     assert np.linalg.eigvalsh(after) == pytest.approx(np.linalg.eigvalsh(before))
 
 
-def test_the_next_sub_task_begins_with_what_is_left():
-    """The same grains at the same places in the tool, under the same stress, and at rest they stay there; a tool that
-    is another, or begins empty, is refused."""
+def test_the_next_sub_task_begins_with_the_grains_that_are_left():
+    """The same grains at the same positions in the tool under the same stress, and they stay at rest.
+
+    A sub-task with another tool, or one that begins with an empty tool, is refused.
+    """
     first = gymnasium.make("robosim/SpoonTranslate-v0", material="sugar").unwrapped
     first.reset(seed=3)
     still = np.zeros(3, np.float32)
@@ -47,8 +47,8 @@ def test_the_next_sub_task_begins_with_what_is_left():
     assert local == pytest.approx(load.positions, abs=1e-6)
     assert second.material == first.material and second.task.grains.count == load.count
     assert second.solver.masses().sum() == pytest.approx(first.solver.masses()[50:].sum())
-    turn = second.task.start.pose.matrix @ first.solver.collider_pose(TOOL).matrix.T
-    strains = handover.rotate_strain(first.solver.state()["e"][50:], turn)
+    R = second.task.start.pose.matrix @ first.solver.collider_pose(TOOL).matrix.T
+    strains = handover.rotate_strain(first.solver.state()["e"][50:], R)
     assert second.solver.state()["e"] == pytest.approx(strains, abs=1e-6) and np.abs(strains).max() > 1e-5
     for _ in range(3):
         _, _, _, _, info = second.step(np.zeros(6, np.float32))
@@ -59,22 +59,13 @@ def test_the_next_sub_task_begins_with_what_is_left():
             handover.task_with_load(task, load_task(task), load)
 
 
-def test_motions_are_those_of_a_folder_where_one_is_given(tmp_path):
-    config = load_rehearsal("spoon", {"trajectory": "learned", "motions": str(tmp_path)})
-    with pytest.raises(ConfigError, match=r"holds no SpoonScoop.npz; accepted: a folder with a motion of each"):
-        shipped(config, "SpoonScoop")
-    (tmp_path / "SpoonScoop.npz").touch()
-    assert shipped(config, "SpoonScoop") == tmp_path / "SpoonScoop.npz"
-    assert shipped(load_rehearsal("spoon"), "SpoonScoop").parent.name == "trained"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["spoon", "scoop"])
-def test_chains_that_ship_deliver(name, tmp_path, capsys):
+def test_the_bundled_chains_deliver(name, tmp_path, capsys):
     """At least nine tenths of what was scooped, as on the whole arm."""
-    assert robosim and chain(name, tmp_path, film=False) == 0
+    assert robosim and run_chain(name, tmp_path, film=False) == 0
     rows = json.loads((tmp_path / "chain.json").read_text())["sub_tasks"]
-    scooped, last = rows[0]["own_start"]["held"], rows[-1]["handed_over"]
+    scooped, last = rows[0]["from_settled_start"]["grains_in_tool"], rows[-1]["from_previous"]
     assert last["delivered"] * last["grains"] >= 0.9 * scooped > 90
-    assert rows[0]["own_start"]["relative_turn_error"] < 0.1
+    assert rows[0]["from_settled_start"]["rotation_relative_error"] < {"spoon": 0.001, "scoop": 0.02}[name]
     assert "what was left" in capsys.readouterr().out

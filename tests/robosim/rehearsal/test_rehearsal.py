@@ -1,4 +1,4 @@
-"""The whole chain: a short rehearsal in the default suite, the real ones behind the marker `slow`."""
+"""Rehearsals from file to report: a short one, and the bundled ones under the marker `slow`."""
 
 import json
 import os
@@ -12,15 +12,16 @@ import yaml
 from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_path
-from robosim.rehearsal.metrics import BOUNDS, missed
+from robosim.rehearsal.bounds import BOUNDS, find_missed
+from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.recording import COLUMNS
-from robosim.rehearsal.rehearsal import Rehearsal, plan
+from robosim.rehearsal.run import RehearsalRun
 from robosim.rehearsal.session import rehearse
 
 
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
-    """The spoon's way over the container only, with cells of 10 mm: all parts, little time."""
+    """A rehearsal of three waypoints with cells of 10 mm, which exercises all parts in little time."""
     data = yaml.safe_load(config_path("rehearsals", "spoon", "rehearsal").read_text())
     by_name = {w["name"]: w for w in data["waypoints"]}
     dip = by_name["above"] | {"name": "dip", "position": [-0.03, 0, 0.06], "speed": 0.3, "stop": True, "dwell": 0.2}
@@ -32,27 +33,27 @@ def short(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_short_rehearsal_writes_everything(short: Path, tmp_path: Path) -> None:
+def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     drawable = os.environ["MUJOCO_GL"] != "disable"
-    assert rehearse(str(short), out, camera="close" if drawable else None) == 1  # cut short, it delivers nothing
-    values = json.loads((out / "report.json").read_text())
-    assert set(BOUNDS) <= set(values)
+    assert rehearse(str(short), out, camera="close" if drawable else None) == 1  # too short to deliver anything
+    report = json.loads((out / "report.json").read_text())
+    assert set(BOUNDS) <= set(report)
     for name in ("momentum_residual", "velocity_limit_ratio_max",
                  "torque_limit_ratio_max", "joint_limit_ratio_max", "ik_position_error_max", "particles_lost",
                  "tool_container_contacts"):
-        assert values[name] <= BOUNDS[name].high, name
+        assert report[name] <= BOUNDS[name].high, name
     with (out / "trajectory.csv").open() as file:
         assert file.readline().strip().split(",") == COLUMNS
     rows = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)
     assert np.diff(rows[:, 0]) == pytest.approx(1e-3, abs=1e-9)
-    assert len(rows) == pytest.approx(values["simulated_time"] / 1e-3, abs=1)
+    assert len(rows) == pytest.approx(report["simulated_time"] / 1e-3, abs=1)
     assert load_rehearsal(str(out / "config.yaml")) == load_rehearsal(str(short))
     assert (out / "report.png").stat().st_size > 20_000
     if drawable:
         with av.open(str(out / "rehearsal.mp4")) as container:
             frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
-        assert len(frames) == pytest.approx(values["simulated_time"] * 30, abs=2)
+        assert len(frames) == pytest.approx(report["simulated_time"] * 30, abs=2)
         assert frames[0].shape == (720, 1280, 3)
         assert np.ptp(frames[0]) > 100 and np.abs(frames[0].astype(int) - frames[-15]).max() > 50
         assert (out / "frames.png").exists()
@@ -60,17 +61,17 @@ def test_a_short_rehearsal_writes_everything(short: Path, tmp_path: Path) -> Non
 
 def test_divergence_keeps_the_last_good_state(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                               capsys: pytest.CaptureFixture) -> None:
-    """A grain thrown out of all proportion stops the run with time, place and CFL number, and files are whole."""
-    original = Rehearsal.step
+    """A grain at 1e5 m/s stops the run with time, particle and CFL number; all files are complete."""
+    original = RehearsalRun.step
 
-    def sabotaged(self: Rehearsal, index: int) -> None:
+    def step_with_fast_grain(self: RehearsalRun, index: int) -> None:
         if index == 20:
             state = self.solver.state()
             state["v"][3] = 1e5
             self.solver.load(state)
         original(self, index)
 
-    monkeypatch.setattr(Rehearsal, "step", sabotaged)
+    monkeypatch.setattr(RehearsalRun, "step", step_with_fast_grain)
     out = tmp_path / "out"
     assert main(["rehearse", str(short), "--no-video", "--out", str(out)]) == 1
     message = capsys.readouterr().err
@@ -81,15 +82,15 @@ def test_divergence_keeps_the_last_good_state(short: Path, tmp_path: Path, monke
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_whole_files(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Rehearsal.step
+def test_an_interrupted_run_leaves_complete_files(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    original = RehearsalRun.step
 
-    def interrupted(self: Rehearsal, index: int) -> None:
+    def step_until_interrupt(self: RehearsalRun, index: int) -> None:
         if index == 30:
             raise KeyboardInterrupt
         original(self, index)
 
-    monkeypatch.setattr(Rehearsal, "step", interrupted)
+    monkeypatch.setattr(RehearsalRun, "step", step_until_interrupt)
     out = tmp_path / "out"
     assert main(["rehearse", str(short), "--no-video", "--out", str(out)]) == 130
     assert len(np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)) == 30
@@ -97,10 +98,10 @@ def test_ctrl_c_leaves_whole_files(short: Path, tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.slow
-def test_snapshot_resumes_to_the_bit(short: Path) -> None:
-    """On one thread the same state gives the same bits."""
+def test_a_snapshot_resumes_to_the_bit(short: Path) -> None:
+    """With one thread the same state gives the same bits."""
     config = load_rehearsal(str(short))
-    run = Rehearsal(config, plan(config))
+    run = RehearsalRun(config, plan_motion(config))
     run.solver.advance(0.01)
     state = run.solver.state()
     run.solver.advance(0.01)
@@ -116,15 +117,15 @@ def test_snapshot_resumes_to_the_bit(short: Path) -> None:
 @pytest.mark.parametrize("name, trajectory", [("spoon", "script"), ("scoop", "script"), ("bottle", "script"),
                                               ("shovel", "script"), ("spoon", "learned"), ("scoop", "learned"),
                                               ("bottle", "learned"), ("shovel", "learned")])
-def test_the_whole_rehearsal_keeps_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:
+def test_the_rehearsal_is_within_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert rehearse(name, out, material=material, camera=None, trajectory=trajectory) == 0
-    assert missed(json.loads((out / "report.json").read_text()), load_rehearsal(str(out / "config.yaml"))) == []
+    assert find_missed(json.loads((out / "report.json").read_text()), load_rehearsal(str(out / "config.yaml"))) == []
 
 
 @pytest.mark.slow
-def test_held_by_friction_the_spoon_delivers_as_when_fixed(tmp_path: Path) -> None:
-    """What slips in the fingers costs no more than five points of the delivery."""
+def test_the_spoon_held_by_friction_delivers_as_the_fixed_one(tmp_path: Path) -> None:
+    """Slip in the fingers costs at most five percentage points of the delivery."""
     reports = {}
     for grasp in ("weld", "friction"):
         assert rehearse("spoon", tmp_path / grasp, grasp=grasp, camera=None) == 0

@@ -6,9 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
 from robosim.config.rehearsal import load_rehearsal
-from robosim.rehearsal.rehearsal import Plan, plan
+from robosim.rehearsal.plan import Plan, plan_motion
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import SPEED_LIMITS
+from robosim.robot.timing import compute_time_scale
 
 
 def random_pose(rng: np.random.Generator) -> Pose:
@@ -42,7 +43,7 @@ def test_screw_velocity_is_the_derivative_of_its_poses() -> None:
 
 @pytest.fixture(scope="module")
 def spoon() -> Plan:
-    return plan(load_rehearsal("spoon"))
+    return plan_motion(load_rehearsal("spoon"))
 
 
 def test_the_path_rests_exactly_at_stops_and_is_smooth(spoon: Plan) -> None:
@@ -95,3 +96,12 @@ def test_jacobian_is_the_derivative_of_the_pose(spoon: Plan) -> None:
         step = np.eye(7)[joint] * h
         twist = logarithm(arm.tool_pose(q - step), arm.tool_pose(q + step))
         assert np.concatenate(twist) / (2 * h) == pytest.approx(J[:, joint], abs=1e-7)
+
+
+def test_a_motion_scaled_by_its_time_scale_is_at_its_limits():
+    """Whichever of speed, acceleration and jerk is the critical one."""
+    limits, times = load_rehearsal("spoon").limits, np.linspace(0.0, 1.0, 201)
+    for amplitude, frequency in ((2.0, 1.0), (0.3, 4.0), (0.02, 20.0)):
+        q = np.tile(amplitude * np.sin(2.0 * np.pi * frequency * times)[:, None], (1, 7))
+        scale = compute_time_scale(times, q, limits).max()
+        assert compute_time_scale(scale * times, q, limits).max() == pytest.approx(1.0, abs=1e-6)

@@ -1,0 +1,71 @@
+"""Where the material is at the end of a rehearsal, and the load weighed at the wrist."""
+
+import numpy as np
+
+from robosim.rehearsal.run import RehearsalRun
+from robosim.scene.grain_regions import is_in_container, is_in_tool
+from robosim.scene.models import read_inner_size
+
+GRAVITY = 9.81
+SETTLING_TIME = 0.1
+"""Time [s] for the arm to come to rest before the load is weighed."""
+
+
+def compute_ratio(value: float, reference: float) -> float | None:
+    """Return value / reference; None where the reference is zero, as where nothing was scooped."""
+    return float(value / reference) if reference > 0 else None
+
+
+def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, float | None]:
+    """Compute what became of the grains at positions [m] (n, 3), as fractions of the scooped mass.
+
+    delivered, returned and retained count the grains that were in the tool when it was weighed, or all grains where
+    nothing is weighed. spilled counts every grain outside containers, area and tool, also those spilled while scooping.
+    """
+    mass, config = run.solver.masses(), run.config
+    scooped = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
+    nowhere = np.zeros(len(mass), bool)
+    in_container = {name: is_in_container(positions, c, read_inner_size(name)) for name, c in config.containers.items()}
+    delivered = config.area.region.holds(positions) if config.area else in_container.get(config.sink or "", nowhere)
+    returned = in_container.get(config.source or "", nowhere)
+    retained = is_in_tool(config.tool, positions, run.tool_pose())
+    if config.area and config.weigh_at is not None:  # grains in a tool above the area are not delivered yet
+        delivered &= ~retained
+    retained &= ~delivered & ~returned
+    spilled = ~(delivered | returned | retained)
+    scooped_mass = mass[scooped].sum()
+    regions = {"delivered_fraction": delivered, "returned_fraction": returned, "retained_fraction": retained}
+    result = {name: compute_ratio(mass[scooped & region].sum(), scooped_mass) for name, region in regions.items()}
+    result["spilled_fraction"] = compute_ratio(mass[spilled].sum(), scooped_mass)
+    return result
+
+
+def compute_scooped_mass(run: RehearsalRun) -> float:
+    """Compute the mass [kg] in the tool while it was weighed, or the whole mass where nothing is weighed."""
+    waypoint = run.config.weigh_at
+    if waypoint is None:
+        return float(run.solver.masses().sum())
+    begin, end = find_weighing_interval(run, waypoint)
+    times = run.recording.stack_grains("time")
+    selected = (times >= begin) & (times < end)
+    return float(run.recording.stack_grains("mass_in_tool")[selected].mean()) if selected.any() else 0.0
+
+
+def find_weighing_interval(run: RehearsalRun, waypoint: str) -> tuple[float, float]:
+    """Find the first and last time [s] at which the load is at rest at a waypoint."""
+    begin, end = run.plan.path.rests[waypoint]
+    return begin + run.config.grasp_time + SETTLING_TIME, end + run.config.grasp_time
+
+
+def weigh_at_wrist(run: RehearsalRun) -> float | None:
+    """Weigh the load [kg] with the wrist sensor: force along gravity less the weight of hand and tool.
+
+    None where nothing is weighed.
+    """
+    if run.config.weigh_at is None:
+        return None
+    begin, end = find_weighing_interval(run, run.config.weigh_at)
+    steps = run.recording.select_steps(begin, end)
+    hand = run.model.body("palm").subtreemass[0]  # includes the tool, however it is held
+    # the sensor measures the child on the parent; at rest only the magnitude along gravity matters
+    return float(abs(run.recording.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - hand)

@@ -1,0 +1,70 @@
+"""Learned motions of sub-tasks, from their files: bundled with the package, or from the user's folder."""
+
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.resources import trained
+from robosim.envs.carrier import Carrier
+from robosim.errors import ConfigError
+from robosim.rehearsal.paths.pose_sequences import SAMPLING, PoseSequence
+from robosim.tasks.actions import ActionScaling
+from robosim.tasks.task import TaskConfig
+
+
+def find_motion(config: RehearsalConfig, name: str) -> Path:
+    """Find the file of a sub-task's motion: in the rehearsal's folder `motions`, else the bundled one.
+
+    Raises ConfigError where there is none.
+    """
+    if config.motions is not None:
+        path = Path(config.motions) / f"{name}.npz"
+        if not path.is_file():
+            raise ConfigError(f"motions {config.motions}: holds no {name}.npz; accepted: a folder with a motion of "
+                              f"each of {', '.join(config.learned)}")
+        return path
+    path = trained(name)
+    if path is None:
+        raise ConfigError(f"no bundled motion for {name}; accepted: `robosim train` it, and give a folder with its "
+                          f"best.npz as {name}.npz")
+    return path
+
+
+def load_motion(path: Path, name: str, task: TaskConfig) -> PoseSequence:
+    """Load a sub-task's motion, from its nominal start to the end of its work.
+
+    Raises ConfigError where the file holds no motion of the task.
+    """
+    poses = _replay_actions(path, name, task)
+    replayed = task.step_dt * np.arange(len(poses))
+    times = np.arange(0.0, task.step_dt * (len(poses) - 0.5), SAMPLING)
+    positions = np.array([p.position for p in poses])
+    quaternions = np.array([p.quaternion for p in poses])
+    rotations = Slerp(replayed, Rotation.from_quat(quaternions, scalar_first=True))
+    return PoseSequence(np.column_stack([np.interp(times, replayed, column) for column in positions.T]),
+                        rotations(np.minimum(times, replayed[-1])).as_quat(scalar_first=True))
+
+
+def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
+    """Tool poses, task.step_dt apart, under a file's actions.
+
+    A pour ends after the actions that it needed; other motions are complete, so that the tool is level at the end.
+    """
+    scaling, carrier = ActionScaling(task), Carrier(task)
+    poses = [carrier.restart(task.start.pose)]
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            actions = stored["actions"]
+            # until release 0.1 action_repeat was called hold
+            action_repeat = int(stored["action_repeat" if "action_repeat" in stored else "hold"])
+            count = -(-task.steps // action_repeat)
+            if "needed" in stored and task.kind == "pour":
+                count = int(stored["needed"])
+        for action in actions[:count]:
+            poses += [carrier.command(*scaling.velocities(action)) for _ in range(action_repeat)]
+    except (ValueError, KeyError, EOFError, BadZipFile, ConfigError) as error:
+        raise ConfigError(f"{path}: not a motion of {name}: {error}") from error
+    return poses

@@ -1,0 +1,177 @@
+"""Simulation of a planned rehearsal: robot and grains together, step by step."""
+
+import time as clock
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.config.materials import MaterialConfig, law_of, load_material
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.coupling.plugin import GranularPlugin
+from robosim.rehearsal.plan import Plan
+from robosim.rehearsal.recording import EnergySample, GrainSample, Recording, Step
+from robosim.robot.servo import Servo
+from robosim.robot.timing import JointState
+from robosim.robot.torque_sensors import TorqueSensors
+from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
+from robosim.scene.collisions import CollisionMonitor
+from robosim.scene.field import build_field
+from robosim.scene.frames import body_pose
+from robosim.scene.grain_regions import is_at_border, is_in_tool
+from robosim.scene.grasp import Grasp
+from robosim.scene.robot_spec import ARM_JOINTS
+
+GRAIN_SAMPLE_INTERVAL = 10
+"""Steps between readings that need all grains' positions."""
+ENERGY_SAMPLE_INTERVAL = 100
+"""Steps between readings of the grains' energies."""
+STATE_INTERVAL = 250
+"""Steps between states stored in memory, to be written when the run diverges."""
+CLOSING_SHARE = 0.6
+"""Share of the grasp time in which the fingers close; in the rest they settle on the handle."""
+
+
+class RehearsalRun:
+    """The coupled scene of a planned motion, and the simulation of it.
+
+    seed: of the grains' initial positions. material: None for the configured one.
+    """
+
+    def __init__(self, config: RehearsalConfig, plan: Plan, seed: int = 0,
+                 material: MaterialConfig | None = None) -> None:
+        self.config, self.plan, self.seed = config, plan, seed
+        self.material: MaterialConfig = material or load_material(config.material)
+        self.scene: Scene = compile_scene(build_rehearsal_spec(config), config.tool)
+        self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
+        self.data.qpos[self.scene.arm_qpos] = plan.motion.state(0.0).q
+        mujoco.mj_forward(self.model, self.data)
+        self.grasp = Grasp(self.model, self.data, self.scene.tool)
+        self.sensors = TorqueSensors(self.model, self.data, ARM_JOINTS, plan.arm)
+        self.grains = build_field(config, law_of(self.material), self.tool_pose(), seed)
+        self.solver = self.grains.solver
+        self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
+                                     coupling=config.coupling)
+        self.servo = Servo(plan.arm, config.servo)
+        self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
+        self.collisions = CollisionMonitor(self.model, self.data, config)
+        self.recording = Recording()
+        self.duration = config.grasp_time + plan.motion.duration
+        """Simulated time [s], including the grasp."""
+        self.wall_time = 0.0
+        """Time [s] that `run` took."""
+        self.scooped: np.ndarray | None = None
+        """Which grains (n,) were in the tool when it was weighed; None before, or where nothing is weighed."""
+        waypoint = config.weigh_at
+        self._weighing_end = np.inf if waypoint is None else plan.path.rests[waypoint][1] + config.grasp_time
+        self._grain_mass = float(self.solver.masses()[0])
+        self._store_state()
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.data.time)
+
+    def tool_pose(self) -> mpm.Pose:
+        """Return the world pose of the tool's frame."""
+        return body_pose(self.data, self.scene.tool)
+
+    def waypoint_time(self, name: str) -> float:
+        """Return the simulated time [s] at which a waypoint is passed."""
+        return self.config.grasp_time + self.plan.path.times[name]
+
+    def run(self, after_step: Callable[[], None]) -> None:
+        """Simulate the motion; `after_step` is called after every step.
+
+        Raises mpm.SimulationDiverged or RobotDiverged.
+        """
+        begin = clock.perf_counter()
+        for index in range(round(self.duration / self.config.host_dt)):
+            self.step(index)
+            after_step()
+        self.wall_time = clock.perf_counter() - begin
+
+    def step(self, index: int) -> None:
+        """Simulate one host step.
+
+        1. Command fingers and arm.
+        2. Step robot and grains together.
+        3. Update slip and collisions.
+        4. Record the step; every few steps the grains too.
+        """
+        target = self.plan.motion.state(self.time - self.config.grasp_time)
+        torque = self._command(target)
+        q, qd = self.data.qpos[self.scene.arm_qpos].copy(), self.data.qvel[self.scene.arm_dofs].copy()
+        velocity = self._tool_velocity()
+        self.plugin.step()
+        self.grasp.measure_slip()
+        self.collisions.count()
+        self.recording.steps.append(self._read_step(torque, q, qd, velocity))
+        self._record_grains(index)
+
+    def save_last_good_state(self, path: Path) -> None:
+        """Write the last stored state, whose numbers were finite: grains, joint positions and velocities."""
+        np.savez_compressed(path, **self._last_good_state)  # pyright: ignore[reportArgumentType]
+
+    def _command(self, target: JointState) -> np.ndarray:
+        """Set finger commands and motor torques, release the grasp after its time; returns the torques [N m] (7,)."""
+        if self.time < self.config.grasp_time:
+            self.grasp.close(min(self.time / (CLOSING_SHARE * self.config.grasp_time), 1.0))
+        else:
+            self.grasp.release()
+        q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
+        torque = self.servo.compute_torque(target, q, qd)
+        self.data.ctrl[self.scene.arm_actuators] = torque
+        return torque
+
+    def _tool_velocity(self) -> np.ndarray:
+        """Velocity of the tool's centre of mass in world axes (6,): angular, linear, in MuJoCo's order."""
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, self.scene.tool, velocity, 0)
+        return velocity
+
+    def _read_step(self, torque: np.ndarray, q_begin: np.ndarray, qd_begin: np.ndarray,
+                   velocity_begin: np.ndarray) -> Step:
+        """Readings of the step that has just ended; arguments ending in _begin are from its start."""
+        scene, data, ledger = self.scene, self.data, self.plugin.ledger
+        wrench = self.plugin.wrench(self.config.tool)
+        end = self.tool_pose()
+        commanded = self.plan.arm.tool_pose(self.plan.motion.state(self.time - self.config.grasp_time).q)
+        q, qd = data.qpos[scene.arm_qpos].copy(), data.qvel[scene.arm_dofs].copy()
+        mean_velocity = 0.5 * (velocity_begin + self._tool_velocity())
+        power = wrench.force @ mean_velocity[3:] + wrench.torque @ mean_velocity[:3]
+        # sensor values belong to the step's start, as MuJoCo's accelerations do
+        external = self.sensors.estimate_external(q_begin, qd_begin, data.qacc[scene.arm_dofs])
+        return Step(
+            time=self.time, q=q, qd=qd, qdd=(qd - qd_begin) / self.config.host_dt, torque=torque,
+            demanded_torque=self.servo.demanded_torque, sensed_torque=self.sensors.read(), external_torque=external,
+            commanded=np.concatenate(commanded), reached=np.concatenate(end), wrist=self._wrist_wrench(),
+            residual=np.concatenate(ledger.residual), exchanged=ledger.exchanged,
+            tool_work=float(-power) * self.config.host_dt)
+
+    def _wrist_wrench(self) -> np.ndarray:
+        """Force and torque of the wrist sensor in world axes (6,)."""
+        site = self.model.site("wrist_sensor").id
+        R = self.data.site_xmat[site].reshape(3, 3)
+        return np.concatenate([R @ self.data.sensor("wrist_force").data, R @ self.data.sensor("wrist_torque").data])
+
+    def _record_grains(self, index: int) -> None:
+        """Record what needs all grains, where the step's index is a multiple of its interval."""
+        if index % GRAIN_SAMPLE_INTERVAL == 0:
+            self.recording.grains.append(self._sample_grains())
+        if self.scooped is None and self.time >= self._weighing_end:
+            self.scooped = is_in_tool(self.config.tool, self.solver.positions(), self.tool_pose())
+        if index % ENERGY_SAMPLE_INTERVAL == 0:
+            self.recording.energies.append(EnergySample(self.time, *self.solver.energy()))
+        if index % STATE_INTERVAL == 0:
+            self._store_state()
+
+    def _sample_grains(self) -> GrainSample:
+        positions = self.solver.positions()
+        mass = self._grain_mass * is_in_tool(self.config.tool, positions, self.tool_pose()).sum()
+        return GrainSample(self.time, float(mass), int(is_at_border(positions, self.solver.grid).sum()))
+
+    def _store_state(self) -> None:
+        self._last_good_state = self.solver.state() | {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}

@@ -1,0 +1,31 @@
+"""Planning of the rehearsals: all scripts are feasible, and invalid configurations are refused."""
+
+import pytest
+
+from robosim.config.materials import law_of, load_material
+from robosim.config.rehearsal import load_rehearsal
+from robosim.errors import ConfigError
+from robosim.rehearsal.plan import plan_motion
+from robosim.scene.field import check_field
+
+
+@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])
+def test_every_script_can_be_planned(name):
+    """Within the arm's limits and joint ranges; the field accepts every bundled granular material."""
+    config = load_rehearsal(name)
+    assert plan_motion(config).solution.margin > 0.01
+    for material in ("salt", "sugar", "flour", "sand", "paper"):
+        check_field(config, law_of(load_material(material)))
+
+
+@pytest.mark.parametrize("name, changes, message", [
+    ("bottle", {"pile": {"centre": [0.7, 0, 0.01], "half": [0.01] * 3}}, "2 places hold material"),
+    ("shovel", {"pile": None}, "0 places hold material"),
+    ("shovel", {"area": None}, "0 places take material"),
+    ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "unknown 'bucket'; valid: source, target, tray"),
+    ("bottle", {"trajectory": "learned", "learned": []}, "needs `learned`"),
+    ("bottle", {"weigh_at": "lifted"}, "needs a dwell"),
+])
+def test_invalid_rehearsals_are_refused(name, changes, message):
+    with pytest.raises(ConfigError, match=message):
+        load_rehearsal(name, changes)
