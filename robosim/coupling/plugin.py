@@ -171,8 +171,8 @@ class GranularPlugin:
         """Warn when bodies leave the grid: their contact ends there, and begins again when they return."""
         outside = self._bodies.find_outside_grid()
         for name in outside - self.outside_grid:
-            warnings.warn(BodyLeftGrid(f"body {name!r} left the solver's grid at t = {self.data.time:.6g} s; it meets "
-                                       f"no grains until it returns"), stacklevel=3)
+            warnings.warn(BodyLeftGrid(f"body {name!r} left the solver's grid at t = {self.data.time:.6g} s; it has "
+                                       f"no contact with grains until it returns"), stacklevel=3)
         self.outside_grid = outside
 
     def _check_state(self) -> None:

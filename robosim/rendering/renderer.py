@@ -61,7 +61,8 @@ class SceneRenderer:
         """Overwrite the skin, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
         count = len(positions)
         if count > len(self._facets):
-            raise ValueError(f"{count} grains given, but the scene's skin has {len(self._facets)}")
+            raise ValueError(f"positions of {count} grains; accepted: at most {len(self._facets)}, as many as the "
+                             f"scene's skin has")
         visible = np.flatnonzero(~find_hidden(positions, CELL_IN_RADII * self._radius))
         scene, used = self._renderer.scene, len(visible) * GRAIN_VERTICES
         # only the first vertices of the skin are filled, streamed and drawn

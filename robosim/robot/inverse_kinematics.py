@@ -12,7 +12,7 @@ TOLERANCE = 1e-7
 """Position [m] and rotation [rad] error at which the iteration ends."""
 IDENTITY = np.eye(6)
 LIMIT_MARGIN = 1e-4
-"""Distance [rad] kept from the joint limits by `solve_pose`."""
+"""Least distance [rad] of a solution of `solve_pose` from the joint limits."""
 TRACKING_LIMIT_MARGIN = 1e-3
 """The same for `step_towards`."""
 REST_GAIN = 1e-3

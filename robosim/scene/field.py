@@ -18,7 +18,7 @@ from robosim.shapes import tool_shape
 from robosim.shapes.container import make_container_shell
 
 TOOL_SPACING = 1e-3
-"""Lattice spacing [m] of the tool's signed distance: a sixth of a wall keeps trilinear values exact to 0.1 mm."""
+"""Lattice spacing [m] of the tool's signed distance: trilinear interpolation is exact to 0.1 mm at a sixth of a wall."""
 CONTAINER_SPACING = 2e-3
 """Lattice spacing [m] of a container's signed distance."""
 CONTAINER_WALL = 3.0
@@ -56,7 +56,7 @@ def build_tool_sdf(tool: str, thickness: float) -> Lattice:
 
 
 def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig) -> list[mpm.Collider]:
-    """Build static colliders of containers, given by their names in models/containers."""
+    """Build static colliders of containers, by their names in models/containers."""
     colliders = []
     for name, container in containers.items():
         shell = make_container_shell(read_inner_size(name), wall=CONTAINER_WALL * field.cell)

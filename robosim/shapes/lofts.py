@@ -1,8 +1,8 @@
 """Closed triangle meshes from curves: revolve, loft and sweep.
 
 All lengths are metres. Every function returns a watertight trimesh.Trimesh with outward normals: the side is
-a grid of quads (two triangles each), the ends are closed by fans, and the winding is turned when the signed
-volume comes out negative.
+a grid of quads (two triangles each), the ends are closed by fans, and the winding is inverted where the signed
+volume is negative.
 """
 
 import numpy as np
@@ -13,13 +13,13 @@ Array = NDArray[np.float64]
 
 
 def superellipse(a: float, b: float, exponent: float = 2.0, count: int = 40) -> Array:
-    """Return the points (count, 2) of |x/a|^e + |y/b|^e = 1, counter-clockwise from +x, half axes in m.
+    """Sample |x/a|^e + |y/b|^e = 1 counter-clockwise from +x: points (count, 2), half axes [m].
 
     Exponent 2 is an ellipse, 4 to 8 a rounded rectangle.
     """
     angle = 2.0 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    # The ellipse is pushed out along its own rays: this spreads points better than powers of sin and cos.
+    # points of the ellipse are moved along its rays: they are spread better than with powers of sin and cos
     reach = np.sum(np.abs(circle) ** exponent, axis=1) ** (-1.0 / exponent)
     return circle * reach[:, None] * np.array([a, b])
 
@@ -39,8 +39,8 @@ def smoothstep(t: ArrayLike) -> Array:
     return clipped * clipped * (3.0 - 2.0 * clipped)
 
 
-def round_ends(s: ArrayLike, start: float, end: float) -> Array:
-    """Return section scales (k,) that round both ends of a bar, by quarter ellipses.
+def compute_end_scale(s: ArrayLike, start: float, end: float) -> Array:
+    """Compute section scales (k,) that round both ends of a bar, by quarter ellipses.
 
     s (k,) is the arc length in m, start and end are the lengths (m) over which the ends are rounded.
     """
@@ -52,8 +52,8 @@ def round_ends(s: ArrayLike, start: float, end: float) -> Array:
     return scale
 
 
-def stations(length: float, start: float, end: float, inner: int = 8, cap: int = 6) -> Array:
-    """Return arc lengths (m) in 0..length that are dense in the rounded ends (start and end in m)."""
+def space_stations(length: float, start: float, end: float, inner: int = 8, cap: int = 6) -> Array:
+    """Space arc lengths [m] in 0..length, densely in the rounded ends of lengths start and end [m]."""
     dense = 1.0 - np.cos(np.linspace(0.0, np.pi / 2, cap + 1))
     head = start * dense if start > 0.0 else np.zeros(1)
     tail = length - end * dense[::-1] if end > 0.0 else np.full(1, length)
@@ -86,7 +86,7 @@ def loft(
 
 
 def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
-    """Turn a profile (n, 2) of (radius, height) in m about the z axis.
+    """Revolve a profile (n, 2) of (radius, height) [m] about the z axis.
 
     A first or last radius of zero becomes a pole, else the end is closed by a flat disc.
     """
@@ -103,8 +103,8 @@ def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
     return loft(rings, (tips[0], tips[1]))
 
 
-def transport_frames(centre_line: ArrayLike, side: ArrayLike) -> tuple[Array, Array]:
-    """Return the section axes (k, 3), (k, 3) along a polyline (k, 3) by parallel transport.
+def transport_axes(centre_line: ArrayLike, side: ArrayLike) -> tuple[Array, Array]:
+    """Transport the section axes (k, 3), (k, 3) along a polyline (k, 3) in parallel.
 
     The first axis starts as the part of `side` (3,) that is normal to the line, the second completes it to a
     right-handed frame with the tangent as third axis.
@@ -114,7 +114,7 @@ def transport_frames(centre_line: ArrayLike, side: ArrayLike) -> tuple[Array, Ar
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     first = np.empty_like(line)
     axis = np.asarray(side, float)
-    for i, tangent in enumerate(tangents):  # taking away the tangent part turns the frame without twist
+    for i, tangent in enumerate(tangents):  # removing the tangential part rotates the frame without twist
         axis = axis - tangent * (axis @ tangent)
         axis = axis / np.linalg.norm(axis)
         first[i] = axis
@@ -135,6 +135,6 @@ def sweep(
         shape = np.stack([shape, shape], axis=1)
     if shape.ndim == 2:
         shape = superellipse(1.0, 1.0, count=segments)[None] * shape[:, None, :]
-    first, second = transport_frames(line, side)
+    first, second = transport_axes(line, side)
     rings = line[:, None] + shape[..., :1] * first[:, None] + shape[..., 1:] * second[:, None]
     return loft(rings)

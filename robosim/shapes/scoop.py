@@ -8,7 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 
 import mpm
-from robosim.shapes.sheets import sheet_normals, wall_between
+from robosim.shapes.sheets import compute_normals, make_wall
 from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
@@ -18,27 +18,29 @@ LENGTH, WIDTH, DEPTH = 0.085, 0.060, 0.030
 BACK = 0.014
 """Length over which the back is rounded."""
 HANDLE_START = (-0.0427, 0.0, -0.002)
+"""Start of the handle."""
 INTERIOR = mpm.Region((0.004, 0.0, 0.004), (0.0485, 0.036, 0.037))
+"""The trough and the heap above it."""
 
 
-def trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
-    """Return the wall of the trough, whose flat rim lies in the plane z=0."""
+def make_trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
+    """Make the wall of the trough, with a thickness [m] grown outward; its flat rim lies in the plane z=0."""
     back, front = -LENGTH / 2, LENGTH / 2
-    turn = np.linspace(0.0, np.pi / 2, along // 2)
-    x = np.concatenate([back + BACK * (1 - np.cos(turn)), np.linspace(back + BACK, front, along // 2 + 1)[1:]])
-    size = np.concatenate([np.maximum(np.sin(turn), 0.05), np.ones(along // 2)])
+    angle_back = np.linspace(0.0, np.pi / 2, along // 2)
+    x = np.concatenate([back + BACK * (1 - np.cos(angle_back)), np.linspace(back + BACK, front, along // 2 + 1)[1:]])
+    size = np.concatenate([np.maximum(np.sin(angle_back), 0.05), np.ones(along // 2)])
     angle = np.linspace(0.0, np.pi, around + 1)
     section = np.stack([WIDTH / 2 * np.cos(angle), -DEPTH * np.sin(angle)], -1)
     inner = np.empty((len(x), around + 1, 3))
     inner[:, :, 0] = x[:, None]
     inner[:, :, 1:] = size[:, None, None] * section
     inner[:, [0, -1], 2] = 0.0
-    outward = sheet_normals(inner)
+    outward = compute_normals(inner)
     outward *= np.sign(np.sum(outward[-1, around // 2] * [0.0, 0.0, -1.0]))
     outward[:, [0, -1], 2] = 0.0  # the rim stays in its plane, the front edge too
     outward[-1, :, 0] = 0.0
     outward /= np.linalg.norm(outward, axis=2, keepdims=True)
-    return wall_between(inner, inner + wall * outward)
+    return make_wall(inner, inner + wall * outward)
 
 
-SHAPE = ToolShape("scoop", trough, INTERIOR, HANDLE_START)
+SHAPE = ToolShape("scoop", make_trough, INTERIOR, HANDLE_START)

@@ -68,7 +68,7 @@ def test_tool_held_by_friction_does_not_creep_while_the_arm_moves(name: str) -> 
 
 
 def test_contact_is_as_stiff_as_the_pads() -> None:
-    """3 N turn a held scoop by 0.02 deg: contact compliance is that of the pads.
+    """3 N rotate a scoop in the fingers by 0.02 deg: contact compliance is that of the pads.
 
     MuJoCo's mean with the default compliance of the metal handle would give 0.05 deg.
     """

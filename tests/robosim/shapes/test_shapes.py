@@ -1,4 +1,4 @@
-"""Shapes of tools and containers: closed solids, the volumes that their dimensions give, one frame for all uses."""
+"""Shapes of tools and containers: closed solids, volumes by their dimensions, masses and files of the models."""
 
 import mujoco
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 
 from robosim.scene.models import load_spec
 from robosim.shapes import TOOLS, tool_shape
-from robosim.shapes.bottle import BODY, NECK, NECK_RADIUS, RADIUS, profile, vessel
+from robosim.shapes.bottle import BODY, NECK, NECK_RADIUS, RADIUS, make_bottle, make_profile
 from robosim.shapes.container import make_container_shell
 from robosim.shapes.lofts import loft, revolve, sweep
 from robosim.shapes.spoon import BOWL
@@ -33,18 +33,18 @@ def test_solids_are_closed(tool: str, wall: float) -> None:
         assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0 and mesh.body_count == 1
 
 
-def test_cavities_are_what_their_dimensions_give() -> None:
+def test_cavities_have_the_volume_of_their_dimensions() -> None:
     for wall in (0.001, 0.004, 0.012):
         bowl = tool_shape("spoon").head(wall)
         assert bowl.convex_hull.volume - bowl.volume == pytest.approx(2 / 3 * np.pi * np.prod(BOWL), rel=0.01)
-    bottle = vessel()
+    bottle = make_bottle()
     inside = np.pi * (RADIUS**2 * BODY + NECK_RADIUS**2 * NECK)
-    outline = profile(0.0)
+    outline = make_profile(0.0)
     rings = np.pi / 3 * np.diff(outline[:, 1]) * (outline[:-1, 0] ** 2 + outline[:-1, 0] * outline[1:, 0]
                                                   + outline[1:, 0] ** 2)
-    assert rings.sum() > inside  # the shoulder comes on top
+    assert rings.sum() > inside  # plus the shoulder
     solid = bottle.volume + rings.sum()
-    outer = profile(WALL)
+    outer = make_profile(WALL)
     hull = np.pi / 3 * np.diff(outer[:, 1]) * (outer[:-1, 0] ** 2 + outer[:-1, 0] * outer[1:, 0] + outer[1:, 0] ** 2)
     assert solid == pytest.approx(hull.sum(), rel=0.01)
     box = make_container_shell((0.2, 0.15, 0.08))
@@ -52,8 +52,8 @@ def test_cavities_are_what_their_dimensions_give() -> None:
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_model_weighs_what_its_meshes_weigh(tool: str) -> None:
-    """Mass, centre and inertia in the MJCF are those of the meshes with the densities that it names."""
+def test_the_model_has_the_mass_of_its_meshes(tool: str) -> None:
+    """Mass, centre and inertia in the MJCF are those of the meshes with the materials' densities."""
     model = load_spec("tools", tool, f"{tool}.xml").compile()
     parts = []
     for name, mesh in tool_shape(tool).visuals().items():
@@ -73,7 +73,7 @@ def test_model_weighs_what_its_meshes_weigh(tool: str) -> None:
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_meshes_on_disk_are_the_shapes(tool: str) -> None:
+def test_the_mesh_files_are_up_to_date(tool: str) -> None:
     model = load_spec("tools", tool, f"{tool}.xml").compile()
     heads = [mesh for name, mesh in tool_shape(tool).visuals().items() if name != "handle"]
     volume = sum(mesh.volume for mesh in tool_shape(tool).visuals().values())

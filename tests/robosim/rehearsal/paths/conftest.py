@@ -1,4 +1,4 @@
-"""Learned motions for tests: plain ones, whose poses are known."""
+"""Learned motions for tests: plain ones with constant velocities."""
 
 from collections.abc import Callable
 from pathlib import Path
