@@ -76,7 +76,7 @@ class CoupledBodies:
 
 
 def check_bodies(model: mujoco.MjModel, solver: mpm.Solver, bodies: dict[str, int | None]) -> None:
-    """Raise UnknownName or ConfigError for bodies or colliders that do not exist or cannot be coupled."""
+    """Raise UnknownName or ConfigError for bodies that cannot be coupled."""
     names = [model.body(i).name for i in range(model.nbody)]
     for name in bodies:
         if name not in names:

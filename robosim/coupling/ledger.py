@@ -10,7 +10,10 @@ from mpm.state.ledger import FIRST_COLLIDER_ROW, GRAVITY_ROW, WALL_ROW
 
 
 class Impulse(NamedTuple):
-    """Linear [N s] (3,) and angular [N m s] (3,) impulse, the latter about the world's origin."""
+    """Linear [N s] (3,) and angular [N m s] (3,) impulse in world axes.
+
+    The angular one is about the world's origin.
+    """
 
     linear: np.ndarray
     angular: np.ndarray
@@ -34,7 +37,10 @@ class Ledger(NamedTuple):
 
     @property
     def exchanged(self) -> np.ndarray:
-        """Sum of the magnitudes of all impulses (2,), linear and angular: the scale of `residual`."""
+        """Sum of the magnitudes of all impulses (2,): linear, angular.
+
+        It is the scale of `residual`.
+        """
         parts = [self.gravity, self.walls, self.static, *self.bodies.values()]
         return np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)])
 

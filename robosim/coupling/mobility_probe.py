@@ -21,7 +21,10 @@ RANK = 1e-9
 
 
 class Prediction(NamedTuple):
-    """Predicted motion of the coupled bodies over a step, in world axes about their centres of mass."""
+    """Predicted motion of the coupled bodies over a step.
+
+    In world axes about their centres of mass.
+    """
 
     twists: np.ndarray
     """At the step's start (B, 6): linear [m/s], angular [rad/s]."""
@@ -46,7 +49,7 @@ class MobilityProbe:
         self._warmstart, self._wrenches = data.qacc_warmstart, data.xfrc_applied
 
     def predict(self, wrenches: np.ndarray) -> Prediction:
-        """Predict the step about the wrenches (nbody, 6) that the grains are expected to exert.
+        """Predict the step about the expected wrenches of the grains (nbody, 6).
 
         The scene is left in the state after `TrialStep.begin`. Raises RobotDiverged for a response that is not finite.
         """
@@ -93,11 +96,11 @@ class MobilityProbe:
         return responses.T
 
     def correct_poses(self, poses: dict[int, mpm.Pose]) -> None:
-        """Move bodies (index among the trial's bodies -> pose) to nearby poses and keep their twists.
+        """Move bodies to nearby poses and keep their twists.
 
-        The displacement is one that impulses on these bodies would cause, so constraints hold and connected bodies
-        follow. MuJoCo moves a body over the whole step with the velocity at its end, whenever in the step an impulse
-        acted; the solver knows the true end.
+        poses: index among the trial's bodies -> world pose. The displacement is one that impulses on these bodies would
+        cause, so constraints hold and connected bodies follow. MuJoCo moves a body over the whole step with the
+        velocity at its end, whenever in the step an impulse acted; the solver knows the true end.
         """
         data, offset, rows = self.data, [], [6 * i + k for i in poses for k in range(6)]
         for i, pose in poses.items():

@@ -81,9 +81,9 @@ class GranularPlugin:
 
     @property
     def prediction_error(self) -> np.ndarray:
-        """Twists (B, 6) after the last step less the predicted ones: linear [m/s], angular [rad/s].
+        """Twists (B, 6) after the last step less the predicted ones.
 
-        Rows are the bodies that MuJoCo moves; zero unless the coupling is "mobility".
+        Linear [m/s], angular [rad/s]. Rows are the bodies that MuJoCo moves; zero unless the coupling is "mobility".
         """
         return self._scheme.error
 

@@ -12,7 +12,10 @@ NEGLIGIBLE_SPEED = 1e-3
 
 
 class ExplicitScheme:
-    """Predicts the bodies' motion with the wrenches of the step before ("lagged") or without any ("one_way")."""
+    """Prediction of the bodies' motion with known wrenches.
+
+    Those of the step before ("lagged"), or none ("one_way").
+    """
 
     def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies) -> None:
         self._trial, self._solver, self._bodies = trial, solver, bodies
@@ -37,10 +40,10 @@ class ExplicitScheme:
 
 
 class MobilityScheme:
-    """Predicts the bodies' free motion and mobility; the solver solves contact and bodies' motion together.
+    """Prediction of the bodies' free motion and mobility.
 
-    tolerance: share of a body's change of velocity by grains by which MuJoCo's step may differ from the solver's
-    solution before the step is repeated; None: never.
+    The solver solves contact and the bodies' motion together. tolerance: share of a body's change of velocity by grains
+    by which MuJoCo's step may differ from the solver's solution before the step is repeated; None: never.
     """
 
     def __init__(self, trial: TrialStep, solver: mpm.Solver, bodies: CoupledBodies, tolerance: float | None) -> None:
@@ -50,7 +53,10 @@ class MobilityScheme:
         """Twists (B, 6) after the last step less those that the solver found: linear [m/s], angular [rad/s]."""
 
     def predict(self, wrenches: np.ndarray) -> None:
-        """Predict free twists and mobility about wrenches (nbody, 6) of the grains; keep the solver's state."""
+        """Predict free twists and mobility; store the solver's state.
+
+        wrenches (nbody, 6): those that the grains are expected to exert.
+        """
         self._prediction = self._probe.predict(wrenches)
         self._free_twists = self._prediction.free_twists.copy()
         self._relaxation: float = 1.0
@@ -70,9 +76,10 @@ class MobilityScheme:
                 others={indices[j]: W[i, :, j] for j in range(len(indices)) if j != i})
 
     def is_accepted(self, wrenches: np.ndarray) -> bool:
-        """Measure `error` after MuJoCo's step and compare it with the tolerance; wrenches (nbody, 6): those applied.
+        """Measure `error` after MuJoCo's step; compare it with the tolerance.
 
-        Bodies that grains push are first moved to the poses that the solver found.
+        wrenches (nbody, 6): those that were applied. Bodies that grains push are first moved to the poses that the
+        solver found.
         """
         bodies, solver = self._bodies, self._solver
         solved = np.array([np.concatenate(solver.collider_twist(bodies.colliders[name])) for name in bodies.dynamic])
@@ -87,7 +94,7 @@ class MobilityScheme:
         return not np.any(self._speeds(self.error) > allowed)
 
     def roll_back(self) -> None:
-        """Return solver and scene to the step's start, with the free twists corrected by the error.
+        """Return to the step's start, with the free twists corrected by the error.
 
         The responses are linearised: the correction is under-relaxed by Aitken's rule.
         """

@@ -15,7 +15,10 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 @contextmanager
 def disable_control_callback() -> Iterator[None]:
-    """Switch the user's control callback off during trials: it acts once per accepted step."""
+    """Switch the user's control callback off during trial steps.
+
+    It acts once per accepted step.
+    """
     callback = mujoco.get_mjcb_control()
     mujoco.set_mjcb_control(None)
     try:
@@ -53,7 +56,10 @@ class TrialStep:
         mujoco.mj_getState(self.model, self.data, self._start, STATE)
 
     def finish(self) -> None:
-        """Step under the forces in data; frames and velocities are then those after the step."""
+        """Step under the forces in data.
+
+        Frames and velocities are then those after the step.
+        """
         if self.is_runge_kutta:
             mujoco.mj_step(self.model, self.data)
         else:
@@ -61,7 +67,10 @@ class TrialStep:
         self.update_frames()
 
     def roll_back(self) -> None:
-        """Return to the state after `begin`, without calling the user's control callback again."""
+        """Return to the state after `begin`.
+
+        The user's control callback is not called again.
+        """
         mujoco.mj_setState(self.model, self.data, self._start, STATE)
         for evaluate in (mujoco.mj_fwdPosition, mujoco.mj_sensorPos, mujoco.mj_fwdVelocity, mujoco.mj_sensorVel):
             evaluate(self.model, self.data)
@@ -88,7 +97,10 @@ class TrialStep:
             self.update_frames()
 
     def predict_poses(self, wrenches: np.ndarray) -> list[mpm.Pose]:
-        """Predict the bodies' world poses after the step under wrenches (nbody, 6), added to the scene's forces."""
+        """Predict the bodies' world poses after the step under wrenches (nbody, 6).
+
+        They are added to the scene's forces.
+        """
         self.data.xfrc_applied += wrenches
         if self.is_runge_kutta:
             with disable_control_callback():
@@ -106,7 +118,10 @@ class TrialStep:
         mujoco.mj_comVel(self.model, self.data)
 
     def twists(self) -> np.ndarray:
-        """Return twists (B, 6) of the bodies in world axes about their centres of mass: linear, angular."""
+        """Return the twists (B, 6) of the bodies: linear, angular.
+
+        In world axes about their centres of mass.
+        """
         result, row = np.empty((len(self.bodies), 6)), np.empty(6)
         for i, body in enumerate(self.bodies):
             mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, body, row, 0)
@@ -114,7 +129,10 @@ class TrialStep:
         return result
 
     def jacobian(self) -> np.ndarray:
-        """Return the bodies' twists per joint velocity (6 B, nv), in the order of `twists`."""
+        """Return the bodies' twists per joint velocity (6 B, nv).
+
+        Rows are in the order of `twists`.
+        """
         rows = []
         for body in self.bodies:
             linear, angular = np.empty((3, self.model.nv)), np.empty((3, self.model.nv))

@@ -36,13 +36,19 @@ WRIST_ERROR = "wrist_payload_relative_error"
 
 
 def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
-    """Return the bounds of one rehearsal: with its least load, without weighing where it weighs nothing."""
+    """Return the bounds of one rehearsal.
+
+    They include its least load, and no weighing where it weighs nothing.
+    """
     return {"scooped_mass": Bound(config.least_load, np.inf),
             **{name: bound for name, bound in BOUNDS.items() if name != WRIST_ERROR or config.weigh_at}}
 
 
 def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str]:
-    """Describe each figure outside its bound in one line; an empty list where all are within."""
+    """Describe each figure outside its bound in one line.
+
+    Returns an empty list where all are within.
+    """
     lines = []
     for name, bound in get_bounds(config).items():
         value = figures[name]

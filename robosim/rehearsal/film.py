@@ -29,9 +29,10 @@ def check_camera(name: str) -> None:
 
 
 class Film:
-    """Draws a rehearsal with a model of its own, so that the simulated one has no visual extras.
+    """A film of a rehearsal, drawn with a model of its own.
 
-    Writes rehearsal.mp4 and frames.png into `out`. Raises UnknownName for the camera, RenderingUnavailable.
+    The simulated model has no visual extras. Writes rehearsal.mp4 and frames.png into `out`. Raises UnknownName for the
+    camera, RenderingUnavailable.
     """
 
     def __init__(self, run: RehearsalRun, out: OutputFolder, camera: str) -> None:

@@ -12,15 +12,16 @@ SETTLING_TIME = 0.1
 
 
 def compute_ratio(value: float, reference: float) -> float | None:
-    """Return value / reference; None where the reference is zero, as where nothing was scooped."""
+    """Return value / reference; None where the reference is zero."""
     return float(value / reference) if reference > 0 else None
 
 
 def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, float | None]:
-    """Compute what became of the grains at positions [m] (n, 3), as fractions of the scooped mass.
+    """Compute where the material is, as fractions of the scooped mass.
 
-    delivered, returned and retained count the grains that were in the tool when it was weighed, or all grains where
-    nothing is weighed. spilled counts every grain outside containers, area and tool, also those spilled while scooping.
+    positions [m] (n, 3): of the grains at the end. delivered, returned and retained count the grains that were in the
+    tool when it was weighed, or all grains where nothing is weighed. spilled counts every grain outside containers,
+    area and tool, also those spilled while scooping.
     """
     mass, config = run.solver.masses(), run.config
     scooped = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
@@ -41,7 +42,10 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
 
 
 def compute_scooped_mass(run: RehearsalRun) -> float:
-    """Compute the mass [kg] in the tool while it was weighed, or the whole mass where nothing is weighed."""
+    """Compute the mass [kg] in the tool while it was weighed.
+
+    The whole mass where nothing is weighed.
+    """
     waypoint = run.config.weigh_at
     if waypoint is None:
         return float(run.solver.masses().sum())
@@ -58,9 +62,9 @@ def find_weighing_interval(run: RehearsalRun, waypoint: str) -> tuple[float, flo
 
 
 def weigh_at_wrist(run: RehearsalRun) -> float | None:
-    """Weigh the load [kg] with the wrist sensor: force along gravity less the weight of hand and tool.
+    """Weigh the load [kg] with the wrist sensor.
 
-    None where nothing is weighed.
+    Force along gravity less the weight of hand and tool. None where nothing is weighed.
     """
     if run.config.weigh_at is None:
         return None

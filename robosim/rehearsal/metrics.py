@@ -16,7 +16,10 @@ PATH_ERROR_STRIDE = 2
 
 
 def compute_figures(run: RehearsalRun) -> dict[str, object]:
-    """Compute the report's figures as JSON values: SI units, fractions of the scooped mass."""
+    """Compute the report's figures as JSON values, in SI units.
+
+    Fractions are of the scooped mass.
+    """
     config, positions = run.config, run.solver.positions()
     return {
         "material": config.material, "grains": len(positions), "cell": config.field.cell,
@@ -76,13 +79,13 @@ def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:
 
 
 def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:
-    """Compute the distances [m] (n,) between commanded and reached tool position at each step."""
+    """Compute the tracking errors [m] (n,) of the tool's position at each step."""
     commanded, reached = run.recording.stack_steps("commanded"), run.recording.stack_steps("reached")
     return np.linalg.norm(commanded[:, :3] - reached[:, :3], axis=1)
 
 
 def compute_path_error_inside(run: RehearsalRun) -> float | None:
-    """Compute the largest distance [m] of the tool from the commanded path inside containers.
+    """Compute the largest deviation [m] from the commanded path inside containers.
 
     Both the tool's origin and its farthest point are compared with the path about the same time. None where the tool
     was in no container.

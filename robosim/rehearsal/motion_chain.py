@@ -34,10 +34,11 @@ STARTS = {"from_settled_start": "its own start", "from_previous": "what was left
 
 def run_chain(name: str, out: Path, *, material: str | None = None, motions: Path | None = None,
               film: bool = True) -> int:
-    """Replay a rehearsal's learned motions in sequence; write chain.json and chain.mp4 into `out`.
+    """Replay a rehearsal's learned motions in sequence.
 
-    motions: folder with TASK.npz files; None: the bundled motions. Returns 0, or 1 where the chain broke: the field
-    diverged, or too little was left in a tool. Raises ConfigError before any work.
+    Writes chain.json and chain.mp4 into `out`. motions: folder with TASK.npz files; None: the bundled motions. Returns
+    0, or 1 where the chain broke: the field diverged, or too little was left in a tool. Raises ConfigError before any
+    work.
     """
     chosen = {"trajectory": "learned", "material": material, "motions": motions and str(motions)}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
@@ -89,9 +90,10 @@ def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
 
 def replay_motion(task: str, path: Path, *, material: str | None = None, load: Load | None = None,
                   writer: Mp4Writer | None = None) -> tuple[dict[str, Any], Load | None]:
-    """Replay one motion in the sub-task's environment, from its nominal start or with a load.
+    """Replay one motion in the sub-task's environment.
 
-    Returns the episode's figures and what the tool holds after it; None where the field diverged or nothing is held.
+    It begins at its nominal start, or with a load. Returns the episode's figures and what the tool holds after it; None
+    where the field diverged or nothing is held.
     """
     wrapped = gymnasium.make(f"robosim/{task}-v0", material=material, load=load,
                              render_mode="rgb_array" if writer else None, **training_options(str(path)))
@@ -142,7 +144,10 @@ def _add_frame(env: GrainEnv, writer: Mp4Writer) -> Mp4Writer | None:
 
 
 def format_rows(rows: list[dict[str, Any]]) -> str:
-    """Format the rows of chain.json as a table, with a line for each start of each sub-task."""
+    """Format the rows of chain.json as a table.
+
+    It has a line for each start of each sub-task.
+    """
     lines = [["sub-task", "from", "grains", "score", "of", "delivered", "spilled", "grains in tool", "rotation [deg]"]]
     for row in rows:
         for key, start in STARTS.items():

@@ -30,9 +30,10 @@ class Plan(NamedTuple):
 
 
 def plan_motion(config: RehearsalConfig) -> Plan:
-    """Plan the motion of a rehearsal: tool path, joint path, and joint motion within the arm's limits.
+    """Plan the motion of a rehearsal.
 
-    Learned motions are slowed down where the arm is too slow for them. Raises ConfigError or UnreachableWaypoint.
+    Tool path, joint path, and joint motion within the arm's limits. Learned motions are slowed down where the arm is
+    too slow for them. Raises ConfigError or UnreachableWaypoint.
     """
     arm = Arm(config.tool)
     if config.trajectory == "script":
@@ -51,7 +52,10 @@ def plan_motion(config: RehearsalConfig) -> Plan:
 
 
 def solve_joints(arm: Arm, path: WaypointPath | LearnedPath) -> tuple[np.ndarray, PathSolution]:
-    """Solve a path for joint angles; returns the sampling times [s] (n,) and the solution at them."""
+    """Solve a path for joint angles.
+
+    Returns the sampling times [s] (n,) and the solution at them.
+    """
     times = np.linspace(0.0, path.duration, int(np.ceil(path.duration / PATH_SAMPLING)) + 1)
     waypoints = [(min(int(np.searchsorted(times, t)), len(times) - 1), name) for name, t in path.times.items()]
     return times, solve_path(arm, [path.pose(t) for t in times], waypoints)

@@ -18,7 +18,10 @@ AVERAGED_STEPS = 20
 
 
 def plot_report(run: RehearsalRun, path: Path) -> None:
-    """Draw mass in the tool, wrist wrench, joint torques, tracking error, momentum residual and energies."""
+    """Draw the readings of a rehearsal over time.
+
+    Mass in the tool, wrist wrench, joint torques, tracking error, momentum residual and energies.
+    """
     figure, axes = plt.subplots(3, 2, figsize=(14, 11), sharex=True, constrained_layout=True)
     figure.suptitle(f"{run.config.description}: {run.config.material}, {len(run.solver.positions())} grains, "
                     f"cells of {run.config.field.cell * 1e3:g} mm")

@@ -20,7 +20,10 @@ WRITTEN = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque
 
 
 class Step(NamedTuple):
-    """Readings of one host step, at its end unless stated; vectors of the arm are (7,)."""
+    """Readings of one host step, at its end unless stated.
+
+    Vectors of the arm are (7,).
+    """
 
     time: float
     """[s]"""

@@ -112,7 +112,10 @@ class RehearsalRun:
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:
-        """Write the last stored state, whose numbers were finite: grains, joint positions and velocities."""
+        """Write the last stored state, whose numbers were finite.
+
+        It holds the grains, and joint positions and velocities.
+        """
         np.savez_compressed(path, **self._last_good_state)  # pyright: ignore[reportArgumentType]
 
     def _command(self, target: JointState) -> np.ndarray:

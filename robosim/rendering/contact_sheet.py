@@ -16,9 +16,9 @@ PICTURE_WIDTH = 640
 
 
 def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
-    """Write one to nine frames (height, width, 3) of one size with captions as one PNG, three in a row.
+    """Write one to nine frames (height, width, 3) with captions as one PNG.
 
-    Raises ValueError for other numbers of frames or captions.
+    Frames have one size; three are in a row. Raises ValueError for other numbers of frames or captions.
     """
     if not 1 <= len(frames) <= SHEET_COLUMNS**2 or len(captions) != len(frames):
         raise ValueError(

@@ -22,9 +22,9 @@ GRAIN_VERTICES = FACES.size
 
 
 def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLike) -> None:
-    """Add a skin of grains with a mean radius [m] and a colour rgba (4,), at the world's origin.
+    """Add a skin of grains with a mean radius [m] and a colour rgba (4,).
 
-    Raises ValueError unless count and radius are positive.
+    They are at the world's origin. Raises ValueError unless count and radius are positive.
     """
     if count < 1 or radius <= 0.0:
         raise ValueError(f"grain skin: count {count} and radius {radius} m must both be positive")
@@ -38,9 +38,10 @@ def add_grain_skin(spec: mujoco.MjSpec, count: int, radius: float, rgba: ArrayLi
 
 
 def make_crystals(count: int, radius: float, seed: int = 0) -> Array:
-    """Make the facets (count, 24, 3) [m] of octahedra about the origin with a mean radius [m].
+    """Make the facets (count, 24, 3) [m] of octahedra about the origin.
 
-    Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are uniform.
+    radius: mean radius [m]. Axes vary by 25 % and corners by 15 %, about the scatter of crushed crystals; attitudes are
+    uniform.
     """
     rng = np.random.default_rng(seed)
     stretch = rng.uniform(0.75, 1.25, (count, 1, 3))
@@ -61,9 +62,10 @@ def draw_rotations(rng: np.random.Generator, count: int) -> Array:
 
 
 def compute_normals(facets: Array) -> Array:
-    """Compute unit normals (n, 24, 3) per vertex of facets (n, 24, 3): half way between facet and sphere.
+    """Compute unit normals (n, 24, 3) per vertex of facets (n, 24, 3).
 
-    With facet normals a heap of white grains looks like noise, with those of spheres like separate dots.
+    They are the mean of the facet's and a sphere's. With facet normals a heap of white grains looks like noise, with
+    those of spheres like separate dots.
     """
     a, b, c = np.moveaxis(facets.reshape(-1, 3, 3), 1, 0)
     flat = np.cross(b - a, c - a)
@@ -74,9 +76,10 @@ def compute_normals(facets: Array) -> Array:
 
 
 def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool_]:
-    """Find the grains at positions (n, 3) [m] inside a heap: none of the cubes around theirs is empty.
+    """Find the grains at positions (n, 3) [m] inside a heap.
 
-    cell: side of the cubes [m]. Returns (n,) bool. Without hidden grains the picture is the same at half the cost.
+    None of the cubes around theirs is empty. cell: side of the cubes [m]. Returns (n,) bool. Without hidden grains the
+    picture is the same at half the cost.
     """
     if not len(positions):
         return np.zeros(0, bool)
@@ -92,9 +95,9 @@ def find_hidden(positions: NDArray[np.floating], cell: float) -> NDArray[np.bool
 
 
 def read_facets(model: mujoco.MjModel, grain_count: int) -> Array:
-    """Read the facets (grain_count, 24, 3) [m] of the model's grains about the origin from its skin.
+    """Read the facets (grain_count, 24, 3) [m] of the model's grains.
 
-    Raises ValueError for a model without a skin of that many grains.
+    They are about the origin. Raises ValueError for a model without a skin of that many grains.
     """
     if grain_count == 0:
         return np.empty((0, GRAIN_VERTICES, 3))

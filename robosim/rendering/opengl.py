@@ -5,9 +5,10 @@ import os
 
 
 def choose_graphics() -> None:
-    """Set MUJOCO_GL unless the user did: "egl" where its libraries load, otherwise "disable".
+    """Set MUJOCO_GL unless the user did.
 
-    Without a display only EGL can draw, and importing MuJoCo fails where MUJOCO_GL names a library that is missing.
+    To "egl" where its libraries load, otherwise to "disable". Without a display only EGL can draw, and importing MuJoCo
+    fails where MUJOCO_GL names a library that is missing.
     """
     if "MUJOCO_GL" in os.environ:
         return

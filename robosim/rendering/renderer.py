@@ -45,9 +45,10 @@ class SceneRenderer:
         self._option.sitegroup[:] = 0
 
     def draw(self, data: mujoco.MjData, positions: Array | None, camera: str) -> NDArray[np.uint8]:
-        """Draw the picture (height, width, 3) of a camera, with grains at positions (n, 3) [m].
+        """Draw the picture (height, width, 3) of a camera.
 
-        data: only its positions are used. n may be smaller than the skin's count; None draws no grains.
+        positions (n, 3) [m]: of the grains. data: only its positions are used. n may be smaller than the skin's count;
+        None draws no grains.
         """
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
@@ -76,9 +77,10 @@ class SceneRenderer:
 
 
 def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0) -> None:
-    """Set the shadow map's side in texels, the samples per pixel, and the largest frame to 1920 x 1080.
+    """Set the shadow map's side in texels and the samples per pixel.
 
-    On a software rasteriser 4 samples cost about twice the time of the default 0.
+    The largest frame is set to 1920 x 1080. On a software rasteriser 4 samples cost about twice the time of the default
+    0.
     """
     spec.visual.quality.shadowsize = shadow_size
     spec.visual.quality.offsamples = samples
@@ -87,7 +89,10 @@ def apply_quality(spec: mujoco.MjSpec, shadow_size: int = 2048, samples: int = 0
 
 
 def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
-    """Add the target region: on the table as a flat mark, in the air as a transparent box."""
+    """Add the target region to the picture.
+
+    On the table it is a flat mark, in the air a transparent box.
+    """
     flat = target.centre[2] - target.half[2] <= 0.0
     kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID if target.round else mujoco.mjtGeom.mjGEOM_BOX
     spec.worldbody.add_geom(name="target_mark", type=kind, contype=0, conaffinity=0, mass=0,
@@ -97,7 +102,10 @@ def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
 
 
 def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
-    """Open an offscreen renderer of width x height pixels, or raise RenderingUnavailable."""
+    """Open an offscreen renderer of width x height pixels.
+
+    Raises RenderingUnavailable.
+    """
     if not hasattr(mujoco, "GLContext"):  # the case with MUJOCO_GL=disable
         raise RenderingUnavailable("MuJoCo was loaded without its GL modules")
     try:

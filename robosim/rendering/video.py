@@ -16,7 +16,7 @@ FRAGMENTED = {"movflags": "frag_keyframe+empty_moov+default_base_moof", "flush_p
 
 
 def partial_path(path: Path) -> Path:
-    """Return the name under which a file is written until it is complete; make its folder."""
+    """Return the name of a file until it is complete; make its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path.with_name(path.name + ".part")
 
@@ -39,7 +39,10 @@ class Mp4Writer:
         self._file = av.open(str(self._part), "w", format="mp4", options=FRAGMENTED)
 
     def add(self, frame: Frame) -> None:
-        """Append one frame (height, width, 3); all have the size of the first, with even sides."""
+        """Append one frame (height, width, 3).
+
+        All have the size of the first, with even sides.
+        """
         if self._stream is None:
             self._stream = self._open_stream(frame)
         expected = (self._stream.height, self._stream.width, 3)
@@ -58,7 +61,10 @@ class Mp4Writer:
         return stream
 
     def close(self) -> None:
-        """Finish the film under its final name; without frames no file is left. May be called twice."""
+        """Finish the film under its final name; without frames no file is left.
+
+        May be called twice.
+        """
         if not self._part.exists():
             return
         if self._stream is not None:
@@ -82,7 +88,10 @@ class Mp4Writer:
 
 
 def move_index_to_front(source: Path, target: Path) -> None:
-    """Copy the packets of a fragmented film into one whose index comes first, under its final name."""
+    """Copy a fragmented film into one whose index comes first.
+
+    The copy has the final name; packets are not encoded again.
+    """
     finished = target.with_name(target.name + ".done")
     with av.open(str(source)) as old, av.open(
         str(finished), "w", format="mp4", options={"movflags": "faststart"}

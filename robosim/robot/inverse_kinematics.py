@@ -35,9 +35,10 @@ class Solution(NamedTuple):
 
 
 def solve_pose(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOME, iterations: int = 200) -> Solution:
-    """Find joint angles near `start` (7,) [rad] that put the tool at `target`, by Levenberg-Marquardt steps.
+    """Find joint angles near `start` that put the tool at `target`.
 
-    target: world pose of the tool's frame. The redundant degree of freedom draws the posture towards `rest` (7,).
+    Takes Levenberg-Marquardt steps from start (7,) [rad]. target: world pose of the tool's frame. The redundant degree
+    of freedom draws the posture towards `rest` (7,).
     """
     goal = pinocchio.SE3(target.matrix, np.asarray(target.position, float))
     q = start.copy()
@@ -57,7 +58,7 @@ def solve_pose(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOM
 
 
 def step_towards(arm: Arm, target: Pose, q: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    """Take one damped step from q (7,) [rad] towards a target that moves little from call to call.
+    """Take one damped step from q (7,) [rad] towards a slowly moving target.
 
     target: world pose of the tool's frame. Returns joint angles (7,) [rad].
     """

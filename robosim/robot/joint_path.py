@@ -35,11 +35,11 @@ class PathSolution(NamedTuple):
 
 
 def solve_path(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], seed: int = 0) -> PathSolution:
-    """Find the best joint path through target poses (n) of the tool, among restarts from random postures.
+    """Find the best joint path through target poses of the tool.
 
-    waypoints: (index into targets, name), for the error where no posture works. Among the paths that follow all targets
-    without a jump, the one with the highest elbow, the most distance to joint limits and the least travel is taken.
-    Raises UnreachableWaypoint.
+    Several initial postures are tried, random ones after HOME. waypoints: (index into targets, name), for the error
+    where no posture works. Among the paths that follow all targets without a jump, the one with the highest elbow, the
+    most distance to joint limits and the least travel is taken. Raises UnreachableWaypoint.
     """
     rng = np.random.default_rng(seed)
     for index, name in waypoints:
@@ -54,7 +54,7 @@ def solve_path(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], 
 
 
 def follow_path(arm: Arm, targets: list[Pose], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Solve densely sampled target poses one after another, each from the last solution.
+    """Solve densely sampled target poses, each from the solution before.
 
     start: initial joint angles (7,) [rad]. Returns joint angles (n, 7) and errors (n, 2) [m], [rad].
     """

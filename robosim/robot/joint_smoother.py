@@ -36,9 +36,10 @@ class JointSmoother:
         self._request.current_velocity = self._request.current_acceleration = [0.0] * 7
 
     def step(self, q: np.ndarray, qd: np.ndarray) -> JointState:
-        """Advance by one step towards angles q [rad] (7,) that move with speeds qd [rad/s] (7,).
+        """Advance by one step towards moving joint angles.
 
-        Raises RobotDiverged where no motion is within the limits.
+        q [rad] (7,): the angles; qd [rad/s] (7,): their speeds. Raises RobotDiverged where no motion is within the
+        limits.
         """
         velocity = qd + CATCH_UP * (np.clip(q, self._lower, self._upper) - self._q)
         self._request.target_velocity = list(np.clip(velocity, -self._speed, self._speed))

@@ -17,9 +17,10 @@ REACH = 0.820
 
 
 class Arm:
-    """The seven arm joints of the robot with a tool; the finger joints stay at their neutral angles.
+    """The seven arm joints of the robot with a tool.
 
-    Vectors q, qd and qdd hold angles [rad], speeds [rad/s] and accelerations [rad/s^2] of A1..A7, shape (7,).
+    The finger joints stay at their neutral angles. Vectors q, qd and qdd hold angles [rad], speeds [rad/s] and
+    accelerations [rad/s^2] of A1..A7, shape (7,).
     """
 
     def __init__(self, tool: str) -> None:
@@ -47,7 +48,10 @@ class Arm:
         return whole
 
     def tool_placement(self, q: np.ndarray) -> pinocchio.SE3:
-        """Return the world pose of the tool's frame as a view of Pinocchio's data: the next call overwrites it."""
+        """Return the world pose of the tool's frame, without a copy.
+
+        It is a view of Pinocchio's data, which the next call overwrites.
+        """
         pinocchio.forwardKinematics(self.model, self.data, self.full_configuration(q))
         return pinocchio.updateFramePlacement(self.model, self.data, self.frame)
 
@@ -62,20 +66,29 @@ class Arm:
         return float(self.data.oMi[self.model.getJointId("A4")].translation[2])
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Return the Jacobian (6, 7) of the tool's twist in the tool's own axes: linear rows first."""
+        """Return the Jacobian (6, 7) of the tool's twist in the tool's own axes.
+
+        Its first three rows are linear.
+        """
         whole = self.full_configuration(q)
         J = pinocchio.computeFrameJacobian(self.model, self.data, whole, self.frame, pinocchio.LOCAL)
         return J[:, self.v_index]
 
     def rigid_torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute torques [N m] (7,) on the links' side of the joints: inertia, Coriolis, gravity."""
+        """Compute torques [N m] (7,) on the links' side of the joints.
+
+        Inertia, Coriolis and gravity terms; without armature and joint friction.
+        """
         v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
         v[self.v_index], a[self.v_index] = qd, qdd
         tau = pinocchio.rnea(self.model, self.data, self.full_configuration(q), v, a)[self.v_index]
         return tau - self.model.armature[self.v_index] * qdd
 
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute motor torques [N m] (7,): rigid body, armature, viscous and dry friction."""
+        """Compute the motor torques [N m] (7,) of a motion.
+
+        Inertia, armature, Coriolis, gravity, viscous and dry friction terms.
+        """
         v, a = np.zeros(self.model.nv), np.zeros(self.model.nv)
         v[self.v_index], a[self.v_index] = qd, qdd
         tau = pinocchio.rnea(self.model, self.data, self.full_configuration(q), v, a)[self.v_index]

@@ -37,9 +37,10 @@ class Servo:
                               f"{bound:.3g} s; choose a shorter step or softer gains")
 
     def compute_torque(self, target: JointState, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Compute motor torques [N m] (7,): K (q* - q) + D (q*' - q') + inverse dynamics, clipped.
+        """Compute clipped motor torques [N m] (7,).
 
-        q, qd: measured angles [rad] and speeds [rad/s], each (7,). target: commanded joint state q*.
+        tau = K (q* - q) + D (q*' - q') + inverse dynamics. q, qd: measured angles [rad] and speeds [rad/s], each (7,).
+        target: commanded joint state q*.
         """
         tau = self._stiffness * (target.q - q) + self._damping * (target.qd - qd)
         tau += self.arm.inverse_dynamics(q, target.qd, target.qdd)

@@ -33,9 +33,10 @@ class JointState(NamedTuple):
 
 
 def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -> np.ndarray:
-    """Compute the factors (n,) on time at which speed, acceleration or jerk would be at its limit.
+    """Compute the factors (n,) on time that put a motion at its limits.
 
-    q (n, 7): joint angles [rad] at `times` (n,) [s]. Above 1 the motion is too fast.
+    At these, speed, acceleration or jerk would be at its limit. q (n, 7): joint angles [rad] at `times` (n,) [s]. Above
+    1 the motion is too fast.
     """
     spline = make_interp_spline(times, q, k=5)
     allowed = (SPEED_LIMITS * limits.velocity_fraction, np.array(limits.acceleration), np.array(limits.jerk))
@@ -44,11 +45,12 @@ def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -
 
 
 class SmoothMotion:
-    """Joint motion through samples q (n, 7) [rad] of a path at `times` (n,) [s], within the joints' limits.
+    """Joint motion through samples of a path, within the joints' limits.
 
-    Knots have the path's own speed and acceleration, so the motion does not stop at them. Where the limits do not allow
-    the path's timing, the segment takes longer and the rest of the motion is delayed. waypoint_times: name -> time [s],
-    for messages. Raises ConfigError where the path exceeds a limit, or the delay exceeds MAX_DELAY.
+    times (n,) [s], q (n, 7) [rad]: the samples. Knots have the path's own speed and acceleration, so the motion does
+    not stop at them. Where the limits do not allow the path's timing, the segment takes longer and the rest of the
+    motion is delayed. waypoint_times: name -> time [s], for messages. Raises ConfigError where the path exceeds a
+    limit, or the delay exceeds MAX_DELAY.
     """
 
     def __init__(
@@ -137,7 +139,10 @@ class SmoothMotion:
         return trajectory
 
     def state(self, time: float) -> JointState:
-        """Return the joint state at a time [s] since the motion's start; at rest before and after."""
+        """Return the joint state at a time [s] since the motion's start.
+
+        At rest before and after the motion.
+        """
         time = min(max(time, 0.0), self.duration)
         i = min(int(np.searchsorted(self._starts, time, side="right")) - 1, len(self._segments) - 1)
         return JointState(*map(np.array, self._segments[i].at_time(time - self._starts[i])))

@@ -46,7 +46,7 @@ class ContactCounter:
 
 
 class CollisionMonitor:
-    """Collisions of a rehearsal: MuJoCo's contacts, and container points inside the tool.
+    """Collisions of a rehearsal: contacts, and container points inside the tool.
 
     Only what the rehearsal's `tool_container` lists is monitored.
     """
@@ -64,12 +64,15 @@ class CollisionMonitor:
 
     @property
     def tool_container_contacts(self) -> int:
-        """Contacts of tool and containers: MuJoCo's own, and container points inside the tool."""
+        """Contacts of tool and containers, and container points inside the tool."""
         return self._contacts.tool_container_contacts + (self._surface.penetrations if self._surface else 0)
 
     @property
     def tool_container_depth(self) -> float:
-        """Largest depth [m] of a container point in the tool; 0 where this is not monitored."""
+        """Largest depth [m] of a container point in the tool.
+
+        Zero where this is not monitored.
+        """
         return self._surface.depth if self._surface else 0.0
 
     def count(self) -> None:

@@ -32,9 +32,9 @@ def build_real_tool_sdf(tool: str) -> Lattice:
 
 
 class ContainerSurface:
-    """Points on the surfaces of a rehearsal's containers, tested against the tool's signed distance.
+    """Points on the surfaces of a rehearsal's containers.
 
-    Poses are world poses of the tool's frame.
+    They are tested against the tool's signed distance. Poses are world poses of the tool's frame.
     """
 
     def __init__(self, config: RehearsalConfig) -> None:
@@ -64,10 +64,10 @@ class ContainerSurface:
             self.depth = max(self.depth, float(-distance.min()))
 
     def compute_displacement(self, pose: Pose, margin: float) -> np.ndarray:
-        """Compute the displacement (3,) [m] of the tool that restores a clearance of `margin` [m].
+        """Compute the displacement (3,) [m] of the tool that restores a clearance.
 
-        It leads away from the closest point, along the gradient of the signed distance; zero where no point is closer
-        than the margin.
+        margin: the clearance [m]. It leads away from the closest point, along the gradient of the signed distance; zero
+        where no point is closer than the margin.
         """
         points = self._select_near(pose, margin)
         distance = self._sdf.distance(points) if len(points) else np.array([margin])

@@ -18,7 +18,7 @@ from robosim.shapes import tool_shape
 from robosim.shapes.container import make_container_shell
 
 TOOL_SPACING = 1e-3
-"""Lattice spacing [m] of the tool's signed distance: trilinear interpolation is exact to 0.1 mm at a sixth of a wall."""
+"""Lattice spacing [m] of the tool's signed distance: interpolation is exact to 0.1 mm at a sixth of a wall."""
 CONTAINER_SPACING = 2e-3
 """Lattice spacing [m] of a container's signed distance."""
 CONTAINER_WALL = 3.0
@@ -26,7 +26,7 @@ CONTAINER_WALL = 3.0
 
 
 class GrainField(NamedTuple):
-    """The solver of a rehearsal, with the index of the tool's collider and the volume of a grain."""
+    """The solver of a rehearsal, its tool's collider and its grains' volume."""
 
     solver: mpm.Solver
     tool: int
@@ -51,7 +51,10 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
 
 
 def build_tool_sdf(tool: str, thickness: float) -> Lattice:
-    """Build the signed distance of a tool in its own frame, with a wall of `thickness` [m]."""
+    """Build the signed distance of a tool in its own frame.
+
+    thickness: of its wall [m].
+    """
     return mpm.Sdf.from_mesh(tool_shape(tool).solid(thickness), spacing=TOOL_SPACING)
 
 

@@ -38,7 +38,7 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
 
 
 def sample_in_tool(tool: str, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:
-    """Sample positions [m] (n, 3), in the tool's frame, at which the tool supports grains.
+    """Sample positions [m] (n, 3) in the tool's frame where it supports grains.
 
     They fill its interior and as much height again above it, about `spacing` [m] apart.
     """

@@ -15,7 +15,10 @@ def body_pose(data: mujoco.MjData, body: int) -> Pose:
 
 
 def container_pose(container: ContainerConfig) -> Pose:
-    """Return the world pose of a container's frame: origin at the centre of its inner floor, z up."""
+    """Return the world pose of a container's frame.
+
+    Its origin is the centre of the inner floor, z up.
+    """
     rotation = Rotation.from_euler("z", container.yaw_deg, degrees=True)
     return Pose(np.asarray(container.position), rotation.as_quat(scalar_first=True))
 

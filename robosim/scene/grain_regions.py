@@ -14,12 +14,18 @@ BORDER = 1e-6
 
 
 def is_in_tool(tool: str, positions: np.ndarray, tool_pose: Pose) -> np.ndarray:
-    """Test which grains at positions [m] (n, 3) lie in a tool or in the heap on it; returns (n,) bool."""
+    """Test which grains lie in a tool or in the heap on it.
+
+    positions [m] (n, 3). Returns (n,) bool.
+    """
     return tool_shape(tool).interior.holds(tool_pose.inverse().apply(positions))
 
 
 def is_in_container(positions: np.ndarray, container: ContainerConfig, inner_size: np.ndarray) -> np.ndarray:
-    """Test which grains at positions [m] (n, 3) lie between a container's walls; returns (n,) bool."""
+    """Test which grains lie between a container's walls.
+
+    positions [m] (n, 3), inner_size [m] (3,). Returns (n,) bool.
+    """
     local = container_pose(container).inverse().apply(positions)
     half = inner_size[:2] / 2.0 + 1e-3
     between_walls = np.all(np.abs(local[:, :2]) < half, axis=1)
@@ -27,7 +33,10 @@ def is_in_container(positions: np.ndarray, container: ContainerConfig, inner_siz
 
 
 def is_at_border(positions: np.ndarray, grid: Grid) -> np.ndarray:
-    """Test which grains touch the sides or the top of the grid, or are not finite; returns (n,) bool."""
+    """Test which grains touch the sides or the top of the grid, or are not finite.
+
+    positions [m] (n, 3). Returns (n,) bool.
+    """
     lower, upper = np.asarray(grid.lower) + BORDER, np.asarray(grid.lower) + grid.cells * grid.cell - BORDER
     inside = np.all((positions[:, :2] > lower[:2]) & (positions[:, :2] < upper[:2]), axis=1)
     return ~(inside & (positions[:, 2] < upper[2]))

@@ -18,7 +18,7 @@ is 60 N; above it the thumb would give way on a tool thicker than a handle."""
 
 
 def release_tool_joints(spec: mujoco.MjSpec, tool: str) -> None:
-    """Give the tool in the hand six degrees of freedom, so that the fingers can hold it by friction.
+    """Give the tool in the hand six degrees of freedom, for a grasp by friction.
 
     The joints lie between palm and tool. As a free body of the world the tool would creep by 1 mm in a second while the
     arm moves: MuJoCo's contacts neglect the rate of their Jacobian, which is the hand's centripetal acceleration in
@@ -61,7 +61,10 @@ class Grasp:
         return self._pose_at_release is not None
 
     def close(self, progress: float) -> None:
-        """Command the fingers between open (0) and closed (1), at most SQUEEZE beyond their present angle."""
+        """Command the fingers between open (0) and closed (1).
+
+        The command is at most SQUEEZE beyond their present angle.
+        """
         f1, f2, thumb = self._data.qpos[self._knuckles]
         angle = 0.5 * (0.5 * (f1 + f2) + thumb)
         self._data.ctrl[self._fingers] = min(OPEN + progress * (CLOSED - OPEN), angle + SQUEEZE)

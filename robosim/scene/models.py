@@ -23,7 +23,10 @@ def load_spec(*parts: str) -> mujoco.MjSpec:
 
 
 def read_inner_size(container: str) -> np.ndarray:
-    """Read the inner size (3,) [m] of a container of models/containers, from the box-shaped site that marks it."""
+    """Read the inner size (3,) [m] of a container of models/containers.
+
+    A box-shaped site in its file marks it.
+    """
     return 2.0 * np.array(load_spec("containers", f"{container}.xml").site(f"{container}_inside").size)
 
 

@@ -24,7 +24,10 @@ INTERIOR = mpm.Region((0.0, 0.0, 0.5 * (FLOOR + MOUTH)), (1.1 * RADIUS, 1.1 * RA
 
 
 def make_profile(grow: float) -> Array:
-    """Make the outline (n, 2) of (radius, z) [m], from the floor to the mouth, `grow` outside the cavity."""
+    """Make the outline (n, 2) of (radius, z) [m], from the floor to the mouth.
+
+    grow: distance [m] outside the cavity.
+    """
     angle = np.linspace(0.0, np.pi / 2, 7)
     corner, r = 0.006, RADIUS + grow
     low = [[r - corner + corner * np.sin(a), FLOOR - grow + corner * (1 - np.cos(a))] for a in angle]

@@ -10,10 +10,10 @@ Array = NDArray[np.float64]
 
 
 def make_container_shell(inner_size: ArrayLike, wall: float = 0.006, corner: float = 0.008) -> trimesh.Trimesh:
-    """Make an open-topped box with rounded upright edges; origin at the centre of the inner floor, z up.
+    """Make an open-topped box with rounded upright edges.
 
-    inner_size (3,): cavity [m]. wall: thickness [m] of walls and floor, by default the real one. corner: inner radius
-    [m] of the upright edges.
+    Its origin is the centre of the inner floor, z up. inner_size (3,): cavity [m]. wall: thickness [m] of walls and
+    floor, by default the real one. corner: inner radius [m] of the upright edges.
     """
     size = np.asarray(inner_size, float)
 

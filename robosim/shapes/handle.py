@@ -27,7 +27,10 @@ DIRECTION: Array = np.array([-np.cos(RISE), 0.0, np.sin(RISE)])
 
 
 def sample_axis(s: ArrayLike, start: ArrayLike) -> Array:
-    """Sample the axis: points (k, 3) [m] at arc lengths s (k,) [m] from its start (3,)."""
+    """Sample points (k, 3) [m] of the axis at arc lengths s (k,) [m].
+
+    start (3,): where the axis begins [m].
+    """
     s = np.atleast_1d(np.asarray(s, float))
     angle = np.minimum(s / BEND, RISE)
     straight = np.maximum(s - BEND * RISE, 0.0)
@@ -37,7 +40,10 @@ def sample_axis(s: ArrayLike, start: ArrayLike) -> Array:
 
 
 def compute_half_axes(s: ArrayLike) -> Array:
-    """Compute the half axes (k, 2) [m], lateral and upright, of the sections at arc lengths s (k,) [m]."""
+    """Compute the half axes (k, 2) [m] of the sections at arc lengths s (k,) [m].
+
+    Lateral, upright.
+    """
     s = np.asarray(s, float)
     root = np.array([0.0065, 0.0035])  # flatter at the weld, so that it does not rise above the rim
     thin = np.array([0.0050, 0.0050])
@@ -46,7 +52,7 @@ def compute_half_axes(s: ArrayLike) -> Array:
 
 
 def make_handle(start: ArrayLike, segments: int = 28) -> trimesh.Trimesh:
-    """Make the handle from a weld at `start` (3,) [m] to its rounded end, as one closed mesh."""
+    """Make the handle from a weld at `start` (3,) [m] to its rounded end."""
     end = 0.007
     s = space_stations(LENGTH, 0.001, end, inner=30, cap=4)
     scale = compute_end_scale(s, 0.0, end)[:, None]

@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 
 
 def superellipse(a: float, b: float, exponent: float = 2.0, count: int = 40) -> Array:
-    """Sample |x/a|^e + |y/b|^e = 1 counter-clockwise from +x: points (count, 2), half axes [m].
+    """Sample points (count, 2) of |x/a|^e + |y/b|^e = 1.
 
-    Exponent 2 is an ellipse, 4 to 8 a rounded rectangle.
+    Counter-clockwise from +x; half axes a, b [m]. Exponent 2 is an ellipse, 4 to 8 a rounded rectangle.
     """
     angle = 2.0 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -25,7 +25,10 @@ def superellipse(a: float, b: float, exponent: float = 2.0, count: int = 40) -> 
 
 
 def bezier(control: ArrayLike, t: ArrayLike) -> Array:
-    """Evaluate the Bezier curve with control points (m, d) at parameters t (k,) in 0..1; returns (k, d)."""
+    """Evaluate the Bezier curve with control points (m, d) at t (k,) in 0..1.
+
+    Returns points (k, d).
+    """
     points = np.repeat(np.asarray(control, float)[:, None, :], np.size(t), axis=1)
     weight = np.asarray(t, float).reshape(-1, 1)
     while len(points) > 1:  # de Casteljau
@@ -53,7 +56,10 @@ def compute_end_scale(s: ArrayLike, start: float, end: float) -> Array:
 
 
 def space_stations(length: float, start: float, end: float, inner: int = 8, cap: int = 6) -> Array:
-    """Space arc lengths [m] in 0..length, densely in the rounded ends of lengths start and end [m]."""
+    """Space arc lengths [m] in 0..length, densely in the rounded ends.
+
+    start, end: lengths of the rounded ends [m].
+    """
     dense = 1.0 - np.cos(np.linspace(0.0, np.pi / 2, cap + 1))
     head = start * dense if start > 0.0 else np.zeros(1)
     tail = length - end * dense[::-1] if end > 0.0 else np.full(1, length)
@@ -63,9 +69,10 @@ def space_stations(length: float, start: float, end: float, inner: int = 8, cap:
 def loft(
     sections: ArrayLike, apexes: tuple[ArrayLike | None, ArrayLike | None] = (None, None)
 ) -> trimesh.Trimesh:
-    """Join k closed sections (k, n, 3) in m into a solid whose two ends are closed by triangle fans.
+    """Join k closed sections (k, n, 3) [m] into a solid.
 
-    apexes gives the centre points (3,) of the fans; None takes the mean of the end section (a flat cap).
+    Its two ends are closed by triangle fans. apexes gives the centre points (3,) of the fans; None takes the mean of
+    the end section (a flat cap).
     """
     rings = np.asarray(sections, float)
     k, n, _ = rings.shape

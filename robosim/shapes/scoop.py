@@ -24,7 +24,10 @@ INTERIOR = mpm.Region((0.004, 0.0, 0.004), (0.0485, 0.036, 0.037))
 
 
 def make_trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
-    """Make the wall of the trough, with a thickness [m] grown outward; its flat rim lies in the plane z=0."""
+    """Make the wall of the trough, with a thickness [m] grown outward.
+
+    Its flat rim lies in the plane z=0.
+    """
     back, front = -LENGTH / 2, LENGTH / 2
     angle_back = np.linspace(0.0, np.pi / 2, along // 2)
     x = np.concatenate([back + BACK * (1 - np.cos(angle_back)), np.linspace(back + BACK, front, along // 2 + 1)[1:]])

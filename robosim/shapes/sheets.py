@@ -8,14 +8,20 @@ Array = NDArray[np.float64]
 
 
 def compute_normals(grid: Array) -> Array:
-    """Compute unit normals (k, n, 3) of a grid of points (k, n, 3): across rows x along rows."""
+    """Compute unit normals (k, n, 3) of a grid of points (k, n, 3).
+
+    Their direction is across rows x along rows.
+    """
     rows, columns = np.gradient(grid, axis=0), np.gradient(grid, axis=1)
     normals = np.cross(rows, columns)
     return normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
 
 
 def make_wall(near: ArrayLike, far: ArrayLike) -> trimesh.Trimesh:
-    """Make the closed solid between two grids of points (k, n, 3) [m], with outward normals."""
+    """Make the closed solid between two grids of points (k, n, 3) [m].
+
+    Its normals point outward.
+    """
     near, far = np.asarray(near, float), np.asarray(far, float)
     k, n, _ = near.shape
     index = np.arange(k * n).reshape(k, n)

@@ -26,7 +26,10 @@ INTERIOR = mpm.Region((0.02, 0.0, 0.02), (0.03, 0.5 * WIDTH, 0.025))
 
 
 def make_blade(wall: float = WALL, across: int = 16, up: int = 16) -> trimesh.Trimesh:
-    """Make the blade with a thickness [m] grown backward: hollow side ahead, lower edge in the plane z=0."""
+    """Make the blade with a thickness [m] grown backward.
+
+    Its hollow side is ahead, its lower edge in the plane z=0.
+    """
     half = np.arcsin(0.5 * HEIGHT / CURVE)
     angle = np.linspace(-half, half, up + 1)
     edge = CURVE * np.cos(half)

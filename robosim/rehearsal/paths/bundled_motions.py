@@ -16,9 +16,9 @@ from robosim.tasks.task import TaskConfig
 
 
 def find_motion(config: RehearsalConfig, name: str) -> Path:
-    """Find the file of a sub-task's motion: in the rehearsal's folder `motions`, else the bundled one.
+    """Find the file of a sub-task's motion.
 
-    Raises ConfigError where there is none.
+    In the rehearsal's folder `motions` if it has one, else the bundled file. Raises ConfigError where there is none.
     """
     if config.motions is not None:
         path = Path(config.motions) / f"{name}.npz"

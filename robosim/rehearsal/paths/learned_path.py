@@ -60,7 +60,10 @@ class LearnedPath:
         """Duration over that of the learned motions, rests included."""
 
     def slow_down(self, times: np.ndarray, factors: np.ndarray) -> None:
-        """Scale the time about `times` [s] (n,) of the present path by factors (n,); those below 1 count as 1."""
+        """Scale the time about `times` [s] (n,) of the present path by factors (n,).
+
+        Factors below 1 count as 1.
+        """
         window = max(1, round(SCALING_WINDOW / (times[1] - times[0])))
         scale = maximum_filter1d(np.maximum(factors, 1.0), window)
         midpoints = 0.5 * (self._raw_times[1:] + self._raw_times[:-1])
@@ -74,7 +77,10 @@ class LearnedPath:
         return Pose(position, self._rotations(time).as_quat(scalar_first=True))
 
     def sample_near(self, time: float, tip: np.ndarray) -> np.ndarray:
-        """Sample positions (n, 6) [m] of the tool's origin and of a point `tip` of its frame about a time [s]."""
+        """Sample positions (n, 6) [m] of the path about a time [s].
+
+        Of the tool's origin and of a point `tip` (3,) [m] of its frame.
+        """
         moments = np.arange(time - SEARCH_WINDOW, time + SEARCH_WINDOW, 2 * self._step)
         index = np.clip(np.rint(moments / self._step).astype(int), 0, len(self._times) - 1)
         positions = self._positions[index]

@@ -49,9 +49,10 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
 
 
 def place_target(config: RehearsalConfig) -> RehearsalConfig:
-    """Move the target container or area of a rehearsal to where its last learned motion delivers.
+    """Move the target of a rehearsal to where its last learned motion delivers.
 
-    The rehearsal of a script is returned unchanged. Raises ConfigError as `load_sequence` does.
+    The target is a container or an area. The rehearsal of a script is returned unchanged. Raises ConfigError as
+    `load_sequence` does.
     """
     if config.trajectory == "script":
         return config

@@ -43,7 +43,10 @@ def restore_clearance(surface: ContainerSurface, path: PoseSequence) -> np.ndarr
 
 
 def compute_shifts(surface: ContainerSurface, path: PoseSequence) -> np.ndarray:
-    """Compute displacements (n, 3) [m] that restore the clearance, at every CHECK_STRIDE-th sample of a path."""
+    """Compute displacements (n, 3) [m] that restore the clearance of a path.
+
+    Zero except at every CHECK_STRIDE-th sample.
+    """
     shift = np.zeros_like(path.positions)
     for k in range(0, len(shift), CHECK_STRIDE):
         quaternion = path.quaternions[k] / np.linalg.norm(path.quaternions[k])
@@ -52,7 +55,10 @@ def compute_shifts(surface: ContainerSurface, path: PoseSequence) -> np.ndarray:
 
 
 def blend_shifts(shift: np.ndarray) -> np.ndarray:
-    """Return displacements (n, 3) [m] that begin and end smoothly and are nowhere smaller than `shift`."""
+    """Blend displacements (n, 3) [m], so that they begin and end smoothly.
+
+    The result is nowhere smaller than `shift`.
+    """
     size = 2 * round(0.5 * BLEND_TIME / SAMPLING) + 1
     highest = maximum_filter1d(shift.clip(min=0.0), size, axis=0)
     lowest = minimum_filter1d(shift.clip(max=0.0), size, axis=0)

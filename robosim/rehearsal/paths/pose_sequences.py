@@ -24,7 +24,10 @@ class PoseSequence(NamedTuple):
 
 
 def connect(last: PoseSequence, following: PoseSequence) -> PoseSequence:
-    """Return the straight path at constant speed from the end of a sequence to the start of the next."""
+    """Connect the end of a sequence to the start of the next.
+
+    The path is straight, its speed constant.
+    """
     begin, end = last.positions[-1], following.positions[0]
     rotations = Rotation.from_quat(np.stack([last.quaternions[-1], following.quaternions[0]]), scalar_first=True)
     angle = float((rotations[0].inv() * rotations[1]).magnitude())
@@ -35,7 +38,10 @@ def connect(last: PoseSequence, following: PoseSequence) -> PoseSequence:
 
 
 def align_signs(quaternions: np.ndarray) -> np.ndarray:
-    """Return the same rotations with quaternions (n, 4) whose sign does not change from one to the next."""
+    """Align the signs of successive quaternions (n, 4).
+
+    The rotations are the same.
+    """
     flips = np.cumprod(np.where(np.sum(quaternions[1:] * quaternions[:-1], 1) < 0, -1.0, 1.0))
     return quaternions * np.concatenate([[1.0], flips])[:, None]
 

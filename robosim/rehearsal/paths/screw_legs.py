@@ -41,10 +41,10 @@ class Corner(NamedTuple):
     name: str
 
     def evaluate(self, t: float) -> Pose:
-        """Return the pose at a time t [s] from the nominal passage, within half a blend time.
+        """Return the pose at a time t [s] from the nominal passage.
 
-        With S the integral of the smoothstep, the tool follows P exp(before (t - S)) exp(after S): it leaves the first
-        screw and joins the second with continuous acceleration.
+        The time is within half a blend time. With S the integral of the smoothstep, the tool follows P exp(before (t -
+        S)) exp(after S): it leaves the first screw and joins the second with continuous acceleration.
         """
         u = t / self.blend + 0.5
         S = self.blend * (u**6 - 3.0 * u**5 + 2.5 * u**4)
@@ -57,9 +57,9 @@ class Corner(NamedTuple):
 
 
 def make_leg(a: Pose, b: Pose, speed: float, angular_speed: float) -> Leg:
-    """Make the screw from a to b at speeds [m/s], [rad/s]; the slower of the two decides.
+    """Make the screw from a to b at speeds [m/s], [rad/s].
 
-    Raises ConfigError where both poses are the same.
+    The slower of the two decides. Raises ConfigError where both poses are the same.
     """
     unit = logarithm(a, b)
     duration = max(np.linalg.norm(unit.linear) / speed, np.linalg.norm(unit.angular) / angular_speed)
@@ -69,7 +69,7 @@ def make_leg(a: Pose, b: Pose, speed: float, angular_speed: float) -> Leg:
 
 
 def compute_blend_time(before: Leg | None, after: Leg | None, path: PathConfig, acceleration: float | None) -> float:
-    """Compute the time [s] that a change of twist takes within the acceleration limits.
+    """Compute the time [s] of a change of twist within the acceleration limits.
 
     acceleration [m/s^2]: the waypoint's own; None: the path's.
     """

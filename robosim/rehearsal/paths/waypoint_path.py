@@ -55,9 +55,10 @@ class WaypointPath:
         return last.pose
 
     def sample_near(self, time: float, tip: np.ndarray) -> np.ndarray:
-        """Sample positions (n, 6) [m] of the tool's origin and of a point `tip` of its frame about a time [s].
+        """Sample positions (n, 6) [m] of the path about a time [s].
 
-        They lie on the commanded screw of that time and on its neighbours, without blending.
+        Of the tool's origin and of a point `tip` (3,) [m] of its frame. They lie on the commanded screw of that time
+        and on its neighbours, without blending.
         """
         passages = [self.times[name] for name in self.names]
         leg = int(np.clip(np.searchsorted(passages, time) - 1, 0, len(self._legs) - 1))
@@ -117,7 +118,10 @@ class WaypointPath:
 
 
 def is_in_container(pose: Pose, config: RehearsalConfig) -> bool:
-    """Test whether the origin of a tool at a world pose is in or just above a container's opening."""
+    """Test whether a tool's origin is in or just above a container's opening.
+
+    pose: of the tool in the world.
+    """
     for name, container in config.containers.items():
         size = read_inner_size(name)
         p = container_pose(container).inverse().apply(pose.position[None])[0]
