@@ -1,4 +1,4 @@
-"""The field: grains as a continuum, by the material point method. Knows no robot, no file, no learning.
+"""The field: granular matter as a continuum, by the material point method (MLS-MPM).
 
 A public name is imported where it is first used, so that `import mpm` loads neither taichi nor numpy.
 """
@@ -26,12 +26,13 @@ if TYPE_CHECKING:
     from mpm.geometry.rigid_motion import Pose, Twist, Wrench
     from mpm.geometry.sdf import Sdf
     from mpm.geometry.shell import Shell
+    from mpm.materials.drucker_prager import DruckerPrager
     from mpm.materials.elasticity import Elastic
     from mpm.materials.newtonian_fluid import NewtonianFluid
-    from mpm.materials.plasticity import DruckerPrager, VonMises
+    from mpm.materials.von_mises import VonMises
     from mpm.observers.diagnostics import Diagnostics
+    from mpm.observers.region_counter import Counts, RegionCounter
     from mpm.observers.sample import Sample
-    from mpm.observers.tally import Tallied, Tally
     from mpm.rollout.rollout import Rollout
     from mpm.scene.body import Body
     from mpm.scene.collider import Collider
@@ -48,6 +49,7 @@ __all__ = [
     "Body",
     "Collider",
     "ColliderTooFast",
+    "Counts",
     "Diagnostics",
     "DruckerPrager",
     "Elastic",
@@ -62,6 +64,7 @@ __all__ = [
     "OverlappingBodies",
     "Pose",
     "Region",
+    "RegionCounter",
     "Rollout",
     "Sample",
     "Sdf",
@@ -69,8 +72,6 @@ __all__ = [
     "SimulationDiverged",
     "Solver",
     "StrongCompression",
-    "Tallied",
-    "Tally",
     "TimeStepTooLarge",
     "Twist",
     "UnknownName",
@@ -92,12 +93,13 @@ MODULES = {
     "mpm.geometry.rigid_motion": ("Pose", "Twist", "Wrench"),
     "mpm.geometry.sdf": ("Sdf",),
     "mpm.geometry.shell": ("Shell",),
+    "mpm.materials.drucker_prager": ("DruckerPrager",),
     "mpm.materials.elasticity": ("Elastic",),
     "mpm.materials.newtonian_fluid": ("NewtonianFluid",),
-    "mpm.materials.plasticity": ("DruckerPrager", "VonMises"),
+    "mpm.materials.von_mises": ("VonMises",),
     "mpm.observers.diagnostics": ("Diagnostics",),
+    "mpm.observers.region_counter": ("Counts", "RegionCounter"),
     "mpm.observers.sample": ("Sample",),
-    "mpm.observers.tally": ("Tallied", "Tally"),
     "mpm.rollout.rollout": ("Rollout",),
     "mpm.scene.body": ("Body",),
     "mpm.scene.collider": ("Collider",),

@@ -12,10 +12,10 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti  # noqa: E402  (the variable above must be set before)
 
 from mpm.errors import BackendError, InvalidValue, UnknownName  # noqa: E402
-from mpm.tracing import remember_sources  # noqa: E402
+from mpm.tracing import cache_sources  # noqa: E402
 
-__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "is_concurrent", "is_shared", "later", "put",
-           "real_type", "session_precision", "thread_count", "ti"]
+__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "is_concurrent", "is_shared", "later", "once",
+           "put", "real_type", "session_precision", "thread_count", "ti"]
 
 ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
 PRECISIONS = ("f32", "f64")
@@ -40,7 +40,7 @@ def init(*, arch: str | None = None, precision: str | None = None, threads: int 
          fast_math: bool | None = None) -> None:
     """Start the field's backend; the only `ti.init` of the process.
 
-    arch: "cpu" (default), or "cuda" for a graphics card; raises BackendError where there is none. precision: "f32"
+    arch: "cpu" (default), or "cuda" for a GPU; raises BackendError where there is none. precision: "f32"
     (default) or "f64", of solvers that ask for none. threads: of the CPU, see `phases`; one, the default, is fastest
     for fewer than some ten thousand grains. `fast_math=False` (default: True) keeps IEEE order, for tests that compare
     bits. A second call does nothing, unless it asks for something else: that raises BackendError, as it would
@@ -72,7 +72,7 @@ def init(*, arch: str | None = None, precision: str | None = None, threads: int 
 
 
 def _start(wanted: Session) -> None:
-    """The only `ti.init` of the process."""
+    """Call `ti.init`, the only time in the process."""
     ti.init(
         arch=ARCHITECTURES[wanted.arch],
         cpu_max_num_threads=wanted.threads,
@@ -85,11 +85,11 @@ def _start(wanted: Session) -> None:
         offline_cache=True,
         random_seed=0,
     )
-    remember_sources(ti.lang)
+    cache_sources(ti.lang)
 
 
 def session_precision() -> str:
-    """Precision given to `init`, which is called with its defaults if nobody did."""
+    """Return the precision given to `init`, which is called with its defaults if it was not."""
     if _session is None:
         init()
     assert _session is not None
@@ -97,27 +97,27 @@ def session_precision() -> str:
 
 
 def thread_count() -> int:
-    """Threads given to `init`."""
+    """Return the threads given to `init`."""
     return 1 if _session is None else _session.threads
 
 
 def is_shared() -> bool:
-    """Whether threads without number add to the same nodes, as on a graphics card."""
+    """Return whether all threads add to the same nodes, as on a GPU."""
     return _session is not None and _session.arch != "cpu"
 
 
 def is_concurrent() -> bool:
-    """Whether more than one thread adds to the same sums."""
+    """Return whether more than one thread adds to the same sums."""
     return is_shared() or thread_count() > 1
 
 
 def real_type(precision: str):  # noqa: ANN201  (a taichi type object)
-    """Taichi's type for "f32" or "f64"."""
+    """Return Taichi's type for "f32" or "f64"."""
     return ti.f64 if precision == "f64" else ti.f32
 
 
 _waiting: list[Callable[[], None]] | None = None
-"""What is to be done with fields, while their group is being laid out."""
+"""Actions on fields that wait until their group is laid out."""
 
 
 @contextlib.contextmanager
@@ -170,3 +170,10 @@ def default_precision(precision: str) -> Iterator[None]:
         yield
     finally:
         runtime.default_fp = before
+
+
+@ti.func
+def once(value):
+    """Return the value as a variable: an expression in a list would be computed again at each use."""
+    result = value
+    return result

@@ -1,6 +1,9 @@
-"""Kernels are traced in Python, each function anew wherever it is called and each node of an unrolled loop anew in
-every turn, and Taichi 1.7 looks up and wraps the source text every time, for messages that are rarely shown. What was
-looked up once is remembered here: tracing takes half as long, and its messages stay as they are."""
+"""Cached source lookups for Taichi's tracer.
+
+Taichi 1.7 traces a function again at every call and an unrolled loop in every turn, and each time looks up and wraps
+the source text for error messages that are rarely shown. With the lookups cached, tracing takes half as long, and the
+messages stay as they are.
+"""
 
 import functools
 import textwrap
@@ -10,31 +13,31 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 
-def remember_sources(lang: Any) -> None:
-    """Have Taichi (its package `lang`) remember source lines, files and positions; for `mpm.init` alone."""
+def cache_sources(lang: Any) -> None:
+    """Cache source lines, files and positions in Taichi (its package `lang`); called by `mpm.init` alone."""
     kernels, context = lang.kernel_impl, lang.ast.ast_transformer_utils.ASTTransformerContext
     for name in ("getsourcelines", "getsourcefile"):
-        setattr(kernels, name, remembered(getattr(kernels, name)))
+        setattr(kernels, name, cache_by_function(getattr(kernels, name)))
     kernels.textwrap = SimpleNamespace(fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent))
-    looked_up, known = context.get_pos_info, WeakKeyDictionary()
+    original, positions = context.get_pos_info, WeakKeyDictionary()
 
     def position(self: Any, node: Any) -> str:
-        places = known.setdefault(self.func.func, {})
-        where = node.lineno, node.end_lineno, node.col_offset, node.end_col_offset, type(node)
-        if where not in places:
-            places[where] = looked_up(self, node)
-        return places[where]
+        cache = positions.setdefault(self.func.func, {})
+        place = node.lineno, node.end_lineno, node.col_offset, node.end_col_offset, type(node)
+        if place not in cache:
+            cache[place] = original(self, node)
+        return cache[place]
 
     context.get_pos_info = position
 
 
-def remembered(look_up: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A look-up by function that keeps what it found as long as the function lives."""
-    known: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+def cache_by_function(lookup: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a lookup by function that caches its results as long as the functions live."""
+    results: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 
-    def found(function: Any) -> Any:
-        if function not in known:
-            known[function] = look_up(function)
-        return known[function]
+    def cached(function: Any) -> Any:
+        if function not in results:
+            results[function] = lookup(function)
+        return results[function]
 
-    return found
+    return cached

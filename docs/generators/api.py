@@ -11,7 +11,7 @@ MPM_GROUPS = {
     "Shapes": ["Sdf", "Shell", "Region"],
     "Solver": ["Solver", "Batch", "Features"],
     "Gradients": ["Rollout"],
-    "Observations": ["Diagnostics", "Sample", "Tally", "Tallied"],
+    "Observations": ["Diagnostics", "Sample", "RegionCounter", "Counts"],
     "Poses, twists, wrenches": ["Pose", "Twist", "Wrench"],
 }
 """Order of the names of mpm on its page; names that are not listed follow in groups of their own."""

@@ -1,4 +1,4 @@
-"""Bars of the particles' state."""
+"""Adjoints of the particles' state."""
 
 import numpy as np
 
@@ -7,8 +7,8 @@ from mpm.state.packs import LANES, Packs
 from mpm.state.particles import ParticleFields
 
 
-class ParticleBars:
-    """A field for the bar of every field of the state, under the same names, zero at first."""
+class ParticleAdjoints:
+    """A field for the adjoint of every field of the state, under the same names, zero at first."""
 
     def __init__(self, particles: ParticleFields, precision: str) -> None:
         self._named = {name: [ti.Vector.field(LANES, real_type(precision), particles.n_packs) for _ in fields]
@@ -20,7 +20,7 @@ class ParticleBars:
         self.packs = Packs(every, particles.pack_count, np.float64 if precision == "f64" else np.float32)
 
     def named_fields(self) -> dict[str, list]:
-        """The fields, as `ParticleFields` names them."""
+        """Return the fields by the names of `ParticleFields`."""
         return self._named
 
     def clear(self) -> None:

@@ -1,79 +1,89 @@
-"""Adjoint of the constitutive update: from the bars of stress and new state to those of old state and strain rate."""
+"""Adjoint of the constitutive update: from adjoints of stress and new state to those of old state and rate."""
 
-from mpm.backend import real_type, ti
-from mpm.materials.hencky_strain import JACOBI_SWEEPS, advance_e, compose, keep, log1p, spectrum
-from mpm.materials.strain_adjoint import advance_back, exponential_back, logarithm_back
-from mpm.scene.body import Material
+from mpm.backend import once, real_type, ti
+from mpm.materials.hencky_strain import log1p
+from mpm.materials.material import Material
+from mpm.materials.stress_update import advance_cauchy_green
+from mpm.materials.symmetric_tensor import FULL, JACOBI_SWEEPS, compose, spectrum
+from mpm.materials.tensor_adjoint import (
+    bar_of_matrix,
+    exponential_back,
+    logarithm_back,
+    matrix_of_bar,
+    multiply,
+    transpose,
+)
 from mpm.state.packs import LANES
 
 SWEEPS = {"f32": 4, "f64": JACOBI_SWEEPS}
-"""Of Jacobi's rotations, to rounding: eigenvalues of 10 000 random tensors, coinciding ones among them, to 3e-7."""
+"""Jacobi sweeps to rounding: eigenvalues of 10 000 random tensors, coinciding ones among them, to 3e-7."""
 
 
-class Through:
-    """What the constitutive update of every pack went through, on its way to the adjoint.
+class ForwardIntermediates:
+    """Intermediate values of the constitutive update of every pack, which its adjoint needs.
 
-    svd: divided differences as autodiff through a singular value decomposition forms them. soft: of the yield surface.
+    svd: divided differences as autodiff through a singular value decomposition forms them. soft: relative width over
+    which derivatives take the yield surface for smooth.
     """
 
-    def __init__(self, laws: list[Material], n_packs: int, precision: str, *, svd: bool = False,
+    def __init__(self, laws: tuple[Material, ...], n_packs: int, precision: str, *, svd: bool = False,
                  soft: float = 0.0) -> None:
-        def packs(n: int, wanted: bool) -> list:
-            return [ti.Vector.field(LANES, real_type(precision), n_packs) for _ in range(n if wanted else 0)]
+        def packs(n: int, needed: bool) -> list:
+            return [ti.Vector.field(LANES, real_type(precision), n_packs) for _ in range(n if needed else 0)]
 
         self.sweeps, self.svd, self.soft = SWEEPS[precision], svd, soft
         states = {law.state for law in laws}
         self.tau = packs(6, True)
-        """Stress / Pa, and then its bar."""
+        """Stress / Pa, and then its adjoint."""
         self.j = packs(1, "volume" in states)
         self.trial = packs(6, "cauchy_green" in states)
         self.d, self.v, self.h = (packs(n, "hencky" in states) for n in (3, 9, 6))
         """Eigenvalues and eigenvectors of the trial e, and the trial strain."""
-        self.kept = packs(6, any(getattr(law, "plastic", False) for law in laws))
+        self.mapped = packs(6, any(law.plastic for law in laws))
         """Strain after the return mapping."""
 
 
 @ti.func
-def store(fields: ti.template(), q, values: ti.template()):
-    """A list of packs into a list of fields."""
+def write_list(fields: ti.template(), q, values: ti.template()):
+    """Store a list of packs in a list of fields."""
     for i in ti.static(range(len(fields))):
         fields[i][q] = values[i]
 
 
 @ti.func
-def stored(fields: ti.template(), q):
-    """A list of packs from a list of fields."""
-    return [keep(fields[i][q]) for i in range(len(fields))]
+def read_list(fields: ti.template(), q):
+    """Return a list of packs from a list of fields."""
+    return [once(fields[i][q]) for i in range(len(fields))]
 
 
 @ti.func
-def revisit(P: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
-    """The constitutive update of pack q from the state before the substep, which stays, into T."""
+def recompute(P: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
+    """Repeat the constitutive update of pack q from the state before the substep, which stays; store it in T."""
     if ti.static(law.state == "volume"):
         T.j[0][q] = P.j[q] + dt * (1.0 + P.j[q]) * (C[0] + C[4] + C[8])
-        store(T.tau, q, law.stress(keep(T.j[0][q]), C, p))
+        write_list(T.tau, q, law.stress(once(T.j[0][q]), C, p))
     else:
-        trial = advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)])
+        trial = advance_cauchy_green([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)])
         if ti.static(law.state == "cauchy_green"):
-            store(T.trial, q, trial)
-            store(T.tau, q, law.stress(trial, p))
+            write_list(T.trial, q, trial)
+            write_list(T.tau, q, law.stress(trial, p))
         else:
             d, v = spectrum(trial, ti.static(T.sweeps))
-            h = compose([keep(0.5 * log1p(d[i])) for i in range(3)], v)
-            store(T.d, q, d)
-            store(T.v, q, v)
-            store(T.h, q, h)
+            h = compose([once(0.5 * log1p(d[i])) for i in range(3)], v)
+            write_list(T.d, q, d)
+            write_list(T.v, q, v)
+            write_list(T.h, q, h)
             if ti.static(law.plastic):
-                kept, _expansion = law.return_mapping(h, memory(P, law, q), p)
-                store(T.kept, q, kept)
-                store(T.tau, q, law.stress(kept, p))
+                mapped, _expansion = law.return_mapping(h, read_expansion(P, law, q), p)
+                write_list(T.mapped, q, mapped)
+                write_list(T.tau, q, law.stress(mapped, p))
             else:
-                store(T.tau, q, law.stress(h, p))
+                write_list(T.tau, q, law.stress(h, p))
 
 
 @ti.func
-def memory(P: ti.template(), law: ti.template(), q):
-    """The volume correction of a pack (or its bar); 0 for a law that has none."""
+def read_expansion(P: ti.template(), law: ti.template(), q):
+    """Return the volume correction of a pack (or its adjoint); 0 for a law that has none."""
     if ti.static(law.has_volume_correction):
         return P.vc[q]
     else:
@@ -83,11 +93,14 @@ def memory(P: ti.template(), law: ti.template(), q):
 @ti.func
 def stress_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: ti.template(),
                 p: ti.template()):
-    """Turn the bars of pack q's state after the substep, in B, into those before it; returns the bars of C (nine) and
-    of the law's numbers. P holds the state before, T what `revisit` went through and the bar of the stress."""
-    tau_bar = stored(T.tau, q)
+    """Turn the adjoints of pack q's state after the substep, in B, into those before it.
+
+    P holds the state before, T what `recompute` stored and the adjoint of the stress. Returns the adjoints of C (nine)
+    and of the law's parameters.
+    """
+    tau_bar = read_list(T.tau, q)
     if ti.static(law.state == "volume"):
-        j_bar, C_bar, p_bar = law.stress_back(keep(T.j[0][q]), C, p, tau_bar)
+        j_bar, C_bar, p_bar = law.stress_back(once(T.j[0][q]), C, p, tau_bar)
         total = B.j[q] + j_bar
         rate = dt * (1.0 + P.j[q]) * total
         B.j[q] = total * (1.0 + dt * (C[0] + C[4] + C[8]))
@@ -96,32 +109,43 @@ def stress_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.te
         return C_bar, p_bar
     else:
         trial_bar, p_bar = trial_back(P, B, T, law, q, p, tau_bar)
-        e_bar, a_bar = advance_back([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)], trial_bar)
-        store(B.e, q, e_bar)
-        return [keep(dt * a_bar[i]) for i in range(9)], p_bar
+        e_bar, a_bar = advance_back([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)],
+                                    trial_bar)
+        write_list(B.e, q, e_bar)
+        return [once(dt * a_bar[i]) for i in range(9)], p_bar
+
+
+@ti.func
+def advance_back(e: ti.template(), a: ti.template(), bar: ti.template()):
+    """Return (e_bar, a_bar) of `advance_cauchy_green`: with F = I + a, M of bar, F^T M F and 2 M F (I + e)."""
+    F = [once(a[i] + (1.0 if ti.static(i % 4 == 0) else 0.0)) for i in range(9)]
+    b = [once(e[FULL[i]] + (1.0 if ti.static(i % 4 == 0) else 0.0)) for i in range(9)]
+    MF = multiply(matrix_of_bar(bar), F)
+    MFb = multiply(MF, b)
+    return bar_of_matrix(multiply(transpose(F), MF)), [once(2.0 * MFb[i]) for i in range(9)]
 
 
 @ti.func
 def trial_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.template(), q, p: ti.template(),
                tau_bar: ti.template()):
-    """Bars of the trial state (six) and of the law's numbers."""
-    e_bar = stored(B.e, q)
+    """Return the adjoints of the trial state (six) and of the law's parameters."""
+    e_bar = read_list(B.e, q)
     if ti.static(law.state == "cauchy_green"):
-        from_stress, p_bar = law.stress_back(stored(T.trial, q), p, tau_bar)
-        return [keep(from_stress[i] + e_bar[i]) for i in range(6)], p_bar
+        from_stress, p_bar = law.stress_back(read_list(T.trial, q), p, tau_bar)
+        return [once(from_stress[i] + e_bar[i]) for i in range(6)], p_bar
     elif ti.static(not law.plastic):
-        h_bar, p_bar = law.stress_back(stored(T.h, q), p, tau_bar)
-        from_stress = logarithm_back(stored(T.d, q), stored(T.v, q), h_bar, T.svd)
-        return [keep(from_stress[i] + e_bar[i]) for i in range(6)], p_bar
+        h_bar, p_bar = law.stress_back(read_list(T.h, q), p, tau_bar)
+        from_stress = logarithm_back(read_list(T.d, q), read_list(T.v, q), h_bar, T.svd)
+        return [once(from_stress[i] + e_bar[i]) for i in range(6)], p_bar
     else:
-        kept, v = stored(T.kept, q), stored(T.v, q)
-        from_stress, elastic_bar = law.stress_back(kept, p, tau_bar)
-        from_state = exponential_back(kept, v, e_bar)  # an isotropic law keeps the axes
-        h_bar, memory_bar, p_bar = law.return_mapping_back(
-            stored(T.h, q), memory(P, law, q), p, [keep(from_stress[i] + from_state[i]) for i in range(6)],
-            memory(B, law, q), T.soft)
+        mapped, v = read_list(T.mapped, q), read_list(T.v, q)
+        from_stress, elastic_bar = law.stress_back(mapped, p, tau_bar)
+        from_state = exponential_back(mapped, v, e_bar)  # an isotropic law keeps the axes
+        h_bar, expansion_bar, p_bar = law.return_mapping_back(
+            read_list(T.h, q), read_expansion(P, law, q), p, [once(from_stress[i] + from_state[i]) for i in range(6)],
+            read_expansion(B, law, q), T.soft)
         if ti.static(law.has_volume_correction):
-            B.vc[q] = memory_bar
+            B.vc[q] = expansion_bar
         for i in ti.static(range(2)):
             p_bar[i] += elastic_bar[i]
-        return logarithm_back(stored(T.d, q), v, h_bar, T.svd), p_bar
+        return logarithm_back(read_list(T.d, q), v, h_bar, T.svd), p_bar

@@ -1,10 +1,18 @@
-"""Adjoint of the walls: of folding what falls outside to its mirror image, and of unfolding it again.
+"""Adjoint of the walls: of folding ghosts to their mirror nodes, and of unfolding them again.
 
-`unfold` overwrites the nodes that its adjoint depends on; on the way there, a tape keeps them for each column.
+Unfolding overwrites the nodes that its adjoint depends on; a tape records them for each column.
 """
 
 from mpm.backend import real_type, ti
-from mpm.boundaries.wall_ghosts import TINY, column, folded_earlier, mirrored, normal4, on_plane, unit
+from mpm.boundaries.wall_ghosts import (
+    SMALLEST_MOMENTUM,
+    column,
+    folded_earlier,
+    mirror,
+    normal4,
+    on_plane,
+    unit,
+)
 from mpm.scene.grid import BLOCK, Grid
 from mpm.scene.walls import FRICTION, ROLLER, SLIP, STICK
 
@@ -13,10 +21,9 @@ WALL, GHOST, MIRROR = range(3)
 
 @ti.data_oriented
 class WallTape:
-    """Wall node, ghost and mirror node of every column of every side, before the column is unfolded, in each of up to
-    `depth` substeps."""
+    """Wall node, ghost and mirror node of every column before it is unfolded, in each of up to `depth` substeps."""
 
-    keeps = True
+    records = True
 
     def __init__(self, grid: Grid, precision: str, depth: int) -> None:
         edge = max(grid.shape)
@@ -25,8 +32,8 @@ class WallTape:
         """The substep in question, of `depth`."""
 
     @ti.func
-    def keep(self, grid: ti.template(), side, W, axis, inward, stamp):
-        """The column at wall node W; a ghost in a block that is not active is nothing."""
+    def record(self, grid: ti.template(), side, W, axis, inward, stamp):
+        """Record the column at wall node W; a ghost in a block that is not active counts as zero."""
         i, j = place_of(W, axis)
         ghost = W - unit(axis) * inward
         self.nodes[self.at[None], side, WALL, i, j] = grid.nodes[W]
@@ -38,13 +45,20 @@ class WallTape:
 
 @ti.func
 def place_of(W, axis):
-    """Place (2,) of a wall node on its side."""
+    """Return the place (2,) of a wall node on its side."""
     return ti.Vector([W.dot(unit((axis + 1) % 3)), W.dot(unit((axis + 2) % 3))])
 
 
 @ti.func
+def unfold_walls_back(a: ti.template(), step: ti.template()):
+    """Adjoint of `unfold_walls`, on the adjoints of node velocities and masses."""
+    a.tape.at[None] = step.place
+    unfold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters.walls, a.fields.parameters.wall_friction[None])
+
+
+@ti.func
 def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), table: ti.template(), friction):
-    """Adjoint of `unfold` on the bars of node velocities and masses."""
+    """Reverse the unfolding of all walls, the last one that was unfolded first."""
     for w in range(6):
         axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
         n = normal4(axis, inward, grid.nodes.dtype)
@@ -64,14 +78,14 @@ def column_back(bars: ti.template(), tape: ti.template(), place, W, axis, inward
     """Adjoint of `unfold_column`."""
     wall = tape.nodes[tape.at[None], place[0], WALL, place[1], place[2]]
     raw = tape.nodes[tape.at[None], place[0], GHOST, place[1], place[2]]
-    ghost, mirror = W - unit(axis) * inward, W + unit(axis) * inward
+    ghost, partner = W - unit(axis) * inward, W + unit(axis) * inward
     folded = raw[3] < 0 and not hidden
     met, slide = condition, friction
     if hidden:
         met, slide = SLIP, 0.0 * friction
     image, pair = 0.0 * n, 0.0 * friction
     if folded:
-        image = mirrored(tape.nodes[tape.at[None], place[0], MIRROR, place[1], place[2]], n, condition)
+        image = mirror(tape.nodes[tape.at[None], place[0], MIRROR, place[1], place[2]], n, condition)
         image[3] = -raw[3]
         pair = 2.0 * (-raw[3] * image - raw).dot(n)
     wall_bar, pair_bar = stop_back(wall, n, met, folded, pair, slide, bars[W])
@@ -84,18 +98,18 @@ def column_back(bars: ti.template(), tape: ti.template(), place, W, axis, inward
         bar = bars[ghost]
         image_bar = bar - 2.0 * raw[3] * pair_bar * n
         image_bar[3] = 0.0
-        mirror_bar = mirrored(image_bar, n, condition)
+        mirror_bar = mirror(image_bar, n, condition)
         mirror_bar[3] = 0.0
         raw_bar = -2.0 * pair_bar * n
         # the ghost's mass also left the mirror's
-        raw_bar[3] = bar[3] + 2.0 * pair_bar * image.dot(n) - bars[mirror][3]
-        bars[mirror] = bars[mirror] + mirror_bar
+        raw_bar[3] = bar[3] + 2.0 * pair_bar * image.dot(n) - bars[partner][3]
+        bars[partner] = bars[partner] + mirror_bar
         bars[ghost] = raw_bar
 
 
 @ti.func
 def stop_back(before, n, condition, held, pair, friction, bar):
-    """Bars (4,) of velocity and mass, and that of the pair's impulse, by the bar of what `stop_node` leaves."""
+    """Return the adjoints (4,) of velocity and mass, and that of the pair's impulse, of `stop_node`."""
     result, pair_bar = bar, 0.0 * pair
     if before[3] > 0:
         mass = before[3]
@@ -121,10 +135,10 @@ def stop_back(before, n, condition, held, pair, friction, bar):
                     push = pair - mass * into
                 speed = slide.norm(1e-15)
                 if push > 0:
-                    left = 1.0 - friction * push / ti.max(mass * speed, TINY)
+                    left = 1.0 - friction * push / ti.max(mass * speed, SMALLEST_MOMENTUM)
                     left_bar = slide.dot(v_bar)
                     slide_bar = ti.max(left, 0.0) * slide_bar
-                    if left > 0 and mass * speed > TINY:
+                    if left > 0 and mass * speed > SMALLEST_MOMENTUM:
                         push_bar = -friction * left_bar / (mass * speed)
                         mass_bar = -push_bar * push / mass
                         slide_bar -= push_bar * push / (speed * speed) * slide
@@ -139,8 +153,14 @@ def stop_back(before, n, condition, held, pair, friction, bar):
 
 
 @ti.func
+def fold_walls_back(a: ti.template(), step: ti.template()):
+    """Adjoint of `fold_walls`, on the adjoints of momenta and masses."""
+    fold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters.walls)
+
+
+@ti.func
 def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), table: ti.template()):
-    """Adjoint of `fold` on the bars of momenta and masses: a ghost's went to its mirror node, too."""
+    """Reverse the folding of all walls: a ghost's momentum went to its mirror node, too."""
     for back in range(6):
         w = 5 - back
         axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
@@ -155,7 +175,7 @@ def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), tab
                     folded = tape.nodes[k, w, WALL, i, j][3] != 0 and tape.nodes[k, w, GHOST, i, j][3] < 0
                     if folded and not folded_earlier(grid, table, W, axis):
                         bar = bars[W + unit(axis) * inward]
-                        image = mirrored(bar, n, condition)
+                        image = mirror(bar, n, condition)
                         image[3] = bar[3]
                         ghost = W - unit(axis) * inward
                         bars[ghost] = bars[ghost] + image

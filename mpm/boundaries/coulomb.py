@@ -1,14 +1,15 @@
-"""A moving surface: where it is, how fast it moves, and how it stops what meets it."""
+"""Coulomb contact with a moving surface, and the pose and velocity of a collider in the motion table."""
 
-from mpm.backend import ti
-from mpm.materials.hencky_strain import keep
+from mpm.backend import once, ti
+from mpm.geometry.rigid_motion import ANGULAR, AXES, LINEAR, ORIGIN
 
 
 @ti.func
 def coulomb(v, surface, normal, friction):
-    """Velocity after contact with a surface that moves with `surface`: no approach, friction up to sticking.
+    """Return the velocity after contact with a moving surface: no approach, Coulomb friction up to sticking.
 
-    Stomakhin et al. 2013, ACM TOG 32(4):102, section 8.
+    v, surface: velocities [m/s] (3,). normal: unit vector (3,) out of the surface.
+    Source: Stomakhin et al. 2013, ACM TOG 32(4):102, section 8.
     """
     relative = v - surface
     approach = relative.dot(normal)
@@ -22,7 +23,7 @@ def coulomb(v, surface, normal, friction):
 
 @ti.func
 def coulomb_slope(v, surface, normal, friction):
-    """Derivative (3, 3) of `coulomb` by the surface's velocity."""
+    """Return the derivative (3, 3) of `coulomb` by the surface's velocity."""
     relative = v - surface
     approach = relative.dot(normal)
     identity = ti.Matrix([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -40,21 +41,21 @@ def coulomb_slope(v, surface, normal, friction):
 
 
 @ti.func
-def tool_origin(motion: ti.template(), k: ti.i32, s: ti.i32):
-    """Origin of moving collider k in substep s."""
-    return ti.Vector([motion[k, s, c] for c in ti.static(range(3))])
+def collider_origin(motion: ti.template(), k: ti.i32, s: ti.i32):
+    """Return the origin [m] (3,) of the collider in row k of the motion table in substep s."""
+    return ti.Vector([motion[k, s, ORIGIN + c] for c in ti.static(range(3))])
 
 
 @ti.func
-def tool_axes(motion: ti.template(), k: ti.i32, s: ti.i32):
-    """Rotation matrix of moving collider k in substep s."""
-    m = [keep(motion[k, s, 3 + c]) for c in range(9)]
+def collider_axes(motion: ti.template(), k: ti.i32, s: ti.i32):
+    """Return the rotation matrix (3, 3) of the collider in row k in substep s."""
+    m = [once(motion[k, s, AXES + c]) for c in range(9)]
     return ti.Matrix([[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]])
 
 
 @ti.func
 def surface_velocity(motion: ti.template(), k: ti.i32, s: ti.i32, r):
-    """Velocity of moving collider k in substep s at r from its origin."""
-    linear = ti.Vector([motion[k, s, 12 + c] for c in ti.static(range(3))])
-    angular = ti.Vector([motion[k, s, 15 + c] for c in ti.static(range(3))])
+    """Return the velocity [m/s] (3,) of the collider in row k in substep s, at r [m] from its origin."""
+    linear = ti.Vector([motion[k, s, LINEAR + c] for c in ti.static(range(3))])
+    angular = ti.Vector([motion[k, s, ANGULAR + c] for c in ti.static(range(3))])
     return linear + angular.cross(r)

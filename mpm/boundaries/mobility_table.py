@@ -1,20 +1,20 @@
-"""The numbers of mobile colliders that a launch reads and writes, see `mobility`."""
+"""Mobilities and twists of mobile colliders, in the table that a launch reads and writes."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from mpm.boundaries.mobile_contact import AXES, CENTRE, IMPULSE, LEVER, RATE, RESPONSE, TWIST
+from mpm.boundaries.mobile_motion import AXES, CENTRE, IMPULSE, LEVER, RATE, RESPONSE, TWIST
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose, Twist, Wrench
-from mpm.scene.validation import finite, stored
+from mpm.scene.validation import check_finite, read_array
 
 SYMMETRY = 1e-6
-"""Part of a mobility's norm by which it may miss symmetry, or an eigenvalue zero: rounding of whoever measured it."""
+"""Share of a mobility's norm by which it may lack symmetry, or an eigenvalue may be negative: rounding."""
 
 
 class MobilityTable:
-    """One row a mobile collider; a collider that nobody gave a mobility to is held where it is."""
+    """One row a mobile collider; a collider without a mobility is held where it is."""
 
     def __init__(self, indices: tuple[int, ...]) -> None:
         self.indices = indices
@@ -26,43 +26,44 @@ class MobilityTable:
         """From the centre to the frame's origin, in the frame."""
         self._responses = np.zeros((n, 6, n, 6))
         self.table = np.zeros((max(n, 1), RESPONSE + 36 * max(n, 1)))
-        """What the kernel works on."""
+        """Read and written by kernels."""
 
     def set(self, index: int, pose: Pose, W: np.ndarray, free_twist: np.ndarray, twist: np.ndarray | None,
             centre: np.ndarray | None, others: dict[int, np.ndarray]) -> None:
-        """Store what `Solver.set_collider_mobility` was given."""
+        """Store the arguments of `Solver.set_collider_mobility`; raises InvalidValue as it does."""
         b = self.indices.index(index)
         self._responses[b] = 0.0
-        self._responses[b, :, b] = checked_mobility(index, W)
+        self._responses[b, :, b] = check_mobility(index, W)
         for other, response in others.items():
             if other not in self.indices or other == index:
                 raise InvalidValue(f"mobility of collider {index}: others names collider {other}; accepted: "
                                    f"{tuple(i for i in self.indices if i != index)}")
-            given = finite(f"mobility of collider {index}: others", response, (6, 6))
-            self._responses[b, :, self.indices.index(other)] = given
-        self._free[b] = finite(f"mobility of collider {index}: free_twist", free_twist, (6,))
+            checked = check_finite(f"mobility of collider {index}: others", response, (6, 6))
+            self._responses[b, :, self.indices.index(other)] = checked
+        self._free[b] = check_finite(f"mobility of collider {index}: free_twist", free_twist, (6,))
         if twist is not None:
-            self.twists[b] = finite(f"mobility of collider {index}: twist", twist, (6,))
+            self.twists[b] = check_finite(f"mobility of collider {index}: twist", twist, (6,))
         if centre is None:
             self._levers[b] = 0.0
         else:
-            lever = pose.position - finite(f"mobility of collider {index}: centre", centre, (3,))
+            lever = pose.position - check_finite(f"mobility of collider {index}: centre", centre, (3,))
             self._levers[b] = pose.matrix.T @ lever
 
-    def kept(self) -> dict[str, np.ndarray]:
-        """What the next advance depends on besides the poses."""
+    def save(self) -> dict[str, np.ndarray]:
+        """Return what the next advance depends on besides the poses."""
         return {"twists": self.twists.copy(), "free_twists": self._free.copy(), "levers": self._levers.copy(),
                 "responses": self._responses.copy()}
 
-    def restore(self, kept: Mapping[str, np.ndarray]) -> None:
-        """Return to what `kept` gave; raises InvalidValue, and changes nothing, where that is of another scene."""
-        mine = {"twists": self.twists, "free_twists": self._free, "levers": self._levers, "responses": self._responses}
-        given = {name: stored(kept, name, values.shape) for name, values in mine.items()}
-        for name, values in mine.items():
-            values[:] = given[name]
+    def restore(self, saved: Mapping[str, np.ndarray]) -> None:
+        """Return to what `save` gave; raises InvalidValue, and changes nothing, for one of another scene."""
+        present = {"twists": self.twists, "free_twists": self._free, "levers": self._levers,
+                   "responses": self._responses}
+        checked = {name: read_array(saved, name, values.shape) for name, values in present.items()}
+        for name, values in present.items():
+            values[:] = checked[name]
 
     def fastest(self, index: int, radius: float) -> float:
-        """Speed [m/s] that a collider's surface has now or would have at the end without contact."""
+        """Return the speed [m/s] that a collider's surface has now or would have at the end without contact."""
         b = self.indices.index(index)
         pairs = [self.twists[b], self._free[b]]
         return max(float(np.linalg.norm(t[:3]) + (radius * np.linalg.norm(t[3:]) if t[3:].any() else 0.0))
@@ -82,8 +83,10 @@ class MobilityTable:
             row[RESPONSE:] = self._responses[b].reshape(6, 6 * n).ravel()
 
     def end(self, poses: list[Pose]) -> None:
-        """Take poses and twists over from the table. What was set holds for one advance: after it a collider keeps its
-        twist, and answers as before."""
+        """Read poses and twists from the table.
+
+        Free twists hold for one advance: after it a collider keeps its twist and its mobility.
+        """
         for b, index in enumerate(self.indices):
             row = self.table[b]
             R = row[AXES:LEVER].reshape(3, 3)
@@ -91,25 +94,25 @@ class MobilityTable:
             self.twists[b] = self._free[b] = row[TWIST:RATE]
 
     def impulse(self, index: int) -> Wrench:
-        """Received in the last advance, about the centre as it moved."""
+        """Return the impulse received in the last advance, about the centre as it moved."""
         values = self.table[self.indices.index(index), IMPULSE:RESPONSE]
         return Wrench(values[:3].copy(), values[3:].copy())
 
     def twist(self, index: int) -> Twist:
-        """About the centre, at the end of the last advance."""
+        """Return the twist about the centre at the end of the last advance; raises InvalidValue for others."""
         if index not in self.indices:
             raise InvalidValue(f"collider {index} is not mobile; mobile: {self.indices}")
         values = self.twists[self.indices.index(index)]
         return Twist(values[:3].copy(), values[3:].copy())
 
 
-def checked_mobility(index: int, W: np.ndarray) -> np.ndarray:
-    """The mobility made exactly symmetric; raises InvalidValue when it is not symmetric or not positive."""
-    W = finite(f"mobility of collider {index}: W", W, (6, 6))
+def check_mobility(index: int, W: np.ndarray) -> np.ndarray:
+    """Return the mobility made exactly symmetric; raises InvalidValue for one not symmetric or not positive."""
+    W = check_finite(f"mobility of collider {index}: W", W, (6, 6))
     scale = np.linalg.norm(W)
     if np.abs(W - W.T).max() > SYMMETRY * scale:
         raise InvalidValue(f"mobility of collider {index}: W is not symmetric: {np.abs(W - W.T).max():.3g} of "
-                           f"{scale:.3g}; a mechanism answers an impulse reciprocally")
+                           f"{scale:.3g}; the mobility of a mechanism is symmetric")
     W = 0.5 * (W + W.T)
     least = np.linalg.eigvalsh(W)[0]
     if least < -SYMMETRY * scale:

@@ -1,4 +1,4 @@
 """Shapes of colliders as signed distances, regions that count grains, and rigid motion.
 
-Imports: backend, errors, materials.
+Imports: backend, errors.
 """

@@ -15,7 +15,7 @@ RAY_OFFSET = np.array([1.234567e-5, 7.654321e-6])
 
 
 def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
-    """Distances [m] at lower + spacing * (i, j, k), negative inside.
+    """Return distances [m] at lower + spacing * (i, j, k), negative inside.
 
     Within BAND spacings of the surface the distance is that to the closest triangle; farther out it is carried over
     from the closest point of the band, good to a spacing.
@@ -35,13 +35,13 @@ def signed_distances(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, s
     exact[tuple(band.T)] = _distance_to_neighbour_faces(mesh, band * spacing + lower, samples, faces, spacing)
     far = steps >= BAND
     exact[far] = steps[far] * spacing + exact[tuple(axis[far] for axis in nearest)]
-    return np.where(parity(mesh, lower, spacing, shape), -exact, exact)
+    return np.where(find_inside(mesh, lower, spacing, shape), -exact, exact)
 
 
 def _distance_to_neighbour_faces(
     mesh: trimesh.Trimesh, points: np.ndarray, samples: np.ndarray, faces: np.ndarray, spacing: float
 ) -> np.ndarray:
-    """Exact distance (n,) to the triangles of the closest samples: with several per point the closest is among them."""
+    """Return the exact distances (n,) to the triangles of the closest samples, several a point."""
     _, candidates = cKDTree(samples).query(points, k=NEIGHBOURS)
     best = np.full(len(points), np.inf)
     # in units of the spacing: trimesh 5 compares with absolute tolerances, which millimetre triangles fall under
@@ -52,8 +52,8 @@ def _distance_to_neighbour_faces(
     return best * spacing
 
 
-def parity(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
-    """Whether lattice points (shape) are inside: an odd number of crossings below them along z."""
+def find_inside(mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
+    """Return whether lattice points (shape) are inside: an odd number of crossings below them along z."""
     crossings = np.zeros((shape[0], shape[1], shape[2] + 1), np.int64)
     corner = np.asarray(lower)[:2] + RAY_OFFSET * spacing
     for triangle in mesh.triangles:
@@ -83,13 +83,14 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def sheet_distances(
     mesh: trimesh.Trimesh, lower: np.ndarray, spacing: float, shape: tuple[int, ...], band: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distances [m] to an open surface at lower + spacing * (i, j, k), and where they have a side.
+    """Return signed distances [m] to an open surface at lower + spacing * (i, j, k), and where they have a side.
 
     Positive on the side that the faces' normals point to; outside the band, where nothing has a side, the value of the
-    closest point in it. A point whose closest point lies
-    on the rim has no side, beyond one step from it. Within BAND spacings the distance is that to the closest
-    triangle, farther out that to the closest of samples half a spacing apart, good to a fiftieth of a spacing. The
-    sign comes from normals interpolated between vertices, so that it holds over edges.
+    closest point in it. A point whose closest point lies on the rim has no side, beyond one step from it.
+
+    Within BAND spacings the distance is that to the closest triangle, farther out that to the closest of samples half a
+    spacing apart, good to a fiftieth of a spacing. The sign comes from normals interpolated between vertices, so that
+    it holds over edges.
     """
     samples, faces, on_rim = _sheet_samples(mesh, spacing)
     points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
@@ -109,7 +110,7 @@ def sheet_distances(
 
 
 def _sheet_samples(mesh: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (n, 3) on a surface and along its rim, their faces (n,), and whether they lie on the rim (n,)."""
+    """Return points (n, 3) on a surface and along its rim, their faces (n,), and whether they lie on the rim (n,)."""
     count = int(min(6 * mesh.area / spacing**2 + 1000, MAX_SAMPLES))
     samples, faces = trimesh.sample.sample_surface(mesh, count, seed=0)[:2]
     parts, owners = [samples, mesh.triangles_center], [faces, np.arange(len(mesh.faces))]
@@ -124,7 +125,7 @@ def _sheet_samples(mesh: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, n
 
 
 def _side(mesh: trimesh.Trimesh, points: np.ndarray, foot: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """+1 or -1 (n,): side on which points lie of their closest points `foot` on faces."""
+    """Return +1 or -1 (n,): the side on which points lie of their closest points `foot` on faces."""
     size = np.sqrt(mesh.area_faces[face])[:, None, None]  # barycentric weights of millimetre triangles want units
     weights = trimesh.triangles.points_to_barycentric(mesh.triangles[face] / size, foot / size[:, 0])
     normals = np.einsum("nk,nkd->nd", weights, mesh.vertex_normals[mesh.faces[face]])
@@ -134,7 +135,7 @@ def _side(mesh: trimesh.Trimesh, points: np.ndarray, foot: np.ndarray, face: np.
 def _signed_closest(
     mesh: trimesh.Trimesh, points: np.ndarray, candidates: np.ndarray, spacing: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distance (n,) to the closest of candidate faces (n, k), and whether it is not on the surface's rim."""
+    """Return the signed distances (n,) to the closest of candidate faces (n, k), and whether that is off the rim."""
     # in units of the spacing, as above
     scaled, best = points / spacing, np.full(len(points), np.inf)
     foot, face = np.zeros_like(points), np.zeros(len(points), int)
@@ -152,7 +153,7 @@ def _signed_closest(
 
 
 def passage_width(mesh: trimesh.Trimesh, samples: int = 400) -> float:
-    """Smallest gap [m] between parts of a surface that face each other across free space; infinite without one.
+    """Return the smallest gap [m] between parts of a surface that face each other; infinite without one.
 
     Rays from the surface along its normals (for a sheet along both) until they meet it from the front.
     """
@@ -168,6 +169,6 @@ def passage_width(mesh: trimesh.Trimesh, samples: int = 400) -> float:
     facing = np.abs(np.einsum("nd,nd->n", mesh.face_normals[triangles], normals[rays])) > 0.7
     if not np.any(facing):
         return np.inf
-    # the twentieth part of the gaps may be shorter: a corner's few short rays are no passage
+    # a twentieth of the gaps may be shorter: a corner's few short rays are no passage
     widths = np.sort(np.linalg.norm(hits - points[rays], axis=1)[facing])
     return float(widths[len(widths) // 20]) * size / 1000.0

@@ -1,53 +1,12 @@
-"""Signed distance of analytic solids. Negative inside, metres.
-
-Every shape, here and elsewhere, has `radius`, of a ball about the frame's origin that holds the solid, `at(y)` for
-kernels (outward normal and distance at y) and `distance(points)` for the host.
-"""
+"""Signed distance of analytic solids: negative inside, in metres."""
 
 import numpy as np
 
 from mpm.backend import ti
+from mpm.geometry.shape import Shape
 
-DIFFERENCE = 1e-6
-"""[m] to each side of a point at which a shape without derivatives of its own is compared."""
-KINK = 10.0
-"""Ratio of the differences to both sides, and curvature [1/m], beyond which one of them crosses an edge."""
 NEAR = 1e-6
 """[m] from a face within which rounding decides on which side a point is."""
-
-
-class Shape:
-    """What all solids have in common."""
-
-    def allocate(self) -> None:
-        """Copy to fields what kernels look up; needs a running backend."""
-
-    @ti.func
-    def beyond(self, y, reach):
-        """Whether the surface is surely farther than reach [m] from y, where that can be told for less than `at`."""
-        return False
-
-    @ti.func
-    def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
-        """Bar of y, of type `real`, by those of normal and distance: central differences in double precision, unless a
-        shape knows better."""
-        bar = 0.0 * y
-        here = ti.cast(y, ti.f64)
-        n, phi = self.at(here)
-        for d in ti.static(range(3)):
-            step = ti.Vector.unit(3, d, ti.f64) * DIFFERENCE
-            n_above, above = self.at(here + step)
-            n_below, below = self.at(here - step)
-            # at an edge the normal jumps on one side: what it does there is no slope
-            up, down = (n_above - n).norm(), (n - n_below).norm()
-            kept_above, kept_below, width = n_above, n_below, 2.0
-            if up > KINK * down + KINK * DIFFERENCE:
-                kept_above, above, width = n, phi, 1.0
-            elif down > KINK * up + KINK * DIFFERENCE:
-                kept_below, below, width = n, phi, 1.0
-            slope = ti.cast((kept_above - kept_below) / (width * DIFFERENCE), real).dot(normal_bar)
-            bar[d] = slope + ti.cast((above - below) / (width * DIFFERENCE), real) * phi_bar
-        return bar
 
 
 class Plane(Shape):

@@ -1,4 +1,4 @@
-"""Regions of space in which grains are counted."""
+"""Regions of space in which particles are counted."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ class Region(NamedTuple):
     round: bool = False
 
     def holds(self, points: np.ndarray) -> np.ndarray:
-        """Whether points (n, 3) [m] in the region's frame lie in it (n,)."""
+        """Return whether points (n, 3) [m] in the region's frame lie in it (n,)."""
         offset = (np.asarray(points) - self.centre) / self.half
         upright = np.abs(offset[:, 2]) < 1.0
         if self.round:

@@ -9,6 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+ORIGIN, AXES, LINEAR, ANGULAR, COLUMNS = 0, 3, 12, 15, 18
+"""Columns of a motion table: where origin, rotation matrix and velocities of a frame begin, and how many there are."""
+
 
 class Pose(NamedTuple):
     """Where a frame is: `T_wt` as position [m] (3,) and unit quaternion (w, x, y, z) (4,)."""
@@ -22,7 +25,7 @@ class Pose(NamedTuple):
 
     @classmethod
     def from_matrix(cls, position: np.ndarray, matrix: np.ndarray) -> "Pose":
-        """Pose of a frame whose axes are the columns of matrix (3, 3)."""
+        """Return the pose of a frame whose axes are the columns of matrix (3, 3)."""
         return cls(np.array(position, float), quaternion_of(matrix))
 
     @property
@@ -45,12 +48,12 @@ class Pose(NamedTuple):
         return Pose.from_matrix(-matrix @ self.position, matrix)
 
     def apply(self, points: np.ndarray) -> np.ndarray:
-        """World coordinates of points (n, 3) given in this frame."""
+        """Return world coordinates (n, 3) of points (n, 3) in this frame."""
         return points @ self.matrix.T + self.position
 
 
 def quaternion_of(matrix: np.ndarray) -> np.ndarray:
-    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3), from its largest component (Shepperd 1978)."""
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix (3, 3). Source: Shepperd 1978."""
     (a, b, c), (d, e, f), (g, h, i) = np.asarray(matrix, float).tolist()
     squares = (1 + a + e + i, 1 + a - e - i, 1 - a + e - i, 1 - a - e + i)
     largest = squares.index(max(squares))
@@ -84,7 +87,7 @@ class ScrewSamples(NamedTuple):
 
 
 def skew(vectors: np.ndarray) -> np.ndarray:
-    """Cross-product matrices (..., 3, 3) of vectors (..., 3), real or complex."""
+    """Return the cross-product matrices (..., 3, 3) of vectors (..., 3), real or complex."""
     x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
     zero = np.zeros_like(x)
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
@@ -92,7 +95,7 @@ def skew(vectors: np.ndarray) -> np.ndarray:
 
 
 def rotation_coefficients(rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """sin(t) / t, (1 - cos t) / t^2 and (t - sin t) / t^3 of the lengths t of vectors (..., 3): (..., 1, 1) each.
+    """Return sin(t) / t, (1 - cos t) / t^2 and (t - sin t) / t^3 of lengths t of vectors (..., 3), (..., 1, 1) each.
 
     Analytic in the vectors, so that complex steps through them give derivatives.
     """
@@ -106,22 +109,24 @@ def rotation_coefficients(rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def rotation_matrix(rotations: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of rotation vectors [rad] (..., 3), real or complex."""
+    """Return the rotation matrices (..., 3, 3) of rotation vectors [rad] (..., 3), real or complex."""
     a, b, _ = rotation_coefficients(rotations)
     K = skew(rotations)
     return np.eye(3) + a * K + b * K @ K
 
 
 def left_jacobian(rotations: np.ndarray) -> np.ndarray:
-    """V of SE(3) (..., 3, 3): exp(rho, phi) translates by V(phi) rho; phi [rad] (..., 3), real or complex. (Barfoot
-    2017, eq. 7.77)"""
+    """Return V of SE(3) (..., 3, 3): exp(rho, phi) translates by V(phi) rho.
+
+    rotations: phi [rad] (..., 3), real or complex. Source: Barfoot 2017, eq. 7.77.
+    """
     _, b, c = rotation_coefficients(rotations)
     K = skew(rotations)
     return np.eye(3) + b * K + c * K @ K
 
 
 def logarithm(begin: Pose, end: Pose) -> Twist:
-    """Body twist that carries begin to end in unit time: end = begin exp(twist)."""
+    """Return the body twist that carries begin to end in unit time: end = begin exp(twist)."""
     rotation = relative_rotation(begin.quaternion, end.quaternion)
     offset = begin.matrix.T @ (np.asarray(end.position) - begin.position)
     angle = math.sqrt(rotation @ rotation)
@@ -134,7 +139,7 @@ def logarithm(begin: Pose, end: Pose) -> Twist:
 
 
 def relative_rotation(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Rotation vector [rad] (3,), in the first frame's axes, from one unit quaternion (w, x, y, z) to another."""
+    """Return the rotation vector [rad] (3,), in the first frame's axes, from one unit quaternion to another."""
     a, b, c, d = map(float, begin)
     w, x, y, z = map(float, end)
     real = a * w + b * x + c * y + d * z
@@ -147,13 +152,13 @@ def relative_rotation(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross product of two vectors (3,): a tenth of the time that the general one takes."""
+    """Return the cross product of two vectors (3,), in a tenth of NumPy's time."""
     (p, q, r), (x, y, z) = a, b
     return np.array([q * z - r * y, r * x - p * z, p * y - q * x])
 
 
-def turned(quaternion: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Quaternion (w, x, y, z) of a frame after a rotation vector [rad] (3,) in world axes; unit length."""
+def rotate(quaternion: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Return the quaternion (w, x, y, z) of a frame after a rotation vector [rad] (3,) in world axes; unit length."""
     p, q, r = map(float, rotation)
     half = 0.5 * math.sqrt(p * p + q * q + r * r)
     scale = 0.5 * math.sin(half) / half if half > 1e-9 else 0.5
@@ -166,7 +171,7 @@ def turned(quaternion: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 def exponential(begin: Pose, twist: Twist, time: float = 1.0) -> Pose:
-    """begin exp(time * twist), twist in the body's axes."""
+    """Return begin exp(time * twist), with the twist in the body's axes."""
     rotation = np.asarray(twist.angular) * time
     step = Pose(left_jacobian(rotation) @ (np.asarray(twist.linear) * time),
                 Rotation.from_rotvec(rotation).as_quat(scalar_first=True))
@@ -174,9 +179,9 @@ def exponential(begin: Pose, twist: Twist, time: float = 1.0) -> Pose:
 
 
 def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
-    """The screw begin exp(u twist) at the n values u = (k + 1) / n, with its world twist about the frame's origin.
+    """Return the screw begin exp(u twist) at n values u = (k + 1) / n, with its world twist about the frame's origin.
 
-    twist carries the frame through in unit time, `duration` [s] is what it really takes. A frame that moves along a
+    The twist carries the frame along in unit time; `duration` [s] is what the motion takes. A frame that moves along a
     screw has a constant twist in its own axes, so that no substep sees a kink.
     """
     R, linear, angular = begin.matrix, np.asarray(twist.linear, float), np.asarray(twist.angular, float)
@@ -202,12 +207,15 @@ def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
 
 
 def motion_table(legs: list[list[ScrewSamples]], n: int, dtype: type) -> np.ndarray:
-    """Origin, matrix, linear and angular velocity of moving frames in n substeps (k, n, 18), legs one after another."""
-    table = np.zeros((max(len(legs), 1), n, 18), dtype)
+    """Return the motion table (k, n, COLUMNS) of k frames in n substeps, legs one after another.
+
+    A row holds origin, rotation matrix (row by row), linear and angular velocity, in world axes.
+    """
+    table = np.zeros((max(len(legs), 1), n, COLUMNS), dtype)
     for rows, way in zip(table, legs):
         part = n // len(way)
         for i, s in enumerate(way):
             row = rows[i * part : (i + 1) * part]
-            row[:, :3], row[:, 3:12] = s.positions, s.matrices.reshape(part, 9)
-            row[:, 12:15], row[:, 15:] = s.linear, s.angular
+            row[:, ORIGIN:AXES], row[:, AXES:LINEAR] = s.positions, s.matrices.reshape(part, 9)
+            row[:, LINEAR:ANGULAR], row[:, ANGULAR:] = s.linear, s.angular
     return table

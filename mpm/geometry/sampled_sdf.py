@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from mpm.backend import put, ti
-from mpm.geometry.primitives import Shape
-from mpm.materials.hencky_strain import keep
+from mpm.backend import once, put, ti
+from mpm.geometry.shape import Shape
 
 
 class Lattice(Shape):
@@ -31,20 +30,22 @@ class Lattice(Shape):
 
     @ti.func
     def cell_at(self, y):
-        """Values at the eight corners of the lattice's cell at y, the place in it, and how far y lies outside, in
-        spacings."""
+        """Return the values at the eight corners of the lattice's cell at y, and the place in it.
+
+        Also returns how far y lies outside, in spacings.
+        """
         u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
         last = ti.Vector([self.host.shape[d] - 1.0 for d in range(3)])
         held = ti.max(ti.min(u, last), 0.0 * u)
         c = ti.min(ti.cast(held, ti.i32), ti.cast(last, ti.i32) - 1)
         f = held - c
-        s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
         return s, f, u - held
 
     @ti.func
     def at(self, y):
         s, f, away = self.cell_at(y)
-        z = [[keep(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
+        z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
         y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
         y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
         phi = y0 + f[0] * (y1 - y0) + away.norm() * self.spacing
@@ -57,8 +58,8 @@ class Lattice(Shape):
         return n / n.norm(1e-12), phi
 
     @ti.func
-    def beyond(self, y, reach):
-        """A look at the nearest point alone, instead of eight. Outside, the lattice's faces are as near as `margin`."""
+    def is_beyond(self, y, reach):
+        """Conservative early-out: look up the nearest point instead of eight; outside, faces are `margin` away."""
         c = ti.Vector([ti.cast((y[d] - self.lower[d]) * (1.0 / self.spacing) + 0.5, ti.i32) for d in range(3)])
         shape = ti.static(self.host.shape)
         far = self.margin > reach
@@ -68,12 +69,12 @@ class Lattice(Shape):
 
     @ti.func
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
-        """Exact, with the slopes of trilinear interpolation that hold within a cell."""
+        """Return the adjoint of y, exact for trilinear interpolation within a cell."""
         s, f, away = self.cell_at(y)
-        x = [[keep(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
-        xy = [keep(x[1][k] - x[0][k]) for k in range(2)]
-        xz = [keep(x[j][1] - x[j][0]) for j in range(2)]
-        yz = [keep(s[i][1][1] - s[i][1][0] - s[i][0][1] + s[i][0][0]) for i in range(2)]
+        x = [[once(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
+        xy = [once(x[1][k] - x[0][k]) for k in range(2)]
+        xz = [once(x[j][1] - x[j][0]) for j in range(2)]
+        yz = [once(s[i][1][1] - s[i][1][0] - s[i][0][1] + s[i][0][0]) for i in range(2)]
         mixed = ti.Vector([xy[0] + f[2] * (xy[1] - xy[0]), xz[0] + f[1] * (xz[1] - xz[0]),
                            yz[0] + f[0] * (yz[1] - yz[0])])
         slope = 0.0 * y
@@ -100,7 +101,7 @@ class Lattice(Shape):
         return lower, lower + self.spacing * (np.array(self.host.shape) - 1)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distances [m] (n,) at points (n, 3) in the frame."""
+        """Return the distances [m] (n,) at points (n, 3) in the frame."""
         from scipy.ndimage import map_coordinates
 
         u = (np.asarray(points) - self.lower) / self.spacing

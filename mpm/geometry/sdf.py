@@ -4,10 +4,11 @@ import numpy as np
 import trimesh
 
 from mpm.errors import InvalidValue
-from mpm.geometry.compound import HeightField, Union
+from mpm.geometry.height_field import HeightField
 from mpm.geometry.mesh_distance import passage_width, signed_distances
 from mpm.geometry.primitives import Box, Capsule, Cylinder, Ellipsoid, Plane, Sphere
 from mpm.geometry.sampled_sdf import Lattice
+from mpm.geometry.union import Union
 
 MAX_LATTICE = 40_000_000
 """Lattice points beyond which a spacing is refused: 160 MB."""
@@ -23,7 +24,10 @@ class Sdf:
     def from_mesh(
         mesh: trimesh.Trimesh | list[trimesh.Trimesh], spacing: float = 1e-3, margin: float = 4e-3
     ) -> Lattice:
-        """Lattice of the union of closed meshes, with `spacing` [m] between its points and `margin` [m] around them."""
+        """Return the lattice of the union of closed meshes, with `spacing` [m], and `margin` [m] around them.
+
+        Raises InvalidValue for an open mesh, and for a spacing that needs too many lattice points.
+        """
         parts = mesh if isinstance(mesh, list) else [mesh]
         for part in parts:
             if not part.is_watertight:

@@ -1,20 +1,19 @@
-"""Thin shells: a mid-surface with a thickness, grains on both sides, far thinner than a cell."""
+"""Thin shells: a mid-surface with a thickness far below a cell, and particles on both sides."""
 
 import copy
 
 import numpy as np
 import trimesh
 
-from mpm.backend import put, ti
+from mpm.backend import once, put, ti
 from mpm.errors import InvalidValue
 from mpm.geometry.mesh_distance import passage_width, sheet_distances
 from mpm.geometry.sdf import MAX_LATTICE
-from mpm.materials.hencky_strain import keep
 
-BAND = 2.7
-"""Cells from the mid-surface within which a node can share a stencil with a grain on the other side: 1.5 sqrt(3)."""
+SIDE_BAND = 2.7
+"""Cells from the mid-surface within which a node can share a stencil with a particle on the other side: 1.5 sqrt(3)."""
 LATTICE_STEP = 0.2
-"""Cells between the points of the lattice, where the user names no distance."""
+"""Cells between the points of the lattice, where the user gives no spacing."""
 FAR = 1.0
 """Distance [m] outside the lattice."""
 
@@ -33,10 +32,12 @@ class Shell:
 
     @classmethod
     def from_mesh(cls, mid_surface: trimesh.Trimesh, thickness: float, spacing: float | None = None) -> "Shell":
-        """Shell of `thickness` [m] about a surface, open or closed; `spacing` [m] of the lattice of its distances, or
-        None: a fifth of the grid's cell, which places a smooth surface to a thousandth of the cell.
+        """Make a shell of `thickness` [m] about a surface, open or closed.
 
-        Raises InvalidValue for a thickness that is not positive or a surface whose faces do not agree on their sides.
+        spacing: [m] of the lattice of its distances, or None: a fifth of the grid's cell, which places a smooth surface
+        to a thousandth of the cell.
+
+        Raises InvalidValue for a thickness that is not positive or a surface whose faces wind inconsistently.
         """
         if not thickness > 0 or (spacing is not None and not spacing > 0):
             raise InvalidValue(f"Shell: thickness = {thickness} m, spacing = {spacing} m; accepted: positive lengths")
@@ -49,14 +50,14 @@ class Shell:
                                "an edge; a sheet has two sides: turn faces over, or make several shells")
         return cls(surface, thickness, spacing)
 
-    def baked(self, cell: float) -> "Shell":
-        """The shell with distances within the band that cells of `cell` [m] need; needs a running backend."""
+    def bake(self, cell: float) -> "Shell":
+        """Return the shell with distances in the band that cells of `cell` [m] need; needs a running backend."""
         ready = copy.copy(self)
         ready._bake(cell)
         return ready
 
     def _bake(self, cell: float) -> None:
-        band = BAND * cell
+        band = SIDE_BAND * cell
         self.spacing = self.wanted_spacing or LATTICE_STEP * cell
         self.radius = self.extent + band
         lower = self.mesh.bounds[0] - band
@@ -72,7 +73,7 @@ class Shell:
 
     @ti.func
     def at(self, y):
-        """Normal towards the positive side, signed distance [m], and whether there are sides at y (3,)."""
+        """Return the normal towards the positive side, signed distance [m], and whether there are sides at y (3,)."""
         u = ti.Vector([(y[d] - self.lower[d]) / self.spacing for d in range(3)])
         n = y * 0.0
         phi = y[0] * 0.0 + FAR
@@ -81,9 +82,9 @@ class Shell:
         if u.min() >= 0 and u[0] < shape[0] - 1 and u[1] < shape[1] - 1 and u[2] < shape[2] - 1:
             c = ti.cast(u, ti.i32)
             f = u - c
-            s = [[[keep(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)]
+            s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)]
                  for i in range(2)]
-            z = [[keep(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
+            z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
             y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
             y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
             phi = y0 + f[0] * (y1 - y0)

@@ -1,25 +1,28 @@
-"""Fluids: pressure from volume, viscosity from the rate of shear."""
+"""Newtonian fluid: pressure from the change of volume, viscosity from the rate of shear."""
 
 import math
 from dataclasses import dataclass
 
-from mpm.backend import ti
+from mpm.backend import once, ti
 from mpm.materials.elasticity import check_range
-from mpm.materials.hencky_strain import keep
 
 
 @dataclass(frozen=True, kw_only=True)
 class NewtonianFluid:
     """tau = -bulk_modulus (1 - J) J I + 2 viscosity J dev(D), D the symmetric part of the velocity gradient.
 
-    bulk_modulus [Pa], density [kg/m^3], viscosity [Pa s].
+    Raises InvalidValue for numbers out of range.
     """
 
     bulk_modulus: float
+    """[Pa]"""
     density: float
+    """[kg/m^3]"""
     viscosity: float = 0.0
+    """Dynamic viscosity [Pa s]."""
 
     state = "volume"
+    plastic = False
     has_volume_correction = False
 
     def __post_init__(self) -> None:
@@ -39,30 +42,30 @@ class NewtonianFluid:
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """Numbers that the kernels read: (bulk modulus, viscosity)."""
+        """Parameters that the kernels read: (bulk modulus, viscosity)."""
         return (self.bulk_modulus, self.viscosity)
 
     @staticmethod
     @ti.func
     def stress(j: ti.template(), C: ti.template(), p: ti.template()):
-        """Kirchhoff stress [Pa] from j = J - 1 and the velocity gradient C, row by row."""
+        """Return the Kirchhoff stress [Pa] from j = J - 1 and the velocity gradient C, row by row."""
         J = 1.0 + j
         pressure = p[0] * j * J
         shear = p[1] * J
         third = (C[0] + C[4] + C[8]) / 3.0
         return [
-            keep(pressure + 2.0 * shear * (C[0] - third)),
-            keep(pressure + 2.0 * shear * (C[4] - third)),
-            keep(pressure + 2.0 * shear * (C[8] - third)),
-            keep(shear * (C[1] + C[3])),
-            keep(shear * (C[2] + C[6])),
-            keep(shear * (C[5] + C[7])),
+            once(pressure + 2.0 * shear * (C[0] - third)),
+            once(pressure + 2.0 * shear * (C[4] - third)),
+            once(pressure + 2.0 * shear * (C[8] - third)),
+            once(shear * (C[1] + C[3])),
+            once(shear * (C[2] + C[6])),
+            once(shear * (C[5] + C[7])),
         ]
 
     @staticmethod
     @ti.func
     def stress_back(j: ti.template(), C: ti.template(), p: ti.template(), bar: ti.template()):
-        """Bars of j, of C (nine entries) and of the numbers p by that of the stress."""
+        """Return the adjoints of j, of C (nine entries) and of p, from that of the stress."""
         J = 1.0 + j
         third = (C[0] + C[4] + C[8]) / 3.0
         trace = bar[0] + bar[1] + bar[2]
@@ -70,6 +73,6 @@ class NewtonianFluid:
             + (C[1] + C[3]) * bar[3] + (C[2] + C[6]) * bar[4] + (C[5] + C[7]) * bar[5]
         rate = p[1] * J
         x, y, z = rate * bar[3], rate * bar[4], rate * bar[5]
-        C_bar = [keep(2.0 * rate * (bar[0] - trace / 3.0)), x, y, x, keep(2.0 * rate * (bar[1] - trace / 3.0)), z,
-                 y, z, keep(2.0 * rate * (bar[2] - trace / 3.0))]
-        return keep(p[0] * (1.0 + 2.0 * j) * trace + p[1] * shear), C_bar, [j * J * trace, J * shear]
+        C_bar = [once(2.0 * rate * (bar[0] - trace / 3.0)), x, y, x, once(2.0 * rate * (bar[1] - trace / 3.0)), z,
+                 y, z, once(2.0 * rate * (bar[2] - trace / 3.0))]
+        return once(p[0] * (1.0 + 2.0 * j) * trace + p[1] * shear), C_bar, [j * J * trace, J * shear]

@@ -12,7 +12,7 @@ TRAVEL_FRACTION = 0.25
 
 
 def isolated_particle_bound(cell: float, density: float, mu: float, lam: float) -> float:
-    """Bound [s] that a lone particle sets in 3-D: cell sqrt(density / (3 lam + 2 mu)).
+    """Return the bound [s] of a lone particle in 3-D: cell sqrt(density / (3 lam + 2 mu)).
 
     A lone particle feels its own pressure through the full grid gradient 4/dx^2, which is stricter than the wave
     speed of the bulk (Sun, Shinar & Schroeder 2020; Bai & Schroeder 2022).
@@ -21,7 +21,7 @@ def isolated_particle_bound(cell: float, density: float, mu: float, lam: float) 
 
 
 def viscous_bound(cell: float, density: float, viscosity: float) -> float:
-    """Bound [s] that viscosity sets on a lone particle: density cell^2 / (4 viscosity).
+    """Return the bound [s] that viscosity sets on a lone particle: density cell^2 / (4 viscosity).
 
     Its stress takes 8 viscosity dt / (density cell^2) off its own rate of shear in a step; more than twice diverges.
     """
@@ -29,18 +29,18 @@ def viscous_bound(cell: float, density: float, viscosity: float) -> float:
 
 
 def travel_bound(cell: float, speed: float) -> float:
-    """Bound [s] from a tool's largest speed [m/s]."""
+    """Return the bound [s] from a collider's largest speed [m/s]."""
     return TRAVEL_FRACTION * cell / speed if speed > 0 else math.inf
 
 
 def material_bound(cell: float, law: Any) -> float:
-    """Time step [s] at which a lone particle of a material becomes unstable."""
+    """Return the time step [s] at which a lone particle of a material becomes unstable."""
     elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
     return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
 
 
-def chosen_step(dt: float | None, bound: float) -> float:
-    """The step [s] asked for, or `COURANT_FRACTION` of the bound [s]. Raises TimeStepTooLarge beyond it."""
+def choose_step(dt: float | None, bound: float) -> float:
+    """Return dt [s], or `COURANT_FRACTION` of the bound [s] for None; raise TimeStepTooLarge beyond the bound."""
     if dt is None:
         return COURANT_FRACTION * bound
     if not dt > 0:

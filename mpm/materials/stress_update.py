@@ -1,46 +1,70 @@
-"""What a pack of grains remembers, advanced by one substep, and the stress that follows from it."""
+"""The constitutive update: the state of a pack of particles advanced by a substep, and its stress."""
 
-from mpm.backend import ti
-from mpm.materials.hencky_strain import advance_e, keep
+from mpm.backend import once, ti
 
 
 @ti.func
-def stress(scene: ti.template(), P: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
-    """Kirchhoff stress [Pa] of pack q, by the kind of state that its law asks for."""
+def advance_cauchy_green(e: ti.template(), a: ti.template()):
+    """Return e of (I + a) b (I + a)^T, with a = dt C given row by row (nine entries)."""
+    # rows of (I + a) e + a: the asymmetric half of the product
+    p00 = e[0] + a[0] * e[0] + a[1] * e[3] + a[2] * e[4] + a[0]
+    p01 = e[3] + a[0] * e[3] + a[1] * e[1] + a[2] * e[5] + a[1]
+    p02 = e[4] + a[0] * e[4] + a[1] * e[5] + a[2] * e[2] + a[2]
+    p10 = e[3] + a[3] * e[0] + a[4] * e[3] + a[5] * e[4] + a[3]
+    p11 = e[1] + a[3] * e[3] + a[4] * e[1] + a[5] * e[5] + a[4]
+    p12 = e[5] + a[3] * e[4] + a[4] * e[5] + a[5] * e[2] + a[5]
+    p20 = e[4] + a[6] * e[0] + a[7] * e[3] + a[8] * e[4] + a[6]
+    p21 = e[5] + a[6] * e[3] + a[7] * e[1] + a[8] * e[5] + a[7]
+    p22 = e[2] + a[6] * e[4] + a[7] * e[5] + a[8] * e[2] + a[8]
+    # e' = p (I + a)^T + a^T
+    return [
+        once(p00 + p00 * a[0] + p01 * a[1] + p02 * a[2] + a[0]),
+        once(p11 + p10 * a[3] + p11 * a[4] + p12 * a[5] + a[4]),
+        once(p22 + p20 * a[6] + p21 * a[7] + p22 * a[8] + a[8]),
+        once(p01 + p00 * a[3] + p01 * a[4] + p02 * a[5] + a[3]),
+        once(p02 + p00 * a[6] + p01 * a[7] + p02 * a[8] + a[6]),
+        once(p12 + p10 * a[6] + p11 * a[7] + p12 * a[8] + a[7]),
+    ]
+
+
+@ti.func
+def update_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, dt, C: ti.template(),
+                  p: ti.template()):
+    """Advance the state of pack q by dt [s] with the velocity gradient C; return its Kirchhoff stress [Pa]."""
     if ti.static(law.state == "volume"):
         P.j[q] = P.j[q] + dt * (1.0 + P.j[q]) * (C[0] + C[4] + C[8])
-        return law.stress(keep(P.j[q]), C, p)
+        return law.stress(once(P.j[q]), C, p)
     elif ti.static(law.state == "cauchy_green"):
-        e = trial(P, q, dt, C)
+        e = advance_elastically(P, q, dt, C)
         for i in ti.static(range(6)):
             P.e[i][q] = e[i]
         return law.stress(e, p)
     elif ti.static(not law.plastic):
-        e = trial(P, q, dt, C)
+        e = advance_elastically(P, q, dt, C)
         for i in ti.static(range(6)):
             P.e[i][q] = e[i]
-        return law.stress(scene.logarithm(e), p)
+        return law.stress(fields.logarithm(e), p)
     else:
-        return plastic_stress(scene, P, law, q, dt, C, p)
+        return update_plastic_stress(fields, P, law, q, dt, C, p)
 
 
 @ti.func
-def trial(P: ti.template(), q, dt, C: ti.template()):
-    """e of pack q as if the substep were elastic."""
-    return advance_e([keep(P.e[i][q]) for i in range(6)], [keep(dt * C[i]) for i in range(9)])
+def advance_elastically(P: ti.template(), q, dt, C: ti.template()):
+    """Return e of pack q as if the substep were elastic: the trial state."""
+    return advance_cauchy_green([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)])
 
 
 @ti.func
-def plastic_stress(scene: ti.template(), P: ti.template(), law: ti.template(), q, dt, C: ti.template(),
-                   p: ti.template()):
-    """Return mapping on the Hencky strain, written back to e; the stress."""
+def update_plastic_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, dt, C: ti.template(),
+                          p: ti.template()):
+    """Apply the return mapping to the trial Hencky strain, store the new e; return the Kirchhoff stress [Pa]."""
     remembered = C[0] * 0.0
     if ti.static(law.has_volume_correction):
         remembered = P.vc[q]
-    h, expansion = law.return_mapping(scene.logarithm(trial(P, q, dt, C)), remembered, p)
+    h, expansion = law.return_mapping(fields.logarithm(advance_elastically(P, q, dt, C)), remembered, p)
     if ti.static(law.has_volume_correction):
         P.vc[q] = expansion
-    back = scene.exponential(h)
+    back = fields.exponential(h)
     for i in ti.static(range(6)):
         P.e[i][q] = back[i]
     return law.stress(h, p)

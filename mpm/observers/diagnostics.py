@@ -1,4 +1,4 @@
-"""What can be read off a state, summed in double precision."""
+"""Momentum, energy and diagnostics of a state, summed in double precision."""
 
 from typing import Any, NamedTuple
 
@@ -30,17 +30,17 @@ class Diagnostics(NamedTuple):
     momentum: Momentum
     energy: Energy
     cfl: float
-    """Cells that the fastest grain travels in a substep."""
+    """Cells that the fastest particle travels in a substep."""
     compaction: float
-    """Largest elastic loss of volume of a grain, 1 - J."""
+    """Largest elastic loss of volume of a particle, 1 - J."""
     escaped: int
-    """Grains that lie on a wall's plane: an accurate run leaves none there for long."""
+    """Particles on the plane of a wall: an accurate run leaves none there for long."""
     first_non_finite: int | None
-    """Index of the first grain with a number that is not finite."""
+    """Index of the first particle with a number that is not finite."""
 
 
-def momentum_of(solver: Any) -> Momentum:
-    """Momentum of all grains."""
+def compute_momentum(solver: Any) -> Momentum:
+    """Return the momentum of all particles of a solver."""
     m, x, v = solver.masses()[:, None], solver.positions(), solver.velocities()
     C = solver.particles.read(solver.particles.C).astype(float).reshape(-1, 3, 3)
     spin = np.stack([C[:, 2, 1] - C[:, 1, 2], C[:, 0, 2] - C[:, 2, 0], C[:, 1, 0] - C[:, 0, 1]], -1)
@@ -48,8 +48,8 @@ def momentum_of(solver: Any) -> Momentum:
     return Momentum((m * v).sum(0), angular.sum(0))
 
 
-def energy_of(solver: Any) -> Energy:
-    """Energy of all grains; the elastic part is that of each law, and of a fluid's volume."""
+def compute_energy(solver: Any) -> Energy:
+    """Return the energy of all particles of a solver; the elastic part is each law's, or of a fluid's volume."""
     m, x, v = solver.masses(), solver.positions(), solver.velocities()
     C = solver.particles.read(solver.particles.C).astype(float)
     kinetic = 0.5 * m @ ((v**2).sum(1) + solver.grid.cell**2 / 4.0 * (C**2).sum(1))
@@ -65,27 +65,28 @@ def energy_of(solver: Any) -> Energy:
     return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ solver.gravity), float(elastic))
 
 
-def diagnostics_of(solver: Any) -> Diagnostics:
-    """All diagnostics of the present state, whether it is finite or not."""
+def compute_diagnostics(solver: Any) -> Diagnostics:
+    """Return all diagnostics of a solver's state, whether it is finite or not."""
     x, v = solver.positions(), solver.velocities()
     finite = np.isfinite(x).all(1) & np.isfinite(v).all(1)
     bad = np.flatnonzero(~finite)
     lower = np.asarray(solver.grid.lower)
     upper = lower + solver.grid.cells * solver.grid.cell
-    hair = 1e-4 * solver.grid.cell
-    on_wall = np.any(((x <= lower + hair) | (x >= upper - hair)) & ~np.array(solver.features.periodic), axis=1)
+    tolerance = 1e-4 * solver.grid.cell
+    is_wall = ~np.array(solver.features.periodic)
+    on_wall = np.any(((x <= lower + tolerance) | (x >= upper - tolerance)) & is_wall, axis=1)
     with np.errstate(invalid="ignore", over="ignore"):
         speeds = np.linalg.norm(v, axis=1)
         fastest = float(np.max(speeds[finite], initial=0.0))
-        energy = energy_of(solver) if not len(bad) else Energy(np.nan, np.nan, np.nan)
+        energy = compute_energy(solver) if not len(bad) else Energy(np.nan, np.nan, np.nan)
         return Diagnostics(
-            mass=float(solver.masses().sum()), momentum=momentum_of(solver), energy=energy,
+            mass=float(solver.masses().sum()), momentum=compute_momentum(solver), energy=energy,
             cfl=fastest * solver.substep / solver.grid.cell, compaction=_compaction(solver),
             escaped=int(on_wall.sum()), first_non_finite=int(bad[0]) if len(bad) else None)
 
 
 def _ranges(solver: Any):  # noqa: ANN202
-    """Body and slice of its grains."""
+    """Yield each body and the slice of its particles."""
     first = 0
     for body, count in zip(solver.bodies, solver.particles.counts):
         yield body, slice(first, first + count)
@@ -93,7 +94,7 @@ def _ranges(solver: Any):  # noqa: ANN202
 
 
 def _cauchy_green(solver: Any, C: np.ndarray) -> np.ndarray:
-    """b (n, 3, 3) of all grains, the identity for fluids.
+    """Return b (n, 3, 3) of all particles, the identity for fluids.
 
     A substep begins by adding the strain of the last velocities C: with it the strain is that of the positions.
     """
@@ -105,7 +106,7 @@ def _cauchy_green(solver: Any, C: np.ndarray) -> np.ndarray:
 
 
 def _compaction(solver: Any) -> float:
-    """Largest 1 - J."""
+    """Return the largest 1 - J."""
     loss = 0.0
     if solver.particles.e:
         e = solver.particles.read(solver.particles.e).astype(float)
@@ -116,8 +117,8 @@ def _compaction(solver: Any) -> float:
     return loss
 
 
-def divergence_of(solver: Any, dt: float) -> SimulationDiverged:
-    """The error of a state that is not finite, or too fast for substeps of dt [s]."""
+def describe_divergence(solver: Any, dt: float) -> SimulationDiverged:
+    """Return the error for a state that is not finite, or too fast for substeps of dt [s]."""
     speeds = np.linalg.norm(solver.velocities(), axis=1)
     worst = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
     lost = [index for index, row in zip(solver.mobility.indices, solver.mobility.table) if not np.isfinite(row).all()]
@@ -126,5 +127,5 @@ def divergence_of(solver: Any, dt: float) -> SimulationDiverged:
         speed=float(speeds[worst]), cfl=float(speeds[worst] * dt / solver.grid.cell),
         collider=lost[0] if lost else None,
     )
-    error.diagnostics = diagnostics_of(solver)
+    error.diagnostics = compute_diagnostics(solver)
     return error

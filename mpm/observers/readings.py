@@ -1,4 +1,4 @@
-"""What can be read off a solver's grains, in double precision."""
+"""Arrays of a solver's particles, in double precision."""
 
 import numpy as np
 
@@ -8,21 +8,21 @@ from mpm.state.particles import ParticleFields
 
 
 class Readings:
-    """The part of a `Solver` that looks at its grains as they are; each call copies what it needs from the fields."""
+    """The part of a `Solver` that reads its particles; each call copies what it needs from the fields."""
 
     particles: ParticleFields
     bodies: list[Body]
     grid: Grid
 
     def positions(self) -> np.ndarray:
-        """[m], shape (n_particles, 3), float64, in the order of the bodies."""
+        """Return positions [m], shape (n_particles, 3), float64, in the order of the bodies."""
         return self.particles.read(self.particles.x).astype(float) + self.grid.origin
 
     def velocities(self) -> np.ndarray:
-        """[m/s], shape (n_particles, 3), float64."""
+        """Return velocities [m/s], shape (n_particles, 3), float64."""
         return self.particles.read(self.particles.v).astype(float)
 
     def masses(self) -> np.ndarray:
-        """[kg], shape (n_particles,)."""
+        """Return masses [kg], shape (n_particles,)."""
         volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
         return volume * np.repeat([b.material.density for b in self.bodies], self.particles.counts)

@@ -1,4 +1,6 @@
-"""Positions and velocities of some grains in one array, filled by one launch."""
+"""Positions and velocities of chosen particles in one array, filled by one launch."""
+
+from typing import Any
 
 import numpy as np
 
@@ -8,19 +10,22 @@ from mpm.state.packs import LANES
 
 @ti.data_oriented
 class Sample:
-    """Reads chosen grains (indices) of a solver: when asked, or attached (`Solver.attach`) after every advance."""
+    """Reads chosen particles of a solver: on request, or attached (`Solver.attach`) at the end of every advance.
 
-    def __init__(self, solver, chosen: np.ndarray) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
+    chosen: indices (n,).
+    """
+
+    def __init__(self, solver: Any, chosen: np.ndarray) -> None:  # a Solver, which stands above
         self.particles, self.origin = solver.particles, tuple(float(c) for c in solver.grid.origin)
         with allocating():
             self.slots = ti.field(ti.i32, len(chosen))
             put(self.slots, self.particles.index[chosen].astype(np.int32))
 
         self.values = np.zeros((len(chosen), 6), np.float32)
-        """Positions [m] and velocities [m/s] as last read."""
+        """Positions [m] and velocities [m/s] as last read, shape (n, 6)."""
 
     def read(self) -> np.ndarray:
-        """`values` of the present state."""
+        """Read the present state; return `values`."""
         self._copy(self.values)
         return self.values
 
@@ -32,7 +37,7 @@ class Sample:
 
     @ti.func
     def take(self, out: ti.template(), first):
-        """Into the rows of out from `first` on."""
+        """Store the present state in the rows of out from `first` on."""
         for i in range(self.slots.shape[0]):
             q, l = self.slots[i] // LANES, self.slots[i] % LANES
             for d in ti.static(range(3)):

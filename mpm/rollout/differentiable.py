@@ -1,25 +1,46 @@
-"""What a roll-out can be differentiated for."""
+"""Checks of what a rollout can differentiate, and of its arguments."""
 
+import math
+from typing import Any
+
+from mpm.adjoint.phases import phases_without_adjoint
 from mpm.errors import InvalidValue
 
 
-def check_scene(solver) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
+def check_differentiable(solver: Any) -> None:  # a Solver, which stands above
     """Raise InvalidValue for a scene with something that has no adjoint."""
     features = solver.features
-    if solver.shares is not None:
+    if not features.serial:
         raise InvalidValue("Rollout: the solver has several threads; accepted: one of mpm.init(threads=1)")
-    for name, present in (("a shell", features.shells), ("a mobile collider", features.mobile),
-                          ("a periodic side", any(features.periodic)),
-                          ("a body acceleration", features.body_acceleration)):
-        if present:
-            raise InvalidValue(f"Rollout: the scene has {name}, which is not differentiated; accepted: solid colliders "
-                               "that are static or given a motion, walls, gravity")
+    missing = [phase.because for phase in phases_without_adjoint(solver.fields)]
+    missing += ["a body acceleration"] if features.body_acceleration else []
+    if missing:
+        raise InvalidValue(f"Rollout: the scene has {missing[0]}, which is not differentiated; accepted: solid "
+                           "colliders that are static or given a motion, walls, gravity")
     if len(features.moving_solids) > 1:
         raise InvalidValue(f"Rollout: {len(features.moving_solids)} colliders can move; accepted: one tool at most, "
                            f"the others static")
     for body in solver.bodies:
         law = type(body.material)
-        needed = ["stress_back", "return_mapping_back"] if getattr(law, "plastic", False) else ["stress_back"]
+        needed = ["stress_back", "return_mapping_back"] if law.plastic else ["stress_back"]
         missing = [name for name in needed if not hasattr(law, name)]
         if missing:
-            raise InvalidValue(f"Rollout: {law.__name__} has no {missing[0]}; a law is differentiated through its own")
+            raise InvalidValue(f"Rollout: {law.__name__} has no {missing[0]}; a law is differentiated through its own "
+                               f"adjoints, see mpm.materials.material.Material")
+
+
+def check_arguments(n_steps: int, step_dt: float, substeps: int | None, window: int | None, limit: float | None,
+                    soft: float) -> None:
+    """Raise InvalidValue for arguments of `Rollout` out of range."""
+    if n_steps != int(n_steps) or n_steps < 1:
+        raise InvalidValue(f"Rollout: n_steps = {n_steps}; accepted: a whole number, 1 or more")
+    if not step_dt > 0 or not math.isfinite(step_dt):
+        raise InvalidValue(f"Rollout: step_dt = {step_dt} s; accepted: a positive time")
+    if substeps is not None and (substeps != int(substeps) or substeps < 1):
+        raise InvalidValue(f"Rollout: substeps = {substeps}; accepted: a whole number, 1 or more, or None")
+    if window is not None and window < 1:
+        raise InvalidValue(f"Rollout: window = {window} steps; accepted: 1 or more, or None")
+    if limit is not None and not limit > 0:
+        raise InvalidValue(f"Rollout: limit = {limit}; accepted: a positive number, or None")
+    if not 0 <= soft < math.inf:
+        raise InvalidValue(f"Rollout: soft = {soft}; accepted: 0 or more")

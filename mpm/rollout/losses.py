@@ -1,4 +1,4 @@
-"""Losses of a roll-out. A loss is one small function: what was seen after some steps in, value and derivatives out."""
+"""Losses of a rollout. A loss is one small function: states after some steps in, value and derivatives out."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpm.geometry.primitives import Shape
+from mpm.geometry.shape import Shape
 
 NEARBY = 1e-4
 """Step [m] of the differences that give a distance's slope: small against a tool, large against single precision."""
 
 
-class Seen(NamedTuple):
-    """Grains and tool after some of a roll-out's steps."""
+class RolloutStates(NamedTuple):
+    """Particles and tool after some of a rollout's steps."""
 
     steps: np.ndarray
     """Numbers of the steps (k,), the first being 1."""
@@ -27,8 +27,8 @@ class Seen(NamedTuple):
     """Rotation matrices of the tool (k, 3, 3)."""
 
 
-class LossBars(NamedTuple):
-    """Value of a loss over the steps seen, and its derivatives; None stands for zeros."""
+class LossGradient(NamedTuple):
+    """Value of a loss over some steps, and its derivatives; None stands for zeros."""
 
     value: float
     x: np.ndarray | None = None
@@ -39,16 +39,16 @@ class LossBars(NamedTuple):
     """By the tool's position and by a turn of it in world axes (k, 6)."""
 
 
-Loss = Callable[[Seen], LossBars]
-"""Sums over steps, so that steps can be seen in any grouping."""
+Loss = Callable[[RolloutStates], LossGradient]
+"""A loss sums over steps, so that they can be given in any grouping."""
 
 
 @dataclass(frozen=True)
 class WeightedDistance:
-    """Sum over steps and grains of the weighted Manhattan distance to a goal, times `scale`.
+    """Sum over steps and particles of the weighted Manhattan distance to a goal, times `scale`.
 
-    goal: [m] (3,). weights: (3,). chosen: indices of the grains that count; None: all. scale: factor per step
-    (n_steps,) or a number. nearest: only so many of the grains count, those closest to the goal, chosen anew each step.
+    goal: [m] (3,). weights: (3,). chosen: indices of the particles that count; None: all. scale: factor per step
+    (n_steps,) or a number. nearest: only so many of the particles count, those closest to the goal at each step.
     """
 
     goal: np.ndarray
@@ -57,34 +57,34 @@ class WeightedDistance:
     scale: float | np.ndarray = 1.0
     nearest: int | None = None
 
-    def __call__(self, seen: Seen) -> LossBars:
-        chosen = np.arange(seen.x.shape[1]) if self.chosen is None else self.chosen
-        offset = seen.x[:, chosen] - self.goal
-        factor = np.broadcast_to(scale_at(self.scale, seen.steps)[:, None], offset.shape[:2])
+    def __call__(self, states: RolloutStates) -> LossGradient:
+        chosen = np.arange(states.x.shape[1]) if self.chosen is None else self.chosen
+        offset = states.x[:, chosen] - self.goal
+        factor = np.broadcast_to(scale_at(self.scale, states.steps)[:, None], offset.shape[:2])
         distance = np.abs(offset) @ np.asarray(self.weights, float)
         if self.nearest is not None:
             last = np.partition(distance, self.nearest - 1, axis=1)[:, self.nearest - 1, None]
             factor = factor * (distance <= last)
-        bar = np.zeros(seen.x.shape)
+        bar = np.zeros(states.x.shape)
         bar[:, chosen] = factor[..., None] * np.sign(offset) * self.weights
-        return LossBars(float(np.sum(factor * distance)), x=bar)
+        return LossGradient(float(np.sum(factor * distance)), x=bar)
 
 
 @dataclass(frozen=True)
 class Above:
-    """Sum over steps and grains of the height [m] above a plane at z = height, times `scale`: draws grains down."""
+    """Sum over steps and particles of the height [m] above a plane at z = height, times `scale`: draws grains down."""
 
     height: float
     chosen: np.ndarray | None = None
     scale: float | np.ndarray = 1.0
 
-    def __call__(self, seen: Seen) -> LossBars:
-        chosen = np.arange(seen.x.shape[1]) if self.chosen is None else self.chosen
-        rise = seen.x[:, chosen, 2] - self.height
-        factor = scale_at(self.scale, seen.steps)[:, None] * (rise > 0)
-        bar = np.zeros(seen.x.shape)
+    def __call__(self, states: RolloutStates) -> LossGradient:
+        chosen = np.arange(states.x.shape[1]) if self.chosen is None else self.chosen
+        rise = states.x[:, chosen, 2] - self.height
+        factor = scale_at(self.scale, states.steps)[:, None] * (rise > 0)
+        bar = np.zeros(states.x.shape)
         bar[:, chosen, 2] = factor
-        return LossBars(float(np.sum(factor * rise)), x=bar)
+        return LossGradient(float(np.sum(factor * rise)), x=bar)
 
 
 @dataclass(frozen=True)
@@ -97,17 +97,17 @@ class Attraction:
     rest: float = 0.0
     scale: float | np.ndarray = 1.0
 
-    def __call__(self, seen: Seen) -> LossBars:
-        chosen = np.arange(seen.x.shape[1]) if self.chosen is None else self.chosen
-        arm = seen.axes @ np.asarray(self.point, float)
-        offset = seen.places + arm - seen.x[:, chosen].mean(1)
+    def __call__(self, states: RolloutStates) -> LossGradient:
+        chosen = np.arange(states.x.shape[1]) if self.chosen is None else self.chosen
+        arm = states.axes @ np.asarray(self.point, float)
+        offset = states.places + arm - states.x[:, chosen].mean(1)
         distance = np.linalg.norm(offset, axis=1)
-        factor = scale_at(self.scale, seen.steps) * (distance > self.rest)
+        factor = scale_at(self.scale, states.steps) * (distance > self.rest)
         pull = (factor / np.maximum(distance, 1e-12))[:, None] * offset
-        bar = np.zeros(seen.x.shape)
+        bar = np.zeros(states.x.shape)
         bar[:, chosen] = -pull[:, None] / len(chosen)
         pose = np.concatenate([pull, np.cross(arm, pull)], 1)
-        return LossBars(float(np.sum(factor * (distance - self.rest))), x=bar, pose=pose)
+        return LossGradient(float(np.sum(factor * (distance - self.rest))), x=bar, pose=pose)
 
 
 @dataclass(frozen=True)
@@ -120,21 +120,21 @@ class Clear:
     margin: float
     scale: float | np.ndarray = 1.0
 
-    def __call__(self, seen: Seen) -> LossBars:
-        arms = self.points - seen.places[:, None]
-        local = arms @ seen.axes
+    def __call__(self, states: RolloutStates) -> LossGradient:
+        arms = self.points - states.places[:, None]
+        local = arms @ states.axes
         near = np.linalg.norm(local, axis=2) < self.shape.radius + self.margin
         distance = np.full(near.shape, self.margin)
         distance[near] = self.shape.distance(local[near])
         first, each = distance.argmin(1), np.arange(len(arms))
         deep = np.maximum(self.margin - distance[each, first], 0.0)
-        factor = scale_at(self.scale, seen.steps) * (deep > 0)
+        factor = scale_at(self.scale, states.steps) * (deep > 0)
         steps = NEARBY * np.eye(3)
         ends = [self.shape.distance(local[each, first] + way) - self.shape.distance(local[each, first] - way)
                 for way in steps]
-        normal = np.einsum("kij,jk->ki", seen.axes, np.array(ends)) / (2.0 * NEARBY)
+        normal = np.einsum("kij,jk->ki", states.axes, np.array(ends)) / (2.0 * NEARBY)
         pose = factor[:, None] * np.concatenate([normal, np.cross(arms[each, first], normal)], 1)
-        return LossBars(float(np.sum(factor * deep)), pose=pose)
+        return LossGradient(float(np.sum(factor * deep)), pose=pose)
 
 
 @dataclass(frozen=True)
@@ -147,12 +147,12 @@ class Turned:
     step: int
     scale: float = 1.0
 
-    def __call__(self, seen: Seen) -> LossBars:
-        pose = np.zeros((len(seen.steps), 6))
+    def __call__(self, states: RolloutStates) -> LossGradient:
+        pose = np.zeros((len(states.steps), 6))
         value = 0.0
-        for k in np.flatnonzero(seen.steps == self.step):
-            x0, z = self.axes[:, 0], seen.axes[k][:, 2]
-            x = seen.axes[k][:, 0]
+        for k in np.flatnonzero(states.steps == self.step):
+            x0, z = self.axes[:, 0], states.axes[k][:, 2]
+            x = states.axes[k][:, 0]
             sine, cosine = x0 @ z, x0 @ x
             error = np.arctan2(sine, cosine) - self.target
             error = (error + np.pi) % (2 * np.pi) - np.pi
@@ -160,7 +160,7 @@ class Turned:
             # a turn w changes z by w x z: d(x0 . z) = w . (z x x0)
             slope = (cosine * np.cross(z, x0) - sine * np.cross(x, x0)) / (sine**2 + cosine**2)
             pose[k, 3:] = self.scale * np.sign(error) * slope
-        return LossBars(value, pose=pose)
+        return LossGradient(value, pose=pose)
 
 
 @dataclass(frozen=True)
@@ -169,9 +169,9 @@ class Sum:
 
     losses: tuple[Loss, ...]
 
-    def __call__(self, seen: Seen) -> LossBars:
-        parts = [loss(seen) for loss in self.losses]
-        return LossBars(sum(part.value for part in parts), *[added([part[i] for part in parts]) for i in (1, 2, 3)])
+    def __call__(self, states: RolloutStates) -> LossGradient:
+        parts = [loss(states) for loss in self.losses]
+        return LossGradient(sum(part.value for part in parts), *[added([part[i] for part in parts]) for i in (1, 2, 3)])
 
 
 def added(arrays: list[np.ndarray | None]) -> np.ndarray | None:
@@ -181,5 +181,5 @@ def added(arrays: list[np.ndarray | None]) -> np.ndarray | None:
 
 
 def scale_at(scale: float | np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Factors (k,) of steps (k,)."""
+    """Return the factors (k,) of steps (k,)."""
     return np.full(len(steps), scale) if np.ndim(scale) == 0 else np.asarray(scale, float)[steps - 1]

@@ -1,6 +1,7 @@
-"""Derivatives by what a material is given, from those by the numbers that kernels read."""
+"""Derivatives by the numbers of a material, from those by the parameters that kernels read."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -10,24 +11,24 @@ DIFFERENCE = 1e-6
 """Relative step of the central differences through a law's `parameters`, in double precision."""
 
 
-def material_bars(solver, sweep) -> list[dict[str, float]]:  # noqa: ANN001
-    """For each body the derivative of the loss by each of its law's numbers but the density."""
-    if not sweep.materials:
+def material_gradients(solver: Any, kernel: Any) -> list[dict[str, float]]:
+    """Return for each body the derivative of the loss by each number of its material but the density."""
+    if not kernel.materials:
         return []
-    bars = sweep.numbers_bar.to_numpy()
-    found = []
+    bars = kernel.parameter_bars.to_numpy()
+    gradients = []
     for body, bar in zip(solver.bodies, bars):
         law, slopes = body.material, {}
         for field in dataclasses.fields(law):
             value = getattr(law, field.name)
             if isinstance(value, float | int) and field.name != "density":
                 slopes[field.name] = float(slope(law, field.name, float(value)) @ bar[: len(law.parameters)])
-        found.append(slopes)
-    return found
+        gradients.append(slopes)
+    return gradients
 
 
-def slope(law, name: str, value: float) -> np.ndarray:  # noqa: ANN001
-    """Derivative of a law's parameters by one of its numbers; to one side where the other is not accepted."""
+def slope(law: Any, name: str, value: float) -> np.ndarray:
+    """Return the derivative of a law's parameters by one number; one-sided where a side is not accepted."""
     step = DIFFERENCE * abs(value) if value else DIFFERENCE
     ends = []
     for end in (value + step, value, value - step):

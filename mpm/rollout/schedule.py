@@ -1,4 +1,4 @@
-"""How many states a roll-out keeps, and how often it is run again for the others."""
+"""The checkpoint schedule: how many states a rollout stores, and how often it is repeated for the others."""
 
 import math
 from typing import NamedTuple
@@ -6,11 +6,11 @@ from typing import NamedTuple
 from mpm.errors import InvalidValue
 
 DEPTH = 24
-"""Levels of checkpoints at most; a roll-out of 2^24 steps needs no more."""
+"""Levels of checkpoints at most; a rollout of 2^24 steps needs no more."""
 
 
 class Schedule(NamedTuple):
-    """A roll-out of `steps` is split into `parts` parts, each of these again, `levels` times; a last part has at most
+    """A rollout of `steps` is split into `parts` parts, each of these again, `levels` times; a last part has at most
     `chunk` steps, all of whose substeps are kept side by side."""
 
     steps: int
@@ -26,12 +26,15 @@ class Schedule(NamedTuple):
 
     @property
     def recomputation(self) -> int:
-        """Times that a step is run forwards at most, besides the first."""
+        """How often a step is repeated at most."""
         return self.levels
 
 
-def planned(steps: int, substeps: int, n_bytes: int, budget: int) -> Schedule:
-    """The schedule with the least recomputation whose states, of n_bytes each, fit into a budget [bytes]."""
+def plan_schedule(steps: int, substeps: int, n_bytes: int, budget: int) -> Schedule:
+    """Return the schedule with the least recomputation whose states, of n_bytes each, fit into a budget [bytes].
+
+    Raises InvalidValue where none fits.
+   """
     smallest = math.inf
     for levels in range(DEPTH + 1):
         plan = _smallest(steps, substeps, n_bytes, levels)
@@ -43,7 +46,7 @@ def planned(steps: int, substeps: int, n_bytes: int, budget: int) -> Schedule:
 
 
 def _smallest(steps: int, substeps: int, n_bytes: int, levels: int) -> Schedule:
-    """The schedule with so many levels that takes the least memory."""
+    """Return the schedule with so many levels that takes the least memory."""
     if levels == 0:
         chunks = [(steps, 1)]
     else:

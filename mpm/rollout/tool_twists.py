@@ -1,4 +1,4 @@
-"""A tool's motion from twists held for one step each, and the way back from the bars of its motion table.
+"""A tool's motion from a constant twist a step, and its adjoint.
 
 Each step adds dt * linear to the tool's position and turns it by dt * angular, in world axes; within the step the tool
 follows the screw between. The rows are differentiated by complex steps (Squire and Trapp 1998), exact to rounding.
@@ -11,34 +11,37 @@ import numpy as np
 from mpm.geometry.rigid_motion import Pose, left_jacobian, quaternion_of, rotation_matrix
 
 STEP = 1e-30
-"""Imaginary step; its square is nothing beside one."""
+"""Imaginary step; its square underflows beside one."""
 
 
-class Path(NamedTuple):
+class ToolPath(NamedTuple):
     """Poses at the beginning of every step and at the end of the last: positions (n + 1, 3), matrices (n + 1, 3, 3)."""
 
     positions: np.ndarray
     matrices: np.ndarray
 
     def pose(self, step: int) -> Pose:
-        """Where the tool is after so many steps."""
+        """Return the tool's pose after so many steps."""
         return Pose(self.positions[step].copy(), quaternion_of(self.matrices[step]))
 
 
-def path(start: Pose, linear: np.ndarray, angular: np.ndarray, dt: float) -> Path:
-    """Poses of a tool that is given twists (n, 3) [m/s], [rad/s] for dt [s] each."""
+def integrate_twists(start: Pose, linear: np.ndarray, angular: np.ndarray, dt: float) -> ToolPath:
+    """Return the poses of a tool with constant twists (n, 3) [m/s], [rad/s] for dt [s] each."""
     positions = np.concatenate([[start.position], dt * linear]).cumsum(0)
     matrices = np.empty((len(linear) + 1, 3, 3))
     matrices[0] = start.matrix
     for k, turn in enumerate(rotation_matrix(dt * angular)):
         matrices[k + 1] = turn @ matrices[k]
-    return Path(positions, matrices)
+    return ToolPath(positions, matrices)
 
 
-def rows(position: np.ndarray, matrix: np.ndarray, shift: np.ndarray, turn: np.ndarray, dt: float,
+def motion_rows(position: np.ndarray, matrix: np.ndarray, shift: np.ndarray, turn: np.ndarray, dt: float,
          n: int) -> np.ndarray:
-    """Rows (..., n, 18) of the motion table in the n substeps of a step of dt [s] from position (..., 3) and matrix
-    (..., 3, 3), by a shift [m] (..., 3) and a turn [rad] (..., 3) in world axes."""
+    """Return the rows (..., n, COLUMNS) of the motion table in the n substeps of a step of dt [s].
+
+    The step begins at position (..., 3) and matrix (..., 3, 3); shift [m] (..., 3) and turn [rad] (..., 3) are in world
+    axes.
+    """
     u = (np.arange(1, n + 1) / n)[:, None]
     screw = np.linalg.solve(left_jacobian(turn), shift[..., None])[..., None, :, :]
     part = u * turn[..., None, :]
@@ -50,12 +53,12 @@ def rows(position: np.ndarray, matrix: np.ndarray, shift: np.ndarray, turn: np.n
     return np.concatenate([places, axes.reshape(*axes.shape[:-2], 9), linear, angular], -1)
 
 
-def table(way: Path, linear: np.ndarray, angular: np.ndarray, dt: float, n: int) -> np.ndarray:
-    """Motion table (steps, n, 18) of all steps."""
-    return rows(way.positions[:-1], way.matrices[:-1], dt * linear, dt * angular, dt, n)
+def motion_rows_of_path(path: ToolPath, linear: np.ndarray, angular: np.ndarray, dt: float, n: int) -> np.ndarray:
+    """Return the motion table (steps, n, COLUMNS) of all steps."""
+    return motion_rows(path.positions[:-1], path.matrices[:-1], dt * linear, dt * angular, dt, n)
 
 
-class TwistBars(NamedTuple):
+class TwistGradient(NamedTuple):
     """Derivatives by the twists, linear (n, 3) and angular (n, 3), and by the start's position (3,) and a turn of the
     start in world axes (3,)."""
 
@@ -65,23 +68,26 @@ class TwistBars(NamedTuple):
     start_turn: np.ndarray
 
 
-def back(way: Path, linear: np.ndarray, angular: np.ndarray, dt: float, table_bar: np.ndarray,
-         pose_bar: np.ndarray) -> TwistBars:
-    """From bars of the motion table (steps, n, 18), and of the poses (steps, 6: position, turn in world axes) after
-    every step, to those of the twists."""
+def differentiate_twists(path: ToolPath, linear: np.ndarray, angular: np.ndarray, dt: float, table_bar: np.ndarray,
+                         pose_bar: np.ndarray) -> TwistGradient:
+    """Return the derivatives by the twists.
+
+    table_bar: adjoint of the motion table (steps, n, COLUMNS). pose_bar: adjoint of the poses after every step
+    (steps, 6): by position, and by a turn in world axes.
+    """
     steps, n, _ = table_bar.shape
     shift, turn = dt * np.asarray(linear, complex), dt * np.asarray(angular, complex)
     direct = np.empty((2, steps, 3))
     for which in range(2):
         for axis in range(3):
-            given = [shift.copy(), turn.copy()]
-            given[which][:, axis] += 1j * STEP
-            slopes = rows(way.positions[:-1], way.matrices[:-1], *given, dt, n).imag / STEP
+            arguments = [shift.copy(), turn.copy()]
+            arguments[which][:, axis] += 1j * STEP
+            slopes = motion_rows(path.positions[:-1], path.matrices[:-1], *arguments, dt, n).imag / STEP
             direct[which, :, axis] = np.sum(slopes * table_bar, axis=(1, 2))
     # a turn w of the pose at the beginning of a step turns its rows' axes: dR = exp(u turn) [w] R_begin
     part = rotation_matrix((np.arange(1, n + 1) / n)[None, :, None] * turn.real[:, None])
     axes_bar = table_bar[..., 3:12].reshape(steps, n, 3, 3)
-    S = np.sum(np.swapaxes(part, -1, -2) @ axes_bar, axis=1) @ np.swapaxes(way.matrices[:-1], -1, -2)
+    S = np.sum(np.swapaxes(part, -1, -2) @ axes_bar, axis=1) @ np.swapaxes(path.matrices[:-1], -1, -2)
     begin_turn = np.stack([S[:, 2, 1] - S[:, 1, 2], S[:, 0, 2] - S[:, 2, 0], S[:, 1, 0] - S[:, 0, 1]], -1)
     begin_place = table_bar[..., :3].sum(1)
     V, turned = left_jacobian(turn.real), rotation_matrix(turn.real)
@@ -92,4 +98,4 @@ def back(way: Path, linear: np.ndarray, angular: np.ndarray, dt: float, table_ba
         bars[0, k] = dt * (direct[0, k] + place_bar)
         bars[1, k] = dt * (direct[1, k] + V[k].T @ turn_bar)
         place_bar, turn_bar = place_bar + begin_place[k], turned[k].T @ turn_bar + begin_turn[k]
-    return TwistBars(bars[0], bars[1], place_bar, turn_bar)
+    return TwistGradient(bars[0], bars[1], place_bar, turn_bar)

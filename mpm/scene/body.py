@@ -1,21 +1,19 @@
-"""What a solver is given: bodies of grains."""
+"""Bodies: particles of one material."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from mpm.errors import InvalidValue
-from mpm.materials.elasticity import Hencky
-from mpm.materials.newtonian_fluid import NewtonianFluid
-
-Material = Hencky | NewtonianFluid
+from mpm.materials.material import Material, check_material
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Grains of one material."""
+    """Particles of one material; raises InvalidValue for arrays that do not fit, and for an incomplete law."""
 
     material: Material
+    """Its law, see `Material`."""
     positions: np.ndarray
     """[m], shape (n, 3)."""
     velocities: np.ndarray | None = None
@@ -24,6 +22,7 @@ class Body:
     """[m^3] per particle, a number or shape (n,); required."""
 
     def __post_init__(self) -> None:
+        check_material(self.material)
         positions = np.asarray(self.positions, float)
         if positions.ndim != 2 or positions.shape[1] != 3 or len(positions) == 0:
             raise InvalidValue(f"Body: positions have shape {positions.shape}; accepted: (n, 3) with n >= 1")

@@ -1,30 +1,33 @@
-"""Rigid bodies that grains meet."""
+"""Colliders: rigid bodies in contact with particles."""
 
 from dataclasses import dataclass, field
 
 from mpm.errors import InvalidValue
-from mpm.geometry.compound import Solid, Union
 from mpm.geometry.rigid_motion import Pose
+from mpm.geometry.shape import Shape
 from mpm.geometry.shell import Shell
-
-Shape = Solid | Union | Shell
 
 
 @dataclass(frozen=True, eq=False)
 class Collider:
-    """A solid or a shell with Coulomb friction. A static solid never moves; it costs a lookup a node."""
+    """A solid or a thin shell with Coulomb friction.
 
-    sdf: Shape
+    Raises InvalidValue for a negative friction, and for a collider that is static and mobile.
+    """
+
+    sdf: Shape | Shell
+    """Its signed distance, see `Sdf` and `Shell`."""
     friction: float = 0.5
-    """Coulomb coefficient against grains."""
+    """Coulomb coefficient against particles [-]."""
     pose: Pose = field(default_factory=Pose.identity)
-    """Where it starts."""
+    """Its initial pose."""
     static: bool = False
+    """It never moves; its contact is looked up once a node."""
     mobile: bool = False
-    """Contact with grains moves it too; `Solver.set_collider_mobility` says how it answers."""
+    """Contact with particles also moves it, by the mobility of `Solver.set_collider_mobility`."""
 
     def __post_init__(self) -> None:
         if not self.friction >= 0:
             raise InvalidValue(f"Collider: friction = {self.friction}; accepted: 0 or more")
         if self.static and self.mobile:
-            raise InvalidValue("Collider: static and mobile; a collider is one or the other")
+            raise InvalidValue("Collider: static = True and mobile = True; accepted: one of them at most")

@@ -1,7 +1,9 @@
-"""What a scene has. Kernels read these inside `ti.static` only: what is absent is not compiled."""
+"""What a scene has. Kernels read features inside `ti.static` only: what is absent is not compiled."""
 
 from dataclasses import dataclass
 
+from mpm.backend import is_concurrent, is_shared
+from mpm.errors import InvalidValue
 from mpm.geometry.shell import Shell
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
@@ -15,15 +17,15 @@ class Features:
     precision: str
     """"f32" or "f64"."""
     integrator: str
-    """"series", "exact" or "auto": how strain is taken from and put back into b."""
+    """"series", "exact" or "auto": how Hencky strain is computed from b, and b from it."""
     volume_correction: bool
-    """Some material remembers expansion."""
+    """Some law remembers expansion."""
     tensor_state: bool
-    """Some material remembers b."""
+    """Some law remembers b."""
     volume_state: bool
-    """Some material remembers J."""
+    """Some law remembers J."""
     body_acceleration: bool
-    """Every grain has an acceleration of its own besides gravity."""
+    """Every particle has an acceleration of its own besides gravity."""
     periodic: tuple[bool, bool, bool]
     """Axes along which space closes on itself."""
     moving_solids: tuple[int, ...]
@@ -31,11 +33,14 @@ class Features:
     strides: bool
     """Velocities may stay on the grid over several substeps."""
     shells: tuple[int, ...]
-    """Thin colliders, with grains on both sides; they may move."""
+    """Thin colliders, with particles on both sides; they may move."""
     mobile: tuple[int, ...]
-    """Moving colliders that contact moves too; their motion is solved for in the launch."""
+    """Moving colliders that contact also moves; their motion is solved for in the launch."""
     static_colliders: tuple[int, ...]
-    """Colliders that never move: their contact is looked up once per node."""
+    """Colliders that never move: their contact is looked up once a node."""
+
+    serial: bool
+    """One thread advances the scene; several or a GPU otherwise."""
 
     @property
     def moving_colliders(self) -> tuple[int, ...]:
@@ -55,16 +60,27 @@ class Features:
 
 def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,
                 body_acceleration: bool, strides: bool) -> Features:
-    """What a scene has."""
+    """Derive the features of a scene.
+
+    Raises InvalidValue for a scene on a GPU with something that only one thread can advance: lists that grow as
+    particles and nodes are met.
+    """
     thin = [isinstance(c.sdf, Shell) for c in colliders]
+    mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), walls.periodic
+    serial = [name for name, present in (("thin shells", any(thin)), ("mobile colliders", mobile),
+                                         ("periodic sides", any(periodic))) if present]
+    if serial and is_shared():
+        raise InvalidValue(f"Solver: {', '.join(serial)} on a GPU; accepted there: moving and static solids, walls; "
+                           f"everything with mpm.init(arch=\"cpu\")")
     return Features(
         precision=precision, integrator=integrator,
         volume_correction=any(b.material.has_volume_correction for b in bodies),
         tensor_state=any(b.material.state != "volume" for b in bodies),
         volume_state=any(b.material.state == "volume" for b in bodies),
-        body_acceleration=body_acceleration, strides=strides, periodic=walls.periodic,
+        body_acceleration=body_acceleration, strides=strides, periodic=periodic,
+        serial=bool(serial) or not is_concurrent(),
         moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
         shells=tuple(i for i in range(len(colliders)) if thin[i]),
-        mobile=tuple(i for i, c in enumerate(colliders) if c.mobile),
+        mobile=mobile,
         static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
     )

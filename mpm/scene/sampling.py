@@ -1,4 +1,4 @@
-"""Where the grains of a body start: jittered lattices inside a box, a cylinder or a mesh."""
+"""Initial positions of particles: jittered lattices in a box, a cylinder or a mesh."""
 
 import numpy as np
 import trimesh
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from mpm.errors import InvalidValue
 
 JITTER = 0.25
-"""Largest displacement of a grain from its lattice site, in spacings: breaks the lattice without making gaps."""
+"""Largest displacement of a particle from its lattice site, in spacings: breaks the lattice without making gaps."""
 
 
 def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None) -> np.ndarray:
@@ -26,21 +26,24 @@ def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.
 def sample_box(
     lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None = None
 ) -> np.ndarray:
-    """Positions [m] (n, 3) that fill the box [lower, upper] m about `spacing` apart, jittered when rng is given."""
+    """Return positions [m] (n, 3) that fill the box [lower, upper] m about `spacing` [m] apart.
+
+    rng: jitters them; None: a regular lattice. Raises InvalidValue for a spacing that does not fit.
+    """
     return _lattice(lower, upper, spacing, rng)
 
 
 def sample_cylinder(
     centre: ArrayLike, radius: float, height: float, spacing: float, rng: np.random.Generator | None = None
 ) -> np.ndarray:
-    """Positions [m] (n, 3) in an upright cylinder that stands on `centre` [m] (3,)."""
+    """Return positions [m] (n, 3) in an upright cylinder that stands on `centre` [m] (3,); see `sample_box`."""
     centre = np.asarray(centre, float)
     points = _lattice(centre - [radius, radius, 0.0], centre + [radius, radius, height], spacing, rng)
     return points[np.hypot(*(points - centre)[:, :2].T) <= radius]
 
 
 def sample_mesh(mesh: trimesh.Trimesh, spacing: float, rng: np.random.Generator | None = None) -> np.ndarray:
-    """Positions [m] (n, 3) inside a watertight mesh."""
+    """Return positions [m] (n, 3) inside a watertight mesh; see `sample_box`. Raises InvalidValue for an open mesh."""
     if not mesh.is_watertight:
         raise InvalidValue("a body is sampled from a watertight mesh; this one has open edges")
     points = _lattice(mesh.bounds[0], mesh.bounds[1], spacing, rng)

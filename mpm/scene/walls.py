@@ -1,4 +1,4 @@
-"""Conditions at the six sides: kinds of walls, and the table in which kernels read them."""
+"""Conditions at the six sides of the grid, and the table in which kernels read them."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ Sides = tuple[str, str, str]
 class Walls:
     """Condition per side. friction: may leave the wall, Coulomb friction; slip: may leave, no friction; roller: normal
     velocity zero for good, no friction; stick: velocity zero; periodic: what leaves on one side enters on the other
-    (grains alone: a collider that reaches over such a side is not repeated on the other).
+    (particles only: a collider that reaches over such a side is not repeated on the other).
     """
 
     friction: float = 0.5
@@ -28,7 +28,7 @@ class Walls:
 
     @classmethod
     def all(cls, condition: str, friction: float = 0.5) -> "Walls":
-        """The same condition at all six sides."""
+        """Make walls with the same condition at all six sides."""
         sides = (condition, condition, condition)
         return cls(friction=friction, lower=sides, upper=sides)
 
@@ -56,7 +56,7 @@ class Walls:
 
 
 def wall_table(walls: Walls, grid: Grid) -> np.ndarray:
-    """The six sides (6, 4) in the order in which they are folded: axis, last plane of nodes, inward sign, condition.
+    """Return the six sides (6, 4) in the order of folding: axis, last plane of nodes, inward sign, condition.
 
     On a periodic axis the last node above is the one before the wall: the wall's own plane is the image of the first.
     """

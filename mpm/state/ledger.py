@@ -1,4 +1,6 @@
-"""Who gave the grains which impulse: rows of (linear, angular about the world's origin), summed in double precision."""
+"""The impulse ledger: rows of (linear [N s], angular [N m s] about the world's origin), summed in double precision."""
+
+from typing import NamedTuple
 
 from mpm.backend import is_concurrent, ti
 
@@ -6,15 +8,33 @@ GRAVITY_ROW, WALL_ROW, FIRST_COLLIDER_ROW = range(3)
 """Ledger rows: gravity with body accelerations, walls, then the colliders; momentum and status follow them."""
 
 
+class LedgerRows(NamedTuple):
+    """Where what a launch sums stands in its output (rows, 6)."""
+
+    first_collider: int
+    momentum: int
+    """Linear and angular momentum of all particles."""
+    status: int
+    """Sum of squared velocities, largest speed [m/s]."""
+    count: int
+    """Rows, without those of a counter."""
+
+
+def ledger_rows(n_colliders: int) -> LedgerRows:
+    """Return the rows of a scene with so many colliders."""
+    momentum = FIRST_COLLIDER_ROW + n_colliders
+    return LedgerRows(FIRST_COLLIDER_ROW, momentum, momentum + 1, momentum + 2)
+
+
 @ti.func
 def position(I, origin, cell):
-    """Position of a node [m]."""
+    """Return the position [m] of a node in double precision."""
     return ti.cast(I, ti.f64) * cell + origin
 
 
 @ti.func
 def add(out: ti.template(), row: ti.template(), column: ti.template(), value):
-    """Add to an entry of the ledger: a plain load and store where one thread does."""
+    """Add to an entry of the ledger: a plain load and store with one thread."""
     if ti.static(is_concurrent()):
         ti.atomic_add(out[row, column], value)
     else:
@@ -22,8 +42,8 @@ def add(out: ti.template(), row: ti.template(), column: ti.template(), value):
 
 
 @ti.func
-def lift(out: ti.template(), row: ti.template(), column: ti.template(), value):
-    """Keep the larger of an entry and a value."""
+def maximise(out: ti.template(), row: ti.template(), column: ti.template(), value):
+    """Replace an entry by a value where that is larger."""
     if ti.static(is_concurrent()):
         ti.atomic_max(out[row, column], value)
     else:
@@ -32,7 +52,7 @@ def lift(out: ti.template(), row: ti.template(), column: ti.template(), value):
 
 @ti.func
 def credit(out: ti.template(), row: ti.template(), place, impulse):
-    """Add an impulse at a place to a ledger row."""
+    """Add an impulse [N s] that acts at a place [m] to a ledger row."""
     p = ti.Vector([ti.cast(impulse[d], ti.f64) for d in range(3)])
     moment = place.cross(p)
     for d in ti.static(range(3)):

@@ -1,26 +1,49 @@
-"""Fields of packs, copied all in one kernel: a kernel for each field would take a tenth of a second each to compile."""
+"""Fields of packs of particles, copied all in one kernel: one kernel a field would take 0.1 s each to compile."""
 
 import numpy as np
 
-from mpm.backend import allocating, later, ti
+from mpm.backend import later, ti
 from mpm.errors import InvalidValue
 
 LANES = 4
 """Particles in a pack. Four fills the registers of common processors; eight spills them."""
 
 
+@ti.func
+def lane_mask(lane, real: ti.template()):
+    """Return 1 in one lane of a pack and 0 in the others: reads by a product what a run-time index would spill."""
+    return ti.Vector([ti.cast(lane == l, real) for l in range(LANES)])
+
+
+@ti.func
+def write_lane(field: ti.template(), q, mask, value):
+    """Store a value in the lane of pack q that a mask selects."""
+    field[q] = field[q] * (1.0 - mask) + value * mask
+
+
+@ti.func
+def read_lane(field: ti.template(), slot):
+    """Return the value of a pack field in a slot (pack, lane)."""
+    value = field[slot[0]][0]
+    for l in ti.static(range(1, LANES)):
+        if slot[1] == l:
+            value = field[slot[0]][l]
+    return value
+
+
 @ti.data_oriented
 class Packs:
-    """Pack fields of one length and type. count: that length as a field, see `ParticleFields.pack_count`. dtype: of
-    the fields, as NumPy has it."""
+    """Pack fields of one length and type.
+
+    count: that length as a field, see `ParticleFields.pack_count`. dtype: of the fields, as NumPy has it.
+    """
 
     def __init__(self, fields: list, count, dtype: type) -> None:  # noqa: ANN001  (a taichi field)
         self.fields, self.count, self._dtype = fields, count, dtype
         self._place = {id(field): i for i, field in enumerate(fields)}
 
     def _rows(self, fields: list) -> np.ndarray:
-        """For each of all fields its row among the given ones, or -1; raises InvalidValue for a field that is none of
-        these, or given twice."""
+        """Return for each field its row among the given ones, or -1."""
         places = {self._place.get(id(field)) for field in fields}
         if None in places or len(places) < len(fields):
             raise InvalidValue(f"Packs: {len(fields)} fields given; accepted: some of {len(self.fields)}, once each")
@@ -29,15 +52,17 @@ class Packs:
         return rows
 
     def write(self, fields: list, values: np.ndarray) -> None:
-        """Values (k, packs, LANES) into k of the fields, as soon as these are laid out; raises InvalidValue for values
-        of another shape."""
-        rows, wanted = self._rows(fields), (len(fields), *self.fields[0].shape, LANES)
-        if values.shape != wanted:
-            raise InvalidValue(f"Packs: values of shape {values.shape}; accepted: {wanted}")
+        """Write values (k, packs, LANES) into k of the fields, as soon as these are laid out.
+
+        Raises InvalidValue for values of another shape, and for a field that is none of these or given twice.
+        """
+        rows, accepted = self._rows(fields), (len(fields), *self.fields[0].shape, LANES)
+        if values.shape != accepted:
+            raise InvalidValue(f"Packs: values of shape {values.shape}; accepted: {accepted}")
         later(lambda: self._write(rows, np.ascontiguousarray(values, self._dtype)))
 
     def read(self, fields: list) -> np.ndarray:
-        """Values (k, packs, LANES) of k of the fields."""
+        """Return values (k, packs, LANES) of k of the fields; raises InvalidValue as `write` does."""
         values = np.empty((len(fields), *self.fields[0].shape, LANES), self._dtype)
         self._read(self._rows(fields), values)
         return values
@@ -72,33 +97,3 @@ class Packs:
         for q in range(self.count[None]):
             for i in ti.static(range(len(self.fields))):
                 self.fields[i][q] = ti.Vector.zero(self.fields[i].dtype, LANES)
-
-
-@ti.data_oriented
-class Snapshot:
-    """A copy of pack fields."""
-
-    def __init__(self, packs: Packs) -> None:
-        self.count, self.fields = packs.count, packs.fields
-        with allocating():
-            self.copies = [ti.Vector.field(LANES, field.dtype, field.shape) for field in self.fields]
-
-    @ti.kernel
-    def keep(self):
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.copy()
-
-    @ti.func
-    def copy(self):
-        """As `keep`, within a launch."""
-        for q in range(self.count[None]):
-            for i in ti.static(range(len(self.fields))):
-                self.copies[i][q] = self.fields[i][q]
-
-    @ti.kernel
-    def rewind(self):
-        ti.loop_config(serialize=True)
-        for q in range(self.count[None]):
-            for i in ti.static(range(len(self.fields))):
-                self.fields[i][q] = self.copies[i][q]

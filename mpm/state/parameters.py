@@ -1,18 +1,27 @@
-"""Numbers that a scene may change without compiling anything: gravity, friction, material parameters."""
+"""Run-time parameters: gravity, friction and material numbers, which change without compiling anything."""
 
 import numpy as np
 
 from mpm.backend import put, real_type, ti
-from mpm.scene.body import Body, Material
+from mpm.materials.material import PARAMETERS, Material
+from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.grid import Grid
 from mpm.scene.walls import Walls, wall_table
 
-PARAMETERS = 8
-"""Places for a law's numbers."""
+
+def laws_of(bodies: list[Body]) -> list[Material]:
+    """Return a material of each law in a scene, in the order of the bodies: what is compiled once a law."""
+    return list({type(body.material): body.material for body in reversed(bodies)}.values())[::-1]
 
 
-class Numbers:
+def law_indices(bodies: list[Body]) -> list[int]:
+    """Return for each body the place of its law in `laws_of`."""
+    kinds = [type(law) for law in laws_of(bodies)]
+    return [kinds.index(type(body.material)) for body in bodies]
+
+
+class Parameters:
     """Run-time fields that the kernels read."""
 
     def __init__(
@@ -21,8 +30,10 @@ class Numbers:
     ) -> None:
         real = real_type(precision)
         dtype = np.float64 if precision == "f64" else np.float32
-        self.parameters = ti.field(real, (len(bodies), PARAMETERS))
+        self.law = ti.field(real, (len(bodies), PARAMETERS))
         """Parameters of each body's law."""
+        self.law_index = ti.field(ti.i32, len(bodies))
+        """Place of each body's law among the scene's laws."""
         self._laws, self._densities = np.zeros((len(bodies), PARAMETERS), dtype), np.zeros(len(bodies), dtype)
         self.densities = ti.field(real, len(bodies))
         """[kg/m^3] of each body."""
@@ -36,6 +47,7 @@ class Numbers:
         """[m/s^2]"""
         self.wall_friction = ti.field(real, ())
         """Coulomb coefficient of the walls."""
+        put(self.law_index, np.array(law_indices(bodies), np.int32))
         for index, body in enumerate(bodies):
             self.set_law(index, body.material)
         put(self.frictions, np.array([c.friction for c in colliders] or [0.0], dtype))
@@ -49,8 +61,12 @@ class Numbers:
         put(self.walls, table)
 
     def set_law(self, index: int, material: Material) -> None:
-        """Write a body's parameters."""
+        """Write the parameters and the density of a body's law."""
         self._laws[index, : len(material.parameters)] = material.parameters
         self._densities[index] = material.density
-        put(self.parameters, self._laws)
+        put(self.law, self._laws)
         put(self.densities, self._densities)
+
+    def set_friction(self, index: int, friction: float) -> None:
+        """Write the Coulomb coefficient of a collider."""
+        self.frictions[index] = friction

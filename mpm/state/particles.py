@@ -1,4 +1,4 @@
-"""Particle state in packs of four, the layout that vector units are fast on."""
+"""The state of all particles in packs of a few lanes, the layout that vector units are fast on."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from mpm.backend import put, real_type, ti
 from mpm.scene.body import Body
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
-from mpm.scene.validation import stored
-from mpm.state.packs import LANES, Packs, Snapshot
+from mpm.scene.validation import read_array
+from mpm.state.packs import LANES, Packs
 
 
 class ParticleFields:
@@ -22,10 +22,14 @@ class ParticleFields:
         """First and last + 1 pack of each body: a pack never mixes materials."""
         self.n_packs = int(ends[-1])
         self.n_lanes = self.n_packs * LANES
-        """Lanes of all packs, those that fill one up among them."""
+        """Lanes of all packs, padding included."""
+        self.range_table = ti.Vector.field(3, ti.i32, len(bodies))
+        """First and last + 1 pack of each body, and the filled lanes of its last pack, for kernels."""
+        filled = [count - LANES * (n - 1) for count, n in zip(self.counts, packs)]
+        put(self.range_table, np.array([(*ends, lanes) for ends, lanes in zip(self.ranges, filled)], np.int32))
         self.pack_count = ti.field(ti.i32, ())
-        """The same number, where the compiler cannot see it: of a few packs it would unroll every copy, which makes up
-        half of what it compiles then."""
+        """The number of packs, hidden from the compiler: it would unroll every copy of a few packs, which makes up half
+        of what it compiles then."""
         put(self.pack_count, np.array(self.n_packs, np.int32))
 
         def pack_field():  # noqa: ANN202
@@ -42,22 +46,22 @@ class ParticleFields:
         self.j = pack_field() if features.volume_state else None
         """J - 1, with J the volume ratio of a fluid."""
         self.vc = pack_field() if features.volume_correction else None
-        """Volume correction: logarithmic expansion to be taken back."""
+        """Volume correction: logarithmic expansion to be recovered."""
         self.acceleration = [pack_field() for _ in range(3)] if features.body_acceleration else []
-        """Acceleration of a grain besides gravity [m/s^2]."""
+        """Acceleration of a particle besides gravity [m/s^2]."""
         self.side = pack_field() if features.shells else None
         """Side of the closest shell, as plus or minus its collider's index plus one; 0 away from shells."""
         self.gap = pack_field() if features.shells else None
         """Signed distance to that shell at the start of the substep [m]."""
         self.volume = pack_field()
-        """Initial volume V0 [m^3]; zero in the lanes that fill up a pack."""
+        """Initial volume V0 [m^3]; zero in padding lanes."""
         self.half = pack_field() if features.moving_solids else None
-        """Half the edge of a grain's cube [m]; zero in the lanes that fill up a pack."""
+        """Half the edge of a particle's cube [m]; zero in padding lanes."""
         self.index = self._order(bodies, grid)
-        self._kept: Snapshot | None = None
         self._dtype = np.float64 if features.precision == "f64" else np.float32
         state = [field for named in self.named_fields().values() for field in named]
-        self._state = Packs(state, self.pack_count, self._dtype)
+        self.state_fields = state
+        """All fields of the state, in the order of `named_fields`: x, v and C first."""
         constant = [field for field in (self.volume, self.half) if field is not None]
         self._all = Packs([*state, *constant], self.pack_count, self._dtype)
         volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
@@ -70,7 +74,7 @@ class ParticleFields:
             self.write([self.half], 0.5 * np.cbrt(np.concatenate(volumes))[:, None], padding=0.0)
 
     def _order(self, bodies: list[Body], grid: Grid) -> np.ndarray:
-        """Slots (n_particles,) of the particles in the packs: sorted by cell, so that neighbours share cache lines."""
+        """Return slots (n_particles,) in the packs, sorted by cell: neighbours share cache lines."""
         slots = []
         for body, (begin, _) in zip(bodies, self.ranges):
             cells = np.floor((np.asarray(body.positions) - grid.origin) / grid.cell - 0.5).astype(int)
@@ -81,12 +85,14 @@ class ParticleFields:
         return np.concatenate(slots)
 
     def write(self, fields: list, values: np.ndarray, padding: float | None = None) -> None:
-        """Store values (n_particles, k) into k pack fields; see `packed`."""
-        self._all.write(fields, self.packed(values, padding))
+        """Write values (n_particles, k) into k pack fields; see `pack`."""
+        self._all.write(fields, self.pack(values, padding))
 
-    def packed(self, values: np.ndarray, padding: float | None = None) -> np.ndarray:
-        """Values (n_particles, k) as k pack fields hold them (k, n_packs, LANES); padding lanes repeat the last
-        particle of their body."""
+    def pack(self, values: np.ndarray, padding: float | None = None) -> np.ndarray:
+        """Return values (n_particles, k) as k pack fields hold them (k, n_packs, LANES).
+
+        padding: what padding lanes hold, or None: they repeat the last particle of their body.
+        """
         packed = np.zeros((self.n_lanes, values.shape[1]), self._dtype)
         packed[self.index] = values
         for count, (begin, end) in zip(self.counts, self.ranges):
@@ -94,34 +100,20 @@ class ParticleFields:
             packed[used : end * LANES] = packed[used - 1] if padding is None else padding
         return np.ascontiguousarray(packed.T).reshape(-1, self.n_packs, LANES)
 
-    def checked(self, state: dict[str, np.ndarray], name: str) -> np.ndarray:
-        """One of a snapshot's arrays; raises InvalidValue where the snapshot is of another scene."""
-        return stored(state, name, (sum(self.counts), len(self.named_fields()[name])))
+    def read_snapshot(self, state: dict[str, np.ndarray], name: str) -> np.ndarray:
+        """Return one of a snapshot's arrays; raises InvalidValue for a snapshot of another scene."""
+        return read_array(state, name, (sum(self.counts), len(self.named_fields()[name])))
 
     def read(self, fields: list) -> np.ndarray:
-        """Values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
-        return self.in_order(self._all.read(fields))
+        """Return values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
+        return self.unpack(self._all.read(fields))
 
-    def in_order(self, packed: np.ndarray) -> np.ndarray:
-        """Values (k, n_packs, LANES) particle by particle (n_particles, k)."""
+    def unpack(self, packed: np.ndarray) -> np.ndarray:
+        """Return values (k, n_packs, LANES) particle by particle (n_particles, k)."""
         return np.ascontiguousarray(packed.reshape(len(packed), -1)[:, self.index].T)
 
-    def keep(self) -> None:
-        """Copy the state aside, on the device."""
-        self.snapshot().keep()
-
-    def rewind(self) -> None:
-        """Return to the state last kept."""
-        self.snapshot().rewind()
-
-    def snapshot(self) -> Snapshot:
-        """Where the state is copied to; it takes memory from the first time on that somebody asks."""
-        if self._kept is None:
-            self._kept = Snapshot(self._state)
-        return self._kept
-
     def named_fields(self) -> dict[str, list]:
-        """The fields of a snapshot."""
+        """Return the fields of the state by the names that a snapshot has; x, v and C come first."""
         named = {"x": self.x, "v": self.v, "C": self.C}
         if self.acceleration:
             named["acceleration"] = self.acceleration

@@ -1,35 +1,34 @@
-"""Several futures of one scene in one launch: their states lie in a bank and take turns in the solver's fields.
+"""Several environments of one scene in one launch: their states lie in a bank and are swapped through shared fields.
 
-Grid, colliders and kernel are shared, so that one more future costs its grains' state and no more; what a turn adds to
-the work is a copy of that state there and back.
+Grid, colliders and kernel are shared, so that one more environment costs its particles' state and no more; what is
+added to the work is a copy of that state there and back.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpm.backend import allocating, default_precision, real_type, ti
+from mpm.backend import allocating, default_precision, ti
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose
+from mpm.materials.material import PARAMETERS, Material
 from mpm.materials.stable_step import material_bound
-from mpm.observers.diagnostics import divergence_of
-from mpm.observers.tally import MAX_LOOKS, Tallied
-from mpm.observers.tally import ROWS as TALLY_ROWS
-from mpm.scene.body import Material
-from mpm.state.packs import LANES
-from mpm.state.parameters import PARAMETERS
-from mpm.stepping.collider_paths import Motions
-from mpm.stepping.stride import chosen_interval, launches, most_substeps
-from mpm.stepping.substep import SPEED_LIMIT, Substeps
+from mpm.observers.diagnostics import describe_divergence
+from mpm.observers.region_counter import COUNTER_ROWS, MAX_READINGS, Counts
+from mpm.state.active_blocks import mark_all
+from mpm.state.snapshots import StateBank
+from mpm.stepping.collider_paths import ColliderPaths
+from mpm.stepping.serial import SPEED_LIMIT, SerialStepper
+from mpm.stepping.stride import choose_interval, longest_stride, split_launches
 
-LEFT_OUT, READ_ONLY = -1, 0
+SKIPPED, READ_ONLY = -1, 0
 """Numbers of substeps that mean something else."""
 
 
-class Turn(NamedTuple):
-    """What a future does in a launch."""
+class Plan(NamedTuple):
+    """What an environment does in a launch."""
 
-    substeps: int = LEFT_OUT
+    substeps: int = SKIPPED
     first_row: int = 0
     """Of its part of the motion table."""
     interval: int = 1
@@ -37,147 +36,116 @@ class Turn(NamedTuple):
     done: int = 0
     """Substeps of the advance in earlier launches."""
     stamp: int = 0
-    stay: int = 1
+    max_stride: int = 1
     """The most substeps between two transfers."""
 
 
 @ti.data_oriented
-class BatchSubsteps(Substeps):
-    """The kernel of a batch: the substeps of one future after another."""
+class BatchStepper(SerialStepper):
+    """The kernel of a batch: the substeps of one environment after another."""
 
-    def __init__(self, scene, n: int) -> None:  # noqa: ANN001  (a Solver; see Substeps)
-        super().__init__(scene)
+    def __init__(self, solver: Any, n: int) -> None:
+        super().__init__(solver.fields, solver.counter, solver.sample)
         self.n = n
-        self.kept = [field for named in scene.particles.named_fields().values() for field in named]
-        self.bank = ti.Vector.field(LANES, real_type(scene.precision), (n, len(self.kept), scene.particles.n_packs))
-        self.flags = ti.field(ti.i8, (n, scene.particles.n_lanes if self.tallies else 1))
-        self.rows_of_sample = len(scene.sample.values) if self.samples else 0
+        flags = [self.counter.flags] if self.counter is not None else []
+        self.states = StateBank(self.fields.particles.state_fields, self.fields.particles.pack_count, n, flags)
+        self.sample_rows = len(self.sample.values) if self.sample is not None else 0
 
     @ti.kernel
-    def run_all(self, turns: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
+    def run_all(self, plans: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
                 mobile: ti.types.ndarray(), laws: ti.types.ndarray(), out: ti.types.ndarray(),
-                results: ti.types.ndarray(), ranks: ti.types.ndarray(), seen: ti.types.ndarray(), looks: ti.i32):
-        """Give every future its turn (n, 6); dts [s] (n,), laws (n, bodies, parameters and density); out is zero before
-        and after, results (n, rows, 6) hold what it held; ranks (n looks, grains, 2), seen (n grains, 6): as in
-        `Substeps.run`, one future after another."""
+                results: ti.types.ndarray(), per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(),
+                readings: ti.i32):
+        """Run every environment by its plan (n, 6).
+
+        dts: [s] (n,). laws: (n, bodies, parameters and density). out: zero before and after; results (n, rows, 6) hold
+        what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in `SerialStepper.run`, one
+        environment after another.
+        """
         ti.loop_config(serialize=True)
         for e in range(self.n):
-            substeps, row, interval, done, stamp, stay = [turns[e, i] for i in ti.static(range(6))]
-            if substeps != ti.static(LEFT_OUT):
-                self.fetch(e)
+            substeps, row, interval, done, stamp, max_stride = [plans[e, i] for i in ti.static(range(6))]
+            if substeps != ti.static(SKIPPED):
+                self.states.restore(e)
                 self.set_laws(laws, e)
                 dt = dts[e]
                 if substeps == ti.static(READ_ONLY):
-                    if ti.static(self.tallies):
-                        self.look(motion, row, 1, 1, out, ranks, e * looks)
+                    if ti.static(self.has_counter):
+                        self.take_reading(motion, row, 1, 1, out, per_particle, e * readings)
                 else:
-                    self.mark_blocks(self.particles, stamp)
-                self.advance(substeps, stamp, dt, motion, row, mobile, out, done, interval, ranks, e * looks, stay)
-                self.take_status(out, 0, self.particles.pack_count[None])
-                if ti.static(self.samples):
-                    self.sample.take(seen, e * ti.static(self.rows_of_sample))
-                self.store(e)
+                    mark_all(self.fields.grid, self.fields.particles, 1.0 / self.fields.cell, stamp)
+                self.advance(substeps, stamp, dt, motion, row, mobile, out, done, interval, per_particle, e * readings,
+                             max_stride)
+                self.sum_status(out, 0, self.fields.particles.pack_count[None])
+                if ti.static(self.has_sample):
+                    self.sample.take(sampled, e * ti.static(self.sample_rows))
+                self.states.store(e)
                 for i in range(results.shape[1]):
                     for j in range(6):
                         results[e, i, j] = out[i, j]
                         out[i, j] = 0.0
 
     @ti.func
-    def fetch(self, e):
-        """A future's state into the solver's fields."""
-        for i in ti.static(range(len(self.kept))):
-            for q in range(self.particles.pack_count[None]):
-                self.kept[i][q] = self.bank[e, i, q]
-        if ti.static(self.tallies):
-            for slot in range(self.flags.shape[1]):
-                self.tally.flags[slot] = self.flags[e, slot]
-
-    @ti.func
-    def store(self, e):
-        """The solver's fields back to where a future's state lies."""
-        for i in ti.static(range(len(self.kept))):
-            for q in range(self.particles.pack_count[None]):
-                self.bank[e, i, q] = self.kept[i][q]
-        if ti.static(self.tallies):
-            for slot in range(self.flags.shape[1]):
-                self.flags[e, slot] = self.tally.flags[slot]
-
-    @ti.func
     def set_laws(self, laws: ti.template(), e):
-        """Numbers of a future's materials."""
-        for body in ti.static(range(len(self.laws))):
+        """Write the parameters of an environment's materials."""
+        for body in range(self.fields.parameters.densities.shape[0]):
             for i in ti.static(range(PARAMETERS)):
-                self.numbers.parameters[body, i] = laws[e, body, i]
-            self.numbers.densities[body] = laws[e, body, PARAMETERS]
-
-    @ti.kernel
-    def bring(self, e: ti.i32):
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.fetch(e)
-
-    @ti.kernel
-    def begin(self, e: ti.i32, state: ti.types.ndarray()):
-        """A new state (fields, packs, lanes), in which nothing has been read yet."""
-        ti.loop_config(serialize=True)
-        for i in range(state.shape[0]):
-            for q in range(state.shape[1]):
-                for l in ti.static(range(LANES)):
-                    self.bank[e, i, q][l] = state[i, q, l]
-        ti.loop_config(serialize=True)
-        for slot in range(self.flags.shape[1]):
-            self.flags[e, slot] = 0
+                self.fields.parameters.law[body, i] = laws[e, body, i]
+            self.fields.parameters.densities[body] = laws[e, body, PARAMETERS]
 
 
 class Batch:
-    """n futures of a solver's scene; each has its own grains' state, materials, time and poses of the colliders.
+    """n environments of a solver's scene, each with its own particles, materials, time and poses of the colliders.
 
-    The solver's attached tally and sample read in every future. The solver itself is left in the state of some future:
-    `bring` chooses which. Colliders are moved, not pushed: raises InvalidValue for mobile ones.
+    The solver's attached counter and sample read in every environment; readings: the most in one advance. The solver
+    itself is left in the state of some environment: `select` chooses which. Raises InvalidValue for a solver with
+    mobile colliders or several threads.
     """
 
-    def __init__(self, solver, n: int, looks: int = 1) -> None:  # noqa: ANN001  (a Solver; a cycle otherwise)
-        if n < 1 or not 1 <= looks <= MAX_LOOKS:
-            raise InvalidValue(f"Batch: n = {n}, looks = {looks}; accepted: 1 or more, 1 to {MAX_LOOKS}")
-        if solver.shares is not None:
+    def __init__(self, solver: Any, n: int, readings: int = 1) -> None:  # a Solver, which stands above
+        if n < 1 or not 1 <= readings <= MAX_READINGS:
+            raise InvalidValue(f"Batch: n = {n}, readings = {readings}; accepted: 1 or more, 1 to {MAX_READINGS}")
+        if not solver.features.serial:
             raise InvalidValue("Batch: the solver has several threads; accepted: one of mpm.init(threads=1)")
         if solver.features.mobile:
             raise InvalidValue(f"Batch: colliders {solver.features.mobile} are mobile; accepted: moved ones")
-        self.solver, self.n, self.looks = solver, n, looks
+        self.solver, self.n, self.readings = solver, n, readings
         with default_precision(solver.precision), allocating():
-            self._substeps = BatchSubsteps(solver, n)
-        dtype, tally, sample = solver._dtype, solver.tally, solver.sample
-        rows = self._substeps.rows + (TALLY_ROWS * looks if tally else 0)
+            self._stepper = BatchStepper(solver, n)
+        counter, sample = solver.counter, solver.sample
+        rows = solver.fields.rows.count + (COUNTER_ROWS * readings if counter else 0)
         self._out, self._results = np.zeros((rows, 6)), np.zeros((n, rows, 6))
-        self._ranks = np.zeros((n * looks, *(tally.ranks_shape if tally else (1, 2))), np.float32)
-        self._seen = np.zeros((n * (len(sample.values) if sample else 1), 6), np.float32)
-        self._dts, self._tally = np.zeros(n), tally
+        shape = counter.per_particle_shape if counter else (1, 2)
+        self._per_particle = np.zeros((n * readings, *shape), np.float32)
+        self._sampled = np.zeros((n * (len(sample.values) if sample else 1), 6), np.float32)
+        self._dts, self._counter = np.zeros(n), counter
         self._materials = [[body.material for body in solver.bodies] for _ in range(n)]
-        self._laws = np.zeros((n, len(solver.bodies), PARAMETERS + 1), dtype)
+        self._laws = np.zeros((n, len(solver.bodies), PARAMETERS + 1), solver.dtype)
         for e in range(n):
             for body, material in enumerate(self._materials[e]):
                 self.set_material(e, body, material)
-        self._motions = [Motions(solver.colliders, solver.features, solver.mobility, solver.grid) for _ in range(n)]
+        self._paths = [ColliderPaths(solver.colliders, solver.features, solver.mobility, solver.grid)
+                       for _ in range(n)]
         self.time, self.steps = np.zeros(n), np.zeros(n, int)
-        """Of every future: [s], substeps."""
+        """Time [s] and substeps of every environment."""
         state = solver.state()
         for e in range(n):
             self.load(e, state)
 
     @property
     def bytes_each(self) -> int:
-        """Memory that one more future takes."""
-        bank, flags = self._substeps.bank, self._substeps.flags
-        size = 8 if self.solver.precision == "f64" else 4
-        each = int(np.prod(bank.shape[1:])) * LANES * size + flags.shape[1]
-        return each + (self._results.nbytes + self._ranks.nbytes + self._seen.nbytes) // self.n
+        """Memory [bytes] that one more environment takes."""
+        bank, particles = self._stepper.states, self.solver.particles
+        each = StateBank.bytes_per_state(particles.state_fields, self.solver.precision)
+        each += len(bank.flags) * bank.lanes
+        return each + (self._results.nbytes + self._per_particle.nbytes + self._sampled.nbytes) // self.n
 
-    def seen(self, e: int) -> np.ndarray:
-        """What the solver's sample read in a future when it last had a turn (n, 6)."""
-        return self._seen.reshape(self.n, -1, 6)[e]
+    def sampled(self, e: int) -> np.ndarray:
+        """Return what the solver's sample (n, 6) read at the end of an environment's last launch."""
+        return self._sampled.reshape(self.n, -1, 6)[e]
 
     def set_material(self, e: int, body: int, material: Material) -> None:
-        """As `Solver.set_material`, for one future."""
+        """Set a body's material in one environment, as `Solver.set_material` does."""
         self.solver.check_material(body, material)
         self._materials[e][body] = material
         self._laws[e, body] = 0.0
@@ -185,105 +153,112 @@ class Batch:
         self._laws[e, body, PARAMETERS] = material.density
 
     def set_collider_motion(self, e: int, index: int, begin: Pose, *ends: Pose) -> None:
-        """As `Solver.set_collider_motion`, for one future."""
-        self._motions[e].set(index, begin, ends)
+        """Set a collider's motion in one environment, as `Solver.set_collider_motion` does."""
+        self._paths[e].set(index, begin, ends)
 
     def collider_pose(self, e: int, index: int) -> Pose:
-        """Where a future's last advance left a collider."""
-        return self._motions[e].pose(index)
+        """Return the pose of a collider at the end of an environment's last advance."""
+        return self._paths[e].pose(index)
 
-    def load(self, e: int, state: dict[str, np.ndarray]) -> Tallied | None:
-        """Put a future into a state (see `Solver.state`); what the tally reads there, where nothing was lost before."""
+    def load(self, e: int, state: dict[str, np.ndarray]) -> Counts | None:
+        """Put an environment into a state, see `Solver.state`; return what the counter reads there.
+
+        Particles out of bounds in the state do not count as newly exited.
+        """
         particles = self.solver.particles
-        packed = [particles.packed(particles.checked(state, name)) for name in particles.named_fields()]
-        self._motions[e].poses = self._motions[e].stored_in(state)
-        self._motions[e].pending.clear()
+        packed = [particles.pack(particles.read_snapshot(state, name)) for name in particles.named_fields()]
+        self._paths[e].poses = self._paths[e].read_snapshot(state)
+        self._paths[e].pending.clear()
         self.time[e], self.steps[e] = float(state["time"]), int(state["steps"])
         with default_precision(self.solver.precision):
-            self._substeps.begin(e, np.concatenate(packed))
+            self._stepper.states.write(e, np.concatenate(packed))
         self._read(e)
-        return self._read(e)  # what is lost at the start is found so, not newly lost
+        return self._read(e)  # the first reading has flagged the particles out of bounds
 
-    def _read(self, e: int) -> Tallied | None:
-        """What the tally reads in a future as it is."""
-        _, table = self._motions[e].take(1.0, 1, np.inf, self.solver._dtype)
-        turns = [Turn()] * self.n
-        turns[e] = Turn(READ_ONLY)
-        self._launch(turns, table)
-        return self._tallied(e, range(1))[0] if self._tally else None
+    def _read(self, e: int) -> Counts | None:
+        """Take a reading of the counter in an environment as it is."""
+        _, table = self._paths[e].plan(1.0, 1, np.inf, self.solver.dtype)
+        plans = [Plan()] * self.n
+        plans[e] = Plan(READ_ONLY)
+        self._launch(plans, table)
+        return self._counts(e, range(1))[0] if self._counter else None
 
-    def advance(self, durations: np.ndarray, looks: np.ndarray) -> list[list[Tallied] | SimulationDiverged]:
-        """Advance every future by its duration [s] (n,), zero: it rests; what the tally read after each of its `looks`
-        (n,) equal intervals, or why the future has ended: `load` begins another."""
-        self._check(durations, looks)
-        solver, tables, plans, rows = self.solver, [], [Turn()] * self.n, 0
+    def advance(self, durations: np.ndarray, readings: np.ndarray) -> list[list[Counts] | SimulationDiverged]:
+        """Advance every environment by its duration [s] (n,); one with zero rests.
+
+        Returns what the counter read after each of an environment's `readings` (n,) equal intervals, or the error with
+        which it ended: `load` starts it again.
+        """
+        self._check(durations, readings)
+        solver, tables, plans, rows = self.solver, [], [Plan()] * self.n, 0
         for e in np.flatnonzero(durations):
-            total, table = self._motions[e].take(float(durations[e]), int(looks[e]), solver.dt, solver._dtype)
+            total, table = self._paths[e].plan(float(durations[e]), int(readings[e]), solver.dt, solver.dtype)
             self._dts[e] = durations[e] / total
-            plans[e] = Turn(total, rows, total // int(looks[e]),
-                            stay=most_substeps(self._interval(e), self._dts[e]))
+            plans[e] = Plan(total, rows, total // int(readings[e]),
+                            max_stride=longest_stride(self._interval(e), self._dts[e]))
             tables.append(table)
             rows += total
-        outcomes: list[list[Tallied] | SimulationDiverged] = [[] for _ in plans]
-        pieces = [launches(max(plan.substeps, 0), plan.interval) for plan in plans]
+        outcomes: list[list[Counts] | SimulationDiverged] = [[] for _ in plans]
+        pieces = [split_launches(max(plan.substeps, 0), plan.interval) for plan in plans]
         for k in range(max(map(len, pieces))):
-            turns = [Turn() if k >= len(pieces[e]) or not isinstance(outcomes[e], list) else
-                     plan._replace(substeps=pieces[e][k][1], first_row=plan.first_row + pieces[e][k][0],
-                                   done=pieces[e][k][0]) for e, plan in enumerate(plans)]
-            self._launch(turns, np.concatenate(tables, axis=1))
-            for e, turn in enumerate(turns):
-                if turn.substeps > 0:
-                    outcomes[e] = self._outcome(e, turn, outcomes[e])
+            launch = [Plan() if k >= len(pieces[e]) or not isinstance(outcomes[e], list) else
+                      plan._replace(substeps=pieces[e][k][1], first_row=plan.first_row + pieces[e][k][0],
+                                    done=pieces[e][k][0]) for e, plan in enumerate(plans)]
+            self._launch(launch, np.concatenate(tables, axis=1))
+            for e, plan in enumerate(launch):
+                if plan.substeps > 0:
+                    outcomes[e] = self._outcome(e, plan, outcomes[e])
         return outcomes
 
     def _interval(self, e: int) -> float:
-        """Longest stride [s] of a future's materials."""
+        """Return the longest stride [s] of an environment's materials."""
         bound = min(material_bound(self.solver.grid.cell, material) for material in self._materials[e])
-        return chosen_interval(self.solver.asked_interval, self.solver.bodies, self.solver.colliders, bound)
+        return choose_interval(self.solver.requested_interval, self.solver.bodies, self.solver.colliders, bound)
 
-    def _check(self, durations: np.ndarray, looks: np.ndarray) -> None:
-        """Raise InvalidValue for what no future can do, before any begins."""
-        for name, given in (("durations", durations), ("looks", looks)):
-            if np.shape(given) != (self.n,):
-                raise InvalidValue(f"advance: {name} have shape {np.shape(given)}; accepted: ({self.n},)")
-        wrong = np.flatnonzero((looks < 1) | (looks > self.looks) | ~(durations >= 0)) if np.any(durations) else []
+    def _check(self, durations: np.ndarray, readings: np.ndarray) -> None:
+        """Raise InvalidValue for what no environment can do, before any starts."""
+        for name, values in (("durations", durations), ("readings", readings)):
+            if np.shape(values) != (self.n,):
+                raise InvalidValue(f"advance: {name} have shape {np.shape(values)}; accepted: ({self.n},)")
+        wrong = np.flatnonzero((readings < 1) | (readings > self.readings) | ~(durations >= 0)) \
+            if np.any(durations) else []
         for e in wrong:
             if durations[e] != 0:
-                raise InvalidValue(f"advance: durations[{e}] = {durations[e]} s, looks[{e}] = {looks[e]}; accepted: 0 "
-                                   f"or more, 1 to {self.looks}, the batch's own")
+                raise InvalidValue(f"advance: durations[{e}] = {durations[e]} s, readings[{e}] = {readings[e]}; "
+                                   f"accepted: 0 or more, 1 to {self.readings}, the batch's own")
 
-    def _launch(self, turns: list[Turn], motion: np.ndarray) -> None:
+    def _launch(self, plans: list[Plan], motion: np.ndarray) -> None:
         solver = self.solver
-        if solver.tally is not self._tally:
-            raise InvalidValue("Batch: another tally was attached since the batch was made; make it anew")
-        stamped = [turn._replace(stamp=solver.take_stamps(max(turn.substeps, 0) + 1)) for turn in turns]
+        if solver.counter is not self._counter:
+            raise InvalidValue("Batch: another counter was attached after the batch was made; make the batch again")
+        stamped = [plan._replace(stamp=solver.stamps.take(max(plan.substeps, 0) + 1)) for plan in plans]
         with default_precision(solver.precision):
-            self._substeps.run_all(np.array(stamped, np.int32), self._dts.astype(solver._dtype),
-                                   np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._out,
-                                   self._results, self._ranks, self._seen, self.looks)
+            self._stepper.run_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
+                                  np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._out,
+                                  self._results, self._per_particle, self._sampled, self.readings)
 
-    def _outcome(self, e: int, turn: Turn, before: list[Tallied]) -> list[Tallied] | SimulationDiverged:
-        """What a future's turn came to, with what earlier ones of the advance had read."""
+    def _outcome(self, e: int, plan: Plan, before: list[Counts]) -> list[Counts] | SimulationDiverged:
+        """Return what an environment's launch came to, with the readings of earlier ones of the advance."""
         dt = float(self._dts[e])
-        self.time[e] += turn.substeps * dt
-        self.steps[e] += turn.substeps
-        squares, fastest = self._results[e, self._substeps.status, :2]
+        self.time[e] += plan.substeps * dt
+        self.steps[e] += plan.substeps
+        squares, fastest = self._results[e, self.solver.fields.rows.status, :2]
         if not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
-            self.bring(e)
-            return divergence_of(self.solver, dt)
-        looks = range(turn.done // turn.interval, (turn.done + turn.substeps) // turn.interval)
-        return [*before, *self._tallied(e, looks)] if self._tally else []
+            self.select(e)
+            return describe_divergence(self.solver, dt)
+        readings = range(plan.done // plan.interval, (plan.done + plan.substeps) // plan.interval)
+        return [*before, *self._counts(e, readings)] if self._counter else []
 
-    def _tallied(self, e: int, looks: range) -> list[Tallied]:
-        begin = self._substeps.rows
-        return [self._tally.said(self._results[e, begin + TALLY_ROWS * k : begin + TALLY_ROWS * (k + 1)],
-                                 self._ranks[e * self.looks + k]) for k in looks]
+    def _counts(self, e: int, readings: range) -> list[Counts]:
+        begin = self.solver.fields.rows.count
+        return [self._counter.counts_from(self._results[e, begin + COUNTER_ROWS * k : begin + COUNTER_ROWS * (k + 1)],
+                                          self._per_particle[e * self.readings + k]) for k in readings]
 
-    def bring(self, e: int) -> None:
-        """Put the solver into a future's state, to be read or drawn."""
+    def select(self, e: int) -> None:
+        """Put the solver into an environment's state, to be read or drawn."""
         solver = self.solver
         with default_precision(solver.precision):
-            self._substeps.bring(e)
+            self._stepper.states.restore_now(e)
         for body, material in enumerate(self._materials[e]):
             solver.set_material(body, material)
-        solver.taken_over(list(self._motions[e].poses), float(self.time[e]), int(self.steps[e]))
+        solver.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))

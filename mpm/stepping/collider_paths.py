@@ -1,4 +1,4 @@
-"""Where the colliders are and what motion each has been given for the coming advance."""
+"""Paths of colliders: where each is, and the motion that each was given for the next advance."""
 
 import math
 from collections.abc import Mapping
@@ -13,17 +13,17 @@ from mpm.materials.stable_step import travel_bound
 from mpm.scene.collider import Collider
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
-from mpm.scene.validation import stored
+from mpm.scene.validation import read_array
 
-SHORTER = 1000
-"""Times that substeps may be shorter than dt for a collider's sake: one that needs more is a mistake, or diverges."""
+SHORTEST = 1000
+"""How often a dt may be divided for a fast collider; one that needs more is a mistake, or diverges."""
 REST = Twist(np.zeros(3), np.zeros(3))
 Leg = tuple[Pose, Twist]
-"""A begin, and the body twist that carries it to the end in unit time."""
+"""Pose at the begin, and the body twist that carries it to the end in unit time."""
 
 
-class Motions:
-    """Poses of all colliders, and the ways of those that are given one; one without a way rests."""
+class ColliderPaths:
+    """Poses of all colliders, and the paths of those that were given one; one without a path rests."""
 
     def __init__(self, colliders: list[Collider], features: Features, mobility: MobilityTable, grid: Grid) -> None:
         self._colliders, self._features, self._mobility, self._grid = colliders, features, mobility, grid
@@ -32,7 +32,7 @@ class Motions:
         self.pending: dict[int, tuple[Pose, ...]] = {}
 
     def set(self, index: int, begin: Pose, ends: tuple[Pose, ...]) -> None:
-        """Give a collider its way through the coming advance."""
+        """Give a collider its path through the next advance; raises InvalidValue for one that cannot move."""
         movable = tuple(i for i in self._features.moving_colliders if i not in self._features.mobile)
         if index not in movable or self._colliders[index].static:
             raise InvalidValue(f"collider {index} cannot be given a motion; it can: {movable}")
@@ -44,58 +44,59 @@ class Motions:
         self.pending[index] = (begin, *ends)
 
     def pose(self, index: int) -> Pose:
-        """Where a collider is; raises InvalidValue where there is none."""
+        """Return the pose of a collider; raises InvalidValue where there is none."""
         if not 0 <= index < len(self.poses):
             raise InvalidValue(f"collider {index}; accepted: 0 to {len(self.poses) - 1}, as the scene has them")
         return self.poses[index]
 
-    def stored_in(self, state: Mapping[str, np.ndarray]) -> list[Pose]:
-        """The poses of a snapshot; raises InvalidValue where that is of another scene."""
-        rows = stored(state, "poses", (len(self.poses), 7))
+    def read_snapshot(self, state: Mapping[str, np.ndarray]) -> list[Pose]:
+        """Return the poses of a snapshot; raises InvalidValue for one of another scene."""
+        rows = read_array(state, "poses", (len(self.poses), 7))
         return [Pose(row[:3].copy(), row[3:].copy()) for row in rows]
 
-    def kept(self) -> tuple[list[Pose], dict[int, tuple[Pose, ...]]]:
-        """Poses and ways, to return to."""
+    def save(self) -> tuple[list[Pose], dict[int, tuple[Pose, ...]]]:
+        """Return copies of poses and pending paths."""
         return list(self.poses), dict(self.pending)
 
-    def take(self, duration: float, looks: int, dt: float, dtype: type) -> tuple[int, np.ndarray]:
-        """Number of equal substeps of the coming advance, and the motion table of all of them.
+    def plan(self, duration: float, readings: int, dt: float, dtype: type) -> tuple[int, np.ndarray]:
+        """Return the number of equal substeps of the next advance, and the motion table of all of them.
 
-        As many substeps for every leg and every look; each at most dt [s], and short enough that no collider's surface
-        outruns its contact. Raises ColliderTooFast where that would be `SHORTER` times shorter.
+        Every leg and every reading gets as many substeps; each is at most dt [s], and short enough that no collider's
+        surface outruns its contact. The paths count as travelled. Raises ColliderTooFast where a substep would have to
+        be `SHORTEST` times shorter than dt.
         """
-        ways = []
+        paths = []
         for index in self._features.moving_colliders:
-            way = self.pending.get(index)
-            ways.append([(self.poses[index], REST)] if way is None else
-                        [(begin, logarithm(begin, end)) for begin, end in pairwise(way)])
-        longest = min(dt, self._longest(ways, duration, dt))
-        for index, way in self.pending.items():
-            self.poses[index] = way[-1]
+            path = self.pending.get(index)
+            paths.append([(self.poses[index], REST)] if path is None else
+                         [(begin, logarithm(begin, end)) for begin, end in pairwise(path)])
+        longest = min(dt, self._longest(paths, duration, dt))
+        for index, path in self.pending.items():
+            self.poses[index] = path[-1]
         self.pending.clear()
-        parts = math.lcm(looks, *(len(legs) for legs in ways))
+        parts = math.lcm(readings, *(len(legs) for legs in paths))
         total = parts * max(1, math.ceil(duration / parts / longest - 1e-9))
-        screws = [[screw(*leg, duration / len(legs), total // len(legs)) for leg in legs] for legs in ways]
+        screws = [[screw(*leg, duration / len(legs), total // len(legs)) for leg in legs] for legs in paths]
         return total, motion_table(screws, total, dtype)
 
-    def _longest(self, ways: list[list[Leg]], duration: float, dt: float) -> float:
-        """Longest substep [s] in which contact sees every collider's surface."""
-        fastest, whose = 0.0, -1
-        for index, legs in zip(self._features.moving_colliders, ways):
+    def _longest(self, paths: list[list[Leg]], duration: float, dt: float) -> float:
+        """Return the longest substep [s] in which contact sees every collider's surface."""
+        fastest, owner = 0.0, -1
+        for index, legs in zip(self._features.moving_colliders, paths):
             for begin, twist in legs:
                 speed = math.sqrt(twist.linear @ twist.linear)
                 speed += math.sqrt(twist.angular @ twist.angular) * self._reach(index, begin)
-                fastest, whose = max((fastest, whose), (speed * len(legs) / duration, index))
+                fastest, owner = max((fastest, owner), (speed * len(legs) / duration, index))
         for index in self._features.mobile:
             speed = self._mobility.fastest(index, self._reach(index, self.poses[index]))
-            fastest, whose = max((fastest, whose), (speed, index))
+            fastest, owner = max((fastest, owner), (speed, index))
         longest = travel_bound(self._grid.cell, fastest)
-        if SHORTER * longest < dt:
-            raise ColliderTooFast(whose, fastest, SHORTER * longest / dt * fastest)
+        if SHORTEST * longest < dt:
+            raise ColliderTooFast(owner, fastest, SHORTEST * longest / dt * fastest)
         return longest
 
     def _reach(self, index: int, pose: Pose) -> float:
-        """How far [m] from its frame's origin a collider can meet grains: not beyond the grid, which a plane is."""
+        """Return how far [m] from its frame's origin a collider can meet particles: within the grid, unlike a plane."""
         radius = self._colliders[index].sdf.radius
         if radius <= self._size:
             return radius

@@ -1,48 +1,56 @@
-"""A state that a solver can be returned to, far cheaper than a snapshot."""
+"""A state that a solver can return to, on the device: far cheaper than a snapshot on the host."""
 
 from typing import Any
 
 from mpm.errors import InvalidValue
+from mpm.state.snapshots import StateBank
 
 
-class WayBack:
-    """Copies a solver's state aside, on the device, and puts it back.
+class Rollback:
+    """Stores a solver's state and restores it, any number of times.
 
-    Where contact moves colliders, and so steps may be taken back, the copy is made by the coming launch itself: `due`.
+    Where contact moves colliders, and so steps are often rolled back, the copy is made by the next launch itself.
     """
 
-    def __init__(self, solver: Any) -> None:  # a Solver; importing it here would be a cycle
+    def __init__(self, solver: Any) -> None:  # a Solver, which stands above
         self._solver = solver
+        self._bank: StateBank | None = None
         self._rest: tuple | None = None
-        self.due = False
-        """Whether the next launch copies the grains' state first."""
+        self.is_pending = False
+        """Whether the next launch copies the particles' state first."""
 
-    def keep(self) -> None:
-        """Remember the present state until the next time."""
+    @property
+    def bank(self) -> StateBank:
+        """Where the state is copied to; it takes memory from the first use on."""
+        if self._bank is None:
+            particles, counter = self._solver.particles, self._solver.counter
+            self._bank = StateBank(particles.state_fields, particles.pack_count, 1,
+                                   [counter.flags] if counter else None)
+        return self._bank
+
+    def store(self) -> None:
+        """Store the present state, in place of the one stored before."""
         s = self._solver
-        self._rest = (s.time, s.steps, s._motions.kept(), s.mobility.kept(), s.momentum_after_advance())
-        self.due = True
+        self._rest = (s.time, s.steps, s.paths.save(), s.mobility.save(), s.momentum_after_advance())
+        self.is_pending = True
         if not s.features.mobile:
-            self.copy_now()
+            self.store_pending()
 
-    def copy_now(self) -> None:
-        """Copy the grains' state if that is still to be done."""
-        if self.due:
-            for part in (self._solver.particles, self._solver.tally):
-                if part is not None:
-                    part.keep()
-        self.due = False
+    def store_pending(self) -> None:
+        """Copy the particles' state if that is still to be done."""
+        if self.is_pending:
+            self.bank.store_now(0)
+        self.is_pending = False
 
-    def rewind(self) -> None:
-        """Return to what was kept last, any number of times."""
+    def restore(self) -> None:
+        """Return to the state stored last; raises InvalidValue where there is none."""
         if self._rest is None:
-            raise InvalidValue("rewind: nothing was kept; call keep() before what may have to be repeated")
+            raise InvalidValue("restore_checkpoint: no state is stored; call store_checkpoint() before what may have "
+                               "to be repeated")
         s = self._solver
-        if not self.due:
-            for part in (s.particles, s.tally):
-                if part is not None:
-                    part.rewind()
-        time, steps, motions, mobility, momentum = self._rest
+        if not self.is_pending:
+            self.bank.restore_now(0)
+        time, steps, paths, mobility, momentum = self._rest
         s.mobility.restore(mobility)
-        s.taken_over(list(motions[0]), time, steps, momentum)
-        s._motions.pending = dict(motions[1])
+        s.adopt_state(list(paths[0]), time, steps, momentum)
+        s.paths.pending = dict(paths[1])

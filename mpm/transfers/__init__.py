@@ -1,4 +1,4 @@
 """Transfers between particles and grid: B-spline weights, the 27-node loops, APIC.
 
-Imports: backend, errors, materials, scene, state.
+Imports: backend, materials, scene, state.
 """

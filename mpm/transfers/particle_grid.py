@@ -1,73 +1,131 @@
-"""Transfers between particles and grid: quadratic B-splines, APIC and the MLS-MPM force.
+"""The 27-node loops of every transfer between a particle and the grid: one that scatters, one that gathers.
 
-A pack's particles are spread one lane at a time, with a node's momentum and mass as one 4-vector: q(node) =
-q0 + a0 i + a1 j + a2 k over the 27 nodes, where the columns a are the affine momentum per cell.
+A node's momentum and mass are one 4-vector. Over the nodes (i, j, k) of a stencil, 0 to 2 along each axis, what is
+scattered is affine: q(i, j, k) = q0 + a0 i + a1 j + a2 k. What is gathered is a sum over the nodes with weights
+w_x(i) w_y(j) w_z(k), and three sums in which other weights replace those of one axis: for APIC's moments the weights
+times i, j, k, for derivatives by the offsets the slopes of the weights.
+
+What stands at a node is a static choice: `SingleLayer` and `ShellLayers` say which node a place in the stencil means,
+`NodeValues` and `AffineProducts` which value is summed there.
 """
 
-from mpm.backend import is_shared, ti
-from mpm.materials.hencky_strain import keep
+from typing import Any, NamedTuple
+
+from mpm.backend import is_shared, once, ti
+
+
+class SingleLayer(NamedTuple):
+    """The nodes of the usual grid."""
+
+    @ti.func
+    def node(self, base: ti.template(), i: ti.template(), j: ti.template(), k: ti.template()):
+        """Return the index of the node at place (i, j, k) of the stencil that begins at `base`."""
+        return (base[0] + i, base[1] + j, base[2] + k)
+
+
+class ShellLayers(NamedTuple):
+    """Nodes of the first layer, or of the second where a shell separates them from a particle on a side of it."""
+
+    grid: Any
+    shells: Any
+    side: Any
+    """Label of the particle, see `shell_sides`."""
+
+    @ti.func
+    def node(self, base: ti.template(), i: ti.template(), j: ti.template(), k: ti.template()):
+        """Return the index of the node at place (i, j, k) of the stencil that begins at `base`."""
+        I = ti.Vector([base[0] + i, base[1] + j, base[2] + k])
+        if self.shells.side[I] == -self.side:
+            I[0] += self.grid.width
+        return I
+
+
+class NodeValues(NamedTuple):
+    """The values of a node field."""
+
+    nodes: Any
+    layers: Any
+
+    @ti.func
+    def at(self, base: ti.template(), i: ti.template(), j: ti.template(), k: ti.template()):
+        """Return the value at place (i, j, k) of the stencil that begins at `base`."""
+        return self.nodes[self.layers.node(base, i, j, k)]
+
+
+class AffineProducts(NamedTuple):
+    """Products, entry by entry, of a node field and an affine field q0 + a0 i + a1 j + a2 k."""
+
+    nodes: Any
+    layers: Any
+    q0: Any
+    a0: Any
+    a1: Any
+    a2: Any
+
+    @ti.func
+    def at(self, base: ti.template(), i: ti.template(), j: ti.template(), k: ti.template()):
+        """Return the product at place (i, j, k) of the stencil that begins at `base`."""
+        q = self.q0 + float(i) * self.a0 + float(j) * self.a1 + float(k) * self.a2
+        return q * self.nodes[self.layers.node(base, i, j, k)]
 
 
 @ti.func
-def weights(f):
-    """Quadratic B-spline weights of the three nodes at offset f."""
-    return [
-        keep(0.5 * (1.5 - f) * (1.5 - f)),
-        keep(0.75 - (f - 1.0) * (f - 1.0)),
-        keep(0.5 * (f - 0.5) * (f - 0.5)),
-    ]
+def scatter(nodes: ti.template(), layers: ti.template(), base: ti.template(), q0, a0, a1, a2, w: ti.template()):
+    """Add an affine field q0 + a0 i + a1 j + a2 k, times weights w (3 axes x 3), to the 27 nodes from `base` on.
 
-
-@ti.func
-def lane(packs: ti.template(), l):
-    """One particle's three weights."""
-    return [keep(packs[i][l]) for i in range(3)]
-
-
-@ti.func
-def scatter_lane(nodes: ti.template(), base: ti.template(), q0, a0, a1, a2,
-                 wx: ti.template(), wy: ti.template(), wz: ti.template()):
-    """Add one particle to its 27 nodes; on a CPU a plain load and store, because one thread owns the array."""
+    On a CPU it is a plain load and store, because one thread owns the nodes.
+    """
     q_i = q0
     for i in ti.static(range(3)):
         q_j = q_i
         for j in ti.static(range(3)):
-            w = wx[i] * wy[j]
+            w_ij = w[0][i] * w[1][j]
             q_k = q_j
             for k in ti.static(range(3)):
-                I = (base[0] + i, base[1] + j, base[2] + k)
+                I = layers.node(base, i, j, k)
                 if ti.static(is_shared()):
-                    ti.atomic_add(nodes[I], q_k * (w * wz[k]))
+                    ti.atomic_add(nodes[I], q_k * (w_ij * w[2][k]))
                 else:
-                    nodes[I] = nodes[I] + q_k * (w * wz[k])
+                    nodes[I] = nodes[I] + q_k * (w_ij * w[2][k])
                 q_k = q_k + a2
             q_j = q_j + a1
         q_i = q_i + a0
 
 
 @ti.func
-def gather_lane(nodes: ti.template(), base: ti.template(),
-                wx: ti.template(), wy: ti.template(), wz: ti.template()):
-    """Sum of w v and of w v i, w v j, w v k over the 27 nodes (velocity, and its moments in cells)."""
-    value = ti.Vector.zero(nodes.dtype, 4)
-    moment_i = value
-    moment_j = value
-    moment_k = value
+def moments(w: ti.template()):
+    """Return the weights of an axis times the node's place, 0 to 2: the other weights of APIC's moments."""
+    return [w[0], w[1], once(2.0 * w[2])]
+
+
+@ti.func
+def gather(values: ti.template(), base: ti.template(), real: ti.template(), w: ti.template(), other: ti.template(),
+           start: ti.template()):
+    """Return the weighted sum (4,) of values over the 27 nodes from `base` on, and those with one axis's other weights.
+
+    w, other: weights, 3 axes x 3. start: the first place at which the other weights are not zero.
+    """
+    total = ti.Vector.zero(real, 4)
+    by_x = total
+    by_y = total
+    by_z = total
     for i in ti.static(range(3)):
-        plane = ti.Vector.zero(nodes.dtype, 4)
-        plane_j = plane
-        plane_k = plane
+        plane = ti.Vector.zero(real, 4)
+        plane_y = plane
+        plane_z = plane
         for j in ti.static(range(3)):
-            v0 = wz[0] * nodes[base[0] + i, base[1] + j, base[2]]
-            v1 = wz[1] * nodes[base[0] + i, base[1] + j, base[2] + 1]
-            v2 = wz[2] * nodes[base[0] + i, base[1] + j, base[2] + 2]
-            row = wy[j] * (v0 + v1 + v2)
-            plane = plane + row
-            plane_j = plane_j + float(j) * row
-            plane_k = plane_k + wy[j] * (v1 + 2.0 * v2)
-        plane = wx[i] * plane
-        value = value + plane
-        moment_i = moment_i + float(i) * plane
-        moment_j = moment_j + wx[i] * plane_j
-        moment_k = moment_k + wx[i] * plane_k
-    return value, moment_i, moment_j, moment_k
+            v0, v1, v2 = values.at(base, i, j, 0), values.at(base, i, j, 1), values.at(base, i, j, 2)
+            row = w[2][0] * v0 + w[2][1] * v1 + w[2][2] * v2
+            plane = plane + w[1][j] * row
+            if ti.static(j >= start):
+                plane_y = plane_y + other[1][j] * row
+            if ti.static(start == 0):
+                plane_z = plane_z + w[1][j] * (other[2][0] * v0 + other[2][1] * v1 + other[2][2] * v2)
+            else:
+                plane_z = plane_z + w[1][j] * (other[2][1] * v1 + other[2][2] * v2)
+        total = total + w[0][i] * plane
+        if ti.static(i >= start):
+            by_x = by_x + other[0][i] * plane
+        by_y = by_y + w[0][i] * plane_y
+        by_z = by_z + w[0][i] * plane_z
+    return total, by_x, by_y, by_z

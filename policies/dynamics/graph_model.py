@@ -11,7 +11,7 @@ import torch
 from tqdm import tqdm
 
 from mpm.geometry.rigid_motion import Pose
-from mpm.rollout.tool_twists import path
+from mpm.rollout.tool_twists import integrate_twists
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.dynamics.graph_network import (
     Graph,
@@ -157,7 +157,7 @@ class GraphModel:
     def tool_points(self, start: Pose, motion: ActionRepeat, actions: np.ndarray) -> np.ndarray:
         """Return the tool's points [m] (decisions + 1, m, 3) under actions (decisions, dimensions) from a pose."""
         motion.set_start(start.position)
-        poses = path(start, *motion.to_twists(actions), motion.dt)
+        poses = integrate_twists(start, *motion.to_twists(actions), motion.dt)
         steps = np.minimum(motion.action_repeat * np.arange(motion.decisions + 1), motion.steps)
         return np.einsum("tij,mj->tmi", poses.matrices[steps], self.tool) + poses.positions[steps, None]
 

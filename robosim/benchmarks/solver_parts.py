@@ -20,7 +20,8 @@ class Part(NamedTuple):
 
 def list_parts(solver: mpm.Solver) -> list[Part]:
     """List all parts of the field, present or left out."""
-    f, p, g = solver.features, solver.particles, solver.fields
+    f, p, g = solver.features, solver.particles, solver.fields.grid
+    contact = solver.fields.static_contact
     n = sum(p.counts)
     laws = ", ".join(sorted({type(b.material).__name__ for b in solver.bodies}))
     shapes = {i: type(c.sdf).__name__ for i, c in enumerate(solver.colliders)}
@@ -43,7 +44,7 @@ def list_parts(solver: mpm.Solver) -> list[Part]:
         Part("second layer of velocities", bool(f.shells), f"thin shells {names(f.shells)}" if f.shells
              else "no shell that separates two sides"),
         Part("contact cached at nodes", bool(f.static_colliders), names(f.static_colliders) or "no static collider",
-             field_bytes([solver.node_contact, solver.node_owner])),
+             field_bytes([contact.plane, contact.owner] if contact else [])),
         Part("moving colliders", bool(f.moving_colliders), names(f.moving_colliders) or "no moving collider"),
         Part("mobile colliders", bool(f.mobile), f"{names(f.mobile)}: two-way coupling" if f.mobile
              else "all motions are prescribed; no wrench is compiled"),
@@ -52,7 +53,7 @@ def list_parts(solver: mpm.Solver) -> list[Part]:
              else "the series is exact to the precision at these steps"),
         Part("strides of several substeps", f.strides, f"velocities stay on the grid for up to "
              f"{1e3 * solver.transfer_interval:.2g} ms" if f.strides else "every substep transfers to the particles"),
-        Part("counter of the task", solver.tally is not None, "counts within the launch" if solver.tally is not None
+        Part("counter of the task", solver.counter is not None, "counts within the launch" if solver.counter is not None
              else "no counter is attached"),
         Part("adjoint", False, "no Rollout"),
         Part("double precision", f.precision == "f64", f"precision {f.precision}"),

@@ -5,7 +5,7 @@ import numpy as np
 import trimesh
 
 import mpm
-from mpm.geometry.compound import Solid
+from mpm.geometry.shape import Shape
 from robosim.errors import ConfigError
 from robosim.scene.frames import body_pose
 
@@ -29,7 +29,7 @@ def make_collider(model: mujoco.MjModel, data: mujoco.MjData, body: int, cell: f
     if not len(chosen):
         raise ConfigError(f"body {model.body(body).name!r} has no geoms; give the index of a collider instead of None")
     T_bw = body_pose(data, body).inverse()
-    parts: list[tuple[Solid, mpm.Pose]] = []
+    parts: list[tuple[Shape, mpm.Pose]] = []
     for geom in chosen:
         T_wg = mpm.Pose.from_matrix(data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3))
         parts.append((_make_solid(model, int(geom), cell), T_bw @ T_wg))
@@ -48,7 +48,7 @@ def _is_fixed_to(model: mujoco.MjModel, body: int, ancestor: int, excluded: froz
     return False
 
 
-def _make_solid(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
+def _make_solid(model: mujoco.MjModel, geom: int, cell: float) -> Shape:
     """Make the solid of one geom, in the geom's frame."""
     size, kind = model.geom_size[geom], mujoco.mjtGeom(model.geom_type[geom])
     if kind == mujoco.mjtGeom.mjGEOM_PLANE:
@@ -76,7 +76,7 @@ def _describe(model: mujoco.MjModel, geom: int) -> str:
     return f"{model.geom(geom).name or geom!r} of body {body!r}"
 
 
-def _make_mesh(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
+def _make_mesh(model: mujoco.MjModel, geom: int, cell: float) -> Shape:
     k = int(model.geom_dataid[geom])
     first, count = model.mesh_vertadr[k], model.mesh_vertnum[k]
     face, faces = model.mesh_faceadr[k], model.mesh_facenum[k]
@@ -87,7 +87,7 @@ def _make_mesh(model: mujoco.MjModel, geom: int, cell: float) -> Solid:
     return mpm.Sdf.from_mesh(mesh, spacing=MESH_CELLS * cell, margin=2 * MESH_CELLS * cell)
 
 
-def _make_height_field(model: mujoco.MjModel, k: int) -> Solid:
+def _make_height_field(model: mujoco.MjModel, k: int) -> Shape:
     rows, columns, first = model.hfield_nrow[k], model.hfield_ncol[k], model.hfield_adr[k]
     half_x, half_y, top, _ = model.hfield_size[k]
     heights = model.hfield_data[first : first + rows * columns].reshape(rows, columns)

@@ -76,7 +76,7 @@ class GranularPlugin:
         """Repetitions of the last step."""
         self.ledger = empty_ledger(self._bodies.colliders)
         """Momentum balance of the last step."""
-        self.counts: list[mpm.Tallied] = []
+        self.counts: list[mpm.Counts] = []
         """Readings of the solver's in-kernel counter, if one is attached, after the last step."""
 
     @property
@@ -184,8 +184,8 @@ class GranularPlugin:
 
 def _check_host_step(model: mujoco.MjModel, solver: mpm.Solver) -> None:
     """Raise ConfigError unless a substep that the user chose divides the host step."""
-    if solver.asked_dt is not None:
-        ratio = model.opt.timestep / solver.asked_dt
+    if solver.requested_dt is not None:
+        ratio = model.opt.timestep / solver.requested_dt
         if abs(ratio - round(ratio)) > 1e-6 * ratio:
-            raise ConfigError(f"the host step {model.opt.timestep} s is {ratio:.6g} substeps of {solver.asked_dt} s; "
-                              f"accepted: a whole number, or dt=None for the solver")
+            raise ConfigError(f"the host step {model.opt.timestep} s is {ratio:.6g} substeps of "
+                              f"{solver.requested_dt} s; accepted: a whole number, or dt=None for the solver")

@@ -62,7 +62,7 @@ class MobilityScheme:
         self._relaxation: float = 1.0
         self._last_error: np.ndarray | None = None
         if self._tolerance is not None:
-            self._solver.keep()
+            self._solver.store_checkpoint()
 
     def hand_over(self) -> None:
         """Hand the bodies' poses, twists and mobilities to the solver."""
@@ -103,7 +103,7 @@ class MobilityScheme:
             ratio = self._last_error.ravel() @ change / max(change @ change, 1e-300)
             self._relaxation = float(np.clip(-self._relaxation * ratio, 0.1, 1.0))
         self._free_twists, self._last_error = self._free_twists + self._relaxation * self.error, self.error
-        self._solver.rewind()
+        self._solver.restore_checkpoint()
         self._trial.roll_back()
 
     def _speeds(self, twists: np.ndarray) -> np.ndarray:

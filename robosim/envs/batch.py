@@ -6,12 +6,13 @@ import numpy as np
 from gymnasium.utils import seeding
 
 import mpm
+from mpm.observers.region_counter import MAX_READINGS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode, Horizon, check_horizon
 from robosim.envs.world import Ranges, World, is_nominal_start
 from robosim.errors import ConfigError
 from robosim.tasks.actions import ActionScaling, check_action_repeat
-from robosim.tasks.counting import MAX_READINGS, TOOL
+from robosim.tasks.counting import TOOL
 from robosim.tasks.observation import Layout
 from robosim.tasks.task import TaskConfig
 
@@ -35,7 +36,7 @@ class GrainBatch:
         check_horizon(horizon)
         self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize)
         self.action_repeat = check_action_repeat(action_repeat)
-        self.batch = mpm.Batch(self.world.solver, n, looks=min(action_repeat, MAX_READINGS))
+        self.batch = mpm.Batch(self.world.solver, n, readings=min(action_repeat, MAX_READINGS))
         self.actions = ActionScaling(self.world.task, clip=clip_actions)
         self.observation_space, self.action_space = self.world.observer.space, self.actions.space
         self.episodes = [Episode(self.world.task, horizon) for _ in range(n)]
@@ -76,7 +77,7 @@ class GrainBatch:
     def _observe(self, e: int) -> None:
         """Take the observation of environment e."""
         episode, observer = self.episodes[e], self.world.observer
-        grains = self.batch.seen(e)[: len(observer.grains)]
+        grains = self.batch.sampled(e)[: len(observer.grains)]
         self._observations[e] = observer.read(grains, episode.pose, episode.counts, episode.progress)
 
     def step(self, actions: np.ndarray) -> BatchStep:

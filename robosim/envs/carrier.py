@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 import mpm
-from mpm.geometry.rigid_motion import turned
-from robosim.tasks.counting import MAX_READINGS, TOOL, Reading
+from mpm.geometry.rigid_motion import rotate
+from mpm.observers.region_counter import MAX_READINGS
+from robosim.tasks.counting import TOOL, Reading
 from robosim.tasks.task import TaskConfig
 
 Step = tuple[Reading, mpm.Pose]
@@ -50,7 +51,7 @@ class Carrier:
     def command(self, linear: np.ndarray, angular: np.ndarray) -> mpm.Pose:
         """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes, and return it."""
         position = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
-        self.commanded = mpm.Pose(position, turned(self.commanded.quaternion, self._dt * angular))
+        self.commanded = mpm.Pose(position, rotate(self.commanded.quaternion, self._dt * angular))
         return self.commanded
 
 
@@ -66,4 +67,4 @@ class KinematicTool(Carrier):
         for first in range(0, steps, MAX_READINGS):
             poses = [self.command(linear, angular) for _ in range(min(MAX_READINGS, steps - first))]
             self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *poses)
-            yield from zip(self._solver.advance(len(poses) * self._dt, looks=len(poses)), poses, strict=True)
+            yield from zip(self._solver.advance(len(poses) * self._dt, readings=len(poses)), poses, strict=True)

@@ -54,7 +54,7 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     if state is None:
         state = _settle(task, solver)
         # a tool that an arm carries has a state of its own, and the grains' is the same with and without it
-        _write_state(path, digest, {key: value for key, value in state.items() if key not in solver.mobility.kept()})
+        _write_state(path, digest, {key: value for key, value in state.items() if key not in solver.mobility.save()})
     solver.load(state)
     return state
 
@@ -111,7 +111,7 @@ def _read_state(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.nda
             state = {key: stored[key] for key in stored.files}
         made_for, checksum = str(state.pop("made_for")), str(state.pop("checksum"))
         is_whole = made_for == digest and checksum == _checksum(state)
-        state |= solver.mobility.kept()
+        state |= solver.mobility.save()
         if is_whole:
             solver.load(state)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):

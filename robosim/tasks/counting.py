@@ -10,7 +10,6 @@ import trimesh
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.observers.tally import MAX_LOOKS
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
@@ -19,14 +18,12 @@ from robosim.tasks.task import TaskConfig
 
 TOOL = 0
 """Index of the tool's collider."""
-MAX_READINGS = MAX_LOOKS
-"""Readings that the field takes in one advance at most."""
 WALL_POINTS, WALL_MARGIN = 2000, 0.002
 """Points on the surface of a container, and the distance [m] to the tool at which they count as hit."""
 PROBE_SPACING = 0.002
 """Lattice spacing [m] of the signed distance of the whole tool."""
 
-Reading = mpm.Tallied
+Reading = mpm.Counts
 """What the field returns for a step, before it is translated."""
 
 
@@ -64,12 +61,12 @@ class TaskCounter:
         scoops = task.kind == "scoop"
         points = container_points(task)
         self._solver = solver
-        self._counter = mpm.Tally(
-            solver, np.arange(task.grains.count) if scoops else observed_grains(task), goal=np.array(task.goal),
-            weights=np.array(task.reward.distance.weights), target=task.target.region, bounds=task.bounds.region,
-            interior=tool_shape(task.tool).interior, tool=TOOL, reach=0.5 * task.field.cell if scoops else None,
-            points=points, probe=None if points is None else whole_tool_sdf(task), margin=WALL_MARGIN, ranks=scoops,
-            losing=observed_grains(task))
+        self._counter = mpm.RegionCounter(
+            solver, np.arange(task.grains.count) if scoops else observed_grains(task), point=np.array(task.goal),
+            weights=np.array(task.reward.distance.weights), region=task.target.region, bounds=task.bounds.region,
+            inner=tool_shape(task.tool).interior, index=TOOL, reach=0.5 * task.field.cell if scoops else None,
+            points=points, probe=None if points is None else whole_tool_sdf(task), margin=WALL_MARGIN,
+            per_particle=scoops, latching=observed_grains(task))
 
     def attach(self, sample: mpm.Sample | None) -> None:
         """Have the solver count within its advances and sample the observed grains at their end."""
@@ -85,7 +82,7 @@ class TaskCounter:
 
     def translate(self, reading: Reading) -> TaskCounts:
         """Convert a reading of the field, as `Solver.advance` returns it, to the task's counts."""
-        ranks = reading.ranks
+        ranks = reading.per_particle
         return TaskCounts(*reading[:9], *((ranks[:, 0], ranks[:, 1]) if ranks is not None else (None, None)))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.materials.stable_step import chosen_step, material_bound
+from mpm.materials.stable_step import choose_step, material_bound
 from robosim.config.materials import Law
 from robosim.scene.field import build_container_colliders
 from robosim.scene.fill import sample_in_tool
@@ -63,7 +63,7 @@ def requested_step(task: TaskConfig, law: Law) -> float | None:
 
 def largest_step(task: TaskConfig, law: Law) -> float:
     """Return the largest substep [s] that a task's field takes with a law."""
-    return chosen_step(requested_step(task, law), material_bound(task.field.cell, law))
+    return choose_step(requested_step(task, law), material_bound(task.field.cell, law))
 
 
 def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions: np.ndarray | None = None,

@@ -1,41 +1,41 @@
-"""One pack of a material driven through the constitutive update and back through its adjoint, outside any grid."""
+"""One pack of a material driven through the constitutive update and through its adjoint, outside any grid."""
 
 import numpy as np
 
 import mpm
-from mpm.adjoint.particle_adjoints import ParticleBars
-from mpm.adjoint.stress_update import Through, revisit, store, stress_back
-from mpm.backend import default_precision, ti
-from mpm.materials.hencky_strain import hencky_exact, keep
-from mpm.materials.stress_update import stress
-from mpm.state.parameters import PARAMETERS
+from mpm.adjoint.particle_adjoints import ParticleAdjoints
+from mpm.adjoint.stress_update import ForwardIntermediates, recompute, stress_back, write_list
+from mpm.backend import default_precision, once, ti
+from mpm.materials.hencky_strain import hencky_exact
+from mpm.materials.material import PARAMETERS
+from mpm.materials.stress_update import update_stress
 
 DT = 1e-3
 
 
 @ti.data_oriented
 class AdjointElement:
-    """State (4, k), velocity gradient (4, 9) and numbers (8,) in; stress (4, 6) and new state out; and back."""
+    """State (4, k), velocity gradient (4, 9), parameters (8,) -> stress (4, 6), new state; and the adjoint."""
 
     def __init__(self, material, **options) -> None:
         body = mpm.Body(material, np.full((4, 3), 0.5) + 0.01 * np.arange(4)[:, None], volume=1e-6)
         self.solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[body], precision="f64")
         self.P, self.law = self.solver.particles, material
-        self.B, self.T = ParticleBars(self.P, "f64"), Through([material], 1, "f64", **options)
-        self.logarithm, self.exponential = self.solver._substeps.logarithm, self.solver._substeps.exponential
-        self.remembered = [name for name in ("e", "j", "vc") if name in self.P.named_fields()]
+        self.B, self.T = ParticleAdjoints(self.P, "f64"), ForwardIntermediates((material,), 1, "f64", **options)
+        self.logarithm, self.exponential = self.solver.fields.logarithm, self.solver.fields.exponential
+        self.names = [name for name in ("e", "j", "vc") if name in self.P.named_fields()]
         assert self.logarithm is hencky_exact
 
     def _state(self, particles) -> list:
-        return [field for name in self.remembered for field in particles.named_fields()[name]]
+        return [field for name in self.names for field in particles.named_fields()[name]]
 
     @property
     def size(self) -> int:
-        """Numbers of one grain's state."""
+        """Numbers of one particle's state."""
         return len(self._state(self.P))
 
     def forward(self, state: np.ndarray, C: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Stress / Pa and new state (4, 6 + k)."""
+        """Return stress / Pa and new state (4, 6 + k)."""
         for field, column in zip(self._state(self.P), state.T):
             field.from_numpy(column[None].copy())
         out = np.zeros((4, 6))
@@ -47,14 +47,14 @@ class AdjointElement:
     @ti.kernel
     def _forward(self, C: ti.types.ndarray(), p: ti.types.ndarray(), out: ti.types.ndarray()):
         for _ in range(1):
-            rates = [keep(ti.Vector([C[l, i] for l in range(4)])) for i in range(9)]
-            tau = stress(self, self.P, self.law, 0, DT, rates, [keep(p[i]) for i in range(PARAMETERS)])
+            rates = [once(ti.Vector([C[l, i] for l in range(4)])) for i in range(9)]
+            tau = update_stress(self, self.P, self.law, 0, DT, rates, [once(p[i]) for i in range(PARAMETERS)])
             for i in ti.static(range(6)):
                 for l in ti.static(range(4)):
                     out[l, i] = tau[i][l]
 
     def backward(self, state: np.ndarray, C: np.ndarray, p: np.ndarray, bar: np.ndarray) -> tuple:
-        """Bars of state (4, k), C (4, 9) and p (8,) by those of what `forward` returns."""
+        """Return the adjoints of state (4, k), C (4, 9) and p (8,) from those of the result of `forward`."""
         for field, column in zip(self._state(self.P), state.T):
             field.from_numpy(column[None].copy())
         for field, column in zip(self._state(self.B), bar[:, 6:].T):
@@ -68,11 +68,11 @@ class AdjointElement:
     def _backward(self, C: ti.types.ndarray(), p: ti.types.ndarray(), tau_bar: ti.types.ndarray(),
                   C_bar: ti.types.ndarray(), p_bar: ti.types.ndarray()):
         for _ in range(1):
-            rates = [keep(ti.Vector([C[l, i] for l in range(4)])) for i in range(9)]
-            bars = [keep(ti.Vector([tau_bar[l, i] for l in range(4)])) for i in range(6)]
-            numbers = [keep(p[i]) for i in range(PARAMETERS)]
-            revisit(self.P, self.T, self.law, 0, DT, rates, numbers)
-            store(self.T.tau, 0, bars)
+            rates = [once(ti.Vector([C[l, i] for l in range(4)])) for i in range(9)]
+            bars = [once(ti.Vector([tau_bar[l, i] for l in range(4)])) for i in range(6)]
+            numbers = [once(p[i]) for i in range(PARAMETERS)]
+            recompute(self.P, self.T, self.law, 0, DT, rates, numbers)
+            write_list(self.T.tau, 0, bars)
             rates_bar, numbers_bar = stress_back(self.P, self.B, self.T, self.law, 0, DT, rates, numbers)
             for i in ti.static(range(9)):
                 for l in ti.static(range(4)):

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 import mpm
-from mpm.rollout.losses import LossBars, Seen
+from mpm.rollout.losses import LossGradient, RolloutStates
 
 STEPS = 150
 
@@ -39,15 +39,15 @@ def test_a_number_is_found_again(law, name, guess, band):
         truth.advance(0.002)
     wanted = features(truth.positions())
 
-    def loss(seen: Seen) -> LossBars:
-        value, bar = 0.0, np.zeros(seen.x.shape)
-        for k in np.flatnonzero(seen.steps == STEPS):
-            x = seen.x[k]
+    def loss(states: RolloutStates) -> LossGradient:
+        value, bar = 0.0, np.zeros(states.x.shape)
+        for k in np.flatnonzero(states.steps == STEPS):
+            x = states.x[k]
             off = 1e3 * (features(x) - wanted)
             value += float(off @ off)
             bar[k, :, 2] += 2e3 * off[0] / len(x)
             bar[k] += 2e3 * off[1:] * (x - x.mean(0)) / (len(x) * x.std(0))
-        return LossBars(value, x=bar)
+        return LossGradient(value, x=bar)
 
     solver = collapse(replace(law, **{name: guess}))
     roll = mpm.Rollout(solver, STEPS, materials=True)

@@ -5,7 +5,7 @@ import pytest
 
 from mpm.geometry.primitives import Box, Sphere
 from mpm.geometry.rigid_motion import rotation_matrix
-from mpm.rollout.losses import Above, Attraction, Clear, Seen, Sum, Turned, WeightedDistance
+from mpm.rollout.losses import Above, Attraction, Clear, RolloutStates, Sum, Turned, WeightedDistance
 
 
 @pytest.mark.parametrize("loss", [
@@ -22,10 +22,10 @@ def test_losses(loss):
     rng = np.random.default_rng(1)
     x, places = rng.uniform(size=(3, 9, 3)), rng.uniform(size=(3, 3))
     axes, v = rotation_matrix(rng.standard_normal((3, 3))), np.zeros_like(x)
-    bars = loss(Seen(np.arange(1, 4), x, v, places, axes))
+    bars = loss(RolloutStates(np.arange(1, 4), x, v, places, axes))
     for _ in range(20):
         to_x, to_pose = rng.standard_normal(x.shape), rng.standard_normal((3, 6))
-        ends = [loss(Seen(np.arange(1, 4), x + s * to_x, v, places + s * to_pose[:, :3],
+        ends = [loss(RolloutStates(np.arange(1, 4), x + s * to_x, v, places + s * to_pose[:, :3],
                           rotation_matrix(s * to_pose[:, 3:]) @ axes)).value for s in (1e-6, -1e-6)]
         slope = (0.0 if bars.x is None else np.sum(bars.x * to_x)) \
             + (0.0 if bars.pose is None else np.sum(bars.pose * to_pose))
@@ -37,7 +37,7 @@ def test_a_tool_is_kept_off_what_stands_there():
     loss = Clear(np.array([[0.0, 0.0, 0.0], [0.0, 5.0, 0.0]]), Sphere(0.1), 0.1, 2.0)
     places = np.array([[0.25, 0.0, 0.0], [0.15, 0.0, 0.0]])
     grains = np.zeros((2, 1, 3))
-    found = loss(Seen(np.array([1, 2]), grains, grains, places, np.tile(np.eye(3), (2, 1, 1))))
+    found = loss(RolloutStates(np.array([1, 2]), grains, grains, places, np.tile(np.eye(3), (2, 1, 1))))
     assert found.value == pytest.approx(0.1)
     assert found.pose is not None
     assert found.pose == pytest.approx(np.array([[0.0] * 6, [-2.0, 0.0, 0.0, 0.0, 0.0, 0.0]]), abs=1e-6)

@@ -8,12 +8,12 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import mpm
-from mpm.backend import ti
-from mpm.geometry.rigid_motion import turned
-from mpm.materials.hencky_strain import compose, keep, spectrum
-from mpm.rollout.losses import LossBars, Seen
-from mpm.rollout.schedule import planned
-from mpm.state.history import History
+from mpm.backend import once, ti
+from mpm.geometry.rigid_motion import rotate
+from mpm.materials.symmetric_tensor import compose, spectrum
+from mpm.rollout.losses import LossGradient, RolloutStates
+from mpm.rollout.schedule import plan_schedule
+from mpm.state.snapshots import StateBank
 
 CELL, STEPS, SUBSTEPS = 0.01, 100, 5
 STRIDE = 1.0
@@ -47,9 +47,9 @@ def weighted_ends(n: int, at: int):
     rng = np.random.default_rng(n)
     W, U = rng.standard_normal((n, 3)), 1e-3 * rng.standard_normal((n, 3))
 
-    def loss(seen: Seen) -> LossBars:
-        here = (seen.steps == at)[:, None, None]
-        return LossBars(float(np.sum(here * (W * seen.x + U * seen.v))), x=here * W, v=here * U)
+    def loss(states: RolloutStates) -> LossGradient:
+        here = (states.steps == at)[:, None, None]
+        return LossGradient(float(np.sum(here * (W * states.x + U * states.v))), x=here * W, v=here * U)
 
     return loss
 
@@ -160,7 +160,7 @@ def test_a_smaller_budget_changes_no_bit(two_materials):
     solver = two_materials
     linear, angular = motion(20)
     loss = weighted_ends(len(solver.masses()), 20)
-    start, size = solver.state(), History.bytes_per_state(solver.particles, "f64")
+    start, size = solver.state(), StateBank.bytes_per_state(solver.particles.state_fields, "f64")
     found = []
     for states in (200, 40, 20):
         solver.load(start)
@@ -178,15 +178,15 @@ def test_a_smaller_budget_changes_no_bit(two_materials):
 def test_schedules():
     """Steps are covered, memory is what was asked for, and what cannot be done says the least that can."""
     for steps, substeps, states in ((1000, 10, 300), (1000, 10, 60), (7, 3, 12), (1, 1, 3), (999, 1, 25)):
-        plan = planned(steps, substeps, 100, 100 * states)
+        plan = plan_schedule(steps, substeps, 100, 100 * states)
         assert plan.chunk * plan.parts**plan.levels >= steps
         assert plan.slots + plan.checkpoints <= states
     with pytest.raises(mpm.InvalidValue, match="accepted: [0-9]+ bytes or more") as error:
-        planned(1000, 10, 100, 1000)
+        plan_schedule(1000, 10, 100, 1000)
     least = int(str(error.value).split("accepted: ")[1].split()[0])
-    assert planned(1000, 10, 100, least).n_bytes == least
+    assert plan_schedule(1000, 10, 100, least).n_bytes == least
     with pytest.raises(mpm.InvalidValue):
-        planned(1000, 10, 100, least - 1)
+        plan_schedule(1000, 10, 100, least - 1)
 
 
 @pytest.mark.slow
@@ -206,7 +206,7 @@ def test_gradient_by_start_and_materials(two_materials, pair_roll):
             if axis < 3:
                 pose[axis] += sign
             else:
-                pose[3:] = turned(pose[3:], sign * np.eye(3)[axis - 3])
+                pose[3:] = rotate(pose[3:], sign * np.eye(3)[axis - 3])
             moved["poses"] = np.array([pose, start["poses"][1]])
             solver.load(moved)
             roll.restart()
@@ -230,10 +230,10 @@ def test_gradient_by_start_and_materials(two_materials, pair_roll):
 def test_what_is_not_finite_is_named(pair_roll):
     """Never zeroed: the step and the particle."""
 
-    def broken(seen: Seen) -> LossBars:
-        bar = np.zeros(seen.x.shape)
-        bar[seen.steps == 7, 11] = np.nan
-        return LossBars(0.0, x=bar)
+    def broken(states: RolloutStates) -> LossGradient:
+        bar = np.zeros(states.x.shape)
+        bar[states.steps == 7, 11] = np.nan
+        return LossGradient(0.0, x=bar)
 
     with pytest.raises(mpm.GradientDiverged, match="particle") as error:
         pair_roll.value_and_grad(*motion(20), broken)
@@ -245,10 +245,10 @@ def test_what_grows_beyond_all_numbers_is_found(two_materials, pair_roll):
     solver = two_materials
     n = len(solver.masses())
 
-    def huge(seen: Seen) -> LossBars:
-        bar = np.zeros(seen.x.shape)
-        bar[seen.steps == 9] = 1e308
-        return LossBars(0.0, x=bar)
+    def huge(states: RolloutStates) -> LossGradient:
+        bar = np.zeros(states.x.shape)
+        bar[states.steps == 9] = 1e308
+        return LossGradient(0.0, x=bar)
 
     with pytest.raises(mpm.GradientDiverged) as error:
         pair_roll.value_and_grad(*motion(20), huge)
@@ -324,7 +324,7 @@ def test_eigenvalues_that_coincide():
     @ti.kernel
     def run(a: ti.types.ndarray(), out: ti.types.ndarray()):
         for k in range(a.shape[0]):
-            values, vectors = spectrum([keep(a[k, i]) for i in range(6)], 4)
+            values, vectors = spectrum([once(a[k, i]) for i in range(6)], 4)
             back = compose(values, vectors)
             for i in ti.static(range(3)):
                 out[k, i] = values[i]

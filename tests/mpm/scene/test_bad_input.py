@@ -105,8 +105,8 @@ def test_diagnostics_of_a_resting_block() -> None:
 
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
-SAMPLED = {"goal": np.zeros(3), "weights": np.ones(3), "tool": 0, "target": mpm.Region((0, 0, 0), (1, 1, 1)),
-           "interior": mpm.Region((0, 0, 0), (1, 1, 1)), "bounds": mpm.Region((0, 0, 0), (1, 1, 1))}
+SAMPLED = {"point": np.zeros(3), "weights": np.ones(3), "index": 0, "region": mpm.Region((0, 0, 0), (1, 1, 1)),
+           "inner": mpm.Region((0, 0, 0), (1, 1, 1)), "bounds": mpm.Region((0, 0, 0), (1, 1, 1))}
 
 
 def ball(place: float = 0.12) -> mpm.Collider:
@@ -144,7 +144,7 @@ def test_what_no_substep_can_follow_is_refused_before_anything_moves() -> None:
     assert field.time == 0 and (field.positions() == before).all() and field.collider_pose(0) is here
     end = mpm.Pose(here.position + [0, 0, 0.9 * 2e-3 * caught.value.accepted], LEVEL)
     field.set_collider_motion(0, here, end)
-    assert field._motions.take(2e-3, 1, field.dt, np.float32)[0] > 1000  # what is accepted can be followed
+    assert field.paths.plan(2e-3, 1, field.dt, np.float32)[0] > 1000
 
 
 def test_a_plane_reaches_no_farther_than_the_grid() -> None:
@@ -171,15 +171,15 @@ def test_a_state_of_another_scene_changes_nothing() -> None:
         assert all((after[name] == before[name]).all() for name in before)
 
 
-def test_a_tally_of_the_fields_before_is_refused() -> None:
+def test_a_counter_of_the_fields_before_is_refused() -> None:
     field = solver([block()], [ball()])
-    tally = mpm.Tally(field, np.arange(5), **SAMPLED)
+    counter = mpm.RegionCounter(field, np.arange(5), **SAMPLED)
     field.set_colliders([ball()])
     with pytest.raises(mpm.InvalidValue, match="of other colliders"):
-        field.attach(tally)
+        field.attach(counter)
     sheet = mpm.Shell.from_mesh(trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]]), 1e-3)
-    with pytest.raises(mpm.InvalidValue, match="reach with a shell"):
-        mpm.Tally(solver([block()], [mpm.Collider(sheet)]), np.arange(5), reach=0.01, **SAMPLED)
+    with pytest.raises(mpm.InvalidValue, match="reach from a shell"):
+        mpm.RegionCounter(solver([block()], [mpm.Collider(sheet)]), np.arange(5), reach=0.01, **SAMPLED)
 
 
 def test_a_collider_that_is_lost_is_named() -> None:

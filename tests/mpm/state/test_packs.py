@@ -1,11 +1,12 @@
-"""Fields of packs, and what is remembered while kernels are traced."""
+"""Fields of packs, states set aside, and messages of kernels whose sources are cached."""
 
 import numpy as np
 import pytest
 
 import mpm
 from mpm.backend import allocating, put, ti
-from mpm.state.packs import LANES, Packs, Snapshot
+from mpm.state.packs import LANES, Packs
+from mpm.state.snapshots import StateBank
 
 
 @pytest.mark.parametrize("n, dtype", [(1, np.float32), (5, np.float32), (5, np.float64)])
@@ -13,13 +14,13 @@ def test_some_fields_are_written_and_read_and_the_others_left_alone(n: int, dtyp
     mpm.init()
     real = ti.f64 if dtype is np.float64 else ti.f32
     values = np.random.default_rng(n).normal(size=(4, n, LANES))
-    with allocating():  # what is written meanwhile waits for the fields
+    with allocating():  # writes wait until the fields are laid out
         fields, count = [ti.Vector.field(LANES, real, n) for _ in range(4)], ti.field(ti.i32, ())
         put(count, np.array(n, np.int32))
         packs = Packs(fields, count, dtype)
         packs.write(fields, values)
-    aside = Snapshot(packs)
-    aside.keep()
+    bank = StateBank(fields, count, 2)
+    bank.store_now(1)
     packs.write([fields[3], fields[1]], -values[[0, 2]])
     expected = np.stack([values[0], -values[2], values[2], -values[0]]).astype(dtype)
     np.testing.assert_array_equal(packs.read(fields), expected)
@@ -27,18 +28,18 @@ def test_some_fields_are_written_and_read_and_the_others_left_alone(n: int, dtyp
     np.testing.assert_array_equal(fields[1].to_numpy(), expected[1])
     packs.clear()
     assert not packs.read(fields).any()
-    aside.rewind()
+    bank.restore_now(1)
     np.testing.assert_array_equal(packs.read(fields), values.astype(dtype))
     with pytest.raises(mpm.InvalidValue, match=r"shape \(1, "):
         packs.write(fields[:2], values[:1])
     with pytest.raises(mpm.InvalidValue, match="once each"):
         packs.read([fields[0], fields[0]])
     with pytest.raises(mpm.InvalidValue, match="2 fields given"):
-        packs.read([fields[0], aside.copies[0]])
+        packs.read([fields[0], count])
 
 
 def test_messages_still_show_the_line_at_fault() -> None:
-    """Positions are remembered: the second kernel's must not be the first one's."""
+    """Positions are cached: the second kernel's must not be the first one's."""
     mpm.init()
 
     @ti.kernel

@@ -1,17 +1,18 @@
 """A scene advanced by several threads and by one, in a process of its own: a line of JSON on standard output.
 
-`python several_threads.py elastic|fluid`: two threads of the CPU, elastic in strides; with `cuda`: a graphics card;
-with `atomics`: what is compiled for one, on the CPU; `refusals`: what is one thread's alone.
+`python several_threads.py elastic|fluid`: two threads of the CPU, elastic in strides; with `cuda`: a GPU;
+with `atomics`: what is compiled for a GPU, on the CPU; `refusals`: what only one thread does.
 """
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 
 import mpm
 from mpm import backend
-from mpm.stepping.substep import Substeps
+from mpm.stepping.serial import SerialStepper
 
 CELL = 0.02
 
@@ -33,58 +34,59 @@ def scene(interval: float | None, material: str) -> mpm.Solver:
 
 
 def at(x: float, y: float, z: float) -> mpm.Pose:
-    """A place, unturned."""
+    """Return a pose at a place, not rotated."""
     return mpm.Pose(np.array([x, y, z]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def with_tally(solver: mpm.Solver) -> mpm.Solver:
-    """The solver, whose tally counts every second grain."""
+def attach_counter(solver: mpm.Solver) -> mpm.Solver:
+    """Attach a counter of every second particle; return the solver."""
     every = np.arange(0, len(solver.positions()), 2)
-    solver.attach(mpm.Tally(solver, every, goal=np.array([0.1, 0.1, 0.0]), weights=np.ones(3), tool=1,
-                            target=mpm.Region((0.1, 0.1, 0.0), (0.05, 0.05, 9.0)),
-                            interior=mpm.Region((0, 0, 0), (0.1,) * 3),
+    solver.attach(mpm.RegionCounter(solver, every, point=np.array([0.1, 0.1, 0.0]), weights=np.ones(3), index=1,
+                            region=mpm.Region((0.1, 0.1, 0.0), (0.05, 0.05, 9.0)),
+                            inner=mpm.Region((0, 0, 0), (0.1,) * 3),
                             bounds=mpm.Region((0.1, 0.1, 0.1), (0.07, 9.0, 9.0))))
     return solver
 
 
 def run(solver: mpm.Solver, advances: int = 20) -> dict[str, np.ndarray]:
-    """Its state after some advances of 2 ms, what the tally read, and the ledger's sum with what the grains' momentum
-    lacks to it."""
+    """Advance a few times by 2 ms; return state, readings, the ledger's sum, and its gap to the particles' momentum."""
     before, ledger, read = solver.momentum(), np.zeros(solver.ledger.shape), []
     for k in range(advances):
         solver.set_collider_motion(1, at(0.02 + 0.002 * k, 0.08, 0.06), at(0.02 + 0.002 * (k + 1), 0.08, 0.06))
-        read += [seen[:6] for seen in solver.advance(2e-3, looks=2)]
+        read += [counts[:6] for counts in solver.advance(2e-3, readings=2)]
         ledger += solver.ledger
     after = solver.momentum_after_advance()
     gap = np.concatenate([after.linear - before.linear, after.angular - before.angular]) - ledger.sum(0)
     return {**solver.state(), "ledger": ledger, "gap": gap, "read": np.array(read, float)}
 
 
-def compared(interval: float | None, material: str) -> dict[str, float | bool]:
-    """What several threads and one come to."""
+def compare(interval: float | None, material: str) -> dict[str, float | bool]:
+    """Compare several threads with one."""
     solver = scene(interval, material)
     start = solver.state()
-    with_tally(solver)
+    attach_counter(solver)
     first = run(solver)
     solver.load(start)
     second = run(solver)
-    alone = run(with_tally(of_one_thread(scene(interval, material))))
+    alone = run(attach_counter(make_serial(scene(interval, material))))
     state = [name for name in start if name not in ("poses", "time", "steps") and start[name].size]
-    return {"shared": solver.shares is not None,
+    return {"shared": not solver.features.serial,
             "same_bits": all(np.array_equal(first[name], second[name]) for name in state),
             "moved": float(np.abs(first["x"] - start["x"]).max()),
             "off_one_thread": max(off(first[name], alone[name]) for name in state),
             "ledger_off": off(first["ledger"], alone["ledger"]),
-            "looks_off": off(first["read"], alone["read"]),
+            "readings_off": off(first["read"], alone["read"]),
             "post_pushed": float(np.abs(first["ledger"][2]).max()),
             "ball_pushed": float(np.abs(first["ledger"][3]).max()),
             "gap": float(np.abs(first["gap"]).max() / np.abs(first["ledger"]).max())}
 
 
-def of_one_thread(solver: mpm.Solver) -> mpm.Solver:
-    """The solver with the kernel of one thread."""
-    solver.shares, solver.fields.lists = None, True
-    solver._substeps = Substeps(solver)
+def make_serial(solver: mpm.Solver) -> mpm.Solver:
+    """Give a solver the kernel of one thread; return it."""
+    solver.fields.grid.lists = True
+    solver.features = replace(solver.features, serial=True)
+    solver.fields = replace(solver.fields, features=solver.features, parts=0, scatter_target=solver.fields.grid.nodes)
+    solver.stepper = SerialStepper(solver.fields)
     return solver
 
 
@@ -93,8 +95,8 @@ def off(values: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(values - expected).max() / np.abs(expected).max())
 
 
-def refused(make) -> str:  # noqa: ANN001  (a callable)
-    """What somebody says who is refused."""
+def refusal(make) -> str:  # noqa: ANN001  (a callable)
+    """Return the message of the InvalidValue that a call raises."""
     try:
         make()
     except mpm.InvalidValue as error:
@@ -103,18 +105,18 @@ def refused(make) -> str:  # noqa: ANN001  (a callable)
 
 
 def refusals() -> list[bool | str]:
-    """Whether periodic sides have one thread, and what a batch and a roll-out say of several."""
+    """Return whether periodic sides have one thread, and the messages of a batch and a rollout of several."""
     solver = scene(None, "elastic")
-    mpm.init()  # as robosim's environments do: what there is will do
+    mpm.init()  # as robosim's environments do: the present session serves
     around = mpm.Solver(grid=solver.grid, bodies=solver.bodies,
                         walls=mpm.Walls(lower=("periodic",) * 2 + ("slip",), upper=("periodic",) * 2 + ("slip",)))
-    return [around.shares is None, refused(lambda: mpm.Batch(solver, 2)), refused(lambda: mpm.Rollout(solver, 3))]
+    return [around.features.serial, refusal(lambda: mpm.Batch(solver, 2)), refusal(lambda: mpm.Rollout(solver, 3))]
 
 
 if __name__ == "__main__":
-    card = "cuda" in sys.argv
-    mpm.init(arch="cuda" if card else "cpu", threads=1 if card else 2, fast_math=False)
+    on_gpu = "cuda" in sys.argv
+    mpm.init(arch="cuda" if on_gpu else "cpu", threads=1 if on_gpu else 2, fast_math=False)
     if "atomics" in sys.argv:
         backend._session = backend._session._replace(arch="cuda")
     print(json.dumps(refusals() if "refusals" in sys.argv else
-                     compared(0.0, "fluid") if "fluid" in sys.argv else compared(None, "elastic")))
+                     compare(0.0, "fluid") if "fluid" in sys.argv else compare(None, "elastic")))

@@ -12,18 +12,19 @@ SOFT = mpm.DruckerPrager(E=4e4, nu=0.3, density=900.0, friction_angle_deg=25.0)
 
 
 def scene() -> mpm.Solver:
-    """A box among falling grains, watched by a tally and a sample."""
+    """A box among falling grains, watched by a counter and a sample."""
     positions = mpm.sample_box((0.1, 0.1, 0.06), (0.3, 0.3, 0.14), CELL / 2, np.random.default_rng(0))
     box = mpm.Collider(mpm.Sdf.box((0.04, 0.04, 0.02)), friction=0.2,
                        pose=mpm.Pose(np.array([0.2, 0.2, 0.03]), np.array([1.0, 0.0, 0.0, 0.0])))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), colliders=[box], dt=5e-4,
                         bodies=[mpm.Body(SALT, positions, volume=(CELL / 2) ** 3)])
     chosen = np.arange(2, len(positions), 3)
-    tally = mpm.Tally(solver, chosen, goal=np.array([0.3, 0.2, 0.1]), weights=np.ones(3), reach=0.03, ranks=True,
-                      target=mpm.Region((0.3, 0.2, 0.0), (0.1, 0.08, 9.0), round=True), tool=0,
-                      bounds=mpm.Region((0.2, 0.2, 0.55), (9.0, 9.0, 0.5)),
-                      interior=mpm.Region((0.0, 0.0, 0.05), (0.06, 0.05, 0.05)))
-    solver.attach(tally, mpm.Sample(solver, chosen))
+    counter = mpm.RegionCounter(solver, chosen, point=np.array([0.3, 0.2, 0.1]), weights=np.ones(3), reach=0.03,
+                                per_particle=True, index=0,
+                                region=mpm.Region((0.3, 0.2, 0.0), (0.1, 0.08, 9.0), round=True),
+                                bounds=mpm.Region((0.2, 0.2, 0.55), (9.0, 9.0, 0.5)),
+                                inner=mpm.Region((0.0, 0.0, 0.05), (0.06, 0.05, 0.05)))
+    solver.attach(counter, mpm.Sample(solver, chosen))
     return solver
 
 
@@ -41,14 +42,14 @@ def way(begin: mpm.Pose, e: int, legs: int) -> list[mpm.Pose]:
             for k in range(legs + 1)]
 
 
-def same(one: mpm.Tallied, other: mpm.Tallied) -> bool:
-    return one[:-1] == other[:-1] and np.array_equal(one.ranks, other.ranks)  # pyright: ignore[reportArgumentType]
+def same(one: mpm.Counts, other: mpm.Counts) -> bool:
+    return one[:-1] == other[:-1] and np.array_equal(one.per_particle, other.per_particle)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.fixture(scope="module")
 def batch() -> mpm.Batch:
     """Three futures, up to four readings in an advance: one kernel for all tests."""
-    return mpm.Batch(scene(), 3, looks=4)
+    return mpm.Batch(scene(), 3, readings=4)
 
 
 def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
@@ -58,11 +59,11 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
     for e, start in enumerate(starts(alone)):
         alone.load(start)
         alone.set_material(0, materials[e])
-        alone.tally.restart()
-        read = [alone.tally.read()]
+        alone.counter.restart()
+        read = [alone.counter.read()]
         for k in (legs[e], 1):
             alone.set_collider_motion(0, *way(alone.collider_pose(0), e, k))
-            read += alone.advance(k * STEP, looks=k)
+            read += alone.advance(k * STEP, readings=k)
         expected.append((read, alone.state(), alone.sample.values.copy()))
 
     shared = batch.solver
@@ -76,15 +77,15 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
                 batch.set_collider_motion(e, 0, *way(batch.collider_pose(e, 0), e, k))
         for row, new in zip(read, batch.advance(counts * STEP, counts)):
             row += new
-    for e, (tallied, state, seen) in enumerate(expected):
-        assert len(tallied) == len(read[e]) and all(map(same, tallied, read[e]))
-        assert np.array_equal(batch.seen(e), seen)
-        batch.bring(e)
+    for e, (counts, state, sampled) in enumerate(expected):
+        assert len(counts) == len(read[e]) and all(map(same, counts, read[e]))
+        assert np.array_equal(batch.sampled(e), sampled)
+        batch.select(e)
         assert all(np.array_equal(shared.state()[name], values) for name, values in state.items() if name != "time")
         assert shared.time == pytest.approx(float(state["time"]), rel=1e-9)
         assert shared.momentum_after_advance().linear == pytest.approx(shared.momentum().linear, rel=1e-9)
     batch.set_material(1, 0, SALT)
-    batch.bring(1)
+    batch.select(1)
 
 
 def test_a_future_that_diverges_ends_alone(batch: mpm.Batch) -> None:

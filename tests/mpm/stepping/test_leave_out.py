@@ -31,9 +31,9 @@ def test_absent_features_take_no_memory() -> None:
     water = mpm.Body(mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0), positions, volume=8e-6)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[water])
     assert solver.particles.e == [] and solver.particles.vc is None
-    assert solver.node_contact is None and solver.node_owner is None and solver.cuts is None
-    assert solver.mobiles is None and solver.features.mobile == ()
-    assert solver.particles.side is None and solver.particles.acceleration == [] and solver.fields.layers == 1
+    assert solver.fields.static_contact is None and solver.fields.shells is None
+    assert solver.fields.mobile_nodes is None and solver.features.mobile == ()
+    assert solver.particles.side is None and solver.particles.acceleration == [] and solver.fields.grid.layers == 1
     assert "e" not in solver.state()
     sand = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
     body = mpm.Body(sand, positions, volume=8e-6)

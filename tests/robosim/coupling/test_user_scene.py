@@ -205,10 +205,10 @@ def test_rewind_and_load_restore_the_solver() -> None:
         plugin.step()
     solver, state = plugin.solver, plugin.solver.state()
     ends = []
-    solver.keep()
+    solver.store_checkpoint()
     for again in range(3):
         if again == 1:
-            solver.rewind()
+            solver.restore_checkpoint()
         elif again == 2:
             solver.load(state)
         for _ in range(3):

@@ -83,7 +83,7 @@ def test_random_materials_reach_the_field(env: GrainEnv) -> None:
         law = env.solver.bodies[0].material
         assert isinstance(law, mpm.DruckerPrager)
         assert 20.0 <= law.friction_angle_deg <= 40.0 and 1e5 <= law.E <= 2e5
-        parameters.append(env.solver.numbers.parameters.to_numpy()[0].copy())
+        parameters.append(env.solver.fields.parameters.law.to_numpy()[0].copy())
     assert len({tuple(row) for row in parameters}) == 4
     with pytest.raises(mpm.TimeStepTooLarge):
         env.solver.set_material(0, mpm.DruckerPrager(E=1e8, nu=0.2, density=1200.0, friction_angle_deg=30.0))

@@ -39,7 +39,7 @@ def test_ten_thousand_random_steps(name: str) -> None:
             before = resident()
         if k % 100 == 98:  # the last state of an episode but one
             for e in range(2):
-                both.batch.bring(e)
+                both.batch.select(e)
                 x, m = solver.positions(), solver.masses()
                 assert np.isfinite(x).all() and np.all(x >= lower - 1e-6) and np.all(x <= upper + 1e-6)
                 assert len(x) == both.world.task.grains.count and np.all(m > 0)

@@ -107,7 +107,7 @@ def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> No
     expected = [carried.step(first), carried.step(second)]
     carried.reset(seed=3)
     carried.step(first)
-    batch.batch.bring(1)
+    batch.batch.select(1)
     state = batch.world.solver.state()
     state["v"][4] = np.nan
     batch.batch.load(1, state)

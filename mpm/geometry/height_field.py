@@ -1,11 +1,9 @@
-"""Signed distance of ground given by heights, and of unions of solids that are placed in one frame."""
+"""Signed distance of ground that is given by heights."""
 
 import numpy as np
 
 from mpm.backend import put, ti
-from mpm.geometry.primitives import Box, Capsule, Cylinder, Ellipsoid, Plane, Shape, Sphere
-from mpm.geometry.rigid_motion import Pose
-from mpm.geometry.sampled_sdf import Lattice
+from mpm.geometry.shape import Shape
 
 
 class HeightField(Shape):
@@ -58,40 +56,3 @@ class HeightField(Shape):
         across = ((1 - w + j) * (corners[0][1] - corners[0][0]) + (w - j) * (corners[1][1] - corners[1][0]))
         steep = np.sqrt(1.0 + (across / self.spacing[0]) ** 2 + ((high - low) / self.spacing[1]) ** 2)
         return np.where(inside, (points[..., 2] - low - (w - j) * (high - low)) / steep, 1.0)
-
-
-Solid = Box | Capsule | Cylinder | Ellipsoid | HeightField | Lattice | Plane | Sphere
-
-
-class Union(Shape):
-    """Several solids, each with its pose in a common frame: the distance is that of the closest."""
-
-    def __init__(self, parts: list[tuple[Solid, Pose]]) -> None:
-        self.solids = [solid for solid, _ in parts]
-        self._inverse = [pose.inverse() for _, pose in parts]
-        self.places = [tuple(float(c) for c in pose.position) for pose in self._inverse]
-        self.axes = [tuple(float(c) for c in pose.matrix.ravel()) for pose in self._inverse]
-        self.radius = max(float(np.linalg.norm(pose.position)) + solid.radius for solid, pose in parts)
-        self.passage = min(getattr(solid, "passage", np.inf) for solid in self.solids)
-
-    def allocate(self) -> None:
-        """Copy lattices to fields; needs a running backend."""
-        for solid in self.solids:
-            solid.allocate()
-
-    @ti.func
-    def at(self, y):
-        n = 0.0 * y
-        phi = 0.0 * y[0] + 1e6
-        for k in ti.static(range(len(self.solids))):
-            a, c = ti.static(self.axes[k]), ti.static(self.places[k])
-            R = ti.Matrix([[a[0], a[1], a[2]], [a[3], a[4], a[5]], [a[6], a[7], a[8]]])
-            n_k, phi_k = self.solids[k].at(R @ y + ti.Vector([c[0], c[1], c[2]]))
-            if phi_k < phi:
-                phi = phi_k
-                n = R.transpose() @ n_k
-        return n, phi
-
-    def distance(self, points: np.ndarray) -> np.ndarray:
-        each = [solid.distance(inverse.apply(points)) for solid, inverse in zip(self.solids, self._inverse)]
-        return np.min(each, axis=0)

@@ -1,0 +1,78 @@
+"""The protocol of a signed-distance shape: what a solid must offer to contact."""
+
+import numpy as np
+
+from mpm.backend import ti
+
+DIFFERENCE = 1e-6
+"""Step [m] to each side of a point of the central differences for a shape without derivatives of its own."""
+KINK = 10.0
+"""Ratio of the differences to both sides, and curvature [1/m], beyond which one of them crosses an edge."""
+
+
+class Shape:
+    """Base of all solids: a signed distance in the frame of its collider, negative inside, in metres.
+
+    A solid has `radius` [m], of a ball about the frame's origin that contains it (contact looks no farther), a Taichi
+    function `at` and its twin on the host, `distance`; the other members have defaults. A torus takes ten lines:
+
+        class Torus(Shape):
+            def __init__(self, ring: float, tube: float) -> None:
+                self.ring, self.tube, self.radius = ring, tube, ring + tube
+
+            @ti.func
+            def at(self, y):
+                around = ti.sqrt(y[0] * y[0] + y[1] * y[1] + 1e-24)
+                r = ti.Vector([y[0] - self.ring * y[0] / around, y[1] - self.ring * y[1] / around, y[2]])
+                length = r.norm(1e-12)
+                return r / length, length - self.tube
+
+            def distance(self, points):
+                return np.hypot(np.hypot(points[:, 0], points[:, 1]) - self.ring, points[:, 2]) - self.tube
+
+    `mpm.Collider(Torus(0.03, 0.01))` then is a collider like any other. Thin shells are not solids: see `Shell`.
+    """
+
+    radius: float
+    """Radius [m] of a ball about the frame's origin that contains the solid."""
+
+    def allocate(self) -> None:
+        """Copy what kernels look up to fields; needs a running backend."""
+
+    @ti.func
+    def at(self, y):
+        """Return the outward unit normal (3,) and the signed distance [m] at y [m] (3,)."""
+        return y * 0.0, y[0] * 0.0 + 1.0
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Return the signed distances [m] (n,) at points [m] (n, 3), on the host."""
+        raise NotImplementedError(f"{type(self).__name__} has no distance on the host")
+
+    @ti.func
+    def is_beyond(self, y, reach):
+        """Conservative early-out: return True only if the surface is farther than reach [m] from y."""
+        return False
+
+    @ti.func
+    def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
+        """Return the adjoint of y, of type `real`, from those of normal and distance.
+
+        Central differences in double precision, for shapes without a better way.
+        """
+        bar = 0.0 * y
+        here = ti.cast(y, ti.f64)
+        n, phi = self.at(here)
+        for d in ti.static(range(3)):
+            step = ti.Vector.unit(3, d, ti.f64) * DIFFERENCE
+            n_above, above = self.at(here + step)
+            n_below, below = self.at(here - step)
+            # at an edge the normal jumps on one side, which is no slope
+            up, down = (n_above - n).norm(), (n - n_below).norm()
+            used_above, used_below, width = n_above, n_below, 2.0
+            if up > KINK * down + KINK * DIFFERENCE:
+                used_above, above, width = n, phi, 1.0
+            elif down > KINK * up + KINK * DIFFERENCE:
+                used_below, below, width = n, phi, 1.0
+            slope = ti.cast((used_above - used_below) / (width * DIFFERENCE), real).dot(normal_bar)
+            bar[d] = slope + ti.cast((above - below) / (width * DIFFERENCE), real) * phi_bar
+        return bar

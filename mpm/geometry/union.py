@@ -1,0 +1,41 @@
+"""Signed distance of a union of solids that are placed in one frame."""
+
+import numpy as np
+
+from mpm.backend import ti
+from mpm.geometry.rigid_motion import Pose
+from mpm.geometry.shape import Shape
+
+
+class Union(Shape):
+    """Several solids, each with its pose in a common frame: the distance is that of the closest."""
+
+    def __init__(self, parts: list[tuple[Shape, Pose]]) -> None:
+        self.solids = [solid for solid, _ in parts]
+        self._inverse = [pose.inverse() for _, pose in parts]
+        self.places = [tuple(float(c) for c in pose.position) for pose in self._inverse]
+        self.axes = [tuple(float(c) for c in pose.matrix.ravel()) for pose in self._inverse]
+        self.radius = max(float(np.linalg.norm(pose.position)) + solid.radius for solid, pose in parts)
+        self.passage = min(getattr(solid, "passage", np.inf) for solid in self.solids)
+
+    def allocate(self) -> None:
+        """Copy lattices to fields; needs a running backend."""
+        for solid in self.solids:
+            solid.allocate()
+
+    @ti.func
+    def at(self, y):
+        n = 0.0 * y
+        phi = 0.0 * y[0] + 1e6
+        for k in ti.static(range(len(self.solids))):
+            a, c = ti.static(self.axes[k]), ti.static(self.places[k])
+            R = ti.Matrix([[a[0], a[1], a[2]], [a[3], a[4], a[5]], [a[6], a[7], a[8]]])
+            n_k, phi_k = self.solids[k].at(R @ y + ti.Vector([c[0], c[1], c[2]]))
+            if phi_k < phi:
+                phi = phi_k
+                n = R.transpose() @ n_k
+        return n, phi
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        each = [solid.distance(inverse.apply(points)) for solid, inverse in zip(self.solids, self._inverse)]
+        return np.min(each, axis=0)

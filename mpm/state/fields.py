@@ -1,0 +1,126 @@
+"""All run-time fields of a scene, typed: what the phases of a substep are handed."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mpm.backend import real_type, ti
+from mpm.geometry.shell import Shell
+from mpm.materials.hencky_strain import INTEGRATORS
+from mpm.materials.material import Material
+from mpm.scene.body import Body
+from mpm.scene.collider import Collider
+from mpm.scene.features import Features
+from mpm.scene.grid import GHOST, Grid
+from mpm.scene.walls import Walls
+from mpm.state.contact_fields import MobileContact, ShellFields, StaticContact
+from mpm.state.ledger import LedgerRows, ledger_rows
+from mpm.state.nodes import GridFields
+from mpm.state.parameters import Parameters, laws_of
+from mpm.state.particles import ParticleFields
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Run-time fields, and the constants that kernels compile in. A field that no feature asks for is None."""
+
+    features: Features
+    particles: ParticleFields
+    grid: GridFields
+    parameters: Parameters
+    laws: tuple[Material, ...]
+    """One material of each law: what is compiled grows with these, not with the bodies."""
+    colliders: tuple[Collider, ...]
+    static_contact: StaticContact | None
+    shells: ShellFields | None
+    mobile_nodes: MobileContact | None
+    scatter_target: Any
+    """Node field that particles scatter to: that of `grid`, or `parts` arrays, one after the other along x."""
+    parts: int
+    """Arrays that threads scatter to before these are added up; 0: particles scatter to the nodes."""
+    cell: float
+    """dx [m]"""
+    origin: tuple[float, float, float]
+    """Position [m] of node (0, 0, 0)."""
+    cells: tuple[int, int, int]
+    """Cells along each axis, between the walls."""
+    rows: LedgerRows
+
+    @property
+    def real(self) -> Any:
+        """Taichi's type of the field's numbers."""
+        return real_type(self.features.precision)
+
+    @property
+    def dtype(self) -> type:
+        """NumPy's type of the field's numbers."""
+        return np.float64 if self.features.precision == "f64" else np.float32
+
+    @property
+    def corner(self) -> float:
+        """Coordinate [m] of the lower walls relative to node (0, 0, 0), along each axis."""
+        return GHOST * self.cell
+
+    @property
+    def span(self) -> tuple[float, ...]:
+        """Distances [m] between the walls."""
+        return tuple(float(n) * self.cell for n in self.cells)
+
+    @property
+    def logarithm(self) -> Any:
+        """Hencky strain of e = b - I, as a Taichi function."""
+        return INTEGRATORS[self.features.integrator][0]
+
+    @property
+    def exponential(self) -> Any:
+        """The inverse of `logarithm`, as a Taichi function."""
+        return INTEGRATORS[self.features.integrator][1]
+
+    @property
+    def mobile_place(self) -> tuple[int, ...]:
+        """Place of each collider among the mobile ones, or -1."""
+        mobile = self.features.mobile
+        return tuple(mobile.index(i) if i in mobile else -1 for i in range(len(self.colliders)))
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether space closes on itself along some axis."""
+        return any(self.features.periodic)
+
+    @ti.func
+    def world_origin(self):
+        """Return the position [m] of node (0, 0, 0) in double precision."""
+        return ti.Vector([ti.cast(self.origin[0], ti.f64), ti.cast(self.origin[1], ti.f64),
+                          ti.cast(self.origin[2], ti.f64)])
+
+
+def allocate_fields(grid: Grid, bodies: list[Body], colliders: list[Collider], gravity: np.ndarray, walls: Walls,
+                    features: Features, parts: int) -> Fields:
+    """Allocate the fields that a scene asks for; inside `backend.allocating`.
+
+    parts: see `Fields`.
+    """
+    precision = features.precision
+    particles = ParticleFields(bodies, grid, features)
+    nodes = GridFields(grid, precision, 2 if features.shells else 1, lists=features.serial)
+    target = nodes.nodes
+    if parts:
+        nx, ny, nz = nodes.nodes.shape
+        target = ti.Vector.field(4, real_type(precision), (parts * nx, ny, nz))
+    ready = [replace(c, sdf=c.sdf.bake(grid.cell)) if isinstance(c.sdf, Shell) else c for c in colliders]
+    for collider in ready:
+        if not isinstance(collider.sdf, Shell):
+            collider.sdf.allocate()
+    shells = ShellFields(grid, precision, particles.n_lanes) if features.shells else None
+    mobile = None
+    if features.mobile:
+        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision)
+    nx, ny, nz = (int(n) for n in grid.cells)
+    x, y, z = (float(c) for c in grid.origin)
+    return Fields(
+        features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)), colliders=tuple(ready),
+        static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
+        mobile_nodes=mobile, parameters=Parameters(bodies, ready, gravity, walls, grid, precision),
+        scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),
+        rows=ledger_rows(len(colliders)))

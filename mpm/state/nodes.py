@@ -1,0 +1,88 @@
+"""Node values of the background grid, in blocks, and the nodes that a particle's stencil begins with."""
+
+import numpy as np
+
+from mpm.backend import once, real_type, ti
+from mpm.scene.grid import BLOCK, Grid
+
+
+class GridFields:
+    """Node values and the list of active blocks.
+
+    With `layers` = 2 every node exists twice, the second time `width` places farther along x: material that a thin
+    shell separates from a node meets the shell there, in a velocity field of its own (see `shell_sides`).
+    """
+
+    def __init__(self, grid: Grid, precision: str, layers: int = 1, lists: bool = True) -> None:
+        real = real_type(precision)
+        nx, ny, nz = grid.shape
+        self.layers, self.width, self.cell = layers, nx, grid.cell
+        self.lists = lists
+        """Whether marking a block also lists it: one thread can, several list blocks in a phase of its own."""
+        self.cells = tuple(int(n) for n in grid.cells)
+        self.nodes = ti.Vector.field(4, real, (layers * nx, ny, nz))
+        """(momentum, mass) after the scatter, (velocity, mass) after the grid update."""
+        blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)
+        self.stamp = ti.field(ti.i32, blocks)
+        """Number of the substep in which the block was last active."""
+        self.seed = ti.Vector.field(2, ti.i32, blocks)
+        """Substep in which a stencil last started in the block, and bits for the faces that stencils reach over."""
+        self.active = ti.Vector.field(3, ti.i32, int(np.prod(blocks)))
+        """Indices of the active blocks."""
+        self.count = ti.field(ti.i32, ())
+        """Number of active blocks."""
+
+    def nodes_near(self, radius: float) -> int:
+        """Return how many nodes, of all layers, a ball of this radius [m] can hold."""
+        across = 2.0 * radius / self.cell + 2.0
+        return int(min(self.layers * int(across**3), np.prod(self.nodes.shape)))
+
+
+@ti.func
+def in_first_layer(grid: ti.template(), I):
+    """Return the node (3,) of the first layer at the same place."""
+    J = I
+    if ti.static(grid.layers == 2):
+        J[0] = I[0] % grid.width
+    return J
+
+
+@ti.func
+def first_nodes(grid: ti.template(), x: ti.template(), q, inverse_cell):
+    """Return the first nodes of the stencils of pack q (three integer packs), and the offsets from them in cells.
+
+    Offsets lie in [0.5, 1.5). Nodes stay inside the array even when a position is not finite.
+    """
+    return stencil(grid, [once(x[d][q] * inverse_cell) for d in range(3)])
+
+
+@ti.func
+def stencil(grid: ti.template(), scaled: ti.template()):
+    """Return first nodes and offsets at three coordinates in cells, packs or single numbers."""
+    floors = [once(ti.floor(scaled[d] - 0.5)) for d in range(3)]
+    last = ti.static((grid.width - 3, grid.nodes.shape[1] - 3, grid.nodes.shape[2] - 3))
+    nodes = [once(ti.max(ti.min(ti.cast(floors[d], ti.i32), last[d]), 0)) for d in range(3)]
+    return nodes, [once(scaled[d] - floors[d]) for d in range(3)]
+
+
+@ti.func
+def clear(grid: ti.template(), first, last):
+    """Zero the nodes of the active blocks first .. last - 1."""
+    for n in range(first, last):
+        corner = grid.active[n] * BLOCK
+        for a in range(BLOCK):
+            for c in range(BLOCK):
+                for d in ti.static(range(BLOCK)):
+                    grid.nodes[corner + ti.Vector([a, c, d])] = ti.Vector.zero(grid.nodes.dtype, 4)
+
+
+@ti.func
+def velocities_to_momenta(grid: ti.template(), first, last):
+    """Turn the velocities of the previous substep back to momenta, in the active blocks first .. last - 1."""
+    for n in range(first, last):
+        block = grid.active[n] * BLOCK
+        for a, b in ti.ndrange(BLOCK, BLOCK):
+            for c in ti.static(range(BLOCK)):
+                I = block + ti.Vector([a, b, c])
+                q = grid.nodes[I]
+                grid.nodes[I] = ti.Vector([q[3] * q[0], q[3] * q[1], q[3] * q[2], q[3]])

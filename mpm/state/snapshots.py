@@ -1,0 +1,98 @@
+"""States set aside on the device: the one way in which checkpoints, histories and batches keep them."""
+
+from typing import Any
+
+import numpy as np
+
+from mpm.backend import allocating, ti
+from mpm.state.packs import LANES
+
+
+@ti.data_oriented
+class StateBank:
+    """Copies of pack fields, and of flags of single particles, in numbered slots.
+
+    fields: pack fields of one length and type. count: that length, as a field. slots: how many states there is room
+    for. flags: fields (n_lanes,) of 8-bit integers that belong to a state, or none.
+    """
+
+    def __init__(self, fields: list, count: Any, slots: int, flags: list | None = None) -> None:
+        self.fields, self.count, self.slots, self.flags = fields, count, slots, list(flags or [])
+        self.packs = fields[0].shape[0] if fields else 0
+        self.lanes = self.flags[0].shape[0] if self.flags else 0
+        with allocating():
+            self.states = ti.Vector.field(LANES, fields[0].dtype, (slots, len(fields), self.packs)) if fields else None
+            self.flag_states = ti.field(ti.i8, (slots, len(self.flags), self.lanes)) if self.flags else None
+
+    @staticmethod
+    def bytes_per_state(fields: list, precision: str) -> int:
+        """Return the memory [bytes] that one state of pack fields takes."""
+        return sum(field.shape[0] for field in fields) * LANES * (8 if precision == "f64" else 4)
+
+    # inside a launch -------------------------------------------------------------------------------------------------
+    @ti.func
+    def store(self, slot):
+        """Copy the present state into a slot."""
+        for q in range(self.count[None]):
+            for i in ti.static(range(len(self.fields))):
+                self.states[slot, i, q] = self.fields[i][q]
+        for i in ti.static(range(len(self.flags))):
+            for lane in range(self.lanes):
+                self.flag_states[slot, i, lane] = self.flags[i][lane]
+
+    @ti.func
+    def restore(self, slot):
+        """Make a slot's state the present one."""
+        for q in range(self.count[None]):
+            for i in ti.static(range(len(self.fields))):
+                self.fields[i][q] = self.states[slot, i, q]
+        for i in ti.static(range(len(self.flags))):
+            for lane in range(self.lanes):
+                self.flags[i][lane] = self.flag_states[slot, i, lane]
+
+    @ti.func
+    def restore_from(self, slot, first: ti.template()):
+        """Restore the pack fields from number `first` on."""
+        for q in range(self.count[None]):
+            for i in ti.static(range(first, len(self.fields))):
+                self.fields[i][q] = self.states[slot, i, q]
+
+    # from outside ----------------------------------------------------------------------------------------------------
+    @ti.kernel
+    def store_now(self, slot: ti.i32):
+        """Copy the present state into a slot."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.store(slot)
+
+    @ti.kernel
+    def restore_now(self, slot: ti.i32):
+        """Make a slot's state the present one."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.restore(slot)
+
+    def write(self, slot: int, values: np.ndarray) -> None:
+        """Write values (fields, packs, LANES) into a slot; its flags are cleared."""
+        self._write(slot, values)
+
+    @ti.kernel
+    def _write(self, slot: ti.i32, values: ti.types.ndarray()):
+        ti.loop_config(serialize=True)
+        for i in range(values.shape[0]):
+            for q in range(values.shape[1]):
+                for l in ti.static(range(LANES)):
+                    self.states[slot, i, q][l] = values[i, q, l]
+        ti.loop_config(serialize=True)
+        for lane in range(self.lanes):
+            for i in ti.static(range(len(self.flags))):
+                self.flag_states[slot, i, lane] = 0
+
+    @ti.kernel
+    def copy_from(self, source: ti.template(), from_slot: ti.i32, to_slot: ti.i32):
+        """Copy a slot of another bank, or of this one, into a slot of this bank."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for q in range(self.count[None]):
+                for i in ti.static(range(len(self.fields))):
+                    self.states[to_slot, i, q] = source.states[from_slot, i, q]

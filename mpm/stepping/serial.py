@@ -1,0 +1,171 @@
+"""The serial stepper: all substeps of a launch in one kernel of one thread, touching only blocks with material."""
+
+from typing import Any
+
+from mpm.backend import once, ti
+from mpm.boundaries.coulomb import collider_axes, collider_origin
+from mpm.observers.region_counter import COUNTER_ROWS
+from mpm.state.active_blocks import mark_all
+from mpm.state.fields import Fields
+from mpm.state.ledger import add, maximise
+from mpm.state.packs import LANES
+from mpm.state.snapshots import StateBank
+from mpm.stepping.phases import Step, phases_of
+from mpm.stepping.stride import plan_stride
+from mpm.transfers.particle_motion import drift_before
+from mpm.transfers.to_particles import drift_packs
+
+SPEED_LIMIT = 1.0
+"""Cells that a particle may travel in a substep before the run counts as diverged."""
+
+
+@ti.data_oriented
+class SerialStepper:
+    """The kernels that advance one scene with one thread.
+
+    counter: a `RegionCounter` that takes readings within launches, or None. sample: a `Sample` taken at the end of a
+    launch, or None. bank: where a launch first copies the state to when asked, or None.
+    """
+
+    def __init__(self, fields: Fields, counter: Any = None, sample: Any = None, bank: StateBank | None = None) -> None:
+        self.fields, self.counter, self.sample, self.bank = fields, counter, sample, bank
+        self.phases = phases_of(fields)
+        self.has_counter, self.has_sample, self.has_bank = counter is not None, sample is not None, bank is not None
+        self.counter_row = fields.features.moving_colliders.index(counter.index) if self.has_counter else -1
+        """Row of the counter's collider in the motion table."""
+
+    @ti.kernel
+    def mark(self, stamp: ti.i32):
+        """List the active blocks of the first substep; those of later ones are listed at the end of the one before."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            mark_all(self.fields.grid, self.fields.particles, 1.0 / self.fields.cell, stamp)
+
+    @ti.kernel
+    def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
+            mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32,
+            per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(), set_aside: ti.i32, max_stride: ti.i32):
+        """Advance by `substeps` of dt [s].
+
+        motion: (k, substeps, COLUMNS) of the moving colliders. mobile: table of the mobile colliders, read and written.
+        Written: out, ledger, status and the counter's readings; per_particle, the counter's numbers of particles;
+        sampled, the sample after the last substep. The counter reads after every `interval` substeps, `first` of which
+        lie in earlier launches of the advance. set_aside: whether the state is first copied to the bank. max_stride:
+        the most substeps between two transfers.
+        """
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            if ti.static(self.has_bank):  # noqa: SIM102  (decided when compiling)
+                if set_aside > 0:
+                    self.bank.store(0)
+            self.advance(substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
+                         max_stride)
+            self.sum_momentum(out, 0, self.fields.particles.pack_count[None])
+            self.sum_status(out, 0, self.fields.particles.pack_count[None])
+            if ti.static(self.has_sample):
+                self.sample.take(sampled, 0)
+
+    @ti.func
+    def advance(self, substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(), first_row: ti.i32,
+                mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
+                per_particle: ti.template(), earlier: ti.i32, max_stride: ti.i32):
+        """Advance by `substeps`, with rows of the motion from first_row on, in strides of at most `max_stride`.
+
+        `earlier` readings of others stand before those of this advance in per_particle; else see `run`.
+        """
+        left, stamp, span = 0, first_stamp, 1
+        for s in range(substeps):
+            starts = left == 0
+            if starts:
+                stamp, span = first_stamp + s, 1
+                if ti.static(self.fields.features.strides):
+                    most = ti.min(ti.min(max_stride, substeps - s), interval - (first + s) % interval)
+                    span = plan_stride(self.fields, motion, first_row + s, mobile, dt, most)
+                    if span > 1:
+                        drift_packs(self.fields, self.fields.particles, drift_before(dt, span), stamp, 0,
+                                    self.fields.particles.pack_count[None])
+                left = span
+            left -= 1
+            row, transfer_mass, moved = first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
+            run_phases(self.fields, self.phases,
+                       ti.static(Step(row, stamp, dt, transfer_mass, moved, motion, mobile, out)))
+            if ti.static(self.has_counter):
+                self.take_reading(motion, row, first + s + 1, interval, out, per_particle, earlier)
+
+    @ti.func
+    def take_reading(self, motion: ti.template(), row: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template(),
+                     per_particle: ti.template(), earlier: ti.i32):
+        """Let the counter read after every `interval` substeps, `done` of which are over."""
+        if done % interval == 0:
+            k = ti.static(self.counter_row)
+            reading = done // interval - 1
+            self.counter.accumulate(ti.cast(collider_origin(motion, k, row), ti.f64),
+                                    ti.cast(collider_axes(motion, k, row), ti.f64), out,
+                                    self.fields.rows.count + ti.static(COUNTER_ROWS) * reading)
+            if ti.static(self.counter.per_particle):
+                self.counter.list_particles(per_particle, earlier + reading)
+
+    @ti.func
+    def sum_momentum(self, out: ti.template(), first, last):
+        """Add the momentum of packs first .. last - 1 about the world's origin, affine part included."""
+        for body in range(self.fields.parameters.densities.shape[0]):
+            ends = self.fields.particles.range_table[body]
+            self.sum_body_momentum(self.fields.particles, self.fields.parameters.densities[body], out,
+                                   ti.max(first, ends[0]), ti.min(last, ends[1]))
+
+    @ti.func
+    def sum_body_momentum(self, P: ti.template(), density, out: ti.template(), first, last):
+        """Add the momentum of packs of one density [kg/m^3]."""
+        quarter, origin = 0.25 * self.fields.cell * self.fields.cell, self.fields.world_origin()
+        total, turning = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
+        for q in range(first, last):
+            spin = [once(quarter * (P.C[7][q] - P.C[5][q])), once(quarter * (P.C[2][q] - P.C[6][q])),
+                    once(quarter * (P.C[3][q] - P.C[1][q]))]
+            for l in ti.static(range(LANES)):
+                m = ti.cast(density * P.volume[q][l], ti.f64)
+                x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) for d in range(3)]) + origin
+                p = m * ti.Vector([ti.cast(P.v[d][q][l], ti.f64) for d in range(3)])
+                total += p
+                turning += x.cross(p) + m * ti.Vector([ti.cast(spin[d][l], ti.f64) for d in range(3)])
+        for d in ti.static(range(3)):
+            add(out, self.fields.rows.momentum, d, total[d])
+            add(out, self.fields.rows.momentum, 3 + d, turning[d])
+
+    @ti.func
+    def sum_status(self, out: ti.template(), first, last):
+        """Add the squared velocities of packs (not finite if anything is not), and find the largest speed [m/s]."""
+        add_status(self.fields, self.fields.particles, out, first, last)
+
+
+@ti.func
+def add_status(fields: ti.template(), P: ti.template(), out: ti.template(), first, last):
+    """Add the status of packs first .. last - 1 to its row, see `SerialStepper.sum_status`."""
+    total = ti.cast(0.0, ti.f64)
+    fastest = ti.cast(0.0, ti.f64)
+    for q in range(first, last):
+        v2 = P.v[0][q] ** 2 + P.v[1][q] ** 2 + P.v[2][q] ** 2
+        total += ti.cast(v2.sum(), ti.f64)
+        fastest = ti.max(fastest, ti.cast(v2.max(), ti.f64))
+    add(out, fields.rows.status, 0, total)
+    maximise(out, fields.rows.status, 1, ti.sqrt(fastest))
+
+
+@ti.func
+def run_phases(fields: ti.template(), phases: ti.template(), step: ti.template()):
+    """Run phases one after the other, each over its whole domain."""
+    for phase in ti.static(phases):
+        run_phase(fields, phase, step)
+
+
+@ti.func
+def run_phase(fields: ti.template(), phase: ti.template(), step: ti.template()):
+    """Run one phase over its whole domain."""
+    if ti.static(phase.over == "packs"):
+        phase.run(fields, step, 0, fields.particles.pack_count[None])
+    elif ti.static(phase.over == "blocks"):
+        phase.run(fields, step, 0, fields.grid.count[None])
+    elif ti.static(phase.over == "walls"):
+        for w in range(6):
+            phase.run(fields, step, w, 0, fields.grid.count[None])
+    else:
+        phase.run(fields, step, 0, 1)

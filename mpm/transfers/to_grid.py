@@ -1,0 +1,129 @@
+"""Particle to grid: the constitutive update, and the scatter of stress, momentum and mass."""
+
+from mpm.backend import once, ti
+from mpm.materials.material import PARAMETERS
+from mpm.materials.stress_update import update_stress
+from mpm.materials.symmetric_tensor import FULL
+from mpm.scene.grid import BLOCK
+from mpm.state.ledger import GRAVITY_ROW, add
+from mpm.state.nodes import clear, first_nodes, velocities_to_momenta
+from mpm.state.packs import LANES
+from mpm.transfers.bspline import lane_weights, weights
+from mpm.transfers.particle_grid import SingleLayer, scatter
+
+
+@ti.func
+def start_nodes(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: zero the nodes of active blocks first .. last - 1, or within a stride turn velocities to momenta."""
+    if step.transfer_mass > 0:
+        clear(fields.grid, first, last)
+    elif ti.static(fields.features.strides):
+        velocities_to_momenta(fields.grid, first, last)
+
+
+@ti.func
+def scatter_packs(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: update strain and stress of packs first .. last - 1; scatter stress, and mass where it is transferred."""
+    for index, law in ti.static(enumerate(fields.laws)):
+        for body in range(fields.parameters.densities.shape[0]):
+            if ti.static(len(fields.laws) == 1) or fields.parameters.law_index[body] == index:
+                ends = fields.particles.range_table[body]
+                scatter_body(fields, fields.particles, step, law, body, ti.max(first, ends[0]), ti.min(last, ends[1]))
+
+
+@ti.func
+def scatter_body(fields: ti.template(), P: ti.template(), step: ti.template(), law: ti.template(), body, first, last):
+    """Update and scatter the packs first .. last - 1, which are of one body."""
+    p = [once(fields.parameters.law[body, i]) for i in range(PARAMETERS)]
+    density = fields.parameters.densities[body]
+    force = -step.dt * 4.0 / (fields.cell * fields.cell)
+    for q in range(first, last):
+        C = [once(P.C[i][q]) for i in range(9)]
+        tau = update_stress(fields, P, law, q, step.dt, C, p)
+        volume = P.volume[q]
+        mass = density * volume
+        transferred = mass * ti.cast(step.transfer_mass, fields.real)
+        momentum = [once(transferred * P.v[d][q]) for d in range(3)]
+        if ti.static(fields.features.body_acceleration):
+            for d in ti.static(range(3)):
+                momentum[d] += step.dt * mass * P.acceleration[d][q]
+            credit_acceleration(fields, P, q, step.dt * mass, step.out)
+        scatter_pack(fields, P, step, q, momentum, transferred, force * volume, C, tau)
+
+
+@ti.func
+def credit_acceleration(fields: ti.template(), P: ti.template(), q, factor, out: ti.template()):
+    """Credit the impulse of a pack, factor [kg s] times body acceleration, with gravity."""
+    for l in ti.static(range(LANES)):
+        x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) + fields.origin[d] for d in range(3)])
+        p = ti.cast(factor[l], ti.f64) * ti.Vector([ti.cast(P.acceleration[d][q][l], ti.f64) for d in range(3)])
+        moment = x.cross(p)
+        for d in ti.static(range(3)):
+            add(out, GRAVITY_ROW, d, p[d])
+            add(out, GRAVITY_ROW, 3 + d, moment[d])
+
+
+@ti.func
+def scatter_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q, p: ti.template(), mass, force,
+                 C: ti.template(), tau: ti.template()):
+    """Scatter pack q: momentum p (3), mass, and affine momentum Q = force tau + mass C, per cell.
+
+    Particles with a side of a shell are listed instead, see `scatter_across_shells`.
+    """
+    Q = [once((force * tau[FULL[i]] + mass * C[i]) * fields.cell) for i in range(9)]
+    base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
+    px = p[0] - Q[0] * f[0] - Q[1] * f[1] - Q[2] * f[2]
+    py = p[1] - Q[3] * f[0] - Q[4] * f[1] - Q[5] * f[2]
+    pz = p[2] - Q[6] * f[0] - Q[7] * f[1] - Q[8] * f[2]
+    wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+    zero = fields.parameters.zero[None]
+    for l in range(LANES):  # unrolled it is a fifth slower, and takes half as long again to compile
+        node = [once(base[0][l] + step.shift), once(base[1][l]), once(base[2][l])]
+        listed = 0
+        if ti.static(len(fields.features.shells) > 0):  # noqa: SIM102  (decided when compiling)
+            if P.side[q][l] != 0:
+                listed = 1
+                list_particle(fields.shells, q, l, node, f, [px, py, pz], mass, Q, step.transfer_mass)
+        if listed == 0:
+            scatter(fields.scatter_target, ti.static(SingleLayer()), node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
+                    ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]),
+                    ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]),
+                    [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)])
+
+
+@ti.func
+def list_particle(shells: ti.template(), q, l, node: ti.template(), f: ti.template(), p: ti.template(), mass,
+                  Q: ti.template(), transfer_mass):
+    """List lane l of pack q for the transfers across shells, with what it would have scattered."""
+    c = shells.count[None]
+    shells.count[None] = c + 1
+    shells.slot[c] = ti.Vector([q, l])
+    shells.base[c] = ti.Vector([node[0], node[1], node[2]])
+    shells.offset[c] = ti.Vector([f[0][l], f[1][l], f[2][l]])
+    if transfer_mass > 0:  # later substeps of a stride bring none, for the same list
+        shells.mass[c] = mass[l]
+    shells.q[0][c] = ti.Vector([p[0][l], p[1][l], p[2][l], mass[l]])
+    for d in ti.static(range(3)):
+        shells.q[1 + d][c] = ti.Vector([Q[d][l], Q[3 + d][l], Q[6 + d][l], 0.0])
+
+
+@ti.func
+def add_parts(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: add the arrays that threads have scattered to, in their order, at active blocks first .. last - 1.
+
+    The arrays are left at zero; the nodes begin at zero, or within a stride at the momenta of the previous substep.
+    """
+    for n in range(first, last):
+        corner = fields.grid.active[n] * BLOCK
+        for a, b in ti.ndrange(BLOCK, BLOCK):
+            for c in ti.static(range(BLOCK)):
+                I = corner + ti.Vector([a, b, c])
+                total = ti.Vector.zero(fields.real, 4)
+                if step.transfer_mass == 0:
+                    q = fields.grid.nodes[I]
+                    total = ti.Vector([q[3] * q[0], q[3] * q[1], q[3] * q[2], q[3]])
+                for part in ti.static(range(fields.parts)):
+                    J = I + ti.Vector([part * fields.grid.width, 0, 0])
+                    total += fields.scatter_target[J]
+                    fields.scatter_target[J] = ti.Vector.zero(fields.real, 4)
+                fields.grid.nodes[I] = total

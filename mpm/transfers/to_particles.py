@@ -1,0 +1,95 @@
+"""Grid to particle: velocity and affine velocity, the particles' move, and the active blocks of the next substep."""
+
+from mpm.backend import once, ti
+from mpm.state.active_blocks import list_row, mark_pack
+from mpm.state.nodes import first_nodes
+from mpm.state.packs import LANES
+from mpm.transfers.bspline import lane_weights, weights
+from mpm.transfers.particle_grid import NodeValues, SingleLayer, gather, moments
+from mpm.transfers.particle_motion import drift_after, keep_inside
+
+
+@ti.func
+def start_block_list(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: empty the list of active blocks before particles that move list those of the next substep."""
+    if step.span > 0:
+        fields.grid.count[None] = 0
+
+
+@ti.func
+def gather_packs(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: gather velocities of packs first .. last - 1; at the end of a stride, move the particles."""
+    gather_and_move(fields, fields.particles, drift_after(step.dt, step.span), step.stamp + step.span, first, last)
+    for body in range(fields.parameters.densities.shape[0]):
+        ends = fields.particles.range_table[body]
+        if first < ends[1] and ends[1] <= last:
+            zero_padding_lanes(fields.particles, ends[1] - 1, ends[2])
+
+
+@ti.func
+def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.i32, first, last):
+    """Gather velocity and affine velocity of packs first .. last - 1; where dt > 0, move them for that time [s].
+
+    The blocks that moved particles reach are activated for the next substep.
+    """
+    last_key = -1
+    for q in range(first, last):
+        v, B, f = gather_pack(fields, P, q)
+        gradient = 4.0 / fields.cell
+        for r in ti.static(range(3)):
+            P.v[r][q] = v[r]
+            for c in ti.static(range(3)):
+                P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
+        if dt > 0:
+            for r in ti.static(range(3)):
+                P.x[r][q] = keep_inside(fields, P.x[r][q] + dt * v[r], r)
+            last_key = mark_pack(fields.grid, P.x, q, 1.0 / fields.cell, last_key, next_stamp)
+
+
+@ti.func
+def gather_pack(fields: ti.template(), P: ti.template(), q):
+    """Return velocity (three packs) at pack q, its moments about the first node, per cell (nine), and the offsets."""
+    base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
+    wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+    v = [once(f[0] * 0.0) for _ in range(3)]
+    B = [once(f[0] * 0.0) for _ in range(9)]
+    for l in range(LANES):  # as in `scatter_pack`
+        w = [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)]
+        value, moment_i, moment_j, moment_k = gather(
+            ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)], fields.real,
+            w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
+        for r in ti.static(range(3)):
+            v[r][l] = value[r]
+            B[3 * r][l] = moment_i[r]
+            B[3 * r + 1][l] = moment_j[r]
+            B[3 * r + 2][l] = moment_k[r]
+    return v, B, f
+
+
+@ti.func
+def zero_padding_lanes(P: ti.template(), q, filled):
+    """Zero the padding lanes of the last pack of a body; otherwise they gather from massless nodes and diverge."""
+    for l in ti.static(range(1, LANES)):
+        if l >= filled:
+            for d in ti.static(range(3)):
+                P.v[d][q][l] = 0.0
+            for i in ti.static(range(9)):
+                P.C[i][q][l] = 0.0
+
+
+@ti.func
+def drift_packs(fields: ti.template(), P: ti.template(), dt, stamp: ti.i32, first, last):
+    """Move packs first .. last - 1 for dt [s], and activate the blocks that their stencils reach now."""
+    last_key = -1
+    for q in range(first, last):
+        for r in ti.static(range(3)):
+            P.x[r][q] = keep_inside(fields, P.x[r][q] + dt * P.v[r][q], r)
+        last_key = mark_pack(fields.grid, P.x, q, 1.0 / fields.cell, last_key, stamp)
+
+
+@ti.func
+def list_blocks(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: list the active blocks of the next substep in rows first .. last - 1 of the grid of blocks."""
+    if step.span > 0:
+        for row in range(first, last):
+            list_row(fields.grid, row, step.stamp + step.span)
