@@ -94,7 +94,7 @@ class SimulationDiverged(MpmError):
 class GradientDiverged(MpmError):
     """A derivative that is not finite, with where it was found.
 
-    Attributes: step (of the roll-out), substep (within it), quantity (of the state, by which the loss is
+    Attributes: step (of the rollout), substep (within it), quantity (of the state, by which the loss is
     differentiated), particle (index, or -1 where it is none's), norms (n_steps, 2) of `Gradients` as far as they were
     finite, zero before.
     """
@@ -106,5 +106,5 @@ class GradientDiverged(MpmError):
         whose = f" of particle {particle}" if particle >= 0 else ""
         super().__init__(
             f"the derivative by {quantity}{whose} in substep {substep} of step {step} is not finite; accepted: a "
-            f"finite loss; where it grew on the way, a shorter roll-out, or Rollout(limit=...) or Rollout(window=...)"
+            f"finite loss; where it grew on the way, a shorter rollout, or Rollout(limit=...) or Rollout(window=...)"
         )

@@ -21,6 +21,7 @@ class Pose(NamedTuple):
 
     @classmethod
     def identity(cls) -> "Pose":
+        """Return the pose of the world frame."""
         return cls(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
     @classmethod
@@ -44,6 +45,7 @@ class Pose(NamedTuple):
         return Pose.from_matrix(self.position + matrix @ other.position, matrix @ other.matrix)
 
     def inverse(self) -> "Pose":
+        """Return the pose of the world in this frame."""
         matrix = self.matrix.T
         return Pose.from_matrix(-matrix @ self.position, matrix)
 

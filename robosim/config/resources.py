@@ -16,7 +16,7 @@ def folder(name: str) -> Path:
 
 
 def trained(task: str) -> Path | None:
-    """The motion that ships for a sub-task, as it was learnt; None where none does."""
+    """Return the path of the bundled motion of a sub-task; None where there is none."""
     path = CHECKOUT / "policies" / "trained" / f"{task}.npz"
     return path if path.is_file() else None
 

@@ -1,4 +1,4 @@
-"""Roll-outs against central differences in double precision, over twenty random directions each."""
+"""Rollouts against central differences in double precision, over twenty random directions each."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from mpm.state.snapshots import StateBank
 
 CELL, STEPS, SUBSTEPS = 0.01, 100, 5
 STRIDE = 1.0
-"""[s]: as long as a roll-out's step and the grains' travel allow, in fluids too."""
+"""[s]: as long as a rollout's step and the grains' travel allow, in fluids too."""
 LAWS = {
     "fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
     "clay": mpm.VonMises(E=2e5, nu=0.3, density=1500.0, yield_stress=2e3),
@@ -100,7 +100,7 @@ def settled_pair() -> tuple[mpm.Solver, dict]:
 
 @pytest.fixture
 def two_materials(settled_pair) -> mpm.Solver:
-    """Always from the same state: a roll-out leaves its solver at the end."""
+    """Always from the same state: a rollout leaves its solver at the end."""
     solver, start = settled_pair
     solver.load(start)
     return solver
@@ -263,7 +263,7 @@ def test_what_grows_beyond_all_numbers_is_found(two_materials, pair_roll):
 
 @pytest.mark.slow
 def test_options_against_growth(two_materials):
-    """A limit that nothing reaches and a window as long as the roll-out change no bit; a short window only what is
+    """A limit that nothing reaches and a window as long as the rollout change no bit; a short window only what is
     farther back."""
     solver = two_materials
     loss = weighted_ends(len(solver.masses()), 20)
@@ -290,14 +290,14 @@ def test_options_against_growth(two_materials):
     assert not np.array_equal(cut, free)
 
 
-@pytest.mark.parametrize("given, told", [
+@pytest.mark.parametrize("options, message", [
     ({"n_steps": 0}, "n_steps = 0"), ({"window": 0}, "window = 0"), ({"limit": -1.0}, "limit = -1"),
     ({"budget": 10}, "bytes or more"), ({"substeps": 1}, "substeps of a step"), ({"n_steps": 2.5}, "whole number"),
     ({"substeps": -1}, "substeps = -1"), ({"step_dt": 0.0}, "step_dt = 0"),
 ])
-def test_what_cannot_be_rolled_out(two_materials, given, told):
-    with pytest.raises(mpm.InvalidValue, match=told):
-        mpm.Rollout(two_materials, **{"n_steps": 20, **given})
+def test_what_cannot_be_rolled_out(two_materials, options, message):
+    with pytest.raises(mpm.InvalidValue, match=message):
+        mpm.Rollout(two_materials, **{"n_steps": 20, **options})
 
 
 def test_scenes_without_adjoint():

@@ -1,0 +1,44 @@
+"""How we write, as far as a machine can check it: docstrings of public functions, and words that do not come back."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("mpm", "robosim", "policies")
+FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+PAGES = [*ROOT.glob("*.md"), *(p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts)]
+OVERRIDES = {"at", "at_back", "distance", "is_beyond", "allocate", "node"}
+"""Methods of shapes and laws that a protocol describes once."""
+RELEASE_PAGES = {"release_0_1.md", "CHANGELOG.md"}
+"""Pages about release 0.1, which name things as they were called then."""
+
+
+def retired_words() -> str:
+    """Return one regular expression of all words that are retired."""
+    lines = (ROOT / "tests" / "retired_words.txt").read_text().splitlines()
+    return "|".join(f"(?:{line})" for line in lines if line and not line.startswith("#"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_public_functions_have_docstrings(path: Path) -> None:
+    tree = ast.parse(path.read_text())
+    owners = [tree, *(node for node in tree.body if isinstance(node, ast.ClassDef))]
+    for owner in owners:
+        for node in owner.body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                inherits = isinstance(owner, ast.ClassDef) and (owner.bases and node.name in OVERRIDES)
+                if isinstance(node, ast.ClassDef) and isinstance(node.body[0], ast.Pass):
+                    continue  # its base makes the docstring
+                assert ast.get_docstring(node) or inherits, f"{path.relative_to(ROOT)}: {node.name} has no docstring"
+
+
+def test_retired_words_do_not_come_back() -> None:
+    pattern, found = re.compile(retired_words(), re.I), []
+    for path in [*FILES, *(page for page in PAGES if page.name not in RELEASE_PAGES)]:
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            if match := pattern.search(line):
+                found.append(f"{path.relative_to(ROOT)}:{number}: {match[0]!r}")
+    assert not found, "\n".join(found)
