@@ -6,7 +6,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]
 
-from generators.measured import substitutions  # noqa: E402
+from generators.results.measured import substitutions  # noqa: E402
 
 project = "robosim"
 author = "the robosim authors"

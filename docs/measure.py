@@ -15,7 +15,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]
 
-from generators.measured import DATA  # noqa: E402
+from generators.results.measured import DATA  # noqa: E402
 
 from robosim.reports.provenance import code_digest, provenance  # noqa: E402
 

@@ -3,8 +3,9 @@
 A public name is imported where it is first used, so that `import mpm` loads neither taichi nor numpy.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from mpm.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from mpm.backend import init
@@ -113,14 +114,4 @@ MODULES = {
 """Module -> the public names that it defines; the same as the imports above, which type checkers read."""
 
 if not TYPE_CHECKING:
-    _MODULE_OF = {name: module for module, names in MODULES.items() for name in names}
-
-    def __getattr__(name: str) -> object:
-        """Import a public name (PEP 562) and remember it."""
-        if name not in _MODULE_OF:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
-        return value
-
-    def __dir__() -> list[str]:
-        return sorted({*globals(), *__all__})
+    __getattr__, __dir__ = lazy_names(__name__, MODULES)

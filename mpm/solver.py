@@ -94,6 +94,7 @@ class Solver(Readings):
                                           self.features, count_parts(self.features.serial))
             self.colliders = list(self.fields.colliders)
             self.particles, self.dtype = self.fields.particles, self.fields.dtype
+            self.rollback = Rollback(self)
             self._make_stepper()
         with default_precision(self.precision):
             origin, cell = ti.Vector(self.grid.origin, ti.f64), self.grid.cell
@@ -108,9 +109,9 @@ class Solver(Readings):
 
     def _make_stepper(self) -> None:
         """Compile kernels for the scene and what is attached to it, at their first launch."""
-        self.rollback = Rollback(self)
-        bank = self.rollback.bank if self.features.mobile else None
-        self.stepper = make_stepper(self.fields, self.counter, self.sample, bank)
+        # where contact moves colliders, the launch itself copies the state
+        banks = self.rollback.allocate() if self.features.mobile else []
+        self.stepper = make_stepper(self.fields, self.counter, self.sample, banks)
         rows = COUNTER_ROWS * MAX_READINGS if self.counter else 0
         self._out = np.zeros((self.fields.rows.count + rows, 6))
 

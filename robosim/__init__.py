@@ -4,9 +4,9 @@
 used, and Gymnasium itself only by who uses it.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from mpm.lazy_names import lazy_names
 from robosim.envs import register_with_gymnasium
 from robosim.rendering.opengl import choose_graphics
 
@@ -35,14 +35,4 @@ choose_graphics()  # before anything imports MuJoCo
 register_with_gymnasium()
 
 if not TYPE_CHECKING:
-    _MODULE_OF = {name: module for module, names in MODULES.items() for name in names}
-
-    def __getattr__(name: str) -> object:
-        """Import a public name (PEP 562) and remember it."""
-        if name not in _MODULE_OF:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        value = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
-        return value
-
-    def __dir__() -> list[str]:
-        return sorted({*globals(), *__all__})
+    __getattr__, __dir__ = lazy_names(__name__, MODULES)

@@ -5,7 +5,7 @@ from typing import Any
 import yaml
 
 from generators.markdown import code, table
-from generators.measured import ROOT
+from generators.results.measured import ROOT
 from robosim.envs import TASKS
 
 CONFIGS = ROOT / "configs"

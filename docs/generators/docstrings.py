@@ -20,11 +20,28 @@ def escape(line: str) -> str:
                           for k, part in enumerate(parts))
 
 
+def starts_code(result: list[str], indent: int, line: str) -> bool:
+    """Whether a line is the first of a code block: indented further, after a line that ends with a colon."""
+    if len(result) < 2 or not line.strip() or result[-1].strip() or not result[-2].endswith(":"):
+        return False
+    return indent >= 4 + len(result[-2]) - len(result[-2].lstrip()) and ITEM.match(line) is None
+
+
 def rewrite(app: Sphinx, what: str, name: str, owner: Any, options: Any, lines: list[str]) -> None:
-    """Escape a docstring; a list starts a paragraph of its own."""
+    """Escape a docstring; a list starts a paragraph of its own, and code after a colon stays as it is."""
     joined = re.sub(r"`([^`\n]*)\n\s*([^`\n]*)`", r"`\1 \2`", "\n".join(lines)).split("\n")
     result: list[str] = []
+    code_indent = 0
     for line in joined:
+        indent = len(line) - len(line.lstrip())
+        if code_indent and (indent >= code_indent or not line.strip()):
+            result.append(line)
+            continue
+        code_indent = 0
+        if starts_code(result, indent, line):
+            result[-2], code_indent = result[-2] + ":", indent
+            result.append(line)
+            continue
         is_item = ITEM.match(line) is not None
         last = result[-1] if result else ""
         if is_item and last.strip() and not (ITEM.match(last) or last.startswith(" ")):

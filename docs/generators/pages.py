@@ -5,7 +5,8 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-from generators import api, catalogue, commands, figures, keys, learning, performance, rooms, verification
+from generators import api, catalogue, commands, figures, keys, rooms
+from generators.results import learning, performance, verification
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands.md": commands.page,

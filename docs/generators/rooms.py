@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from generators.markdown import code, table
-from generators.measured import ROOT
+from generators.results.measured import ROOT
 
 PACKAGES = ("mpm", "robosim", "policies")
 COLOURS = {"mpm": "#d8e8f6", "robosim": "#e3f1dd", "policies": "#f8e9d2"}

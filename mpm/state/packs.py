@@ -67,10 +67,6 @@ class Packs:
         self._read(self._rows(fields), values)
         return values
 
-    def clear(self) -> None:
-        """Set all fields to zero."""
-        self._clear()
-
     @ti.kernel
     def _write(self, rows: ti.types.ndarray(), values: ti.types.ndarray()):
         ti.loop_config(serialize=True)
@@ -92,7 +88,8 @@ class Packs:
                         values[rows[i], q, l] = self.fields[i][q][l]
 
     @ti.kernel
-    def _clear(self):
+    def clear(self):
+        """Set all fields to zero."""
         ti.loop_config(serialize=True)
         for q in range(self.count[None]):
             for i in ti.static(range(len(self.fields))):

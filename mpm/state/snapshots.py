@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from mpm.backend import allocating, ti
 from mpm.state.packs import LANES
 
@@ -72,12 +70,9 @@ class StateBank:
         for _ in range(1):
             self.restore(slot)
 
-    def write(self, slot: int, values: np.ndarray) -> None:
-        """Write values (fields, packs, LANES) into a slot; its flags are cleared."""
-        self._write(slot, values)
-
     @ti.kernel
-    def _write(self, slot: ti.i32, values: ti.types.ndarray()):
+    def write(self, slot: ti.i32, values: ti.types.ndarray()):
+        """Write values (fields, packs, LANES) into a slot; its flags are cleared."""
         ti.loop_config(serialize=True)
         for i in range(values.shape[0]):
             for q in range(values.shape[1]):

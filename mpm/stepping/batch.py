@@ -18,7 +18,7 @@ from mpm.observers.region_counter import COUNTER_ROWS, MAX_READINGS, Counts
 from mpm.state.active_blocks import mark_all
 from mpm.state.snapshots import StateBank
 from mpm.stepping.collider_paths import ColliderPaths
-from mpm.stepping.serial import SPEED_LIMIT, SerialStepper
+from mpm.stepping.serial import SPEED_LIMIT, SerialStepper, add_status
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
 
 SKIPPED, READ_ONLY = -1, 0
@@ -76,7 +76,7 @@ class BatchStepper(SerialStepper):
                     mark_all(self.fields.grid, self.fields.particles, 1.0 / self.fields.cell, stamp)
                 self.advance(substeps, stamp, dt, motion, row, mobile, out, done, interval, per_particle, e * readings,
                              max_stride)
-                self.sum_status(out, 0, self.fields.particles.pack_count[None])
+                add_status(self.fields, self.fields.particles, out, 0, self.fields.particles.pack_count[None])
                 if ti.static(self.has_sample):
                     self.sample.take(sampled, e * ti.static(self.sample_rows))
                 self.states.store(e)

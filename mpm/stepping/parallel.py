@@ -6,6 +6,7 @@ thread comes first, with no atomic addition to a node. On a GPU every pack is a 
 ledger's sums are atomic on both: right to rounding. For one thread the single launch of `serial` is faster.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ import numpy as np
 from mpm.backend import allocating, is_shared, real_type, thread_count, ti
 from mpm.state.active_blocks import list_row
 from mpm.state.fields import Fields
+from mpm.state.snapshots import StateBank
 from mpm.stepping.phases import Step
-from mpm.stepping.serial import SerialStepper
+from mpm.stepping.serial import SerialStepper, add_status
 from mpm.stepping.stride import fastest_square, limit_stride
 from mpm.transfers.to_particles import drift_packs
 
@@ -35,18 +37,20 @@ def count_parts(serial: bool) -> int:
     return 0 if serial or is_shared() else PARTS * thread_count()
 
 
-def make_stepper(fields: Fields, counter: Any = None, sample: Any = None, bank: Any = None) -> SerialStepper:
+def make_stepper(fields: Fields, counter: Any = None, sample: Any = None,
+                 banks: Sequence[StateBank] = ()) -> SerialStepper:
     """Return the kernels that advance a scene, see `SerialStepper`."""
     stepper = SerialStepper if fields.features.serial else ParallelStepper
-    return stepper(fields, counter, sample, bank)
+    return stepper(fields, counter, sample, banks)
 
 
 @ti.data_oriented
 class ParallelStepper(SerialStepper):
     """The kernels that advance one scene with several threads, called as those of `SerialStepper`."""
 
-    def __init__(self, fields: Fields, counter: Any = None, sample: Any = None, bank: Any = None) -> None:
-        super().__init__(fields, counter, sample, bank)
+    def __init__(self, fields: Fields, counter: Any = None, sample: Any = None,
+                 banks: Sequence[StateBank] = ()) -> None:
+        super().__init__(fields, counter, sample, banks)
         self.on_gpu, n_packs = is_shared(), fields.particles.n_packs
         self.parts = n_packs if self.on_gpu else fields.parts
         self.block_parts = GPU_PARTS if self.on_gpu else self.parts
@@ -181,7 +185,7 @@ class ParallelStepper(SerialStepper):
             if turn % self.turns == 0:
                 first, last = self.packs_of(turn // self.turns)
                 self.sum_momentum(out, first, last)
-                self.sum_status(out, first, last)
+                add_status(self.fields, self.fields.particles, out, first, last)
         ti.loop_config(serialize=True)
         for _ in range(1):
             if ti.static(self.has_sample):

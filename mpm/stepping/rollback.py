@@ -14,19 +14,22 @@ class Rollback:
 
     def __init__(self, solver: Any) -> None:  # a Solver, which stands above
         self._solver = solver
-        self._bank: StateBank | None = None
+        self._banks: list[StateBank] = []
         self._rest: tuple | None = None
         self.is_pending = False
         """Whether the next launch copies the particles' state first."""
 
-    @property
-    def bank(self) -> StateBank:
-        """Where the state is copied to; it takes memory from the first use on."""
-        if self._bank is None:
-            particles, counter = self._solver.particles, self._solver.counter
-            self._bank = StateBank(particles.state_fields, particles.pack_count, 1,
-                                   [counter.flags] if counter else None)
-        return self._bank
+    def allocate(self) -> list[StateBank]:
+        """Return the banks that the state is copied to: of the particles, then of an attached counter's flags.
+
+        They take memory from the first call on.
+        """
+        particles, counter = self._solver.particles, self._solver.counter
+        if not self._banks:
+            self._banks = [StateBank(particles.state_fields, particles.pack_count, 1)]
+        if counter is not None and self._banks[-1].flags != [counter.flags]:
+            self._banks = [self._banks[0], StateBank([], particles.pack_count, 1, [counter.flags])]
+        return self._banks
 
     def store(self) -> None:
         """Store the present state, in place of the one stored before."""
@@ -39,7 +42,8 @@ class Rollback:
     def store_pending(self) -> None:
         """Copy the particles' state if that is still to be done."""
         if self.is_pending:
-            self.bank.store_now(0)
+            for bank in self.allocate():
+                bank.store_now(0)
         self.is_pending = False
 
     def restore(self) -> None:
@@ -49,7 +53,8 @@ class Rollback:
                                "to be repeated")
         s = self._solver
         if not self.is_pending:
-            self.bank.restore_now(0)
+            for bank in self.allocate():
+                bank.restore_now(0)
         time, steps, paths, mobility, momentum = self._rest
         s.mobility.restore(mobility)
         s.adopt_state(list(paths[0]), time, steps, momentum)

@@ -1,5 +1,6 @@
 """The serial stepper: all substeps of a launch in one kernel of one thread, touching only blocks with material."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from mpm.backend import once, ti
@@ -24,13 +25,14 @@ class SerialStepper:
     """The kernels that advance one scene with one thread.
 
     counter: a `RegionCounter` that takes readings within launches, or None. sample: a `Sample` taken at the end of a
-    launch, or None. bank: where a launch first copies the state to when asked, or None.
+    launch, or None. banks: where a launch first copies the state to when `run` asks for it, or none.
     """
 
-    def __init__(self, fields: Fields, counter: Any = None, sample: Any = None, bank: StateBank | None = None) -> None:
-        self.fields, self.counter, self.sample, self.bank = fields, counter, sample, bank
+    def __init__(self, fields: Fields, counter: Any = None, sample: Any = None,
+                 banks: Sequence[StateBank] = ()) -> None:
+        self.fields, self.counter, self.sample, self.banks = fields, counter, sample, list(banks)
         self.phases = phases_of(fields)
-        self.has_counter, self.has_sample, self.has_bank = counter is not None, sample is not None, bank is not None
+        self.has_counter, self.has_sample = counter is not None, sample is not None
         self.counter_row = fields.features.moving_colliders.index(counter.index) if self.has_counter else -1
         """Row of the counter's collider in the motion table."""
 
@@ -50,18 +52,19 @@ class SerialStepper:
         motion: (k, substeps, COLUMNS) of the moving colliders. mobile: table of the mobile colliders, read and written.
         Written: out, ledger, status and the counter's readings; per_particle, the counter's numbers of particles;
         sampled, the sample after the last substep. The counter reads after every `interval` substeps, `first` of which
-        lie in earlier launches of the advance. set_aside: whether the state is first copied to the bank. max_stride:
+        lie in earlier launches of the advance. set_aside: whether the state is first copied to the banks. max_stride:
         the most substeps between two transfers.
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
-            if ti.static(self.has_bank):  # noqa: SIM102  (decided when compiling)
+            if ti.static(len(self.banks) > 0):  # noqa: SIM102  (decided when compiling)
                 if set_aside > 0:
-                    self.bank.store(0)
+                    for bank in ti.static(self.banks):
+                        bank.store(0)
             self.advance(substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
                          max_stride)
             self.sum_momentum(out, 0, self.fields.particles.pack_count[None])
-            self.sum_status(out, 0, self.fields.particles.pack_count[None])
+            add_status(self.fields, self.fields.particles, out, 0, self.fields.particles.pack_count[None])
             if ti.static(self.has_sample):
                 self.sample.take(sampled, 0)
 
@@ -131,15 +134,10 @@ class SerialStepper:
             add(out, self.fields.rows.momentum, d, total[d])
             add(out, self.fields.rows.momentum, 3 + d, turning[d])
 
-    @ti.func
-    def sum_status(self, out: ti.template(), first, last):
-        """Add the squared velocities of packs (not finite if anything is not), and find the largest speed [m/s]."""
-        add_status(self.fields, self.fields.particles, out, first, last)
-
 
 @ti.func
 def add_status(fields: ti.template(), P: ti.template(), out: ti.template(), first, last):
-    """Add the status of packs first .. last - 1 to its row, see `SerialStepper.sum_status`."""
+    """Add the squared velocities of packs (not finite if anything is not), and find the largest speed [m/s]."""
     total = ti.cast(0.0, ti.f64)
     fastest = ti.cast(0.0, ti.f64)
     for q in range(first, last):

@@ -7,7 +7,7 @@ from statistics import fmean, stdev
 import yaml
 
 from generators.markdown import table
-from generators.measured import ROOT
+from generators.results.measured import ROOT
 
 TRAINED = ROOT / "policies" / "trained"
 METHODS = ("demo", "bc", "rlpd", "residual", "dg_sac", "sac", "td3", "ddpg", "ppo", "gail")

@@ -1,7 +1,7 @@
 """The pages of verification cases and of stability, from files of `robosim report` and `robosim stability`."""
 
 from generators.markdown import code, table
-from generators.measured import origin, stored
+from generators.results.measured import origin, stored
 from robosim.reports.provenance import code_digest
 from robosim.verification.cases import NAMES, SUBJECTS, find, module_name
 from robosim.verification.stability.field import AXES

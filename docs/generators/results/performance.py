@@ -1,7 +1,7 @@
 """The performance page, from what `robosim bench` wrote."""
 
 from generators.markdown import table
-from generators.measured import origin, outdated, stored
+from generators.results.measured import origin, outdated, stored
 
 
 def page() -> str:

@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-DATA = Path(__file__).resolve().parent.parent / "results" / "data"
-ROOT = Path(__file__).resolve().parent.parent.parent
+ROOT = Path(__file__).resolve().parents[3]
+DATA = ROOT / "docs" / "results" / "data"
 
 
 def stored(name: str) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""Pages of measured results, made from committed JSON."""

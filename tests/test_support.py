@@ -1,0 +1,80 @@
+"""The README's table of what works on what: each cell is what the code does."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import mpm
+
+README = (Path(__file__).resolve().parents[1] / "README.md").read_text()
+PLACE = mpm.Pose(np.array([0.1, 0.1, 0.15]), np.array([1.0, 0.0, 0.0, 0.0]))
+BALL = mpm.Sdf.sphere(0.02)
+SIDES = ("periodic", "friction", "friction")
+SCENES = {
+    "granular, clay, elastic, fluid materials": {},
+    "walls, static colliders": {"colliders": [mpm.Collider(BALL, pose=PLACE, static=True)]},
+    "colliders with a prescribed motion": {"colliders": [mpm.Collider(BALL, pose=PLACE)]},
+    "thin shells": {"colliders": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(2, 0.02), 1e-3),
+                                               pose=PLACE)]},
+    "colliders that grains move (coupling with MuJoCo)": {"colliders": [mpm.Collider(BALL, pose=PLACE, mobile=True)]},
+    "periodic sides": {"walls": mpm.Walls(lower=SIDES, upper=SIDES)},
+    "acceleration per particle": {"body_acceleration": np.zeros((27, 3))},
+}
+"""Row of the table -> what its scene has besides a block."""
+
+
+def cells() -> dict[str, dict[str, str]]:
+    """The table: row -> column -> cell."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")]
+            for line in re.findall(r"^\|.*\|$", README.split("## What works on what")[1].split("##")[0], re.M)]
+    return {row[0]: dict(zip(rows[0][1:], row[1:], strict=True)) for row in rows[2:]}
+
+
+def make(row: str) -> mpm.Solver:
+    """The scene of a row."""
+    block = mpm.sample_box((0.05, 0.05, 0.0), (0.08, 0.08, 0.03), 0.01)
+    body = mpm.Body(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), block, volume=1e-6)
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], **SCENES[row])
+
+
+def accepts(make_it) -> bool:  # noqa: ANN001  (a callable)
+    """Whether a call is accepted; a refusal is an InvalidValue."""
+    try:
+        make_it()
+    except mpm.InvalidValue:
+        return False
+    return True
+
+
+def test_every_row_is_checked() -> None:
+    assert list(cells()) == list(SCENES)
+
+
+@pytest.mark.parametrize("row", SCENES)
+def test_gradients_are_accepted_or_refused_as_the_table_says(row: str) -> None:
+    solver = make(row)
+    assert accepts(lambda: mpm.Rollout(solver, 2)) == (cells()[row]["gradients"] in ("yes", "one"))
+
+
+@pytest.mark.parametrize("row", SCENES)
+def test_batches_are_accepted_or_refused_as_the_table_says(row: str) -> None:
+    solver = make(row)
+    assert accepts(lambda: mpm.Batch(solver, 2)) == (cells()[row]["batch"] == "yes")
+
+
+@pytest.mark.parametrize("row", SCENES)
+def test_threads_are_those_that_the_table_says(row: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a process with two threads; and on a GPU what is refused raises before anything is allocated."""
+    from mpm.scene import features
+
+    options, column = dict(SCENES[row]), cells()[row]
+    body = mpm.Body(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), np.full((27, 3), 0.05), volume=1e-6)
+    arguments = ([body], options.get("colliders", []), options.get("walls", mpm.Walls()), "f32", "auto",
+                 "body_acceleration" in options, True)
+    monkeypatch.setattr(features, "is_concurrent", lambda: True)
+    assert features.features_of(*arguments).serial == (column["CPU, threads"] == "on one thread")
+    monkeypatch.setattr(features, "is_shared", lambda: True)
+    assert accepts(lambda: features.features_of(*arguments)) == (column["CUDA"] != "refused")
