@@ -44,11 +44,11 @@ def imports(module: str) -> set[str]:
 
 @lru_cache
 def graph(package: str, by_room: bool) -> dict[str, set[str]]:
-    """Room (or module) -> the others that it imports; the package's own `__init__` stands above all."""
+    """Room (or module) -> the others that it imports; among rooms the package's own `__init__` stands above all."""
     arrows: dict[str, set[str]] = {}
     for module in modules(package):
         place = room(module) if by_room else module
-        targets = {room(other) if by_room else other for other in imports(module) if other != package}
+        targets = {room(other) if by_room else other for other in imports(module) if not by_room or other != package}
         arrows.setdefault(place, set()).update(targets - {place})
     return arrows
 

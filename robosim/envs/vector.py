@@ -41,9 +41,7 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
 
 
 def _make_in_process(name: str, options: dict[str, Any]) -> gymnasium.Env:
-    """Make one environment in a spawned process, where the ids are not registered yet."""
-    import robosim  # noqa: F401  (registers the ids)
-
+    """Make one environment in a spawned process; unpickling this function there has registered the ids."""
     return gymnasium.make(f"robosim/{name}-v0", **options)
 
 
