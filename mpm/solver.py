@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from mpm.backend import PRECISIONS, allocating, default_precision, session_precision, ti
+from mpm.boundaries.contact import cache_static_contact
 from mpm.boundaries.mobility_table import MobilityTable
-from mpm.boundaries.node_contact import cache_static_contact
 from mpm.errors import InvalidValue, TimeStepTooLarge, UnknownName
 from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, Wrench
 from mpm.materials.hencky_strain import INTEGRATORS
@@ -25,12 +25,12 @@ from mpm.scene.grid import Grid
 from mpm.scene.validation import check_finite, read_array
 from mpm.scene.walls import Walls
 from mpm.scene.warnings import warn_of_passage, warn_of_scene
+from mpm.state.active_blocks import Stamps
 from mpm.state.fields import allocate_fields
 from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.parallel import count_parts, make_stepper
 from mpm.stepping.rollback import Rollback
 from mpm.stepping.serial import SPEED_LIMIT
-from mpm.stepping.stamps import Stamps
 from mpm.stepping.stride import Interval, choose_interval, longest_stride, split_launches
 
 

@@ -16,7 +16,7 @@ from mpm.state.snapshots import StateBank
 from mpm.stepping.phases import Step, split_phases
 from mpm.stepping.serial import add_status, run_phase, run_phases
 from mpm.stepping.stride import MAX_SUBSTEPS, plan_stride
-from mpm.transfers.particle_motion import drift_before, keep_inside
+from mpm.transfers.to_particles import drift_before, keep_inside
 
 POSITIONS, VELOCITIES, ALL = range(3)
 

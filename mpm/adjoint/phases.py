@@ -7,9 +7,8 @@ the `AdjointKernel` with the fields, `step` says which substep is reversed.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from mpm.adjoint.node_contact import update_nodes_back
+from mpm.adjoint.contact import stop_penetration_back, update_nodes_back
 from mpm.adjoint.node_tape import start_nodes_back
-from mpm.adjoint.penetration import stop_penetration_back
 from mpm.adjoint.transfers import gather_back, scatter_back
 from mpm.adjoint.wall_ghosts import fold_walls_back, unfold_walls_back
 from mpm.state.fields import Fields

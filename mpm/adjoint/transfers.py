@@ -7,9 +7,17 @@ from mpm.materials.symmetric_tensor import FULL
 from mpm.materials.tensor_adjoint import bar_of_matrix
 from mpm.state.nodes import stencil
 from mpm.state.packs import LANES
-from mpm.transfers.bspline import slopes, weights
-from mpm.transfers.particle_grid import AffineProducts, NodeValues, SingleLayer, gather, moments, scatter
-from mpm.transfers.particle_motion import drift_after
+from mpm.transfers.particle_grid import (
+    AffineProducts,
+    NodeValues,
+    SingleLayer,
+    gather,
+    moments,
+    scatter,
+    slopes,
+    weights,
+)
+from mpm.transfers.to_particles import drift_after
 
 STRAINS = 15
 """Number of the first field of a state that a law remembers: those of x, v and C stand before it."""

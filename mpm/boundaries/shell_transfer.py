@@ -9,9 +9,8 @@ from mpm.boundaries.mobile_contact import reduce_by_compliance
 from mpm.state.active_blocks import mark_place
 from mpm.state.ledger import credit
 from mpm.state.packs import lane_mask, read_lane, write_lane
-from mpm.transfers.bspline import weights
-from mpm.transfers.particle_grid import NodeValues, ShellLayers, gather, moments, scatter
-from mpm.transfers.particle_motion import drift_after, keep_inside
+from mpm.transfers.particle_grid import NodeValues, ShellLayers, gather, moments, scatter, weights
+from mpm.transfers.to_particles import drift_after, keep_inside
 
 WATCHED = 1.3
 """Cells from the shell within which a particle can reach it in a stride: its own travel and the shell's."""

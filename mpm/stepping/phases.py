@@ -8,10 +8,9 @@ one runs them forwards, and backwards through the adjoint that each names.
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
+from mpm.boundaries.contact import stop_penetration, update_nodes
 from mpm.boundaries.mobile_contact import solve_mobile_contact
 from mpm.boundaries.mobile_motion import start_mobile_colliders
-from mpm.boundaries.node_contact import update_nodes
-from mpm.boundaries.penetration import stop_penetration
 from mpm.boundaries.periodic import fold_periodic, unfold_periodic
 from mpm.boundaries.shell_sides import label_shell_sides
 from mpm.boundaries.shell_transfer import gather_across_shells, scatter_across_shells

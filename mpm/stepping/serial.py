@@ -13,8 +13,7 @@ from mpm.state.packs import LANES
 from mpm.state.snapshots import StateBank
 from mpm.stepping.phases import Step, phases_of
 from mpm.stepping.stride import plan_stride
-from mpm.transfers.particle_motion import drift_before
-from mpm.transfers.to_particles import drift_packs
+from mpm.transfers.to_particles import drift_before, drift_packs
 
 SPEED_LIMIT = 1.0
 """Cells that a particle may travel in a substep before the run counts as diverged."""

@@ -1,9 +1,9 @@
-"""The 27-node loops of every transfer between a particle and the grid: one that scatters, one that gathers.
+"""Quadratic B-splines, and the 27-node loops of every transfer between a particle and the grid.
 
-A node's momentum and mass are one 4-vector. Over the nodes (i, j, k) of a stencil, 0 to 2 along each axis, what is
-scattered is affine: q(i, j, k) = q0 + a0 i + a1 j + a2 k. What is gathered is a sum over the nodes with weights
-w_x(i) w_y(j) w_z(k), and three sums in which other weights replace those of one axis: for APIC's moments the weights
-times i, j, k, for derivatives by the offsets the slopes of the weights.
+One loop scatters, one gathers. A node's momentum and mass are one 4-vector. Over the nodes (i, j, k) of a stencil, 0
+to 2 along each axis, what is scattered is affine: q(i, j, k) = q0 + a0 i + a1 j + a2 k. What is gathered is a sum over
+the nodes with weights w_x(i) w_y(j) w_z(k), and three sums in which other weights replace those of one axis: for APIC's
+moments the weights times i, j, k, for derivatives by the offsets the slopes of the weights.
 
 What stands at a node is a static choice: `SingleLayer` and `ShellLayers` say which node a place in the stencil means,
 `NodeValues` and `AffineProducts` which value is summed there.
@@ -12,6 +12,28 @@ What stands at a node is a static choice: `SingleLayer` and `ShellLayers` say wh
 from typing import Any, NamedTuple
 
 from mpm.backend import is_shared, once, ti
+
+
+@ti.func
+def weights(f):
+    """Return the weights of the three nodes at offset f [cells] from the first, in [0.5, 1.5)."""
+    return [
+        once(0.5 * (1.5 - f) * (1.5 - f)),
+        once(0.75 - (f - 1.0) * (f - 1.0)),
+        once(0.5 * (f - 0.5) * (f - 0.5)),
+    ]
+
+
+@ti.func
+def slopes(f):
+    """Return the derivatives [1/cell] of the weights by the offset f."""
+    return [once(f - 1.5), once(2.0 - 2.0 * f), once(f - 0.5)]
+
+
+@ti.func
+def lane_weights(packs: ti.template(), l):
+    """Return the three weights of one particle of a pack."""
+    return [once(packs[i][l]) for i in range(3)]
 
 
 class SingleLayer(NamedTuple):

@@ -8,8 +8,7 @@ from mpm.scene.grid import BLOCK
 from mpm.state.ledger import GRAVITY_ROW, add
 from mpm.state.nodes import clear, first_nodes, velocities_to_momenta
 from mpm.state.packs import LANES
-from mpm.transfers.bspline import lane_weights, weights
-from mpm.transfers.particle_grid import SingleLayer, scatter
+from mpm.transfers.particle_grid import SingleLayer, lane_weights, scatter, weights
 
 
 @ti.func

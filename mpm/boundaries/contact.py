@@ -1,17 +1,23 @@
-"""The grid update: momentum to velocity, gravity, and Coulomb contact of nodes with colliders."""
+"""Coulomb contact with colliders: of nodes in the grid update, and of particles that have entered a moving solid."""
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.mobile_contact import list_node
+from mpm.boundaries.mobile_contact import list_node, reduce_by_compliance
 from mpm.boundaries.shell_sides import SHELL_FACE
 from mpm.scene.grid import BLOCK
+from mpm.state.active_blocks import mark_place
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer
+from mpm.state.packs import LANES
+from mpm.transfers.to_particles import drift_after, keep_inside
 
 FACE = 0.51
 """Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
 make on average where the face is: the impact on a bar is right to 2 % instead of 11 %. With a whole cell, as for
 shells, an elastic bed under a block would settle 9 % too little, as its top layer is held."""
+SOLID_RECOVERY = 0.01
+"""Cells by which a particle is brought out of a solid in a stride: enough against the slow drift of a fluid towards a
+face (1e-3), too little to throw what a scene begins with inside a tool."""
 
 
 @ti.kernel
@@ -132,3 +138,83 @@ def collide_with_shell(fields: ti.template(), step: ti.template(), I, J, v, mass
                                      fields.parameters.frictions[index])
                     credit(step.out, fields.rows.first_collider + index, place, mass * (result - v))
     return result
+
+
+@ti.func
+def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: stop the particles of packs first .. last - 1 whose cubes a moving solid has entered; credit the solid.
+
+    Grid nodes cannot stop the last few particles at a curved or thin wall, and would let a fluid pile up at its face:
+    this keeps the material's edge there. It takes the approach velocity, and adds what brings the particle out gently.
+    """
+    if step.span > 0:
+        dt = drift_after(step.dt, step.span)
+        places = [once(collider_origin(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
+        axes = [once(collider_axes(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
+        for body in range(fields.parameters.densities.shape[0]):
+            ends = fields.particles.range_table[body]
+            for q in range(ti.max(first, ends[0]), ti.min(last, ends[1])):
+                for k, index in ti.static(enumerate(fields.features.moving_solids)):
+                    near = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k])
+                    while near > 0:
+                        lane = lowest_bit(near)
+                        near -= 1 << lane
+                        stop_particle(fields, fields.particles, step, k, index, axes[k], places[k], q, lane, dt,
+                                      fields.parameters.densities[body])
+
+
+@ti.func
+def lowest_bit(bits):
+    """Return the number of the lowest bit that is set among those of a pack's lanes."""
+    lane = 0
+    for l in ti.static(range(LANES - 1, 0, -1)):
+        if bits & (1 << l):
+            lane = l
+    if bits & 1:
+        lane = 0
+    return lane
+
+
+@ti.func
+def find_near_lanes(fields: ti.template(), P: ti.template(), index: ti.template(), q, R, place):
+    """Return the lanes of pack q, one bit each, whose cubes may touch a solid at R, place; most are far away."""
+    d2 = (P.x[0][q] + fields.origin[0] - place[0]) ** 2 + (P.x[1][q] + fields.origin[1] - place[1]) ** 2 \
+        + (P.x[2][q] + fields.origin[2] - place[2]) ** 2
+    near = 0
+    if d2.min() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
+        half = P.half[q]
+        r = [once(P.x[d][q] + (fields.origin[d] - place[d])) for d in range(3)]
+        z = [once(R[0, d] * r[0] + R[1, d] * r[1] + R[2, d] * r[2]) for d in range(3)]
+        for l in ti.static(range(LANES)):
+            y = ti.Vector([z[d][l] for d in range(3)])
+            if half[l] > 0 and not fields.colliders[index].sdf.is_beyond(y, half[l]):
+                near |= 1 << l
+    return near
+
+
+@ti.func
+def stop_particle(fields: ti.template(), P: ti.template(), step: ti.template(), k: ti.template(), index: ti.template(),
+                  R, place_of_solid, q, lane, dt, density):
+    """Correct velocity and position of one particle that has moved for dt [s], where its cube is in the solid."""
+    x = ti.Vector([P.x[d][q][lane] for d in range(3)])
+    r = ti.Vector([x[d] + fields.origin[d] - place_of_solid[d] for d in range(3)])
+    half = P.half[q][lane]
+    y = R.transpose() @ r
+    if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
+        n_t, phi = fields.colliders[index].sdf.at(y)
+        if phi < half:
+            v = ti.Vector([P.v[d][q][lane] for d in range(3)])
+            normal = R @ n_t
+            approach = (v - surface_velocity(step.motion, k, step.row, r)).dot(normal)
+            mass = density * P.volume[q][lane]
+            # the particle acts where it was before the move: x - dt v
+            place = ti.Vector([ti.cast(x[d] - dt * v[d], ti.f64) + fields.origin[d] for d in range(3)])
+            dv = normal * ti.min(ti.max(-approach, 0.0) + SOLID_RECOVERY * fields.cell / dt, (half - phi) / dt)
+            if ti.static(fields.mobile_place[index] >= 0):
+                dv = reduce_by_compliance(fields, step, index, place, mass, dv)
+            credit(step.out, fields.rows.first_collider + index, place, mass * dv)
+            moved = ti.Vector([keep_inside(fields, x[d] + dt * dv[d], d) for d in range(3)])  # not through a wall
+            for d in ti.static(range(3)):
+                P.v[d][q][lane] = v[d] + dv[d]
+                P.x[d][q][lane] = moved[d]
+            mark_place(fields.grid, moved, 1.0 / fields.cell, step.stamp + step.span)
