@@ -1,4 +1,4 @@
-"""The README's table of what works on what: each cell is what the code does."""
+"""The README's table of supported combinations: each cell is what the code does."""
 
 import re
 from pathlib import Path
@@ -29,7 +29,7 @@ SCENES = {
 def cells() -> dict[str, dict[str, str]]:
     """The table: row -> column -> cell."""
     rows = [[cell.strip() for cell in line.strip("|").split("|")]
-            for line in re.findall(r"^\|.*\|$", README.split("## What works on what")[1].split("##")[0], re.M)]
+            for line in re.findall(r"^\|.*\|$", README.split("## Supported combinations")[1].split("##")[0], re.M)]
     return {row[0]: dict(zip(rows[0][1:], row[1:], strict=True)) for row in rows[2:]}
 
 

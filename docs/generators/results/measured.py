@@ -4,6 +4,7 @@
 """
 
 import json
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +39,12 @@ def substitutions() -> dict[str, str]:
     """Values that pages use as `{{ name }}`."""
     from robosim.reports.provenance import code_digest
 
+    from robosim.rehearsal.bounds import BOUNDS
+
     spoon = stored("rehearsal_spoon")
     is_old = spoon.get("code") != code_digest("robosim.commands.rehearse")
     age = ", before the code changed last" if is_old else ""
     made_by = spoon["made_by"]
-    return {**spoon["quoted"], "spoon_origin": f"commit {made_by['commit']}, {made_by['machine']}{age}"}
+    bounds = {f"bound_{name}": f"{bound.low:g} to {bound.high:g}" if isfinite(bound.high) else f"from {bound.low:g}"
+              for name, bound in BOUNDS.items()}
+    return {**spoon["quoted"], **bounds, "spoon_origin": f"commit {made_by['commit']}, {made_by['machine']}{age}"}
