@@ -37,9 +37,8 @@ def outdated(name: str, module: str) -> str:
 
 def substitutions() -> dict[str, str]:
     """Values that pages use as `{{ name }}`."""
-    from robosim.reports.provenance import code_digest
-
     from robosim.rehearsal.bounds import BOUNDS
+    from robosim.reports.provenance import code_digest
 
     spoon = stored("rehearsal_spoon")
     is_old = spoon.get("code") != code_digest("robosim.commands.rehearse")
