@@ -39,23 +39,24 @@ def scores_page() -> str:
               for method in methods if method in published["tcs"]]
     seeds = [[f"`{method}`", *(str(len(groups[method, task]) or "") for task in tasks)] for method in methods]
     head = ["method", *tasks]
-    return f"""{len(data["runs"])} runs. Made by: {data["made_by"]}. The table is drawn from
-`policies/trained/tables.json`; `robosim tables policies/trained/tables.json --out out/tables` draws it with
-interquartile means and intervals.
+    return f"""{len(data["runs"])} training runs, made by: {data["made_by"]}. The tables are made from
+`policies/trained/tables.json`. `robosim tables policies/trained/tables.json --out out/tables` also shows interquartile
+means and their confidence intervals. An empty cell was not run.
 
 ## Score of the best motion
 
-The motion with the highest return in training, replayed. Mean ± standard deviation over the seeds.
+Score of the episode with the highest return in training. Mean ± standard deviation over the seeds.
 
 {table(head, rows("tcs_of_best_return"))}
 ## Score of the last ten episodes
 
-The number that arXiv 2406.09178 reports.
+Mean over the last ten episodes of training, as arXiv 2406.09178 reports it.
 
 {table(head, rows("tcs_last10"))}
 ## Scores in arXiv 2406.09178
 
-Means of five runs on that paper's geometry, which is not published. Compare methods, not single values.
+Mean ± standard deviation of five runs. The geometry of the paper is not published and differs from that of the tables
+above: compare the order of the methods, not single values.
 
 {table(head, theirs)}
 ## Delivered fraction of the best motion
@@ -63,7 +64,7 @@ Means of five runs on that paper's geometry, which is not published. Compare met
 {table(head, rows("delivered"))}
 ## Seconds per episode
 
-On one core that other processes used at the same time.
+Run time [s] on one core of a machine with other load.
 
 {table(head, rows("seconds"))}
 ## Number of runs

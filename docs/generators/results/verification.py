@@ -1,5 +1,7 @@
 """The pages of verification cases and of stability, from files of `robosim report` and `robosim stability`."""
 
+import re
+
 from generators.markdown import code, table
 from generators.results.measured import origin, stored
 from robosim.reports.provenance import code_digest
@@ -18,7 +20,8 @@ def choices(values: dict) -> str:
 def case_section(name: str, result: dict, runs: list[dict]) -> str:
     """Claims and runs of one case."""
     mine = [run for run in runs if run["case"] == name]
-    parts = [f"### {name}\n", f"{summary(name)}\n", f"Reference: {result['source']}\n"]
+    texts = [re.sub(r"([*<_])", r"\\\1", text) for text in paragraphs(name)]
+    parts = [f"### {name}\n", *(f"{text}\n" for text in texts), f"Source: {result['source']}\n"]
     claims = [c for c in result["claims"] if c["verdict"] != "not run"]
     if claims:
         parts.append(table(["claim", "measured", "accepted from", "to", "verdict"],
@@ -26,14 +29,14 @@ def case_section(name: str, result: dict, runs: list[dict]) -> str:
     records = [run["record"] for run in mine if run["record"]]
     if records:
         errors = sorted({key for r in records for key in r["errors"]})
-        parts.append(table(["choices", "particles", "steps", "seconds", *errors],
+        parts.append(table(["parameters of the run", "particles", "steps", "run time [s]", *errors],
                            [[choices(r["choices"]), r["particles"], r["steps"], r["seconds"],
                              *(r["errors"].get(key) for key in errors)] for r in records]))
     return "\n".join(parts)
 
 
 def note_on_age(runs: list[dict]) -> str:
-    """A note that names the cases whose runs are older than the code that they exercise."""
+    """A note that names the cases whose runs are older than the code that they use."""
     names = [n for n in NAMES if any(r["case"] == n and r["code"] != code_digest(module_name(n)) for r in runs)]
     if not names:
         return ""
@@ -41,16 +44,16 @@ def note_on_age(runs: list[dict]) -> str:
            "docs/measure.py report` measures them again.\n:::\n\n"
 
 
-def summary(name: str) -> str:
-    """First paragraph of a case's docstring."""
-    text = (find(name).__doc__ or "").strip().split("\n\n")[0]
-    return " ".join(text.split()).replace("|", r"\|").replace("*", r"\*").replace("<", r"\<")
+def paragraphs(name: str) -> list[str]:
+    """Paragraphs of a case's docstring: what is simulated; what is measured, and the reference."""
+    texts = (find(name).__doc__ or "").strip().split("\n\n")
+    return [" ".join(text.split()) for text in texts]
 
 
 def overview() -> str:
     """All cases with subject and summary."""
-    return table(["case", "subject", "what is compared"],
-                 [[code(name), SUBJECTS[name], summary(name)] for name in NAMES])
+    return table(["case", "subject", "simulation"],
+                 [[code(name), SUBJECTS[name], paragraphs(name)[0]] for name in NAMES])
 
 
 def page() -> str:
@@ -63,7 +66,7 @@ def page() -> str:
     verdicts = [c["verdict"] for result in measured.values() for c in result["claims"]]
     text += f"\n## Results\n\n{origin(report['made_by'])}\n{len(measured)} cases, {len(report['runs'])} runs: " \
             f"{verdicts.count('pass')} claims passed, {verdicts.count('fail')} failed, {verdicts.count('not run')} " \
-            f"need runs that `--quick` leaves out.\n\n{note_on_age(report['runs'])}"
+            f"need runs that `--quick` does not include.\n\n{note_on_age(report['runs'])}"
     return text + "\n".join(case_section(name, result, report["runs"]) for name, result in measured.items())
 
 
