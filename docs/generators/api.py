@@ -15,8 +15,14 @@ MPM_GROUPS = {
     "Poses, twists, wrenches": ["Pose", "Twist", "Wrench"],
 }
 """Order of the names of mpm on its page; names that are not listed follow in groups of their own."""
-FOREIGN = "tuple, dict, Exception, Warning, BaseModel"
+SHAPES = ["mpm.geometry.primitives.Plane", "mpm.geometry.primitives.Sphere", "mpm.geometry.primitives.Box",
+          "mpm.geometry.primitives.Capsule", "mpm.geometry.primitives.Cylinder", "mpm.geometry.primitives.Ellipsoid",
+          "mpm.geometry.height_field.HeightField", "mpm.geometry.union.Union"]
+"""Shapes that `mpm.Sdf` makes; their pages show how to make them, not the functions that kernels call."""
+FOREIGN = "tuple, dict, BaseException, Warning, BaseModel, Env, VecEnv"
 """Bases whose own members are left out."""
+HIDDEN = "count, index, model_config"
+"""Members of named tuples and of pydantic's models that are left out."""
 POLICIES = ["policies.learners.vec_env.SB3VecEnv", "policies.learning.presets.Preset",
             "policies.learning.preset_files.load_preset", "policies.methods.method.Method"]
 """What programs use of policies besides its commands."""
@@ -25,8 +31,7 @@ POLICIES = ["policies.learners.vec_env.SB3VecEnv", "policies.learning.presets.Pr
 def directive(path: str, value: Any) -> str:
     """The autodoc directive of one object."""
     if inspect.isclass(value):
-        return f".. autoclass:: {path}\n   :members:\n   :inherited-members: {FOREIGN}\n" \
-               f"   :exclude-members: count, index\n"
+        return f".. autoclass:: {path}\n   :members:\n   :inherited-members: {FOREIGN}\n   :exclude-members: {HIDDEN}\n"
     return f".. autofunction:: {path}\n" if callable(value) else f".. autodata:: {path}\n"
 
 
@@ -54,7 +59,9 @@ def package_page(package: str, groups: dict[str, list[str]]) -> str:
 
 def mpm_page() -> str:
     """The field."""
-    return package_page("mpm", MPM_GROUPS)
+    shapes = "\n".join(f".. autoclass:: {path}\n" for path in SHAPES)
+    return f"{package_page('mpm', MPM_GROUPS)}\n## Analytic shapes\n\nClasses behind `mpm.Sdf.plane`, `mpm.Sdf.sphere` " \
+           f"and so on.\n\n```{{eval-rst}}\n{shapes}```\n"
 
 
 def robosim_page() -> str:
@@ -62,11 +69,11 @@ def robosim_page() -> str:
     from robosim.envs import TASKS
     from robosim.envs.grain_env import GrainEnv
 
-    public = package_page("robosim", {})
+    public = package_page("robosim", {"Coupling": ["GranularPlugin"]})
     envs = group("Environments", [("robosim.envs.grain_env.GrainEnv", GrainEnv)])
     pages = importlib.import_module("robosim.envs.sub_tasks")
-    texts = "\n".join(f"### robosim/{name}-v0\n\n```text\n{inspect.getdoc(getattr(pages, name))}\n```\n"
-                      for name in TASKS)
+    docs = {name: (inspect.getdoc(getattr(pages, name)) or "").replace("\n## ", "\n#### ") for name in TASKS}
+    texts = "\n".join(f"### robosim/{name}-v0\n\n{text}\n" for name, text in docs.items())
     return f"{public}\n{envs}\n{texts}"
 
 

@@ -6,8 +6,12 @@ from typing import Any
 from sphinx.application import Sphinx
 
 CODE = re.compile(r"(`+[^`]+`+)")
+SPAN = re.compile(r"(`+)(?!`)(?:(?!\n\s*\n).)+?(?<!`)\1(?!`)", re.S)
+"""Code between backticks within a paragraph; it may go on in the next line."""
 SPECIAL = re.compile(r"([*|\\])|(?<=\w)(_)(?!\w)")
 ARRAY_LIKE = re.compile(r"~?[\w.]*_Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]")
+TEMPLATE = re.compile(r": <taichi\.[\w.]+ object at 0x[0-9a-f]+>")
+TUPLE_FIELD = re.compile(r"Alias for field number \d+")
 ITEM = re.compile(r"^(\s*)(\* |- |\d+\. )")
 
 
@@ -29,7 +33,8 @@ def starts_code(result: list[str], indent: int, line: str) -> bool:
 
 def rewrite(app: Sphinx, what: str, name: str, owner: Any, options: Any, lines: list[str]) -> None:
     """Escape a docstring; a list starts a paragraph of its own, and code after a colon stays as it is."""
-    joined = re.sub(r"`([^`\n]*)\n\s*([^`\n]*)`", r"`\1 \2`", "\n".join(lines)).split("\n")
+    lines[:] = [line for line in lines if not TUPLE_FIELD.fullmatch(line)]  # what a named tuple says without a docstring
+    joined = SPAN.sub(lambda span: re.sub(r"\n\s*", " ", span[0]), "\n".join(lines)).split("\n")
     result: list[str] = []
     code_indent = 0
     for line in joined:
@@ -52,8 +57,9 @@ def rewrite(app: Sphinx, what: str, name: str, owner: Any, options: Any, lines: 
 
 def shorten(app: Sphinx, what: str, name: str, owner: Any, options: Any, signature: str | None,
             returned: str | None) -> tuple[str | None, str | None]:
-    """Write numpy's ArrayLike by its name; Python spells its dozen members out."""
-    return signature and ARRAY_LIKE.sub("ArrayLike", signature), returned and ARRAY_LIKE.sub("ArrayLike", returned)
+    """Write numpy's ArrayLike by its name, and leave out that an argument is a Taichi template."""
+    signature = signature and TEMPLATE.sub("", ARRAY_LIKE.sub("ArrayLike", signature))
+    return signature, returned and ARRAY_LIKE.sub("ArrayLike", returned)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
