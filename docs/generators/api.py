@@ -60,8 +60,8 @@ def package_page(package: str, groups: dict[str, list[str]]) -> str:
 def mpm_page() -> str:
     """The field."""
     shapes = "\n".join(f".. autoclass:: {path}\n" for path in SHAPES)
-    return f"{package_page('mpm', MPM_GROUPS)}\n## Analytic shapes\n\nClasses behind `mpm.Sdf.plane`, `mpm.Sdf.sphere` " \
-           f"and so on.\n\n```{{eval-rst}}\n{shapes}```\n"
+    return f"{package_page('mpm', MPM_GROUPS)}\n## Analytic shapes\n\nThe classes behind `mpm.Sdf.plane`, " \
+           f"`mpm.Sdf.sphere` and so on.\n\n```{{eval-rst}}\n{shapes}```\n"
 
 
 def robosim_page() -> str:

@@ -12,6 +12,7 @@ SPECIAL = re.compile(r"([*|\\])|(?<=\w)(_)(?!\w)")
 ARRAY_LIKE = re.compile(r"~?[\w.]*_Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]")
 TEMPLATE = re.compile(r": <taichi\.[\w.]+ object at 0x[0-9a-f]+>")
 TUPLE_FIELD = re.compile(r"Alias for field number \d+")
+"""What Python says of a named tuple's field without a docstring."""
 ITEM = re.compile(r"^(\s*)(\* |- |\d+\. )")
 
 
@@ -33,7 +34,7 @@ def starts_code(result: list[str], indent: int, line: str) -> bool:
 
 def rewrite(app: Sphinx, what: str, name: str, owner: Any, options: Any, lines: list[str]) -> None:
     """Escape a docstring; a list starts a paragraph of its own, and code after a colon stays as it is."""
-    lines[:] = [line for line in lines if not TUPLE_FIELD.fullmatch(line)]  # what a named tuple says without a docstring
+    lines[:] = [line for line in lines if not TUPLE_FIELD.fullmatch(line)]
     joined = SPAN.sub(lambda span: re.sub(r"\n\s*", " ", span[0]), "\n".join(lines)).split("\n")
     result: list[str] = []
     code_indent = 0
