@@ -3,7 +3,7 @@
 import numpy as np
 
 from robosim.rehearsal.run import RehearsalRun
-from robosim.scene.grain_regions import is_in_container, is_in_tool
+from robosim.scene.grains import is_in_container, is_in_tool
 from robosim.scene.models import read_inner_size
 
 GRAVITY = 9.81

@@ -20,9 +20,9 @@ from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
 from robosim.scene.collisions import CollisionMonitor
 from robosim.scene.field import build_field
 from robosim.scene.frames import body_pose
-from robosim.scene.grain_regions import is_at_border, is_in_tool
+from robosim.scene.grains import is_at_border, is_in_tool
 from robosim.scene.grasp import Grasp
-from robosim.scene.robot_spec import ARM_JOINTS
+from robosim.scene.models import ARM_JOINTS
 
 GRAIN_SAMPLE_INTERVAL = 10
 """Steps between readings that need all grains' positions."""

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim.scene.models import compile_spec
-from robosim.scene.robot_spec import build_robot_spec
+from robosim.scene.models import build_robot_spec, compile_spec
 
 
 def _format(values: np.ndarray) -> str:

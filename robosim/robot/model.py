@@ -8,7 +8,7 @@ import pinocchio
 
 from mpm import Pose
 from robosim.robot.mjcf_for_pinocchio import write_robot_mjcf
-from robosim.scene.robot_spec import ARM_JOINTS
+from robosim.scene.models import ARM_JOINTS
 
 SPEED_LIMITS = np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0])
 """Joint speed limits [rad/s] (7,), KUKA LBR iiwa 14 R820 data sheet; MJCF has no element for them."""

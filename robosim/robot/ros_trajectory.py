@@ -3,7 +3,7 @@
 import numpy as np
 
 from robosim.robot.timing import SmoothMotion
-from robosim.scene.robot_spec import ARM_JOINTS
+from robosim.scene.models import ARM_JOINTS
 
 POINT_INTERVAL = 0.01
 """Longest time [s] between points: a quarter of the motion's knots, so that quintics between points reproduce it."""

@@ -7,7 +7,7 @@ from robosim.robot.model import Arm
 
 
 class TorqueSensors:
-    """Readings of the joint torque sensors of `scene.sensors`."""
+    """Readings of the joint torque sensors of `scene.models`."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...], arm: Arm) -> None:
         self._data, self._arm = data, arm

@@ -10,9 +10,15 @@ from robosim.config.robot import Grip
 from robosim.config.scene import ContainerConfig
 from robosim.scene.frames import container_pose
 from robosim.scene.grasp import release_tool_joints
-from robosim.scene.models import allow_empty_prefixes, compile_spec, load_spec
-from robosim.scene.robot_spec import ARM_JOINTS, build_robot_spec
-from robosim.scene.sensors import add_torque_sensors, add_wrist_sensor
+from robosim.scene.models import (
+    ARM_JOINTS,
+    add_torque_sensors,
+    add_wrist_sensor,
+    allow_empty_prefixes,
+    build_robot_spec,
+    compile_spec,
+    load_spec,
+)
 
 
 class Scene(NamedTuple):

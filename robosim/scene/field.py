@@ -11,8 +11,8 @@ from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
 from robosim.errors import ConfigError
-from robosim.scene.fill import fill
 from robosim.scene.frames import container_pose
+from robosim.scene.grains import fill
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.shapes.container import make_container_shell

@@ -7,8 +7,8 @@ from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import choose_step, material_bound
 from robosim.config.materials import Law
 from robosim.scene.field import build_container_colliders
-from robosim.scene.fill import sample_in_tool
 from robosim.scene.frames import container_pose
+from robosim.scene.grains import sample_in_tool
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig

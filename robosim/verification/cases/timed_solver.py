@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 import mpm
-from robosim.scene.settle import settle
+from robosim.scene.grains import settle
 from robosim.verification.cases.record import Record
 
 
@@ -31,7 +31,7 @@ class TimedSolver:
         self.seconds += time.perf_counter() - begin
 
     def settle(self, duration: float, window: float = 2e-3) -> None:
-        """Advance by `duration` [s] to rest, damped every `window` [s]; see `robosim.scene.settle`."""
+        """Advance by `duration` [s] to rest, damped every `window` [s]; see `robosim.scene.grains`."""
         settle(self.solver, self.advance, duration, window)
 
     def record(self, case: str, choices: dict, errors: dict[str, float], **readings: float) -> Record:

@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robosim.robot.model import SPEED_LIMITS, Arm
-from robosim.scene.models import compile_spec, load_spec
-from robosim.scene.robot_spec import ARM_JOINTS, build_robot_spec
+from robosim.scene.models import ARM_JOINTS, build_robot_spec, compile_spec, load_spec
 from robosim.shapes.handle import compute_grip_pose
 from robosim.shapes.spoon import HANDLE_START
 from robosim.verification.cases.robot import two_models

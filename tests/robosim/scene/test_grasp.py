@@ -10,7 +10,7 @@ from robosim.robot.torque_sensors import TorqueSensors
 from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp
-from robosim.scene.robot_spec import ARM_JOINTS
+from robosim.scene.models import ARM_JOINTS
 
 POSTURE = np.array([-0.9, 0.7, 0.45, -1.75, -0.78, -0.83, 1.8])
 

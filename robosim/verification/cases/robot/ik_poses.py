@@ -14,8 +14,7 @@ from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import Arm
-from robosim.scene.models import compile_spec
-from robosim.scene.robot_spec import ARM_JOINTS, build_robot_spec
+from robosim.scene.models import ARM_JOINTS, build_robot_spec, compile_spec
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 

@@ -12,8 +12,7 @@ import numpy as np
 import pinocchio
 
 from robosim.robot.model import Arm
-from robosim.scene.models import compile_spec
-from robosim.scene.robot_spec import build_robot_spec
+from robosim.scene.models import build_robot_spec, compile_spec
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 

@@ -7,7 +7,7 @@ import mpm
 from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError
 from robosim.scene.field import build_tool_sdf, check_field
-from robosim.scene.fill import fill
+from robosim.scene.grains import fill
 from robosim.shapes import tool_shape
 
 

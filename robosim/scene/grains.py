@@ -1,14 +1,22 @@
-"""Initial positions of the grains: in a container, in the tool, or in a pile on the table."""
+"""Grains of a scene: initial positions, settling, and those in a tool, in a container or at the border."""
+
+from collections.abc import Callable
 
 import numpy as np
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.scene import ContainerConfig
 from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
+
+RIM_MARGIN = 0.02
+"""Height [m] above a container's rim up to which grains count as in it."""
+BORDER = 1e-6
+"""Distance [m] from the region's border within which a grain counts as stopped by it."""
 
 
 def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
@@ -54,3 +62,47 @@ def _is_above_tool(points: np.ndarray, sdf: Lattice, spacing: float) -> np.ndarr
     for drop in np.arange(spacing, 0.1, spacing / 2):
         result |= sdf.distance(points - [0.0, 0.0, drop]) < 0.0
     return result
+
+
+def settle(solver: mpm.Solver, advance: Callable[[float], object], duration: float, window: float,
+           velocity_factor: float = 0.8) -> None:
+    """Bring grains to rest by kinetic damping.
+
+    advance: advances the solver by a time [s]. duration: time [s] in all; after each `window` [s] all velocities are
+    multiplied by velocity_factor. The affine velocity C is unchanged: the next substep takes its strain increment from
+    it, which the positions have already followed.
+    """
+    for _ in range(round(duration / window)):
+        advance(window)
+        state = solver.state()
+        state["v"] *= velocity_factor
+        solver.load(state)
+
+
+def is_in_tool(tool: str, positions: np.ndarray, tool_pose: mpm.Pose) -> np.ndarray:
+    """Test which grains lie in a tool or in the heap on it.
+
+    positions [m] (n, 3). Returns (n,) bool.
+    """
+    return tool_shape(tool).interior.holds(tool_pose.inverse().apply(positions))
+
+
+def is_in_container(positions: np.ndarray, container: ContainerConfig, inner_size: np.ndarray) -> np.ndarray:
+    """Test which grains lie between a container's walls.
+
+    positions [m] (n, 3), inner_size [m] (3,). Returns (n,) bool.
+    """
+    local = container_pose(container).inverse().apply(positions)
+    half = inner_size[:2] / 2.0 + 1e-3
+    between_walls = np.all(np.abs(local[:, :2]) < half, axis=1)
+    return between_walls & (local[:, 2] < inner_size[2] + RIM_MARGIN) & (local[:, 2] > -5e-3)
+
+
+def is_at_border(positions: np.ndarray, grid: mpm.Grid) -> np.ndarray:
+    """Test which grains touch the sides or the top of the grid, or are not finite.
+
+    positions [m] (n, 3). Returns (n,) bool.
+    """
+    lower, upper = np.asarray(grid.lower) + BORDER, np.asarray(grid.lower) + grid.cells * grid.cell - BORDER
+    inside = np.all((positions[:, :2] > lower[:2]) & (positions[:, :2] < upper[:2]), axis=1)
+    return ~(inside & (positions[:, 2] < upper[2]))
