@@ -14,7 +14,6 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT.parent))  # the script also runs from a plain checkout
 
 from robosim.shapes import TOOLS, tool_shape  # noqa: E402
-from robosim.shapes.container import make_container_shell  # noqa: E402
 from robosim.shapes.lofts import (  # noqa: E402
     bezier,
     compute_end_scale,
@@ -25,6 +24,7 @@ from robosim.shapes.lofts import (  # noqa: E402
     superellipse,
     sweep,
 )
+from robosim.shapes.vessels import make_container_shell  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]

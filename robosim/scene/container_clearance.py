@@ -11,8 +11,8 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.scene.field import build_tool_sdf
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
-from robosim.shapes.container import make_container_shell
 from robosim.shapes.tool import WALL
+from robosim.shapes.vessels import make_container_shell
 
 POINTS_PER_CONTAINER = 20_000
 """Sampled points on the surface of each container: about 2 mm apart."""

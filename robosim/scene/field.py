@@ -15,7 +15,7 @@ from robosim.scene.frames import container_pose
 from robosim.scene.grains import fill
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.container import make_container_shell
+from robosim.shapes.vessels import make_container_shell
 
 TOOL_SPACING = 1e-3
 """Lattice spacing [m] of the tool's signed distance: interpolation is exact to 0.1 mm at a sixth of a wall."""

@@ -4,10 +4,11 @@ Imports: errors, mpm.
 """
 
 from robosim.errors import UnknownName
-from robosim.shapes import bottle, scoop, shovel, spoon
+from robosim.shapes.sheet_tools import SCOOP, SHOVEL
 from robosim.shapes.tool import ToolShape
+from robosim.shapes.vessels import BOTTLE, SPOON
 
-TOOLS = {module.__name__.rsplit(".")[-1]: module.SHAPE for module in (spoon, scoop, bottle, shovel)}
+TOOLS = {shape.name: shape for shape in (SPOON, SCOOP, BOTTLE, SHOVEL)}
 """Name -> shape of each bundled tool."""
 
 

@@ -1,15 +1,83 @@
-"""The shape of a tool: a head that contacts grains and, for most tools, a handle."""
+"""Shape of a tool: a head that contacts grains and, for most tools, a handle with a thick grip.
+
+The handle is a bend, then a straight part up and back. Tool frame: x towards the tip, y lateral, z up; metres.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import trimesh
+from numpy.typing import ArrayLike, NDArray
 
 import mpm
-from robosim.shapes.handle import make_handle
+from robosim.shapes.lofts import compute_end_scale, smoothstep, space_stations, sweep
 
+Array = NDArray[np.float64]
+
+HANDLE_LENGTH = 0.200
+"""Arc length of the axis of a handle."""
+RISE = np.pi / 4
+"""Slope [rad] of the straight part."""
+BEND = 0.060
+"""Radius of the curve between tool and straight part."""
+GRIP_START = 0.095
+"""Arc length at which the full grip radius is reached."""
+GRIP_RADIUS = 0.011
+GRIP_TO_END = 0.055
+"""Distance of the grip from the rounded end, which the finger pads must not touch: they extend 49 mm to either side."""
+DIRECTION: Array = np.array([-np.cos(RISE), 0.0, np.sin(RISE)])
+"""Of the straight part, towards the end."""
 WALL = 0.0015
 """Real wall thickness [m] of every tool."""
+
+
+def sample_axis(s: ArrayLike, start: ArrayLike) -> Array:
+    """Sample points (k, 3) [m] of the axis at arc lengths s (k,) [m].
+
+    start (3,): where the axis begins [m].
+    """
+    s = np.atleast_1d(np.asarray(s, float))
+    angle = np.minimum(s / BEND, RISE)
+    straight = np.maximum(s - BEND * RISE, 0.0)
+    x = -BEND * np.sin(angle) - straight * np.cos(RISE)
+    z = BEND * (1.0 - np.cos(angle)) + straight * np.sin(RISE)
+    return np.stack([x, np.zeros_like(s), z], axis=1) + np.asarray(start)
+
+
+def compute_half_axes(s: ArrayLike) -> Array:
+    """Compute the half axes (k, 2) [m] of the sections at arc lengths s (k,) [m].
+
+    Lateral, upright.
+    """
+    s = np.asarray(s, float)
+    root = np.array([0.0065, 0.0035])  # flatter at the weld, so that it does not rise above the rim
+    thin = np.array([0.0050, 0.0050])
+    near = root + (thin - root) * smoothstep(s / 0.030)[:, None]
+    return near + (GRIP_RADIUS - near) * smoothstep((s - 0.045) / (GRIP_START - 0.045))[:, None]
+
+
+def make_handle(start: ArrayLike, segments: int = 28) -> trimesh.Trimesh:
+    """Make the handle from a weld at `start` (3,) [m] to its rounded end."""
+    end = 0.007
+    s = space_stations(HANDLE_LENGTH, 0.001, end, inner=30, cap=4)
+    scale = compute_end_scale(s, 0.0, end)[:, None]
+    scale[s < 0.001] *= 0.9  # a small chamfer at the weld
+    return sweep(sample_axis(s, start), compute_half_axes(s) * scale, segments=segments)
+
+
+def compute_grip_pose(start: ArrayLike) -> Array:
+    """Compute the pose (4, 4) of the grip frame in the tool frame.
+
+    z runs along the handle towards the tool, y along the hand's approach (tool -y), and x = y x z points up
+    and forward, to the side of the thumb.
+    """
+    z = -DIRECTION
+    y = np.array([0.0, -1.0, 0.0])
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([np.cross(y, z), y, z], axis=1)
+    pose[:3, 3] = sample_axis(HANDLE_LENGTH - GRIP_TO_END, start)[0]
+    return pose
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from mpm.geometry.sampled_sdf import Lattice
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.container import make_container_shell
+from robosim.shapes.vessels import make_container_shell
 from robosim.tasks.task import TaskConfig
 
 TOOL = 0

@@ -14,7 +14,7 @@ import robosim  # noqa: F401  (registers the environments)
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
 from robosim.evaluation.policies import make_policy
-from robosim.shapes.spoon import INTERIOR
+from robosim.shapes.vessels import SPOON_INTERIOR
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.observation import Observer
 from robosim.tasks.reward import Reward
@@ -202,7 +202,7 @@ def test_reward_of_pouring_agrees_with_plain_numpy(pour: GrainEnv) -> None:
         now = pour.counter.read()
         terms = pour.reward.step(now, 0.0, True)
         tool = pour.solver.collider_pose(0).inverse()
-        out, ahead = (~bounds.holds(x) & ~INTERIOR.holds(tool.apply(x)) for x in (before, after))
+        out, ahead = (~bounds.holds(x) & ~SPOON_INTERIOR.holds(tool.apply(x)) for x in (before, after))
         crossed = ahead & ~out
         assert crossed.sum() > 5
         signs = np.where(target.holds(before[crossed]), 1.0, -1.0)

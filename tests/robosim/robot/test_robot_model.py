@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.scene.models import ARM_JOINTS, build_robot_spec, compile_spec, load_spec
-from robosim.shapes.handle import compute_grip_pose
-from robosim.shapes.spoon import HANDLE_START
+from robosim.shapes.tool import compute_grip_pose
+from robosim.shapes.vessels import SPOON_HANDLE_START
 from robosim.verification.cases.robot import two_models
 
 
@@ -61,7 +61,7 @@ def test_masses(pair) -> None:
 def test_the_grip_site_lies_on_the_handle() -> None:
     """The grip site in the model file is the grip pose of the handle's shape."""
     spec = load_spec("tools", "spoon", "spoon.xml")
-    site, pose = spec.site("spoon_grip"), compute_grip_pose(HANDLE_START)
+    site, pose = spec.site("spoon_grip"), compute_grip_pose(SPOON_HANDLE_START)
     assert site.pos == pytest.approx(pose[:3, 3], abs=1e-5)
     matrix = Rotation.from_quat(site.quat, scalar_first=True).as_matrix()
     assert matrix == pytest.approx(pose[:3, :3], abs=1e-6)

@@ -5,7 +5,7 @@ import pytest
 
 import mpm
 from robosim.scene.field import build_tool_sdf
-from robosim.shapes.spoon import BOWL
+from robosim.shapes.vessels import BOWL
 
 CELL = 0.005
 

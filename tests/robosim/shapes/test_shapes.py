@@ -6,11 +6,18 @@ import pytest
 
 from robosim.scene.models import load_spec
 from robosim.shapes import TOOLS, tool_shape
-from robosim.shapes.bottle import BODY, NECK, NECK_RADIUS, RADIUS, make_bottle, make_profile
-from robosim.shapes.container import make_container_shell
 from robosim.shapes.lofts import loft, revolve, sweep
-from robosim.shapes.spoon import BOWL
 from robosim.shapes.tool import WALL
+from robosim.shapes.vessels import (
+    BODY,
+    BOWL,
+    NECK,
+    NECK_RADIUS,
+    RADIUS,
+    make_bottle,
+    make_container_shell,
+    make_profile,
+)
 
 DENSITIES = {"handle": 1200.0, "bottle": 950.0}
 """[kg/m^3]; everything else is steel."""

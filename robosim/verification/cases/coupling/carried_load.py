@@ -11,7 +11,7 @@ import mpm
 from robosim.config.materials import law_of, load_material
 from robosim.coupling.plugin import GranularPlugin
 from robosim.scene.field import build_tool_sdf
-from robosim.shapes.spoon import BOWL
+from robosim.shapes.vessels import BOWL
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 from robosim.verification.cases.timed_solver import TimedSolver

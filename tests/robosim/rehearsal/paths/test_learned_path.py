@@ -19,7 +19,7 @@ from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
-from robosim.shapes.container import make_container_shell
+from robosim.shapes.vessels import make_container_shell
 from robosim.tasks.task import load_task
 
 
