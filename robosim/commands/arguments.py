@@ -29,9 +29,9 @@ class Settings(tuple[Setting, ...]):
         if not self:
             yield name
             return
-        from robosim.config.loader import read
         from robosim.config.output import OutputFolder
         from robosim.config.resources import config_path
+        from robosim.config.table import read
 
         source = config_path(kind, name, kind[:-1])
         self._check(kind, name)

@@ -5,9 +5,8 @@ from typing import ClassVar, Literal
 import pydantic
 
 import mpm
-from robosim.config.loader import load, read
 from robosim.config.resources import config_path
-from robosim.config.table import Quantity, Table
+from robosim.config.table import Quantity, Table, load, read
 from robosim.errors import ConfigError, UnknownName
 
 __all__ = ["MaterialConfig", "law_of", "load_material", "overridden"]

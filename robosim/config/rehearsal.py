@@ -6,12 +6,11 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field, PositiveFloat
 
-from robosim.config.loader import load
 from robosim.config.resources import config_path, container_names
 from robosim.config.robot import Grip, LimitsConfig, ServoConfig
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector3
+from robosim.config.table import Table, Vector3, load
 
 
 class PathConfig(Table):

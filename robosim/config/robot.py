@@ -5,10 +5,9 @@ from typing import Literal
 
 from pydantic import Field, PositiveFloat
 
-from robosim.config.loader import load
 from robosim.config.resources import config_path
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector7
+from robosim.config.table import Table, Vector7, load
 
 Grip = Literal["weld", "friction"]
 

@@ -1,12 +1,23 @@
-"""The base of all configuration tables, and the types that they share."""
+"""Tables of configuration files and their loading.
 
-from typing import Annotated, ClassVar
+Errors name the file or setting, the key, the value and what is accepted.
+"""
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, TypeVar
+
+import pydantic
+import yaml
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+
+from robosim.config.settings import Setting, with_settings
+from robosim.errors import ConfigError
 
 Vector3 = tuple[float, float, float]
 Vector7 = Annotated[tuple[PositiveFloat, ...], Field(min_length=7, max_length=7)]
 """A value for each joint of the arm."""
+Kind = TypeVar("Kind", bound="Table")
 
 
 class Table(BaseModel):
@@ -27,3 +38,66 @@ class Quantity(Table):
     """The unit that the material's law takes: kg/m^3, Pa, Pa s, deg or 1."""
     source: str
     """Literature, or "assumed: ..." with the reason."""
+
+
+def read(path: Path) -> object:
+    """Read a YAML file; raises ConfigError for one that cannot be read."""
+    try:
+        return yaml.safe_load(path.read_text())
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read as YAML: {error}") from error
+
+
+def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: Sequence[Setting] = ()) -> Kind:
+    """Read a YAML file into a configuration, with settings and then overrides of its top keys in place of its values.
+
+    Raises ConfigError with file or setting, key, value and what is accepted.
+    """
+    data = read(path)
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of {', '.join(kind.model_fields)}")
+    try:
+        return kind.model_validate(with_settings(data, settings) | (overrides or {}))
+    except pydantic.ValidationError as error:
+        raise ConfigError("; ".join(_located(e, kind, path, settings) for e in error.errors())) from None
+
+
+def describe(error: Any, kind: type[Any]) -> str:
+    """Describe one of pydantic's errors: key, value, reason; of an unknown key the new name, or the keys that exist."""
+    place = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        table: Any = kind
+        for part in error["loc"][:-1]:
+            table = _child(table, part)
+        renamed = getattr(table, "RENAMED", {}).get(str(error["loc"][-1]))
+        if renamed is not None:
+            return f"key {place!r} is now called {'.'.join([*map(str, error['loc'][:-1]), renamed])!r}; rename it"
+        return f"unknown key {place!r}; valid: {', '.join(table.model_fields)}"
+    if error["type"] == "value_error":
+        return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
+    value = "" if error["type"] == "missing" else f" (given: {error['input']!r})"
+    return f"{place or 'file'}: {error['msg']}{value}"
+
+
+def _located(error: Any, kind: type[Table], path: Path, settings: Sequence[Setting]) -> str:
+    """Describe an error after the setting that it is about, or else after the file and all settings."""
+    place, text = tuple(map(str, error["loc"])), describe(error, kind)
+    for setting in settings:
+        shared = min(len(place), len(setting.path))
+        if shared and place[:shared] == setting.path[:shared]:
+            return f"{setting.name}: {text.removeprefix('.'.join(setting.path) + ': ')}"
+    return f"{' '.join([str(path), *(setting.name for setting in settings)])}: {text}"
+
+
+def _child(table: Any, part: int | str) -> Any:
+    """Find the table class of a key, also inside lists, unions and tables with free names."""
+    if isinstance(part, int):
+        return table
+    field = table.model_fields.get(part)
+    pending = [field.annotation] if field else []
+    while pending:
+        candidate = pending.pop()
+        if isinstance(candidate, type) and issubclass(candidate, pydantic.BaseModel):
+            return candidate
+        pending.extend(getattr(candidate, "__args__", ()))
+    return table

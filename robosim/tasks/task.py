@@ -9,11 +9,10 @@ import numpy as np
 import pydantic
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from robosim.config.loader import load, read
 from robosim.config.resources import config_names, config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector3
+from robosim.config.table import Table, Vector3, load, read
 from robosim.shapes import tool_shape
 from robosim.tasks.script import ScriptedPath
 from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
