@@ -9,10 +9,9 @@ from robosim.config.output import OutputFolder
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rendering.contact_sheet import write_contact_sheet
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
-from robosim.rendering.video import Mp4Writer
+from robosim.rendering.video import Mp4Writer, write_contact_sheet
 from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.models import compile_spec
 
