@@ -13,10 +13,9 @@ from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.errors import UnreachableWaypoint
 from robosim.robot.inverse_kinematics import solve_pose, step_towards
+from robosim.robot.joint_control import JointSmoother, Servo
 from robosim.robot.joint_path import solve_path
-from robosim.robot.joint_smoother import JointSmoother
 from robosim.robot.model import Arm
-from robosim.robot.servo import Servo
 from robosim.robot.timing import JointState
 from robosim.scene.build import build_scene_spec, compile_scene
 from robosim.scene.collisions import ContactCounter

@@ -13,9 +13,8 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.coupling.plugin import GranularPlugin
 from robosim.rehearsal.plan import Plan
 from robosim.rehearsal.recording import EnergySample, GrainSample, Recording, Step
-from robosim.robot.servo import Servo
+from robosim.robot.joint_control import Servo, TorqueSensors
 from robosim.robot.timing import JointState
-from robosim.robot.torque_sensors import TorqueSensors
 from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
 from robosim.scene.collisions import CollisionMonitor
 from robosim.scene.field import build_field

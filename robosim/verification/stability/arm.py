@@ -14,9 +14,9 @@ from mpm import Pose
 from robosim.config.robot import RobotConfig, load_robot
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.robot.inverse_kinematics import HOME
+from robosim.robot.joint_control import Servo
 from robosim.robot.joint_path import solve_path
 from robosim.robot.model import SPEED_LIMITS, Arm
-from robosim.robot.servo import Servo
 from robosim.robot.timing import JointState, SmoothMotion
 from robosim.scene.build import Scene, build_scene_spec, compile_scene
 from robosim.verification.stability.cell_result import CellResult, cell_result

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.robot.joint_control import TorqueSensors
 from robosim.robot.model import Arm
-from robosim.robot.torque_sensors import TorqueSensors
 from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp
