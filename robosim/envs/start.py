@@ -14,7 +14,7 @@ import platformdirs
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.config.materials import MaterialConfig
-from robosim.scene.grains import settle
+from robosim.scene.settle import settle
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig

@@ -1,6 +1,4 @@
-"""Grains of a scene: initial positions, settling, and those in a tool, in a container or at the border."""
-
-from collections.abc import Callable
+"""Grains of a scene: initial positions, and those in a tool, in a container or at the border."""
 
 import numpy as np
 
@@ -62,21 +60,6 @@ def _is_above_tool(points: np.ndarray, sdf: Lattice, spacing: float) -> np.ndarr
     for drop in np.arange(spacing, 0.1, spacing / 2):
         result |= sdf.distance(points - [0.0, 0.0, drop]) < 0.0
     return result
-
-
-def settle(solver: mpm.Solver, advance: Callable[[float], object], duration: float, window: float,
-           velocity_factor: float = 0.8) -> None:
-    """Bring grains to rest by kinetic damping.
-
-    advance: advances the solver by a time [s]. duration: time [s] in all; after each `window` [s] all velocities are
-    multiplied by velocity_factor. The affine velocity C is unchanged: the next substep takes its strain increment from
-    it, which the positions have already followed.
-    """
-    for _ in range(round(duration / window)):
-        advance(window)
-        state = solver.state()
-        state["v"] *= velocity_factor
-        solver.load(state)
 
 
 def is_in_tool(tool: str, positions: np.ndarray, tool_pose: mpm.Pose) -> np.ndarray:

@@ -1,21 +1,28 @@
-"""Runs of cases, each in a process of its own that is pinned to a core; finished runs are kept in a file."""
+"""Runs of cases, each in a process of its own that is pinned to a core; finished runs are kept in a file.
+
+Such a process is `python -m robosim.verification.runs CASE CHOICES CORE`. With `--cell AXIS VALUE CORE` it runs a cell
+of the stability report. CHOICES and VALUE are JSON.
+"""
 
 import json
 import os
 import sys
+import warnings
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+import mpm
 from robosim.errors import ConfigError
-from robosim.reports.jobs import run_jobs
+from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import code_digest
 from robosim.verification.cases import find, module_name
 from robosim.verification.cases.record import Record
 
-WORKER = "robosim.verification.worker"
+WORKER = "robosim.verification.runs"
+"""This module, as a process of its own runs it: there `__name__` is another."""
 BEGIN = '{"case": "'
 """Beginning of every line of the file."""
 FIELDS = ("case", "choices", "code", "record", "failed")
@@ -93,3 +100,23 @@ def execute_runs(runs: list[Run], path: Path, jobs: int) -> list[Run]:
         progress.update()
     progress.close()
     return [known[run.key] for run in runs]
+
+
+def main() -> None:
+    """Run the case or the cell that the command line names, in this process, and print it as JSON."""
+    *arguments, core = sys.argv[1:]
+    pin_to_core(core)
+    mpm.init()
+    if arguments[0] == "--cell":
+        from robosim.verification.stability.field import run_cell  # here, so that reports of cases do without
+
+        print(json.dumps(asdict(run_cell(arguments[1], json.loads(arguments[2])))))
+        return
+    case, choices = arguments
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mpm.StrongCompression)  # some cases compress on purpose
+        print(find(case).measure(**json.loads(choices)).to_json())
+
+
+if __name__ == "__main__":
+    main()

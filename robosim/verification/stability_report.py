@@ -14,11 +14,12 @@ from robosim.reports.jobs import run_jobs
 from robosim.reports.page import HeatCell, Page
 from robosim.reports.provenance import code_digest, provenance
 from robosim.verification.analysis import replace_non_finite
-from robosim.verification.stability.cell_result import CellResult
+from robosim.verification.runs import WORKER
+from robosim.verification.stability.cell import CellResult
 from robosim.verification.stability.field import AXES, find_axis
 
-WORKER, CELLS = "robosim.verification.worker", "robosim.verification.stability.field"
-"""Module that runs a cell, and the module whose code the cells exercise."""
+CELLS = "robosim.verification.stability.field"
+"""Module whose code the cells exercise."""
 ENDED = "the process ended: "
 """Beginning of the reason of a cell whose process gave no result; such a cell is run again."""
 DEFINITIONS = {

@@ -1,7 +1,13 @@
-"""The record of one run of a case: its choices, its cost and its errors, as a line of JSON."""
+"""Record of a run, and the solver that times itself for it."""
 
 import json
+import resource
+import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+
+import mpm
+from robosim.scene.settle import settle
 
 
 @dataclass(frozen=True)
@@ -30,3 +36,39 @@ class Record:
     def to_json(self) -> str:
         """Return the record as one line of JSON."""
         return json.dumps(asdict(self))
+
+
+class TimedSolver:
+    """Advances a solver and sums the wall time; compilation, before the first advance, is timed apart."""
+
+    def __init__(self, solver: mpm.Solver) -> None:
+        self.solver = solver
+        self.seconds = self.compile_seconds = 0.0
+
+    def advance(self, duration: float) -> None:
+        """Advance by `duration` [s]."""
+        self.run(lambda: self.solver.advance(duration))
+
+    def run(self, work: Callable[[], object]) -> None:
+        """Call what advances the solver."""
+        if self.compile_seconds == 0.0:
+            begin = time.perf_counter()
+            self.solver.compile()
+            self.compile_seconds = time.perf_counter() - begin
+        begin = time.perf_counter()
+        work()
+        self.seconds += time.perf_counter() - begin
+
+    def settle(self, duration: float, window: float = 2e-3) -> None:
+        """Advance by `duration` [s] to rest, damped every `window` [s]; see `robosim.scene.settle`."""
+        settle(self.solver, self.advance, duration, window)
+
+    def record(self, case: str, choices: dict, errors: dict[str, float], **readings: float) -> Record:
+        """Return the record of the run so far."""
+        return Record(
+            case=case, choices=choices, particles=sum(self.solver.particles.counts), steps=self.solver.steps,
+            seconds=self.seconds, compile_seconds=self.compile_seconds,
+            errors={name: float(value) for name, value in errors.items()},
+            readings={name: float(value) for name, value in readings.items()},
+            peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        )

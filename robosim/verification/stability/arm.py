@@ -19,8 +19,7 @@ from robosim.robot.joint_path import solve_path
 from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.robot.timing import JointState, SmoothMotion
 from robosim.scene.build import Scene, build_scene_spec, compile_scene
-from robosim.verification.stability.cell_result import CellResult, cell_result
-from robosim.verification.stability.sand import G
+from robosim.verification.stability.cell import CellResult, G, cell_result
 
 TOOL = "spoon"
 SHIFT = np.array([0.0, 0.35, 0.0, 0.3, 0.2, -0.3, 0.2])

@@ -14,8 +14,7 @@ import numpy as np
 import mpm
 from robosim.coupling.plugin import Coupling, GranularPlugin
 from robosim.errors import BodyLeftGrid, RobotDiverged
-from robosim.verification.stability.cell_result import CellResult, cell_result
-from robosim.verification.stability.sand import G, make_sand, principal_stretches, sound_speed
+from robosim.verification.stability.cell import CellResult, G, cell_result, make_sand, principal_stretches, sound_speed
 
 CELL, SIDE, E = 0.008, 0.04, 1e5
 TOUCHED = 1500.0 * SIDE**2 * 1.75 * CELL

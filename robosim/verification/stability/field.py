@@ -15,9 +15,17 @@ import mpm
 from robosim.errors import UnknownName
 from robosim.verification.cases.fluid import lock_gate
 from robosim.verification.stability.arm import ROBOT_AXES
-from robosim.verification.stability.cell_result import CellResult, cell_result
+from robosim.verification.stability.cell import (
+    DENSITY,
+    NU,
+    CellResult,
+    G,
+    cell_result,
+    make_sand,
+    principal_stretches,
+    sound_speed,
+)
 from robosim.verification.stability.coupled import COMPARISONS, COUPLED_AXES
-from robosim.verification.stability.sand import DENSITY, NU, G, make_sand, principal_stretches, sound_speed
 
 CELL = 0.005
 REFERENCE_COURANT = 0.2

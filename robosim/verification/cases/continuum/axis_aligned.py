@@ -9,8 +9,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Order, Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "axis_aligned"
 SOURCE = ("Wallstedt & Guilkey 2008, J. Comput. Phys. 227:9628; in 3-D Kamojjala et al. 2015, Eng. w. Computers "

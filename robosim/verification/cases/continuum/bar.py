@@ -9,8 +9,7 @@ from scipy.optimize import curve_fit
 
 import mpm
 from robosim.verification.cases.claims import Order, Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "bar"
 SOURCE = "first mode of a fixed-free bar, omega = pi/(2 L) sqrt(E/rho): Bardenhagen 2002; Steffen et al. 2008"

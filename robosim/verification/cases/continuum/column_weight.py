@@ -8,8 +8,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "column_weight"
 SOURCE = ("statics; error measure of Coombs & Augarde 2020, Adv. Eng. Softw. 139:102748; settlement of the Hencky "

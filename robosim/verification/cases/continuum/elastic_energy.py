@@ -8,8 +8,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "elastic_energy"
 SOURCE = "first law of thermodynamics for a hyperelastic body; energies of the three laws in closed form"

@@ -8,8 +8,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "free_fall"
 SOURCE = "x = x0 + v n dt + g dt^2 n (n + 1) / 2, exact for symplectic Euler and for any partition of unity"

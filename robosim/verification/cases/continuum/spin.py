@@ -8,8 +8,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "spin"
 SOURCE = "conservation; Jiang et al. 2017, J. Comput. Phys. 338:137 for the affine part of the angular momentum"

@@ -9,8 +9,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "uniaxial"
 SOURCE = "uniaxial stress of each law in closed form: the lateral stretch leaves no lateral stress"

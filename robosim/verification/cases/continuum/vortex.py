@@ -9,8 +9,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Order, Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "vortex"
 SOURCE = "Kamojjala et al. 2015, Eng. w. Computers 31:193 (generalized vortex); parameters of Uintah's MMS.cc"

@@ -11,8 +11,7 @@ import trimesh
 import mpm
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "added_mass"
 SOURCE = ("Stokes (1843): a ball of radius a in the middle of a hollow sphere of radius b carries "

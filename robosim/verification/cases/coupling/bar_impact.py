@@ -10,8 +10,7 @@ import numpy as np
 import mpm
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "bar_impact"
 SOURCE = "St. Venant 1867: v = v0 exp(-Z t / m), Z = rho c A, until the wave returns at 2 L / c"

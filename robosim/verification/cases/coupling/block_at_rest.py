@@ -10,8 +10,7 @@ import numpy as np
 import mpm
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "block_at_rest"
 SOURCE = "statics: reaction m g; settlement of a bar of Poisson's ratio 0: m g L / (E A)"

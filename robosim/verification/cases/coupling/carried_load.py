@@ -13,8 +13,7 @@ from robosim.coupling.plugin import GranularPlugin
 from robosim.scene.field import build_tool_sdf
 from robosim.shapes.vessels import BOWL
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "carried_load"
 SOURCE = "Newton's second law: force at the wrist = (mass of spoon + mass of grains) (acceleration - gravity)"

@@ -11,8 +11,7 @@ import mpm
 from mpm.materials.elasticity import Hencky
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "closed_system"
 SOURCE = "conservation of momentum and of angular momentum in a closed system"

@@ -10,8 +10,7 @@ import numpy as np
 import mpm
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Rising, Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "driven_wheel"
 SOURCE = ("Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar pull is negative at zero slip, rises "

@@ -10,8 +10,7 @@ import trimesh
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "shell_leak"
 SOURCE = "impenetrability; Newton's third law: the particles gain the impulses of gravity, walls and shell"

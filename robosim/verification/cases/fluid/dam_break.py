@@ -9,8 +9,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "dam_break"
 SOURCE = "Martin & Moyce 1952, Phil. Trans. R. Soc. A 244:312, fig. 3, a = 2.25 in, digitised in PySPH's db_exp_data.py"

@@ -8,8 +8,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "hydrostatic"
 SOURCE = "J = 1 - rho0 g Z / K for p = K (1 - J): height 0.0995095 m of 0.1 m at K = 1e5 Pa; peer: CB-Geo's column"

@@ -9,8 +9,7 @@ import trimesh
 
 import mpm
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "lock_gate"
 SOURCE = "hydrostatics: F = rho g w (h1^2 - h2^2) / 2, torque about the floor rho g w (h1^3 - h2^3) / 6"

@@ -13,8 +13,7 @@ import numpy as np
 import mpm
 from mpm.scene.sampling import JITTER
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "column_collapse"
 SOURCE = ("Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a < 1.7, r0 (1 + 1.6 sqrt(a)) above; "

@@ -10,8 +10,7 @@ from scipy.optimize import brentq
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.granular.return_mapping import build_solver, deform, make_sand, tensors
 from robosim.verification.cases.granular.slope import shear_ratio
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "element_path"
 SOURCE = "Drucker-Prager flow at constant volume: m3 = 3 alpha / sqrt(2) in simple shear and in plane strain"

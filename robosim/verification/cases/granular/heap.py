@@ -12,8 +12,7 @@ import numpy as np
 import mpm
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.granular.slope import shear_ratio
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "heap"
 SOURCE = "limit equilibrium of a slope without cohesion: it stands up to atan(m3)"

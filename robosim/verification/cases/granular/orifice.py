@@ -12,8 +12,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Power, Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "orifice"
 SOURCE = ("Q = C sqrt(g) D^(3/2) per thickness (Beverloo et al. 1961 in a plane); C = 1.50 of the mu(I) continuum, "

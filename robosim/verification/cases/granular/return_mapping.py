@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.granular.slope import shear_ratio
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "return_mapping"
 SOURCE = "Klar et al. 2016, ACM Trans. Graph. 35(4):103, evaluated in 50-digit arithmetic"

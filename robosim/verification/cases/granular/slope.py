@@ -11,8 +11,7 @@ import numpy as np
 
 import mpm
 from robosim.verification.cases.claims import Order, Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "slope"
 SOURCE = "balance of momentum of an infinite slope; m3 = 3 alpha / sqrt(2), the cone's shear ratio at constant volume"

@@ -11,8 +11,7 @@ import numpy as np
 
 from robosim.evaluation.policies import ScriptedPolicy
 from robosim.verification.cases.claims import Within
-from robosim.verification.cases.record import Record
-from robosim.verification.cases.timed_solver import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "arm_limits"
 SOURCE = "KUKA LBR iiwa 14 R820 data sheet: torques and speeds of A1 to A7"
