@@ -12,8 +12,15 @@ from scipy.spatial.transform import Rotation, Slerp
 from mpm.geometry.rigid_motion import Pose
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.paths.motion_sequence import load_sequence
-from robosim.rehearsal.paths.path_clearance import restore_clearance
-from robosim.rehearsal.paths.pose_sequences import SAMPLING, SMOOTHING, PoseSequence, align_signs, connect, smooth
+from robosim.rehearsal.paths.pose_sequences import (
+    SAMPLING,
+    SMOOTHING,
+    PoseSequence,
+    align_signs,
+    connect,
+    restore_clearance,
+    smooth,
+)
 from robosim.scene.container_clearance import ContainerSurface
 
 WEIGHING_TIME = 0.5

@@ -11,8 +11,7 @@ import mpm
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.rehearsal.paths.learned_path import WEIGHING_TIME, LearnedPath
 from robosim.rehearsal.paths.motion_sequence import place_target
-from robosim.rehearsal.paths.path_clearance import CLEARANCE, SHIFT_TOLERANCE
-from robosim.rehearsal.paths.pose_sequences import CONNECTION_SPEED, SMOOTHING
+from robosim.rehearsal.paths.pose_sequences import CLEARANCE, CONNECTION_SPEED, SHIFT_TOLERANCE, SMOOTHING
 from robosim.rehearsal.plan import plan_motion
 from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.container_clearance import build_real_tool_sdf
