@@ -1,4 +1,4 @@
-"""Configuration of a sub-task: its scene, what the agent may do, and what it is rewarded for."""
+"""Configuration of a sub-task: its scene, what the agent may do, what it is rewarded for, and the scripted path."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -8,16 +8,38 @@ from typing import Annotated, Literal
 import numpy as np
 import pydantic
 from pydantic import Field, PositiveFloat, PositiveInt
+from scipy.spatial.transform import Rotation
 
+import mpm
 from robosim.config.resources import config_names, config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, load, read
 from robosim.shapes import tool_shape
-from robosim.tasks.script import ScriptedPath
 from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
 
 Kind = Literal["scoop", "translate", "pour", "move"]
+
+
+class ScriptedPath:
+    """Tool poses over time, eased between waypoints.
+
+    yaw_deg: constant yaw. times [s] (n,), rising, from 0 on. positions [m] (n, 3): of the tool's frame in the world.
+    pitches_deg (n,). The orientation is R = Rz(yaw) Ry(pitch).
+    """
+
+    def __init__(self, yaw_deg: float, times: np.ndarray, positions: np.ndarray, pitches_deg: np.ndarray) -> None:
+        self._yaw, self._times, self._positions, self._pitches = yaw_deg, times, positions, pitches_deg
+
+    def pose(self, time: float) -> mpm.Pose:
+        """Return the tool's pose at a time [s]; after the last waypoint it stays there."""
+        k = min(max(int(np.searchsorted(self._times, time)), 1), len(self._times) - 1)
+        u = np.clip((time - self._times[k - 1]) / (self._times[k] - self._times[k - 1]), 0.0, 1.0)
+        u = u * u * (3.0 - 2.0 * u)  # at rest in every waypoint
+        position = (1 - u) * self._positions[k - 1] + u * self._positions[k]
+        pitch = (1 - u) * self._pitches[k - 1] + u * self._pitches[k]
+        rotation = Rotation.from_euler("ZY", (self._yaw, pitch), degrees=True)
+        return mpm.Pose(position, rotation.as_quat(scalar_first=True))
 
 
 class TaskConfig(Table):
