@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 import mpm
-from robosim.benchmarks.solver_parts import list_parts
-from robosim.benchmarks.stopwatch import Stopwatch
+from robosim.benchmarks.scene_parts import Stopwatch, list_parts
 from robosim.config.materials import MaterialConfig, load_material, overridden
 from robosim.config.rehearsal import load_rehearsal
 from robosim.reports.jobs import pin_to_core
