@@ -17,8 +17,7 @@ from policies.demonstrations.generator import make_demonstrations
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.table import write_table
 from policies.learning.environments import make_environment
-from policies.learning.files import lock_folder
-from policies.learning.workers import make_pool
+from policies.learning.files import lock_folder, make_pool
 
 SCRIPT = "script"
 

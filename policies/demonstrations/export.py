@@ -13,8 +13,7 @@ from tqdm import tqdm
 import mpm
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.learning.bundled import is_task_file
-from policies.learning.environments import make_environment
-from policies.learning.episode import Transition, run_episode
+from policies.learning.environments import Transition, make_environment, run_episode
 from policies.learning.files import write
 
 

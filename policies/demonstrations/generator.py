@@ -12,7 +12,7 @@ from policies.demonstrations.descent import Descent
 from policies.demonstrations.motion_loss import MotionLoss
 from policies.demonstrations.request import DemonstrationRequest, load_stored
 from policies.demonstrations.spline_search import SplineSearch
-from policies.learning.episode import score_motion
+from policies.learning.environments import score_motion
 from policies.learning.files import write
 
 CHANGE, PATIENCE = 0.05, 5

@@ -18,8 +18,7 @@ from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.curves import draw_gradient_norms
 from policies.demonstrations.request import load_stored, surrogate_material
 from policies.learning.environments import fingerprint, make_environment
-from policies.learning.files import lock_folder, write, write_json
-from policies.learning.workers import make_pool
+from policies.learning.files import lock_folder, make_pool, write, write_json
 
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")

@@ -7,7 +7,7 @@ import numpy as np
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import DemonstrationGenerator
 from policies.demonstrations.request import DemonstrationRequest
-from policies.learning.episode import score_motion
+from policies.learning.environments import score_motion
 from policies.learning.files import write_json
 
 

@@ -12,10 +12,8 @@ import mpm
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
-from policies.learning.environments import make_environment
-from policies.learning.episode import continue_episode
-from policies.learning.files import lock_folder, write
-from policies.learning.workers import make_pool
+from policies.learning.environments import continue_episode, make_environment
+from policies.learning.files import lock_folder, make_pool, write
 
 KNOTS, SPREAD = 8, 0.4
 """Of the random smooth motion that is added to the script: knots, and standard deviation of its actions."""

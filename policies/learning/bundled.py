@@ -1,8 +1,12 @@
-"""Names of the bundled configuration files, listed without reading them."""
+"""What is installed: names of the bundled configuration files, listed without reading them, and the extra `learn`."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import mpm
+
+NEEDED = ("torch", "stable_baselines3", "sb3_contrib", "tensorboard", "cma")
+"""Modules of the extra `learn`."""
 
 
 def configs_folder() -> Path:
@@ -51,3 +55,10 @@ def check_material(name: str | None) -> None:
     if name is not None and not name.endswith((".yaml", ".yml")) and name not in bundled_names("materials"):
         raise mpm.InvalidValue(f"material {name!r}; accepted: {', '.join(bundled_names('materials'))}, or the path of "
                                f"a .yaml file")
+
+
+def check_installed() -> None:
+    """Raise mpm.InvalidValue where a module is missing."""
+    missing = [name for name in NEEDED if find_spec(name) is None]
+    if missing:
+        raise mpm.InvalidValue(f"learning needs {', '.join(missing)}: pip install '.[learn]' in the checkout")

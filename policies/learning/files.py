@@ -1,9 +1,17 @@
-"""Atomic writes and folder locks: what lies under a file's name is always complete, in folders of one process."""
+"""Folders that several processes work in: atomic writes, locks, and pools of workers that end with their parent.
 
+What lies under a file's name is always complete.
+"""
+
+import ctypes
 import hashlib
 import json
 import os
+import signal
+import sys
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +20,8 @@ from filelock import FileLock, Timeout
 import mpm
 
 LOCK_NAME = ".lock"
+PR_SET_PDEATHSIG = 1
+"""Option of prctl(2): the signal that a process gets when its parent dies."""
 
 
 def digest(value: Any) -> str:
@@ -62,3 +72,20 @@ def write_json(path: Path, value: object) -> None:
     """Write indented JSON. Raises ValueError for numbers that JSON does not have (NaN, infinity)."""
     text = json.dumps(value, indent=2, allow_nan=False) + "\n"
     write(path, lambda temporary: temporary.write_text(text))
+
+
+def make_pool(jobs: int) -> ProcessPoolExecutor:
+    """Return a pool of `jobs` processes, spawned because Taichi does not survive a fork."""
+    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent,
+                               initargs=(os.getpid(),))
+
+
+def end_with_parent(parent: int) -> None:
+    """Have the kernel kill this process when its parent dies (Linux only).
+
+    Otherwise the workers of a killed command would go on writing to a folder whose lock is free.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # the parent died before the call above
+            raise SystemExit(1)

@@ -7,7 +7,7 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
-from policies.learning.episode import play
+from policies.learning.environments import play
 from policies.runs.training import Training
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import mpm
 from policies.demonstrations.spline_search import fit_knots, sample_spline
-from policies.learning.episode import play
+from policies.learning.environments import play
 from policies.runs import checkpoint
 from policies.runs.training import Training
 

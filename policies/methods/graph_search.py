@@ -17,7 +17,7 @@ from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import get_weights
 from policies.dynamics.rollout_files import grain_positions
 from policies.dynamics.solids import sample_solids
-from policies.learning.episode import play
+from policies.learning.environments import play
 from policies.learning.files import write, write_json
 from policies.methods.evolution import make_search, to_motion
 from policies.runs import checkpoint

@@ -7,7 +7,7 @@ from typing import Any
 import pydantic
 
 import mpm
-from policies.learning.installed import check_installed
+from policies.learning.bundled import check_installed
 from policies.learning.preset_files import Change, load_preset
 from policies.learning.presets import Preset
 

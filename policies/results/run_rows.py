@@ -6,7 +6,7 @@ from typing import Any
 
 import mpm
 from policies.learning.files import digest
-from policies.learning.migration import migrate_manifest, migrate_row
+from policies.learning.preset_files import migrate_manifest, migrate_row
 
 COLUMNS = ("task", "method", "material", "seed", "starts", "action_repeat", "obs", "max_episodes", "commit", "episodes",
            "tcs_of_best_return", "tcs_last10", "return", "seconds", "delivered", "spilled", "collisions",

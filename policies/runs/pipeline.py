@@ -21,9 +21,8 @@ import yaml
 from tqdm import tqdm
 
 import mpm
-from policies.learning.bundled import configs_folder
+from policies.learning.bundled import check_installed, configs_folder
 from policies.learning.files import lock_folder, write, write_json
-from policies.learning.installed import check_installed
 from policies.learning.preset_files import load_preset
 from policies.runs.pipeline_table import collect_rows, format_rows
 

@@ -18,7 +18,7 @@ import numpy as np
 
 import mpm
 from policies.learning.files import lock_folder, write, write_json
-from policies.learning.migration import migrate_manifest
+from policies.learning.preset_files import migrate_manifest
 from policies.runs.episodes import Episode
 
 IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_repeat", "fingerprint", "demonstrations",

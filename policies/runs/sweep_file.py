@@ -10,8 +10,7 @@ from pydantic import ConfigDict, Field, PositiveInt
 
 import mpm
 from policies.learning.bundled import bundled_names, is_task_file, is_unknown_task
-from policies.learning.migration import migrate_preset
-from policies.learning.preset_files import Change, load_model, load_preset
+from policies.learning.preset_files import Change, load_model, load_preset, migrate_preset
 from policies.learning.presets import Preset
 
 

@@ -19,8 +19,14 @@ from policies.learners.learner import build_learner, learner_class
 from policies.learners.observation_scaling import ScaledObservation
 from policies.learners.policy_file import export_policy
 from policies.learners.residual_actions import ResidualActionWrapper
-from policies.learning.environments import fingerprint, make_training_environment
-from policies.learning.episode import Transition, play, read_scores, run_episode
+from policies.learning.environments import (
+    Transition,
+    fingerprint,
+    make_training_environment,
+    play,
+    read_scores,
+    run_episode,
+)
 from policies.learning.files import digest
 from policies.learning.presets import Preset
 from policies.runs import checkpoint

@@ -3,8 +3,7 @@
 import pytest
 
 import mpm
-from policies.learning.migration import migrate_manifest, migrate_preset
-from policies.learning.preset_files import load_preset
+from policies.learning.preset_files import load_preset, migrate_manifest, migrate_preset
 from policies.learning.presets import Preset
 
 

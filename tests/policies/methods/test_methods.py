@@ -13,7 +13,7 @@ from stable_baselines3 import SAC  # noqa: E402
 
 from policies.demonstrations.spline_search import sample_spline  # noqa: E402
 from policies.learning.bundled import bundled_names  # noqa: E402
-from policies.learning.episode import play  # noqa: E402
+from policies.learning.environments import play  # noqa: E402
 from policies.learning.preset_files import load_preset  # noqa: E402
 from policies.methods import method as registry  # noqa: E402
 from policies.methods.train import train  # noqa: E402

@@ -9,8 +9,7 @@ import pytest
 import mpm
 from policies.learning.bundled import bundled_names
 from policies.learning.files import digest
-from policies.learning.migration import ROW_KEYS
-from policies.learning.preset_files import load_preset
+from policies.learning.preset_files import ROW_KEYS, load_preset
 from policies.results.run_rows import collect_rows
 from policies.results.summary import summarise
 from policies.results.tables import tables

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from policies.learning.episode import play, run_episode
+from policies.learning.environments import play, run_episode
 
 
 class Countdown(gymnasium.Env):
