@@ -6,8 +6,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
+from policies.results.page import TextTable
 from policies.results.summary import Summaries
-from policies.results.text_table import TextTable
 
 MATERIAL_COLUMNS = ("task", "material", "score", "td_mm", "delivered")
 """Columns that are taken from materials.json."""

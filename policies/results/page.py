@@ -1,16 +1,29 @@
-"""The tables of runs as text and as one HTML page without other files."""
+"""Tables of runs as text and as one HTML page without other files."""
 
 import html
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from policies.results.summary import FIGURES, Summaries
-from policies.results.text_table import TextTable, align_columns
 
 STYLE = "body{font:15px sans-serif;margin:2em}table{border-collapse:collapse}td,th{border:1px solid #bbb;" \
         "padding:.3em .6em;text-align:right}small{color:#666}"
+
+
+class TextTable(NamedTuple):
+    """A table of texts with a title."""
+
+    title: str
+    head: list[str]
+    rows: list[list[str]]
+
+
+def align_columns(lines: list[list[str]]) -> str:
+    """Return lines of cells as text with aligned columns; all lines have the same number of cells."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 
 
 def format_table(summaries: Summaries, published: dict, figure: str,

@@ -1,6 +1,7 @@
-"""`robosim tables`: results of runs, method by method, with published numbers for comparison."""
+"""`robosim tables`: the figures of finished runs, from run folders and earlier tables, beside published numbers."""
 
 import csv
+import json
 from pathlib import Path
 from typing import Any
 
@@ -8,14 +9,83 @@ import yaml
 
 import mpm
 from policies.learning.bundled import configs_folder
-from policies.learning.files import write, write_json
+from policies.learning.files import digest, write, write_json
+from policies.learning.preset_files import migrate_manifest, migrate_row
 from policies.results.further_tables import make_further_tables
-from policies.results.page import format_scores, make_page
-from policies.results.run_rows import collect_rows
+from policies.results.page import align_columns, format_scores, make_page
 from policies.results.summary import summarise_runs
-from policies.results.text_table import align_columns
 
+COLUMNS = ("task", "method", "material", "seed", "starts", "action_repeat", "obs", "max_episodes", "commit", "episodes",
+           "tcs_of_best_return", "tcs_last10", "return", "seconds", "delivered", "spilled", "collisions",
+           "turn_error_deg", "preset", "demonstrations")
+"""Of a row. tcs_of_best_return: score of the motion with the highest return, replayed, as are delivered to
+turn_error_deg; tcs_last10, return: means of the last ten episodes; seconds: of an episode; preset, demonstrations:
+digests, that of the preset over all its keys but obs and episodes."""
+OPTIONAL = ("turn_error_deg", "preset", "demonstrations")
+"""Columns that the files of earlier versions lack."""
 PUBLISHED = "arxiv_2406_09178.yaml"
+
+
+def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the rows of all finished runs, each once, and a text on each run that is not finished.
+
+    sources: folders, searched for run folders, and tables.json files.
+
+    Raises:
+        mpm.InvalidValue: a folder does not exist, or a file is no tables.json.
+    """
+    rows, unfinished = [], []
+    for source in sources:
+        if source.is_file():
+            rows += read_table(source)
+            continue
+        if not source.is_dir():
+            raise mpm.InvalidValue(f"{source}: no such folder; accepted: folders with runs of `robosim train`, or a "
+                                   f"tables.json")
+        for path in sorted(source.rglob("manifest.json")):
+            try:
+                manifest = migrate_manifest(json.loads(path.read_text()))
+                status = json.loads(path.with_name("status.json").read_text())
+                if status["state"] != "finished":
+                    unfinished.append(f"{path.parent}: {status['state']} {status.get('reason', '')}".strip())
+                    continue
+                rows.append(make_row(manifest, status))
+            except (OSError, ValueError, KeyError) as error:
+                unfinished.append(f"{path.parent}: cannot be read: {type(error).__name__}: {error}")
+    return [row for k, row in enumerate(rows) if not any(is_same_run(row, other) for other in rows[:k])], unfinished
+
+
+def is_same_run(row: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Return whether two rows are of one run; an optional column that one of them lacks is not compared."""
+    return all(row[key] == other[key] or (key in OPTIONAL and None in (row[key], other[key])) for key in COLUMNS)
+
+
+def read_table(path: Path) -> list[dict[str, Any]]:
+    """Return the rows of a tables.json, with today's column names; raises mpm.InvalidValue for another file."""
+    try:
+        rows = [migrate_row(row) for row in json.loads(path.read_text())["runs"]]
+        missing = sorted({key for row in rows for key in COLUMNS if key not in row and key not in OPTIONAL})
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error
+    if missing:
+        raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: its runs lack {', '.join(missing)}")
+    return [{key: row.get(key) for key in COLUMNS} for row in rows]
+
+
+def make_row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
+    """Return the row of a run from its manifest and status."""
+    replayed, last, preset = status["replayed"], status["last"], manifest["preset"]
+    method = manifest["method"]
+    if method == "dg_sac" and preset["obs"] != "flat":
+        method = preset["obs"]  # the paper names its ablations after the observation
+    return {"task": manifest["task"], "method": method, "material": manifest["material"], "seed": manifest["seed"],
+            "starts": manifest["starts"], "action_repeat": manifest["action_repeat"], "obs": preset["obs"],
+            "max_episodes": preset["episodes"], "commit": manifest["commit"], "episodes": status["episodes"],
+            "tcs_of_best_return": replayed.get("tcs"), "tcs_last10": last.get("tcs"), "return": last["return"],
+            "seconds": status["seconds"] / status["episodes"],
+            **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")},
+            "preset": digest({**preset, "obs": None, "episodes": None}),  # these two are columns of their own
+            "demonstrations": digest(manifest.get("demonstrations", {}))}
 
 
 def tables(sources: list[Path], out: Path) -> int:

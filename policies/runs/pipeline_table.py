@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from policies.results.text_table import align_columns
+from policies.results.page import align_columns
 
 ARM_COLUMNS = ("scooped_mass", "delivered_fraction", "spilled_fraction")
 

@@ -10,9 +10,8 @@ import mpm
 from policies.learning.bundled import bundled_names
 from policies.learning.files import digest
 from policies.learning.preset_files import ROW_KEYS, load_preset
-from policies.results.run_rows import collect_rows
 from policies.results.summary import summarise
-from policies.results.tables import tables
+from policies.results.tables import collect_rows, tables
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task
 
