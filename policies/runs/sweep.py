@@ -1,14 +1,27 @@
-"""`robosim sweep`: tasks x methods x seeds, each a run in a folder and a process of its own."""
+"""`robosim sweep`: runs of a sweep, each in a process of its own, several at a time or as jobs of SLURM."""
 
+import contextlib
+import os
+import signal
+import subprocess
 import sys
+import time
+from itertools import islice
 from pathlib import Path
 
+from tqdm import tqdm
+
 import mpm
-from policies.learning.files import write_json
+from policies.learning.files import is_locked, write_json
 from policies.learning.preset_files import Change
-from policies.runs.run_queue import run_queue
-from policies.runs.slurm import submit
-from policies.runs.sweep_file import load_sweep, plan_runs
+from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
+
+GRACE = 30.0
+"""Time [s] that a run has to end after an interrupt."""
+POLL = 0.2
+"""Time [s] between two checks of the processes."""
+TIMEOUT_MIN = 24 * 60
+"""Time limit of a job of SLURM [min]."""
 
 
 def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry_run: bool = False,
@@ -38,3 +51,84 @@ def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry_run: bool 
         print(f"failed: {run.out}: {reason}", file=sys.stderr)
     write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
     return 1 if failed else 0
+
+
+def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRun, str]]:
+    """Run all of them, `jobs` at a time; return those that failed, with the reason.
+
+    Runs that another process has locked, as one that a killed sweep has left, are waited for. total: number of runs of
+    the sweep, for the progress bar. On an exception, such as Ctrl-C, the processes are interrupted.
+    """
+    waiting, active, failed = list(runs), [], []
+    progress = tqdm(initial=total - len(runs), total=total, desc="runs", file=sys.stderr)
+    try:
+        while waiting or active:
+            startable = (run for run in waiting if not is_locked(run.out))  # lazy: each check opens a file
+            for run in list(islice(startable, jobs - len(active))):
+                waiting.remove(run)
+                if run.state == "finished":  # by a process that a killed sweep has left
+                    progress.update()
+                else:
+                    active.append((run, start_process(run)))
+            time.sleep(POLL)
+            for run, process in [pair for pair in active if pair[1].poll() is not None]:
+                active.remove((run, process))
+                if process.returncode != 0 and is_locked(run.out):  # a process of a killed sweep took the lock first
+                    waiting.append(run)
+                    continue
+                progress.update()
+                if process.returncode != 0 and run.state != "finished":
+                    failed.append((run, failure_reason(run, process.returncode)))
+    finally:
+        progress.close()
+        interrupt([process for _, process in active])
+    return failed
+
+
+def start_process(run: SweepRun) -> subprocess.Popen:
+    """Start a run's process; its stdout and stderr are appended to log.txt of its folder."""
+    run.out.mkdir(parents=True, exist_ok=True)
+    with (run.out / "log.txt").open("a") as log:
+        return subprocess.Popen([sys.executable, "-m", "robosim", *run.arguments], stdout=log, stderr=log,
+                                env={**os.environ, "OMP_NUM_THREADS": "1"},
+                                start_new_session=True)  # so that a Ctrl-C reaches it once, through `interrupt`
+
+
+def interrupt(processes: list[subprocess.Popen]) -> None:
+    """Interrupt processes as Ctrl-C does, so that each stores that it was stopped; kill them after GRACE."""
+    for process in processes:
+        process.send_signal(signal.SIGINT)
+    for process in processes:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE)
+        process.kill()
+
+
+def failure_reason(run: SweepRun, code: int) -> str:
+    """Return why a process ended: the signal that killed it, or the last line of its log."""
+    if code < 0:
+        return f"killed by signal {-code}"
+    lines = (run.out / "log.txt").read_text().strip().splitlines()
+    return lines[-1] if lines else f"exit status {code}"
+
+
+def submit(runs: list[SweepRun], partition: str, sweep_file: Path) -> int:
+    """Submit runs as an array of jobs of one core each; return 0.
+
+    Raises:
+        mpm.InvalidValue: submitit is not installed.
+    """
+    try:
+        import submitit  # pyright: ignore[reportMissingImports]  (of the extra `cluster`)
+    except ImportError as error:
+        raise mpm.InvalidValue("--slurm needs submitit: pip install '.[cluster]' in the checkout") from error
+    executor = submitit.AutoExecutor(folder=str(sweep_file.with_suffix(".slurm")))
+    executor.update_parameters(slurm_partition=partition, cpus_per_task=1, timeout_min=TIMEOUT_MIN)
+    jobs = executor.map_array(run_to_end, runs)
+    print(f"{len(jobs)} jobs: {', '.join(job.job_id for job in jobs)}")
+    return 0
+
+
+def run_to_end(run: SweepRun) -> int:
+    """Run to the end in a process of its own; return its exit status."""
+    return start_process(run).wait()

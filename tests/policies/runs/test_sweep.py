@@ -11,7 +11,6 @@ import pytest
 
 import mpm
 from policies.learning.preset_files import load_preset
-from policies.runs import slurm
 from policies.runs.sweep import sweep
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 
@@ -87,7 +86,8 @@ def test_runs_are_submitted_to_slurm(tmp_path, monkeypatch):
     assert parameters == {"slurm_partition": "long", "cpus_per_task": 1, "timeout_min": 1440}
     assert [run for _, run in jobs] == [runs[0], runs[2]]
     started = []
-    monkeypatch.setattr(slurm, "start_process", lambda run: started.append(run) or SimpleNamespace(wait=lambda: 3))
+    monkeypatch.setattr("policies.runs.sweep.start_process",
+                        lambda run: started.append(run) or SimpleNamespace(wait=lambda: 3))
     function, run = jobs[0]
     assert function(run) == 3 and started == [runs[0]]
     monkeypatch.setitem(sys.modules, "submitit", None)
