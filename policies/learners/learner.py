@@ -9,10 +9,9 @@ import stable_baselines3
 from stable_baselines3.common.noise import NormalActionNoise
 
 import mpm
-from policies.learners.actor_critics import DelayedActorMixin, NormalisedCritic
 from policies.learners.buffers import DemoReplayBuffer
-from policies.learners.residual_actions import zero_residual
-from policies.learners.set_encoders import DeepSets, PointNet
+from policies.learners.networks import DeepSets, DelayedActorMixin, NormalisedCritic, PointNet
+from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset
 
 CONTRIBUTED = ("TQC", "CrossQ")

@@ -16,9 +16,8 @@ import mpm
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
-from policies.learners.observation_scaling import ScaledObservation
 from policies.learners.policy_file import export_policy
-from policies.learners.residual_actions import ResidualActionWrapper
+from policies.learners.wrappers import ResidualActionWrapper, ScaledObservation
 from policies.learning.environments import (
     Transition,
     fingerprint,

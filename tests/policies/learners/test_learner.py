@@ -6,9 +6,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from policies.learners.actor_critics import NormalisedReLU  # noqa: E402
 from policies.learners.buffers import DemoReplayBuffer  # noqa: E402
 from policies.learners.learner import ENCODERS, build_learner, learner_class  # noqa: E402
+from policies.learners.networks import NormalisedReLU  # noqa: E402
 from policies.learning.bundled import bundled_names  # noqa: E402
 from policies.learning.preset_files import load_preset  # noqa: E402
 

@@ -7,7 +7,7 @@ import torch
 
 import mpm
 from policies.learners.learner import build_learner
-from policies.learners.residual_actions import INITIAL_NOISE, ResidualActionWrapper
+from policies.learners.wrappers import INITIAL_NOISE, ResidualActionWrapper
 from policies.learning.preset_files import load_preset
 
 
