@@ -16,6 +16,7 @@ from policies.demonstrations.action_repeat import ActionRepeat
 from policies.dynamics.graph_network import (
     Graph,
     GraphNetwork,
+    Solid,
     batch_graphs,
     get_weights,
     make_graph,
@@ -23,7 +24,6 @@ from policies.dynamics.graph_network import (
     measure_scales,
 )
 from policies.dynamics.rollout_files import Rollouts
-from policies.dynamics.solids import Solid
 from policies.learning.presets import GraphSizes
 
 TEST_EVERY = 10

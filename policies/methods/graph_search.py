@@ -14,9 +14,8 @@ from mpm.geometry.rigid_motion import rotation_matrix
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import FAILED
 from policies.dynamics.graph_model import GraphModel
-from policies.dynamics.graph_network import get_weights
+from policies.dynamics.graph_network import get_weights, sample_solids
 from policies.dynamics.rollout_files import grain_positions
-from policies.dynamics.solids import sample_solids
 from policies.learning.environments import play
 from policies.learning.files import write, write_json
 from policies.methods.evolution import make_search, to_motion

@@ -8,10 +8,9 @@ import torch
 
 import mpm
 from policies.dynamics.graph_model import GraphModel
-from policies.dynamics.graph_network import GraphNetwork, Scales, batch_graphs, make_graph, make_network
+from policies.dynamics.graph_network import GraphNetwork, Scales, Solid, batch_graphs, make_graph, make_network
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.dynamics.rollouts import cached_environment, make_rollouts
-from policies.dynamics.solids import Solid
 from policies.learning.preset_files import load_preset
 from policies.learning.presets import GraphSizes
 from policies.methods.graph_search import cost
