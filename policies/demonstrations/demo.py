@@ -12,10 +12,9 @@ import numpy as np
 import mpm
 from policies.demonstrations import RATE
 from policies.demonstrations.action_repeat import ActionRepeat
-from policies.demonstrations.curves import draw_learning_curves
 from policies.demonstrations.generator import make_demonstrations
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
-from policies.demonstrations.table import write_table
+from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
 from policies.learning.files import lock_folder, make_pool
 

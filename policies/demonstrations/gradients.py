@@ -15,8 +15,8 @@ from tqdm import tqdm
 
 import mpm
 from policies.demonstrations.action_repeat import ActionRepeat
-from policies.demonstrations.curves import draw_gradient_norms
 from policies.demonstrations.request import load_stored, surrogate_material
+from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import fingerprint, make_environment
 from policies.learning.files import lock_folder, make_pool, write, write_json
 
