@@ -10,9 +10,8 @@ from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError, RobotDiverged
-from robosim.rehearsal.bounds import find_missed
 from robosim.rehearsal.film import Film, check_camera
-from robosim.rehearsal.metrics import compute_figures
+from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.paths.motion_sequence import place_target
 from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.plots import plot_report

@@ -37,7 +37,7 @@ def outdated(name: str, module: str) -> str:
 
 def substitutions() -> dict[str, str]:
     """Values that pages use as `{{ name }}`."""
-    from robosim.rehearsal.bounds import BOUNDS
+    from robosim.rehearsal.metrics import BOUNDS
     from robosim.reports.provenance import code_digest
 
     spoon = stored("rehearsal_spoon")

@@ -12,7 +12,7 @@ import yaml
 from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_path
-from robosim.rehearsal.bounds import BOUNDS, find_missed
+from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.recording import COLUMNS
 from robosim.rehearsal.run import RehearsalRun
