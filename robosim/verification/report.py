@@ -14,8 +14,7 @@ from robosim.reports.provenance import provenance
 from robosim.verification.analysis import replace_non_finite, summarize_case
 from robosim.verification.cases import NAMES, find
 from robosim.verification.cases.claims import describe
-from robosim.verification.compare import add_comparison
-from robosim.verification.report_page import make_page
+from robosim.verification.report_page import add_comparison, make_page
 from robosim.verification.runs import execute_runs, plan_runs
 
 YARDSTICK = "reference_layout.py"

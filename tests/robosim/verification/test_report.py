@@ -18,8 +18,8 @@ from robosim.verification import runs
 from robosim.verification.analysis import replace_non_finite
 from robosim.verification.cases import find
 from robosim.verification.cases.record import Record
-from robosim.verification.compare import add_comparison
 from robosim.verification.report import read_peers, report
+from robosim.verification.report_page import add_comparison
 
 
 def test_a_report_runs_every_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
