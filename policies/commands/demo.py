@@ -15,40 +15,44 @@ EXAMPLE = """examples:
 
 def add_parser(commands: Any) -> None:
     """Add `demo` to the command line."""
-    parser = commands.add_parser("demo", help="make demonstrations by gradients through the field", epilog=EXAMPLE,
-                                 description="Optimise motions of a sub-task by gradients through the differentiable "
-                                 "field, or by CMA-ES, and write them as demonstrations.")
+    parser = commands.add_parser("demo", help="make demonstrations by gradient descent or CMA-ES", epilog=EXAMPLE,
+                                 description="Optimise motions of a sub-task by gradient descent through the "
+                                 "differentiable simulation, or by CMA-ES, and write them as demonstrations.")
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
-    parser.add_argument("--out", type=Path, required=True, help="folder for demonstrations, pictures and the table; an "
+    parser.add_argument("--out", type=Path, required=True, help="folder for demonstrations, plots and the table; an "
                         "interrupted run continues with the same command")
     parser.add_argument("--n", type=int, default=10, help="number of demonstrations, from different starts (default: "
                         "10)")
-    parser.add_argument("--jobs", type=int, default=1, help="demonstrations at a time, a core each (default: 1)")
+    parser.add_argument("--jobs", type=int, default=1, help="number of demonstrations at the same time (default: 1)")
     parser.add_argument("--method", choices=METHODS, default="descent", help="gradient descent, or CMA-ES on a spline "
                         "of the same motion, without gradients (default: descent)")
-    parser.add_argument("--material", help=f"through which gradients are taken: one of "
+    parser.add_argument("--material", help=f"material of the optimisation: one of "
                         f"{', '.join(bundled_names('materials'))}; or the path of a .yaml file (default: glycerol; "
                         "clay for scooping and for the shovel)")
-    parser.add_argument("--iterations", type=int, default=150, help="of each demonstration, at most (default: 150)")
-    parser.add_argument("--rate", type=float, default=RATE, help=f"step in actions of -1 to 1 (default: {RATE})")
+    parser.add_argument("--iterations", type=int, default=150,
+                        help="largest number of iterations for each demonstration "
+                        "(default: 150)")
+    parser.add_argument("--rate", type=float, default=RATE, help=f"largest change of an action (range -1 to 1) in an "
+                        f"iteration (default: {RATE})")
     parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")
     parser.add_argument("--from", dest="start", help="initial motion: a .npz file with actions, or `script`, the "
-                        "task's own, for a tool that must touch its material first (default: at rest)")
-    parser.add_argument("--until", type=float, help="with --from script: time [s] up to which the motion is the "
-                        "script's and stays fixed; after it the tool is initially at rest (default: the whole script, "
-                        "free to change)")
-    parser.add_argument("--limit", type=float, help="clip entries of the state's derivatives in every substep, as sand "
-                        "may need (default: never)")
-    parser.add_argument("--seed", type=int, default=0, help="of the first start, as of the environment's reset "
-                        "(default: 0)")
-    parser.add_argument("--nominal", action="store_true", help="begin the first demonstration at the task's nominal "
-                        "start, as training does by default; the others start within its ranges")
-    parser.add_argument("--arm", action="store_true", help="report what the motion demands of the arm, and execute it "
-                        "with the arm")
-    parser.add_argument("--arm-weight", type=float, default=0.0, help="of a penalty on joint speeds and angles beyond "
-                        "the arm's limits (default: 0)")
-    parser.add_argument("--no-video", action="store_true", help="draw no films")
+                        "task's scripted motion, for a tool that must touch its material first (default: at rest)")
+    parser.add_argument("--until", type=float,
+                        help="with --from script: keep the scripted motion fixed up to this time "
+                        "[s]; after it the tool is initially at rest (default: start with the whole script, keep "
+                        "nothing fixed)")
+    parser.add_argument("--limit", type=float, help="clip each entry of the state's adjoint to this in every substep; "
+                        "sand may need it (default: no clipping)")
+    parser.add_argument("--seed", type=int, default=0, help="random seed of the first start, as in the environment's "
+                        "reset (default: 0)")
+    parser.add_argument("--nominal", action="store_true", help="start the first demonstration at the task's nominal "
+                        "pose, as training does by default; the others start at random poses")
+    parser.add_argument("--arm", action="store_true", help="report joint speeds and angles that the motion needs, and "
+                        "replay it with the arm")
+    parser.add_argument("--arm-weight", type=float, default=0.0, help="weight of a penalty on joint speeds and angles "
+                        "beyond the arm's limits (default: 0)")
+    parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)

@@ -13,8 +13,8 @@ EXAMPLE = """example:
 def add_parser(commands: Any) -> None:
     """Add `export` to the command line."""
     parser = commands.add_parser("export", help="write demonstrations as transitions, for other libraries",
-                                 epilog=EXAMPLE, description="Replay demonstrations among grains and write the "
-                                 "transitions to an HDF5 file in the layout that Minari reads episodes from.")
+                                 epilog=EXAMPLE, description="Replay demonstrations in the environment and write the "
+                                 "transitions to an HDF5 file in the layout of Minari.")
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
     parser.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
     parser.add_argument("--out", type=Path, required=True, help="the .hdf5 file")

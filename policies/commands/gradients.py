@@ -13,14 +13,14 @@ EXAMPLE = """example:
 
 def add_parser(commands: Any) -> None:
     """Add `gradients` to the command line."""
-    parser = commands.add_parser("gradients", help="measure how derivatives grow backwards in time", epilog=EXAMPLE,
-                                 description="Differentiate a rollout of each task's script in several materials and "
-                                 "compare derivatives with finite differences.")
+    parser = commands.add_parser("gradients", help="measure the growth of derivatives over time", epilog=EXAMPLE,
+                                 description="Differentiate a rollout of each task's scripted motion in several "
+                                 "materials, and compare the derivatives with finite differences.")
     parser.add_argument("tasks", nargs="*", metavar="TASK",
                         help=f"of {', '.join(bundled_names('tasks'))} (default: all)")
     parser.add_argument("--out", type=Path, required=True, help="folder for gradients.json and gradients.png; rollouts "
                         "that are finished there are not repeated")
-    parser.add_argument("--jobs", type=int, default=1, help="rollouts at a time, a core each (default: 1)")
+    parser.add_argument("--jobs", type=int, default=1, help="number of rollouts at the same time (default: 1)")
     parser.set_defaults(run=run)
 
 

@@ -13,8 +13,7 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("tables", help="tabulate training runs beside published numbers", epilog=EXAMPLE,
                                  description="Tabulate the results of finished training runs, method by method, beside "
                                  "published numbers.")
-    parser.add_argument("runs", type=Path, nargs="+", help="folders, with every run in them, or a tables.json of "
-                        "earlier runs")
+    parser.add_argument("runs", type=Path, nargs="+", help="folders that contain runs, or a tables.json")
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html, tables.json and tables.csv")
     parser.set_defaults(run=run)
 

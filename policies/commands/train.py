@@ -14,18 +14,19 @@ EXAMPLE = """examples:
 
 def add_parser(commands: Any) -> None:
     """Add `train` to the command line."""
-    parser = commands.add_parser("train", help="learn a sub-task", epilog=EXAMPLE,
-                                 description="Train a policy on a sub-task by one of the methods.")
+    parser = commands.add_parser("train", help="train a policy on a sub-task", epilog=EXAMPLE,
+                                 description="Train a policy on a sub-task with one of the methods.")
     parser.add_argument("method", help=f"one of {', '.join(bundled_names('training'))}; or the path of a .yaml file")
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; a task's .yaml file; or an id of "
                         "Gymnasium, such as Pendulum-v1")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run; an interrupted run continues with "
                         "the same command")
-    parser.add_argument("--seed", type=int, default=0, help="of everything random (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, help="random seed (default: 0)")
     parser.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
     parser.add_argument("--rollouts", type=Path, help="folder of `robosim rollouts`, for methods with a graph network")
-    parser.add_argument("--episodes", type=int, help="at most (default: the method's)")
-    parser.add_argument("--material", help=f"of the grains: one of {', '.join(bundled_names('materials'))}; or the "
+    parser.add_argument("--episodes", type=int, help="largest number of episodes (default: the method's)")
+    parser.add_argument("--material",
+                        help=f"material of the grains: one of {', '.join(bundled_names('materials'))}; or the "
                         "path of a .yaml file (default: the task's)")
     parser.add_argument("--starts", choices=["nominal", "random"], default="nominal", help="start of the episodes: the "
                         "task's nominal start, or random within its ranges (default: nominal)")

@@ -15,17 +15,20 @@ EXAMPLE = """examples:
 def add_parser(commands: Any) -> None:
     """Add `bench` to the command line."""
     parser = commands.add_parser("bench", help="measure speed", epilog=EXAMPLE,
-                                 description="Measure how fast the parts run, each in a process of its own. Exit "
-                                 "status 0 only if every part could be measured.")
-    parser.add_argument("parts", nargs="*", metavar="PART", help="field by itself, or any of coupling, kinematics, "
-                        "rendering, side_by_side, a sub-task such as SpoonPour, arm_SpoonPour with the whole arm "
-                        "(default: all but field)")
+                                 description="Measure the run time of parts of the simulation, each in its own "
+                                 "process. Exit status 0 only if every part could be measured.")
+    parser.add_argument("parts", nargs="*", metavar="PART",
+                        help="field alone, or any of coupling, kinematics, rendering, "
+                        "side_by_side (several environments at the same time), a sub-task such as SpoonPour, "
+                        "arm_SpoonPour with the whole arm (default: all but field)")
     parser.add_argument("--sizes", type=positive, nargs="+", default=list(FIELD_SIZES), metavar="N",
                         help="field: number of grains (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", default=list(FIELD_SCENES), metavar="SCENE",
-                        help=f"field: of {', '.join(FIELD_SCENES)} (default: all)")
-    parser.add_argument("--yardsticks", type=Path, help="field: folder with scripts to measure in the same run")
-    parser.add_argument("--threads", type=positive, default=1, help="field: of the CPU (default: 1)")
+                        help=f"field: scenes, of {', '.join(FIELD_SCENES)} (default: all)")
+    parser.add_argument("--yardsticks", type=Path,
+                        help="field: folder with reference scripts that are timed in the same "
+                        "run")
+    parser.add_argument("--threads", type=positive, default=1, help="field: number of CPU threads (default: 1)")
     parser.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: processor (default: cpu)")
     parser.add_argument("--out", type=Path, help="folder for bench.json, or bench_field.json")
     parser.set_defaults(run=run)

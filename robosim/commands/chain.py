@@ -19,10 +19,11 @@ def add_parser(commands: Any) -> None:
                                  "sequence could be replayed.", epilog=EXAMPLE)
     parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
     parser.add_argument("--out", type=Path, required=True, help="folder for chain.json and chain.mp4")
-    parser.add_argument("--material", help=one_of(config_names("materials")) + " (default: the rehearsal's)")
+    parser.add_argument("--material",
+                        help="material: " + one_of(config_names("materials")) + " (default: the rehearsal's)")
     parser.add_argument("--motions", type=Path, help="folder with a motion of each sub-task as TASK.npz (default: the "
                         "bundled motions)")
-    parser.add_argument("--no-video", action="store_true", help="draw no film")
+    parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
     parser.set_defaults(run=run)
 

@@ -22,17 +22,18 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
     parser.add_argument("--policy", default="scripted", help=one_of(POLICIES, "or a .npz file with an array `actions` "
                         "or a network (default: scripted)"))
-    parser.add_argument("--episodes", type=positive, help="number, with seeds from --seed on (default: 5; 1 with "
+    parser.add_argument("--episodes", type=positive,
+                        help="number of episodes, with seeds from --seed on (default: 5; 1 with "
                         "--nominal)")
-    parser.add_argument("--seed", type=seed, default=0, help="of the first episode (default: 0)")
-    parser.add_argument("--material", help=one_of(config_names("materials")) + " (default: the task's)")
+    parser.add_argument("--seed", type=seed, default=0, help="random seed of the first episode (default: 0)")
+    parser.add_argument("--material", help="material: " + one_of(config_names("materials")) + " (default: the task's)")
     parser.add_argument("--nominal", action="store_true", help="start at the task's nominal start, without its random "
                         "displacement")
     parser.add_argument("--arm", action="store_true", help="move the tool with the whole arm")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="weld", help="with --arm: tool welded to the "
                         "hand, or held by the fingers alone (default: weld)")
     parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode)")
-    parser.add_argument("--no-video", action="store_true", help="draw no film")
+    parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run)
 

@@ -17,16 +17,18 @@ EXAMPLE = """examples:
 def add_parser(commands: Any) -> None:
     """Add `explain` to the command line."""
     parser = commands.add_parser("explain", help="list the parts of a scene with their cost; find its cheapest setting",
-                                 description="List what a scene's simulation is made of and what each part costs. With "
+                                 description="List the parts of a scene's simulation with the run time of each. With "
                                  "--tolerance, find the cheapest setting; exit status 0 only if there is one that is "
                                  "cheaper than the scene's own.", epilog=EXAMPLE)
     parser.add_argument("scene", help=one_of([*TASKS, *config_names("rehearsals")],
                                              "or the .yaml file of a task or a rehearsal"))
-    parser.add_argument("--tolerance", type=float, help="run the scene from coarse to fine as well, and find the "
-                        "cheapest setting whose readings lie within this of the finest's: fractions by their "
-                        "difference, masses and forces relative")
+    parser.add_argument("--tolerance", type=float,
+                        help="also run the scene with settings from coarse to fine, and find "
+                        "the cheapest one whose results differ from those of the finest by at most this: absolute for "
+                        "fractions, relative for masses and forces")
     parser.add_argument("--apply", action="store_true", help="write the scene's file with that setting to --out")
-    parser.add_argument("--jobs", type=positive, default=1, help="settings at a time, a core each (default: 1)")
+    parser.add_argument("--jobs", type=positive, default=1,
+                        help="number of settings that run at the same time (default: 1)")
     parser.add_argument("--out", type=Path, help="folder for index.html and explain.json; settings that are finished "
                         "there are not repeated")
     parser.add_settings("task's or rehearsal's file", "field.cell=0.01")

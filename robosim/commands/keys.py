@@ -24,9 +24,9 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("keys", help="list the keys of a configuration file", epilog=EXAMPLE,
                                  description="List the keys of a kind of configuration file: accepted values, default "
                                  "and meaning.")
-    parser.add_argument("kind", help=one_of(KINDS, ""))
-    parser.add_argument("--schema", action="store_true", help="print the JSON Schema instead, by which editors "
-                        "complete and check")
+    parser.add_argument("kind", help=f"kind of file: {one_of(KINDS, '')}")
+    parser.add_argument("--schema", action="store_true", help="print the JSON Schema instead, with which editors "
+                        "complete and check files")
     parser.set_defaults(run=run)
 
 

@@ -25,7 +25,7 @@ EXAMPLE = """examples:
 def parser() -> argparse.ArgumentParser:
     """The commands and their options."""
     top = CommandParser(prog="robosim", usage="robosim COMMAND ... [--help] [--version]", epilog=EXAMPLE,
-                        description="Robots that handle granular matter: rehearse, evaluate, verify and learn.")
+                        description="Simulate robot arms that handle granular material; train and evaluate policies.")
     top.add_argument("--version", action=Version)
     # the metavar is as long as the longest name, on a line of its own otherwise
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND ...", title="commands",

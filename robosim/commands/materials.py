@@ -1,4 +1,4 @@
-"""`robosim materials`: the score of one motion among thirteen materials."""
+"""`robosim materials`: the score of one motion in thirteen materials."""
 
 import argparse
 from contextlib import ExitStack
@@ -16,14 +16,14 @@ EXAMPLE = """example:
 
 def add_parser(commands: Any) -> None:
     """Add `materials` to the command line."""
-    parser = commands.add_parser("materials", help="score one motion among thirteen materials", epilog=EXAMPLE,
-                                 description="Replay one motion of each sub-task among thirteen materials, from the "
+    parser = commands.add_parser("materials", help="score one motion in thirteen materials", epilog=EXAMPLE,
+                                 description="Replay one motion of each sub-task in thirteen materials, from the "
                                  "nominal start. Exit status 0 only if every episode ran.")
     parser.add_argument("tasks", nargs="*", metavar="TASK",
                         help=f"of {', '.join(TASKS)}; or a task's .yaml file (default: all bundled sub-tasks)")
     parser.add_argument("--policy", default="learned", help=one_of(POLICIES, "or a .npz file with an array `actions` "
                         "(default: learned, the bundled motions)"))
-    parser.add_argument("--jobs", type=positive, default=1, help="episodes at a time, a core each (default: 1)")
+    parser.add_argument("--jobs", type=positive, default=1, help="number of episodes at the same time (default: 1)")
     parser.add_argument("--out", type=Path, required=True, help="folder for materials.json, .csv and .png; episodes "
                         "that are finished there are not repeated")
     parser.add_settings("tasks' files", "success.delivered=0.9")

@@ -23,13 +23,12 @@ def add_parser(commands: Any) -> None:
     """Add `new` to the command line."""
     parser = commands.add_parser("new", help="write a commented configuration file to start from", epilog=EXAMPLE,
                                  description="Write NAME.yaml: a copy of a bundled file in which a comment explains "
-                                 "every key, also those that have their default. An existing file is never replaced.")
-    parser.add_argument("kind", choices=list(BASES), help="of the file")
-    parser.add_argument("name", type=Path, metavar="NAME", help="of the new file, with its folder if it is not to lie "
-                        "in the current one; .yaml is added")
-    parser.add_argument("--from", dest="basis", metavar="BASIS", help="bundled file to copy, such as "
-                        + ", ".join(f"{name} ({kind})" for kind, name in BASES.items()) + ": the defaults; or the path "
-                        "of a .yaml file")
+                                 "every key, including those with their default. An existing file is not replaced.")
+    parser.add_argument("kind", choices=list(BASES), help="kind of file")
+    parser.add_argument("name", type=Path, metavar="NAME", help="path of the new file; .yaml is added")
+    parser.add_argument("--from", dest="basis", metavar="BASIS",
+                        help="bundled file to copy, or the path of a .yaml file "
+                        "(default: " + ", ".join(f"{name} for a {kind}" for kind, name in BASES.items()) + ")")
     parser.set_defaults(run=run)
 
 
@@ -52,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     assert isinstance(table, dict)  # or it would not have loaded
     heading = (f"A {kind}, made by `robosim new {kind} {path.stem} --from {basis}`; used by "
                f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "
-               f"A key behind a # has its default.")
+               f"A key after a # has its default; to change it, remove the #.")
     with path.open("x") as file:
         file.write(template(schema, table, heading))
     print(path)

@@ -19,19 +19,23 @@ def add_parser(commands: Any) -> None:
     """Add `rehearse` to the command line."""
     parser = commands.add_parser("rehearse", help="simulate a whole-arm motion and report on it", epilog=EXAMPLE,
                                  description="Plan a rehearsal's motion, simulate arm and grains, and write report, "
-                                 "film and joint trajectory. Exit status 0 only if every figure keeps its bound.")
+                                 "video and joint trajectory. Exit status 0 only if every result is in its accepted "
+                                 "range.")
     parser.add_argument("rehearsal", help=one_of(config_names("rehearsals")))
-    parser.add_argument("--out", type=Path, required=True, help="folder for film, pictures, report and data")
-    parser.add_argument("--material", help=one_of(config_names("materials")) + " (default: the rehearsal's)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for video, plots, report and data")
+    parser.add_argument("--material",
+                        help="material: " + one_of(config_names("materials")) + " (default: the rehearsal's)")
     parser.add_argument("--trajectory", choices=["script", "learned"], help="follow the file's waypoints, or the "
                         "learned motions of its sub-tasks (default: what the file says)")
     parser.add_argument("--motions", type=Path, help="folder with a learned motion of each sub-task as TASK.npz "
                         "(default: the bundled motions)")
     parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
                         "alone (default: what the file says)")
-    parser.add_argument("--camera", default="close", help=f"of the film: {one_of(CAMERAS, '')} (default: close)")
-    parser.add_argument("--no-video", action="store_true", help="draw no film")
-    parser.add_argument("--seed", type=seed, default=0, help="of the grains' initial positions (default: 0)")
+    parser.add_argument("--camera", default="close",
+                        help=f"camera of the video: {one_of(CAMERAS, '')} (default: close)")
+    parser.add_argument("--no-video", action="store_true", help="make no video")
+    parser.add_argument("--seed", type=seed, default=0,
+                        help="random seed of the grains' initial positions (default: 0)")
     parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
     parser.set_defaults(run=run)
 

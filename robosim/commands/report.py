@@ -15,16 +15,17 @@ def add_parser(commands: Any) -> None:
     """Add `report` to the command line."""
     parser = commands.add_parser("report", help="run verification cases: error against run time", epilog=EXAMPLE,
                                  description="Run cases with independent reference solutions and report error against "
-                                 "run time. Exit status 0 only if every case keeps its accepted range.")
+                                 "run time. Exit status 0 only if every error is in its accepted range.")
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(NAMES)} (default: all)")
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html, report.json and report.jsonl "
                         "(a line per run); runs that are finished there are not repeated")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller runs of every case")
-    parser.add_argument("--jobs", type=positive, default=1, help="runs at a time, each pinned to a core; run times are "
-                        "undisturbed with one job (default: 1)")
-    parser.add_argument("--points", type=Path, help="JSON file with other codes' results for the column collapse")
-    parser.add_argument("--yardsticks", type=Path, help="folder with reference_layout.py, which is run to convert "
-                        "other codes' seconds to this machine's")
+    parser.add_argument("--jobs", type=positive, default=1,
+                        help="number of runs at the same time, each on its own core; "
+                        "measured run times are reliable with 1 only (default: 1)")
+    parser.add_argument("--points", type=Path, help="JSON file with results of other codes for the column collapse")
+    parser.add_argument("--yardsticks", type=Path, help="folder with reference_layout.py; it is timed, to convert run "
+                        "times of other codes to this machine")
     parser.add_argument("--compare", type=Path, help="report.json of another run, to list what improved and what "
                         "became worse")
     parser.set_defaults(run=run)
