@@ -21,16 +21,16 @@ class PathConfig(Table):
     angular_acceleration: PositiveFloat
     """Angular acceleration of the tool along the path [rad/s^2]."""
     corner_tolerance: PositiveFloat = 1.5e-3
-    """Largest distance [m] between the smoothed path and the commanded screws inside a container."""
+    """Largest distance [m] between the rounded path and the screw motions inside a container."""
 
 
 class WaypointConfig(Table):
-    """A pose of the tool, reached along a screw from the waypoint before."""
+    """A pose of the tool, reached by a screw motion from the waypoint before."""
 
     name: str
-    """What reports and errors call it."""
+    """Its name in reports and errors."""
     frame: str
-    """"world" or a container: where position and rotation are given."""
+    """Frame of position and rotation: "world", or the name of a container."""
     position: Vector3
     """Position of the tool's frame [m]."""
     rotation_deg: Vector3 = (0.0, 0.0, 0.0)
@@ -40,18 +40,18 @@ class WaypointConfig(Table):
     angular_speed: PositiveFloat = 1.5
     """Angular speed on the way to this waypoint [rad/s]; the slower of the two decides."""
     stop: bool = False
-    """Whether the tool comes to rest there."""
+    """Whether the tool stops there."""
     dwell: float = Field(0.0, ge=0.0)
-    """Time at rest [s] after a stop."""
+    """Duration [s] of the stop."""
     acceleration: PositiveFloat | None = None
-    """Acceleration [m/s^2] in its corner, or to and from its stop; null: path.acceleration."""
+    """Acceleration [m/s^2] in the rounded corner, or before and after the stop; null: path.acceleration."""
 
 
 class RehearsalConfig(Table):
     """A whole-arm rehearsal."""
 
     description: str
-    """What it is, for reports."""
+    """Title of its reports."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
     """Name of a tool of models/tools."""
     material: str
@@ -59,25 +59,26 @@ class RehearsalConfig(Table):
     grasp: Grip
     """weld: fixed in the hand; friction: held by the fingers alone."""
     tool_container: list[Literal["contact", "sdf"]] = ["contact", "sdf"]  # noqa: RUF012
-    """How tool and containers interact; contact: by MuJoCo's contacts, with force; sdf: by counting container points
-    inside the tool's signed distance."""
+    """How collisions of tool and containers are detected. contact: MuJoCo contacts, which exert forces; sdf: points of
+    the container with a negative signed distance to the tool."""
     host_dt: float = Field(gt=0.0, le=1e-3)
     """MuJoCo step [s]."""
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
-    """one_way: grains exert no force on the arm; lagged: that of the step before; mobility: solved together with the
-    arm's motion within the step."""
+    """one_way: grains exert no force on the arm; lagged: their force acts one step later; mobility: contact and motion
+    of the arm are solved together."""
     collision_thickness: PositiveFloat
-    """Thickness [m] of the tool's wall in the field, grown outward so that the bowl's volume stays."""
+    """Wall thickness [m] of the tool in the simulation of the grains; thickened outward, the inner volume is kept."""
     grasp_time: PositiveFloat
     """Time [s] for the fingers to close before the arm moves."""
     containers: dict[str, ContainerConfig] = {}  # noqa: RUF012
-    """By their names in models/containers: a filled one gives the material, an empty one takes it."""
+    """Containers by their names in models/containers. A filled one is the source of the material, an empty one the
+    target."""
     pile: RegionConfig | None = None
-    """Material on the table instead of in a container, before it settles."""
+    """Region of material on the table at the start, before it settles; instead of a filled container."""
     tool_fill_height: PositiveFloat | None = None
-    """Material in the tool instead: filled up to this height [m] above the bottom of its inside."""
+    """Height [m] of material in the tool at the start, above its inner bottom; instead of a filled container."""
     area: RegionConfig | None = None
-    """Where the material is to be delivered, if not into a container."""
+    """Target region of the material, if the target is not a container."""
     field: FieldConfig
     limits: LimitsConfig
     servo: ServoConfig
@@ -85,16 +86,16 @@ class RehearsalConfig(Table):
     waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2)]
     """Poses of the tool, in order."""
     weigh_at: str | None = None
-    """Waypoint with a dwell at which the load is weighed with the wrist sensor and counts as scooped; null: the tool
-    holds nothing, all the material counts."""
+    """Waypoint with a dwell, where the wrist sensor weighs the load; the grains in the tool count as scooped. null: no
+    weighing, all grains count."""
     least_load: float = Field(0.0, ge=0.0)
-    """Mass [kg] that counts as a full tool."""
+    """Smallest accepted mass [kg] of the load."""
     trajectory: Literal["script", "learned"] = "script"
-    """script: the waypoints; learned: the learned motions of the sub-tasks in `learned`."""
+    """script: follow the waypoints; learned: follow the learned motions of the sub-tasks in `learned`."""
     learned: tuple[str, ...] = ()
-    """Sub-tasks whose learned motions follow each other."""
+    """Sub-tasks whose learned motions are joined, in order."""
     motions: str | None = None
-    """Folder with a motion of each of these as TASK.npz; null: the bundled motions."""
+    """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
     @property
     def source(self) -> str | None:

@@ -13,10 +13,10 @@ Grip = Literal["weld", "friction"]
 
 
 class LimitsConfig(Table):
-    """Joint limits of the smoothed motion; speeds are the data sheet's, scaled."""
+    """Joint limits of the time-scaled motion."""
 
     velocity_fraction: float = Field(gt=0.0, le=1.0)
-    """Fraction of the data sheet's joint speeds."""
+    """Largest joint speed as a fraction of the data sheet's."""
     acceleration: Vector7
     """Largest acceleration of each joint [rad/s^2]."""
     jerk: Vector7
@@ -33,7 +33,7 @@ class ServoConfig(Table):
 
 
 class RobotConfig(Table):
-    """How the arm moves a tool that is commanded step by step."""
+    """Limits and controller of the arm, for a tool that is commanded step by step."""
 
     description: str
     """What it is."""

@@ -55,5 +55,5 @@ class FieldConfig(Table):
     dt: PositiveFloat | None = None
     """Substep [s]; null: from the stability bound."""
     transfer_interval: NonNegativeFloat | Literal["strides"] | None = "strides"
-    """Longest time [s] that velocities stay on the grid between transfers, 0: one substep; "strides": the solver's own
-    choice."""
+    """Longest stride [s]: time between two transfers of velocities to the particles; 0: a transfer in every substep;
+    "strides": chosen from the bound of the time step."""

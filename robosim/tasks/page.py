@@ -15,8 +15,8 @@ from robosim.tasks.task import RegionConfig, TaskConfig, load_task
 PAGE = """{summary}
 
 ## Description
-{count} grains of {material} and a {tool}, which the agent moves. An episode has {steps} steps of {step_dt} s; each
-action is repeated for `action_repeat` of them, 10 by default, so that an episode takes {decisions} actions.
+{count} particles (grains) of {material} and a {tool}, which the agent moves. An episode has {steps} steps of
+{step_dt} s. Each action is repeated for `action_repeat` steps, 10 by default, so an episode has {decisions} actions.
 
 ```python
 import gymnasium, robosim
@@ -38,45 +38,45 @@ box from {lower} m to {upper} m.
 |---|---|---|---|---|
 {observations}
 
-Other layouts: "dict" (a `Dict` of particles, tool and time), "moments" (statistics of all grains), "positions",
+Other values of `obs`: "dict" (a `Dict` of particles, tool and time), "moments" (statistics of all grains), "positions",
 "velocities", "none" (no grains) and "all" (every grain).
 
 ## Rewards
-The sum of these terms over the steps of an action; `info["reward_terms"]` has each of them.
+The reward is the sum of these terms over the steps of an action; `info["reward_terms"]` has each term.
 
 | Term | Per | Value |
 |---|---|---|
 {terms}
 
-`info["tcs"]` is the task completion score, the sum of all terms but distance and contact over the episode;
-`info["tcs_terms"]` has its parts. A tool that never moves scores {worst:.2f}, a perfect motion {best:.2f}.
-`info["is_success"]` holds with {success}.
+`info["tcs"]` is the task completion score: the sum of all terms except distance and contact over the episode.
+`info["tcs_terms"]` has its parts. It is {worst:.2f} for a tool that never moves and {best:.2f} for a perfect motion.
+`info["is_success"]` is True with {success}.
 Target: {target}. A grain is lost outside {bounds}, unless the tool holds it.
 
 ## Starting State
-The grains are settled and at rest. The tool's frame is at {start} m, displaced at random by at most {spread} m along
-each axis; `reset(options={{"nominal": True}})` leaves the displacement out.
+The grains are at rest. The tool's frame is at {start} m plus a random displacement of at most {spread} m along each
+axis. `reset(options={{"nominal": True}})` starts without the displacement.
 
 ## Episode End
-Terminated: after {steps} steps, or when the simulation diverges (`info["diverged"]` has the reason, the terms are the
-worst there are, and the observation is the last finite one).
-Truncated: after {steps} steps instead, with `horizon="truncate"`.
+Terminated: after {steps} steps, or when the simulation diverges. In the latter case `info["diverged"]` has the reason,
+the reward terms have their lowest values, and the observation is the last finite one.
+Truncated: with `horizon="truncate"`, after {steps} steps.
 
 ## Arguments
 | Argument | Default | Meaning |
 |---|---|---|
-| `material` | "{material}" | a material of configs/materials, or the path of a .yaml file |
-| `action_repeat` | 10 | steps that an action is repeated for |
+| `material` | "{material}" | name of a material in configs/materials, or the path of a .yaml file |
+| `action_repeat` | 10 | number of steps for which an action is repeated |
 | `obs` | "flat" | layout of the observation |
 | `horizon` | "terminate" | "terminate" or "truncate": how an episode of full length ends |
-| `clip_actions` | False | clip finite actions outside -1 to 1 instead of raising ConfigError |
-| `randomize` | None | number of the material -> (lowest, highest), drawn for every episode |
-| `arm` | False | the whole arm carries the tool, with two-way coupling |
+| `clip_actions` | False | True: clip actions to -1 to 1; False: an action outside raises ConfigError |
+| `randomize` | None | parameter of the material -> (lowest, highest), drawn for every episode |
+| `arm` | False | True: the whole arm carries the tool, with two-way coupling |
 | `grasp` | "weld" | "weld" or "friction": how the arm's hand holds the tool |
 | `render_mode` | None | "rgb_array" or "human" |
 | `camera` | "task" | "task", "side", "overview" or "close" |
-| `task` | None | a TaskConfig or a task's .yaml file of the same kind and tool |
-| any number of the material | its own | such as `E=2e5` [Pa] or `friction_angle_deg=25.0` |
+| `task` | None | a TaskConfig or the path of a task file, of the same kind and tool |
+| any parameter of the material | the material's | such as `E=2e5` [Pa] or `friction_angle_deg=25.0` |
 
 ## Version History
 * v0: initial version

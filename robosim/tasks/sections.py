@@ -15,11 +15,11 @@ class GrainsConfig(Table):
     """Number of grains, and which of them are observed and counted."""
 
     count: PositiveInt
-    """Grains in the scene, N_p in the paper."""
+    """Number of grains; N_p in arXiv 2406.09178."""
     observe_every: PositiveInt = 1
-    """The observation holds every `observe_every`-th grain, delta_d in the paper."""
+    """n, if every n-th grain is observed; delta_d in arXiv 2406.09178."""
     elites: PositiveInt | None = None
-    """Grains closest to the goal that the reward of scooping counts; null: the observed ones count."""
+    """Number of grains closest to the goal that the reward counts, for scooping; null: the observed grains count."""
 
     @property
     def counted(self) -> int:
@@ -51,16 +51,16 @@ class StartConfig(Table):
 
 
 class ActionConfig(Table):
-    """Velocities that an action of 1 stands for, and where the tool may go."""
+    """Velocities of an action of 1, and the box in which the tool can move."""
 
     dimensions: Literal[3, 6]
-    """3: translation; 6: translation and rotation; in world axes."""
+    """3: linear velocity; 6: linear and angular velocity; in world axes."""
     speed: PositiveFloat
     """Linear velocity of an action of 1 [m/s]."""
     angular_speed: PositiveFloat = 1.0
     """Angular velocity of an action of 1 [rad/s]."""
     lower: Vector3
-    """Lower corner of the box that the origin of the tool's frame stays in [m]."""
+    """Lower corner [m] of the box in which the origin of the tool's frame stays."""
     upper: Vector3
     """Upper corner of that box [m]."""
 
@@ -75,9 +75,9 @@ class DistanceConfig(Table):
     weights: Vector3
     """Weights of the distances along x, y and z."""
     total: PositiveFloat
-    """Reward of an episode spent on the goal."""
+    """Reward of an episode in which all grains are at the goal in every step."""
     reference: PositiveFloat
-    """Weighted distance [m] at which nothing is earned."""
+    """Weighted distance [m] at which the reward is zero."""
 
 
 class TurnConfig(Table):
@@ -86,9 +86,9 @@ class TurnConfig(Table):
     scale: PositiveFloat
     """Reward per rad."""
     margin: PositiveFloat
-    """Error [rad] at which nothing is earned."""
+    """Error [rad] at which the reward is zero."""
     angle_deg: float
-    """Rotation from the start's orientation that the task asks for [deg]."""
+    """Required rotation [deg] from the orientation at the start."""
 
 
 class RewardConfig(Table):
@@ -97,15 +97,15 @@ class RewardConfig(Table):
     distance: DistanceConfig
     """Distance of the counted grains to the goal, every step."""
     target: PositiveFloat
-    """Per grain, + on the target, - off it; beta^t in the paper."""
+    """Per grain: + on the target, - elsewhere; beta^t in arXiv 2406.09178."""
     poured: float = Field(0.0, ge=0.0)
-    """Per grain in the last step, + poured out, - not; beta^p in the paper."""
+    """Per grain in the last step: + poured out, - not; beta^p in arXiv 2406.09178."""
     lost: float = Field(0.0, le=0.0)
-    """Per grain that leaves the bounds; beta^n in the paper."""
+    """Per grain that leaves the bounds; beta^n in arXiv 2406.09178."""
     contact: float = Field(0.0, ge=0.0)
-    """Per grain that touches the tool, every step; beta^c in the paper."""
+    """Per grain in contact with the tool, in every step; beta^c in arXiv 2406.09178."""
     collision: float = Field(0.0, le=0.0)
-    """Per step in which the tool hits the container; beta^i in the paper."""
+    """Per step in which the tool touches the container; beta^i in arXiv 2406.09178."""
     turn: TurnConfig | None = None
     """Rotation of the tool, in the last step."""
 
@@ -114,7 +114,7 @@ class SuccessConfig(Table):
     """What counts as success at the end of an episode."""
 
     delivered: float = Field(gt=0.0, le=1.0)
-    """Least share of the counted grains on the target."""
+    """Smallest fraction of the counted grains on the target."""
     turn_error_deg: PositiveFloat | None = None
     """Largest error of the tool's rotation [deg]; null: any."""
 

@@ -46,9 +46,9 @@ class TaskConfig(Table):
     """A sub-task."""
 
     description: str
-    """What is to be done, for the environment's page."""
+    """What the agent has to do; first line of the environment's page."""
     kind: Kind
-    """Which reward terms apply."""
+    """Kind of task; it determines the reward terms."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
     """Name of a tool of models/tools."""
     material: str
@@ -56,35 +56,35 @@ class TaskConfig(Table):
     grains: GrainsConfig
     """Number of grains, and which are observed and counted."""
     steps: PositiveInt
-    """Steps of an episode, T_s in the paper."""
+    """Steps of an episode; T_s in arXiv 2406.09178."""
     step_dt: PositiveFloat
     """Duration of a step [s]."""
     field: FieldConfig
     """Numerics of the grains."""
     tool_wall: PositiveFloat
-    """Wall thickness [m] of the tool in the field, grown outward."""
+    """Wall thickness [m] of the tool in the simulation of the grains; thickened outward."""
     container: str | None = None
-    """Container that the tool scoops from: a model below models/containers."""
+    """Container that the tool scoops from; name of a model in models/containers."""
     container_place: ContainerConfig | None = None
     """Position, yaw and fill height of that container."""
     stand: RegionConfig | None = None
-    """Block under the tool at the start; it is drawn, and grains do not collide with it."""
+    """Block under the tool at the start; only for rendering, grains do not collide with it."""
     start: StartConfig
     """Pose of the tool at the start of an episode."""
     action: ActionConfig
     """Action space."""
     goal: Vector3
-    """Point that the grains' distances are measured to [m]."""
+    """Point [m] to which the reward measures the distances of the grains."""
     target: RegionConfig
     """Region in which grains count as delivered."""
     bounds: RegionConfig
-    """A grain outside this region, and not in the tool, is lost; where pouring is the task, it is poured out."""
+    """A grain outside this region and not in the tool is lost; in tasks of the kind pour it is poured out."""
     reward: RewardConfig
     """Weights of the reward terms."""
     success: SuccessConfig
-    """What counts as success."""
+    """Criterion of success."""
     script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1)]
-    """Waypoints of the scripted policy, which begins at the start and eases from one to the next."""
+    """Waypoints of the scripted policy; the first segment begins at the start pose, and speeds are smooth."""
 
     @property
     def containers(self) -> dict[str, ContainerConfig]:
