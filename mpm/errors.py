@@ -22,11 +22,11 @@ class BackendError(MpmError):
 
 
 class InvalidValue(MpmError, ValueError):
-    """A number or shape that the field cannot work with."""
+    """A value or array shape that is not accepted."""
 
 
 class UnknownName(MpmError, ValueError):
-    """A name outside a closed list."""
+    """A name that is not in the list of accepted names."""
 
     def __init__(self, what: str, given: object, valid: Iterable[str]) -> None:
         self.given, self.valid = given, sorted(valid)
@@ -34,7 +34,7 @@ class UnknownName(MpmError, ValueError):
 
 
 class TimeStepTooLarge(InvalidValue):
-    """The time step asked for exceeds the stability bound."""
+    """The requested time step is above the stability bound."""
 
     def __init__(self, dt: float, bound: float, reason: str) -> None:
         self.dt, self.bound = dt, bound
@@ -44,7 +44,7 @@ class TimeStepTooLarge(InvalidValue):
 
 
 class ColliderTooFast(InvalidValue):
-    """A collider that no affordable substep can follow."""
+    """A collider moves so fast that it would need too many substeps."""
 
     def __init__(self, collider: int, speed: float, accepted: float) -> None:
         self.collider, self.speed, self.accepted = collider, speed, accepted
@@ -53,23 +53,23 @@ class ColliderTooFast(InvalidValue):
 
 
 class MpmWarning(UserWarning):
-    """Base of the warnings that `mpm` gives: the run goes on, its result is suspect."""
+    """Base of the warnings of `mpm`: the run continues, but its result may be wrong."""
 
 
 class OverlappingBodies(MpmWarning):
-    """Two bodies fill the same space."""
+    """Particles of two bodies overlap."""
 
 
 class StrongCompression(MpmWarning):
-    """A body too soft for its own weight."""
+    """A body's own weight compresses it by more than 10 %."""
 
 
 class NarrowPassage(MpmWarning):
-    """A gap between walls that is too narrow for the cells."""
+    """An opening of a collider is narrower than four cells; material will jam in it."""
 
 
 class SimulationDiverged(MpmError):
-    """A non-finite or absurd state, with where and when it was found.
+    """A value of the state is not finite, or a particle moves more than a cell in a substep.
 
     Attributes: time [s], step (substeps since the start), particle (index of the fastest, or of one that is not
     finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile one that moves
@@ -92,7 +92,7 @@ class SimulationDiverged(MpmError):
 
 
 class GradientDiverged(MpmError):
-    """A derivative that is not finite, with where it was found.
+    """A derivative is not finite.
 
     Attributes: step (of the rollout), substep (within it), quantity (of the state, by which the loss is
     differentiated), particle (index, or -1 where it is none's), norms (n_steps, 2) of `Gradients` as far as they were
