@@ -72,8 +72,8 @@ class SimulationDiverged(MpmError):
     """A value of the state is not finite, or a particle moves more than a cell in a substep.
 
     Attributes: time [s], step (substeps since the start), particle (index of the fastest, or of one that is not
-    finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile one that moves
-    by no finite number, or None), diagnostics (of the whole field, see `mpm.observers.diagnostics`).
+    finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile collider whose
+    motion is not finite, or None), diagnostics (`mpm.Diagnostics`).
     """
 
     diagnostics: object = None
@@ -86,7 +86,7 @@ class SimulationDiverged(MpmError):
         self.position, self.speed, self.cfl, self.collider = position, speed, cfl, collider
         whose = "" if collider is None else f"the motion of collider {collider} is not finite; fastest grain: "
         super().__init__(
-            f"diverged at t = {time:.6g} s, substep {step}: {whose}particle {particle} at {position} m, "
+            f"simulation diverged at t = {time:.6g} s, substep {step}: {whose}particle {particle} at {position} m, "
             f"speed {speed:.4g} m/s, CFL number {cfl:.3g}"
         )
 
@@ -94,9 +94,8 @@ class SimulationDiverged(MpmError):
 class GradientDiverged(MpmError):
     """A derivative is not finite.
 
-    Attributes: step (of the rollout), substep (within it), quantity (of the state, by which the loss is
-    differentiated), particle (index, or -1 where it is none's), norms (n_steps, 2) of `Gradients` as far as they were
-    finite, zero before.
+    Attributes: step (of the rollout), substep (of the step), quantity (part of the state with this derivative),
+    particle (index; -1: not of a particle), norms (n_steps, 2) as in `Gradients`, zero for steps not reached.
     """
 
     norms: Any = None
@@ -105,6 +104,6 @@ class GradientDiverged(MpmError):
         self.step, self.substep, self.quantity, self.particle = step, substep, quantity, particle
         whose = f" of particle {particle}" if particle >= 0 else ""
         super().__init__(
-            f"the derivative by {quantity}{whose} in substep {substep} of step {step} is not finite; accepted: a "
-            f"finite loss; where it grew on the way, a shorter rollout, or Rollout(limit=...) or Rollout(window=...)"
+            f"the derivative with respect to {quantity}{whose} in substep {substep} of step {step} is not finite; "
+            f"check that the loss is finite; otherwise use a shorter rollout, Rollout(limit=...) or Rollout(window=...)"
         )

@@ -33,7 +33,7 @@ class UnreachableWaypoint(ConfigError):
 
 
 class RobotDiverged(RobosimError):
-    """MuJoCo reported a bad state: a position, velocity or acceleration is not finite or far too large."""
+    """MuJoCo reported a bad state, or no motion within the joints' limits was found."""
 
     def __init__(self, time: float, warnings: list[str]) -> None:
         self.time, self.warnings = time, warnings

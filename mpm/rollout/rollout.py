@@ -34,7 +34,7 @@ class Gradients(NamedTuple):
     twists: tool_twists.TwistGradient
     """With respect to the twists, and to position and orientation at the start."""
     materials: list[dict[str, float]]
-    """With respect to each body's parameters, such as {"E": ..., "friction_angle_deg": ...}; empty without `materials`."""
+    """With respect to each body's parameters, such as {"E": ..., "nu": ...}; empty without `materials`."""
     norms: np.ndarray
     """Norms of the derivatives with respect to positions [1/m] and velocities [s/m] before each step (n_steps, 2)."""
 
@@ -94,8 +94,8 @@ class Rollout:
     def value(self, linear: np.ndarray | None, angular: np.ndarray | None, loss: Loss) -> float:
         """Return the loss of the rollout for a motion of the tool.
 
-        linear [m/s], angular [rad/s]: twist of the tool in each step, in world axes, (n_steps, 3) each; None without a
-        tool. Afterwards the solver is at the end of the rollout, after an error at its start. Raises SimulationDiverged.
+        linear [m/s], angular [rad/s]: twist of the tool in each step, in world axes, (n_steps, 3); None without a tool.
+        Afterwards the solver is at the end of the rollout, after an error at its start. Raises SimulationDiverged.
         """
         self._set_twists(linear, angular)
         total = 0.0
