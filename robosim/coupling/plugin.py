@@ -31,8 +31,8 @@ class GranularPlugin:
 
     - model, data: the MuJoCo scene. During a step the plugin adds wrenches to `data.xfrc_applied` and removes them
       afterwards; forces of the user, actuators and callbacks keep their effect.
-    - bodies: body name -> index of a collider of the solver, in the frame of the body; None: a collider is made from the
-      body's geoms, before the first advance of the solver.
+    - bodies: body name -> index of a collider of the solver, in the frame of the body; None: a collider is made from
+      the body's geoms, before the first advance of the solver.
     - coupling: "mobility": contact and motion of the bodies are solved together in every substep, with the mobility of
       the bodies computed by MuJoCo in every step. "lagged": the motion is predicted with the wrenches of the previous
       step, and the new ones are applied afterwards; light bodies need very small steps. "one_way": the bodies move the
