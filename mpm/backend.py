@@ -4,18 +4,40 @@ import contextlib
 import io
 import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from mpm.cache_folder import user_cache_folder, writable_folder
+from mpm.errors import BackendError, InvalidValue, UnknownName
+from mpm.owner import Owner, is_usable
+from mpm.tracing import cache_sources
+
+
+@contextlib.contextmanager
+def _environment(**values: str | None) -> Iterator[None]:
+    """Set variables of the environment, or with None unset them, for a call of Taichi."""
+    before = {name: os.environ.get(name) for name in values}
+    try:
+        for name, value in values.items():
+            os.environ.pop(name, None)
+            os.environ.update({name: value} if value is not None else {})
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            os.environ.update({name: value} if value is not None else {})
+
+
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
-import taichi as ti  # noqa: E402  (the variable above must be set before)
+os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")  # a thread that writes to the user's home and calls a server
+# without a home, Taichi ends the process here; nothing is written before `init`
+with _environment(XDG_CACHE_HOME=str(user_cache_folder() or os.devnull)):
+    import taichi as ti
 
-from mpm.errors import BackendError, InvalidValue, UnknownName  # noqa: E402
-from mpm.tracing import cache_sources  # noqa: E402
-
-__all__ = ["PRECISIONS", "allocating", "default_precision", "init", "is_concurrent", "is_shared", "later", "once",
-           "put", "real_type", "session_precision", "thread_count", "ti"]
+__all__ = ["PRECISIONS", "allocating", "check_owner", "default_precision", "init", "is_concurrent", "is_shared",
+           "is_usable", "later", "once", "put", "real_type", "session_precision", "thread_count", "ti"]
 
 ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
 PRECISIONS = ("f32", "f64")
@@ -34,21 +56,20 @@ class Session(NamedTuple):
 
 DEFAULT = Session("cpu", "f32", 1, True)
 _session: Session | None = None
+_owner: Owner | None = None
+"""Set when the backend was first started, or in a process that this one was forked from."""
 
 
 def init(*, arch: str | None = None, precision: str | None = None, threads: int | None = None,
          fast_math: bool | None = None) -> None:
-    """Start Taichi, once per process; without a call, the first use of `mpm` starts it with the defaults.
+    """Start the field's backend; the only `ti.init` of the process.
 
-    - arch: "cpu" (default) or "cuda".
-    - precision: "f32" (default) or "f64"; default of all solvers.
-    - threads: number of CPU threads (default 1). One is fastest below about 50 000 particles.
-    - fast_math: False keeps the IEEE order of operations, for bitwise comparisons (default True).
-
-    A second call with the same arguments does nothing. With other arguments it raises BackendError, because it would
-    invalidate all existing fields; so does "cuda" without a GPU.
+    arch: "cpu" (default), or "cuda" for a GPU; raises BackendError where there is none. precision: "f32"
+    (default) or "f64", of solvers that ask for none. threads: of the CPU, see `phases`; one, the default, is fastest
+    for fewer than some ten thousand grains. `fast_math=False` (default: True) keeps IEEE order, for tests that compare
+    bits. A second call does nothing, unless it asks for something else: that raises BackendError, as it would
+    invalidate every field that exists. The thread that calls it is the only one that can use the field from then on.
     """
-    global _session
     found = _session or DEFAULT
     arch, precision = arch or found.arch, precision or found.precision
     threads = found.threads if threads is None else threads
@@ -60,20 +81,50 @@ def init(*, arch: str | None = None, precision: str | None = None, threads: int 
     if threads < 1:
         raise InvalidValue(f"mpm.init: threads = {threads}; accepted: 1 or more")
     wanted = Session(arch, precision, int(threads), bool(fast_math))
-    if _session is not None:
+    if _is_running():
+        check_owner()
         if wanted != _session:
             raise BackendError(f"mpm.init was called with {_session}; a process has one backend, not also {wanted}")
-        return
-    # taichi announces its architecture on standard output, where a command's own lines belong
-    with contextlib.redirect_stdout(io.StringIO()):
-        _start(wanted)
+    else:
+        _start(wanted, by_name=True)
+
+
+def _is_running() -> bool:
+    """Return whether the backend is started in this process, and not only in one that it was forked from."""
+    return _owner is not None and _owner.thread is not None
+
+
+def check_owner() -> None:
+    """Raise BackendError in a thread or a forked process that cannot use the fields that were made before."""
+    if _owner is not None:
+        _owner.check()
+
+
+def _start(wanted: Session, by_name: bool) -> None:
+    """Start Taichi, which announces its architecture on standard output, where a command's own lines belong."""
+    global _session, _owner
+    if _owner is None:
+        _owner = Owner(ti.lang, BackendError)
+        cache_sources(ti.lang)
+    _owner.check_start(by_name)
+    chosen = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
+    base = user_cache_folder()
+    try:
+        folder = writable_folder(Path(chosen) if chosen else base and base / "taichi" / "ticache", "ticache")
+    except OSError as error:
+        raise BackendError(f"compiled kernels cannot be stored: {error}") from error
+    # Taichi warns of a variable that an argument replaces
+    with contextlib.redirect_stdout(io.StringIO()), _environment(XDG_CACHE_HOME=str(folder.parent),
+                                                                 TI_OFFLINE_CACHE_FILE_PATH=None):
+        _call_init(wanted, folder)
     if wanted.arch != "cpu" and ti.lang.impl.current_cfg().arch != ARCHITECTURES[wanted.arch]:
         ti.reset()
         raise BackendError(f"mpm.init: arch = {wanted.arch!r}, and this machine has none; accepted here: 'cpu'")
     _session = wanted
+    _owner.take()
 
 
-def _start(wanted: Session) -> None:
+def _call_init(wanted: Session, folder: Path) -> None:
     """Call `ti.init`, the only time in the process."""
     ti.init(
         arch=ARCHITECTURES[wanted.arch],
@@ -85,15 +136,16 @@ def _start(wanted: Session) -> None:
         advanced_optimization=False,
         log_level=ti.ERROR,
         offline_cache=True,
+        offline_cache_file_path=str(folder),
         random_seed=0,
     )
-    cache_sources(ti.lang)
 
 
 def session_precision() -> str:
     """Return the precision given to `init`, which is called with its defaults if it was not."""
-    if _session is None:
-        init()
+    if not _is_running():
+        _start(_session or DEFAULT, by_name=False)
+    check_owner()
     assert _session is not None
     return _session.precision
 
@@ -132,6 +184,7 @@ def allocating() -> Iterator[None]:
     if _waiting is not None:  # part of a larger group
         yield
         return
+    check_owner()
     if ti.lang.impl.get_runtime().prog.get_snode_tree_size() >= GROUPS:
         raise BackendError(f"this process holds {GROUPS} groups of fields, a few for each solver it has made; "
                            f"accepted: use solvers again (Solver.load, Env.reset), or make others in another process")

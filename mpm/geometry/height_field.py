@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import put, ti
+from mpm.backend import is_usable, put, ti
 from mpm.geometry.shape import Shape
 
 
@@ -22,7 +22,7 @@ class HeightField(Shape):
 
     def allocate(self) -> None:
         """Copy the heights to a field; needs a running backend."""
-        if self.values is None:
+        if not is_usable(self.values):
             self.values = ti.field(ti.f32, self.host.shape)
             put(self.values, self.host)
 

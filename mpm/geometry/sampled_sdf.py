@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import once, put, ti
+from mpm.backend import is_usable, once, put, ti
 from mpm.geometry.shape import Shape
 
 
@@ -24,7 +24,7 @@ class Lattice(Shape):
 
     def allocate(self) -> None:
         """Copy the lattice to a field; needs a running backend."""
-        if self.values is None:
+        if not is_usable(self.values):
             self.values = ti.field(ti.f32, self.host.shape)
             put(self.values, self.host)
 

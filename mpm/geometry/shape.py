@@ -37,7 +37,7 @@ class Shape:
     """Radius [m] of a ball about the frame's origin that contains the solid."""
 
     def allocate(self) -> None:
-        """Copy what kernels look up to fields; needs a running backend."""
+        """Copy what kernels look up to fields, where they are not usable yet; needs a running backend."""
 
     @ti.func
     def at(self, y):

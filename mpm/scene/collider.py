@@ -18,13 +18,13 @@ class Collider:
     sdf: Shape | Shell
     """Its signed distance, see `Sdf` and `Shell`."""
     friction: float = 0.5
-    """Coulomb friction coefficient between collider and particles [-]."""
+    """Coulomb coefficient against particles [-]."""
     pose: Pose = field(default_factory=Pose.identity)
     """Its initial pose."""
     static: bool = False
-    """Whether it never moves; contact is then faster, from a table of the nodes."""
+    """It never moves; its contact is looked up once a node."""
     mobile: bool = False
-    """Whether contact with particles moves it, with the mobility given to `Solver.set_collider_mobility`."""
+    """Contact with particles also moves it, by the mobility of `Solver.set_collider_mobility`."""
 
     def __post_init__(self) -> None:
         if not self.friction >= 0:

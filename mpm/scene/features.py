@@ -12,35 +12,35 @@ from mpm.scene.walls import Walls
 
 @dataclass(frozen=True)
 class Features:
-    """Properties of a scene that determine which kernels are compiled; derived from the scene."""
+    """Derived from the scene when the solver is built."""
 
     precision: str
     """"f32" or "f64"."""
     integrator: str
     """"series", "exact" or "auto": how Hencky strain is computed from b, and b from it."""
     volume_correction: bool
-    """A law has a volume correction."""
+    """Some law remembers expansion."""
     tensor_state: bool
-    """Particles of a law store e = b - I."""
+    """Some law remembers b."""
     volume_state: bool
-    """Particles of a law store J - 1."""
+    """Some law remembers J."""
     body_acceleration: bool
     """Every particle has an acceleration of its own besides gravity."""
     periodic: tuple[bool, bool, bool]
-    """Whether each axis is periodic."""
+    """Axes along which space closes on itself."""
     moving_solids: tuple[int, ...]
-    """Indices of solid colliders that move."""
+    """Solid colliders that are given a motion."""
     strides: bool
     """Velocities may stay on the grid over several substeps."""
     shells: tuple[int, ...]
-    """Indices of thin shells; they may move."""
+    """Thin colliders, with particles on both sides; they may move."""
     mobile: tuple[int, ...]
-    """Indices of mobile colliders: contact moves them."""
+    """Moving colliders that contact also moves; their motion is solved for in the launch."""
     static_colliders: tuple[int, ...]
-    """Indices of static colliders."""
+    """Colliders that never move: their contact is looked up once a node."""
 
     serial: bool
-    """Whether one thread advances the scene; otherwise several threads or a GPU."""
+    """One thread advances the scene; several or a GPU otherwise."""
 
     @property
     def moving_colliders(self) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpm.backend import allocating, default_precision, ti
+from mpm.backend import allocating, check_owner, default_precision, ti
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose
 from mpm.materials.material import PARAMETERS, Material
@@ -95,12 +95,11 @@ class BatchStepper(SerialStepper):
 
 
 class Batch:
-    """n environments of one scene in one process, advanced in one kernel launch.
+    """n environments of a solver's scene, each with its own particles, materials, time and poses of the colliders.
 
-    Each has its own particles, material parameters, time and poses of colliders. The counter and sample of the solver
-    are evaluated in every environment. readings: largest number of readings in one advance. Afterwards the solver has
-    the state of one of the environments; `select` chooses which. Raises InvalidValue for a solver with mobile colliders
-    or several threads.
+    The solver's attached counter and sample read in every environment; readings: the most in one advance. The solver
+    itself is left in the state of some environment: `select` chooses which. Raises InvalidValue for a solver with
+    mobile colliders or several threads.
     """
 
     def __init__(self, solver: Any, n: int, readings: int = 1) -> None:  # a Solver, which stands above
@@ -142,7 +141,7 @@ class Batch:
         return each + (self._results.nbytes + self._per_particle.nbytes + self._sampled.nbytes) // self.n
 
     def sampled(self, e: int) -> np.ndarray:
-        """Return the solver's sample (n, 6) at the end of an environment's last launch."""
+        """Return what the solver's sample (n, 6) read at the end of an environment's last launch."""
         return self._sampled.reshape(self.n, -1, 6)[e]
 
     def set_material(self, e: int, body: int, material: Material) -> None:
@@ -162,7 +161,7 @@ class Batch:
         return self._paths[e].pose(index)
 
     def load(self, e: int, state: dict[str, np.ndarray]) -> Counts | None:
-        """Load a state (`Solver.state`) into an environment; return the counts of the counter there.
+        """Put an environment into a state, see `Solver.state`; return what the counter reads there.
 
         Particles out of bounds in the state do not count as newly exited.
         """
@@ -185,11 +184,12 @@ class Batch:
         return self._counts(e, range(1))[0] if self._counter else None
 
     def advance(self, durations: np.ndarray, readings: np.ndarray) -> list[list[Counts] | SimulationDiverged]:
-        """Advance every environment by its duration [s] (n,); zero: not at all.
+        """Advance every environment by its duration [s] (n,); one with zero rests.
 
-        Returns for each environment the counts after each of its `readings` (n,) equal intervals, or the error with
-        which it ended. `load` makes such an environment usable again.
+        Returns what the counter read after each of an environment's `readings` (n,) equal intervals, or the error with
+        which it ended: `load` starts it again.
         """
+        check_owner()
         self._check(durations, readings)
         solver, tables, plans, rows = self.solver, [], [Plan()] * self.n, 0
         for e in np.flatnonzero(durations):
@@ -256,7 +256,7 @@ class Batch:
                                           self._per_particle[e * self.readings + k]) for k in readings]
 
     def select(self, e: int) -> None:
-        """Set the solver to the state of an environment, to read or render it."""
+        """Put the solver into an environment's state, to be read or drawn."""
         solver = self.solver
         with default_precision(solver.precision):
             self._stepper.states.restore_now(e)

@@ -75,7 +75,7 @@ def write_json(path: Path, value: object) -> None:
 
 
 def make_pool(jobs: int) -> ProcessPoolExecutor:
-    """Return a pool of `jobs` processes, spawned because Taichi does not survive a fork."""
+    """Return a pool of `jobs` processes, spawned because a forked one could not use a GPU."""
     return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent,
                                initargs=(os.getpid(),))
 

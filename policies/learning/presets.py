@@ -33,7 +33,7 @@ class Actor(pydantic.BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     waits: NonNegativeInt = 0
-    """Number of actions before the actor's first update."""
+    """Decisions before the actor's first update."""
     rate: float = Field(1.0, gt=0.0)
     """The actor's learning rate divided by the critics'."""
 
@@ -70,26 +70,27 @@ class Preset(pydantic.BaseModel):
     description: str
     learner: Learner
     demonstrations: Demonstrations | None = None
-    """How demonstrations are mixed into batches; null: not at all."""
+    """null: demonstrations are not mixed into batches."""
     obs: str = "flat"
     """Layout of the observation."""
     scaled: bool = True
-    """Whether observations are scaled to about 1 (positions from the goal in decimetres, ...); false: SI units."""
+    """Observations in units of the task (positions from the goal in decimetres, ...); false: SI units."""
     episodes: PositiveInt = 150
     """Largest number of episodes."""
     residual: float | None = Field(None, gt=0.0, le=1.0)
-    """Largest correction of the first demonstration by the policy, as a fraction of the action range; null: the policy
-    does not correct a demonstration but gives the action."""
+    """The policy corrects the first demonstration, by at most this share of the action range; null: the policy's
+    action is the action."""
     correction_cost: float = Field(0.0, ge=0.0)
-    """Penalty per mean square of the correction, in units of `residual`; it is not part of reported returns."""
+    """Cost subtracted from the reward, per mean square of a correction in units of `residual`; reported returns
+    leave it out."""
     actor: Actor | None = None
-    """How the actor learns; null: like its critics."""
+    """null: the actor learns as its critics do."""
     critic_layer_norm: bool = False
     """Layer normalisation in the critics."""
     encoder: Literal["pointnet", "deep_sets"] | None = None
-    """Permutation-invariant encoder of the grains; null: no encoder."""
+    """Permutation-invariant encoder of the grains; null: a network on the flat observation."""
     graph: GraphSizes | None = None
-    """Graph network that predicts the motion of the grains, trained on rollouts; null: none."""
+    """Graph network that predicts the grains' motion; it learns from rollouts."""
     discriminator_updates: PositiveInt = 1
     """Updates of GAIL's discriminator for each batch of the policy's transitions."""
     options: dict[str, Any] = {}  # noqa: RUF012

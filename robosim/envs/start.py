@@ -12,6 +12,7 @@ import numpy as np
 import platformdirs
 
 import mpm
+from mpm.cache_folder import writable_folder
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.config.materials import MaterialConfig
 from robosim.scene.settle import settle
@@ -32,8 +33,11 @@ NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", 
 
 
 def cache_folder() -> Path:
-    """Return the folder of settled states, below ROBOSIM_CACHE or the user's cache folder."""
-    return Path(os.environ.get("ROBOSIM_CACHE") or platformdirs.user_cache_dir("robosim")) / "starts"
+    """Return the folder of settled states, below ROBOSIM_CACHE or the user's cache folder, or a temporary one."""
+    chosen = os.environ.get("ROBOSIM_CACHE")
+    if chosen:
+        return Path(chosen) / "starts"
+    return writable_folder(Path(platformdirs.user_cache_dir("robosim")) / "starts", "starts")
 
 
 def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:

@@ -1,7 +1,7 @@
 """Vector environments: `gymnasium.make_vec("robosim/SpoonPour-v0", num_envs=8)`.
 
 Environments of one process share a field and a launch; with several cores there is a process for each. Processes are
-spawned, because the field's backend does not survive a fork. A script that makes a vector environment therefore needs
+spawned, because a forked one could not use a GPU. A script that makes a vector environment therefore needs
 `if __name__ == "__main__":`, or `workers=1`.
 """
 

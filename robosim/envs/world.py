@@ -41,7 +41,6 @@ class World:
         own = load.material if load is not None and material is None else load_material(material or self.task.material)
         self.material = overridden(own, numbers or {}, "option, or number of this material,")
         self.randomize = self._check_ranges(randomize or {})
-        mpm.init()
         self.load, positions = load, None if load is None else load_positions(self.task, load)
         self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, positions=positions,
                                    volume=None if load is None else load.volume)

@@ -60,7 +60,6 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     plan = plan_motion(config)
     folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(plan.motion))
     print("preparing grains and robot ...", file=sys.stderr)
-    mpm.init()
     run = RehearsalRun(config, plan, seed=seed)
     film = _open_film(run, folder, camera)
     try:
