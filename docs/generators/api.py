@@ -21,8 +21,11 @@ SHAPES = ["mpm.geometry.primitives.Plane", "mpm.geometry.primitives.Sphere", "mp
 """Shapes that `mpm.Sdf` makes; their pages show how to make them, not the functions that kernels call."""
 FOREIGN = "tuple, dict, BaseException, Warning, BaseModel, Env, VecEnv"
 """Bases whose own members are left out."""
-HIDDEN = "count, index, model_config"
-"""Members of named tuples and of pydantic's models that are left out."""
+HIDDEN = "count, index, model_config, stress, stress_back, return_mapping, return_mapping_back"
+"""Members that are left out: those of named tuples and of pydantic's models, and what only kernels call."""
+ALSO_HIDDEN = {"RegionCounter": ", accumulate, list_particles, position, distance, contains, count_near, probe_points",
+               "Sample": ", take", "Region": ", row"}
+"""Class -> further members that only kernels call."""
 POLICIES = ["policies.learners.vec_env.SB3VecEnv", "policies.learning.presets.Preset",
             "policies.learning.preset_files.load_preset", "policies.methods.method.Method"]
 """What programs use of policies besides its commands."""
@@ -31,7 +34,8 @@ POLICIES = ["policies.learners.vec_env.SB3VecEnv", "policies.learning.presets.Pr
 def directive(path: str, value: Any) -> str:
     """The autodoc directive of one object."""
     if inspect.isclass(value):
-        return f".. autoclass:: {path}\n   :members:\n   :inherited-members: {FOREIGN}\n   :exclude-members: {HIDDEN}\n"
+        hidden = HIDDEN + ALSO_HIDDEN.get(value.__name__, "")
+        return f".. autoclass:: {path}\n   :members:\n   :inherited-members: {FOREIGN}\n   :exclude-members: {hidden}\n"
     return f".. autofunction:: {path}\n" if callable(value) else f".. autodata:: {path}\n"
 
 

@@ -17,7 +17,7 @@ MAX_VOLUME_CORRECTION = 0.5
 @dataclass(frozen=True, kw_only=True)
 class DruckerPrager(Hencky):
     """Sand: Hencky elasticity inside a Drucker-Prager cone (Klar et al. 2016, ACM TOG 35(4):103), with the volume
-    correction of Tampubolon et al. 2017 (TOG 36(4):105): expansion without stress is recovered before stress returns.
+    correction of Tampubolon et al. 2017 (TOG 36(4):105): stress-free expansion is reversed before pressure builds up.
 
     Raises InvalidValue for numbers out of range, UnknownName for another cone.
     """
@@ -25,9 +25,9 @@ class DruckerPrager(Hencky):
     friction_angle_deg: float
     """Internal friction angle [deg], in [0, 90)."""
     cohesion: float = 0.0
-    """Shear strength [Pa] without pressure; tension is carried up to cohesion / tan(friction angle)."""
+    """Shear strength [Pa] at zero pressure; tension is carried up to cohesion / tan(friction angle)."""
     cone: str = "compression"
-    """"compression": matches Mohr-Coulomb in triaxial compression, as Klar does; "plane_strain": in plane strain."""
+    """Match with Mohr-Coulomb: "compression", in triaxial compression (Klar et al. 2016), or "plane_strain"."""
 
     plastic = True
     has_volume_correction = True

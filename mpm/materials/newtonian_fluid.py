@@ -9,15 +9,15 @@ from mpm.materials.elasticity import check_range
 
 @dataclass(frozen=True, kw_only=True)
 class NewtonianFluid:
-    """tau = -bulk_modulus (1 - J) J I + 2 viscosity J dev(D), D the symmetric part of the velocity gradient.
+    """Newtonian fluid: tau = bulk_modulus (J - 1) J I + 2 viscosity J dev(D), D the rate of deformation [1/s].
 
     Raises InvalidValue for numbers out of range.
     """
 
     bulk_modulus: float
-    """[Pa]"""
+    """Bulk modulus [Pa]."""
     density: float
-    """[kg/m^3]"""
+    """Density [kg/m^3]."""
     viscosity: float = 0.0
     """Dynamic viscosity [Pa s]."""
 
@@ -32,7 +32,7 @@ class NewtonianFluid:
 
     @property
     def mu(self) -> float:
-        """Shear modulus [Pa]: none."""
+        """Shear modulus [Pa]: zero."""
         return 0.0
 
     @property

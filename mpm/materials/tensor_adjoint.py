@@ -1,8 +1,8 @@
 """Adjoints of the functions of symmetric tensors.
 
-`x_bar` is the adjoint of x: the derivative of the loss by x. A symmetric tensor is a list of six entries, and its
-adjoint the list of derivatives by these: an off-diagonal entry stands
-for two places of the matrix, so that the matrix of derivatives holds half of it in each. Functions of tensors are
+`x_bar` is the adjoint of x: the derivative of the loss with respect to x. A symmetric tensor is a list of six entries,
+and its adjoint is the list of derivatives with respect to these. An off-diagonal entry stands for two places of the
+matrix, so that the matrix of derivatives holds half of it in each. Functions of tensors are
 differentiated through eigenvalues (Daleckii and Krein 1965), which is exact where eigenvalues coincide, too.
 """
 

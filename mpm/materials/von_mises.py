@@ -11,13 +11,13 @@ from mpm.materials.yield_surface import TINY, yielding_share
 
 @dataclass(frozen=True, kw_only=True)
 class VonMises(Hencky):
-    """Clay: Hencky elasticity up to |dev tau| = sqrt(2/3) yield_stress, then flow at constant volume.
+    """Clay: Hencky elasticity up to |dev tau| = sqrt(2/3) yield_stress, then plastic flow at constant volume.
 
     Raises InvalidValue for a number out of range.
     """
 
     yield_stress: float
-    """Strength [Pa] in uniaxial tension."""
+    """Yield stress [Pa] in uniaxial tension."""
 
     plastic = True
 

@@ -96,9 +96,9 @@ class RegionCounter:
                 probe.allocate()
         self._out = np.zeros((COUNTER_ROWS, 6))
         self.slots = self.particles.index[counted]
-        """Rows of a reading's numbers of single particles that belong to the counted ones."""
+        """Rows of the per-particle values of a launch that belong to the counted particles."""
         self.per_particle_shape = (len(roles) if per_particle else 1, 2)
-        """Numbers of single particles in one reading."""
+        """Shape of the per-particle values of one reading."""
         self._per_particle = np.zeros((1, *self.per_particle_shape), np.float32)
 
     def restart(self) -> None:
@@ -113,7 +113,7 @@ class RegionCounter:
             self.solver.rollback.store_pending()
 
     def read(self) -> Counts:
-        """Count the present state."""
+        """Return the counts of the current state."""
         self._set_state_aside()
         pose: Pose = self.solver.collider_pose(self.index)
         self._out[:] = 0.0

@@ -12,7 +12,7 @@ DIFFERENCE = 1e-6
 
 
 def material_gradients(solver: Any, kernel: Any) -> list[dict[str, float]]:
-    """Return for each body the derivative of the loss by each number of its material but the density."""
+    """Return for each body the derivatives of the loss with respect to its parameters except density."""
     if not kernel.materials:
         return []
     bars = kernel.parameter_bars.to_numpy()

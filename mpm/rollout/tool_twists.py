@@ -70,7 +70,7 @@ class TwistGradient(NamedTuple):
 
 def differentiate_twists(path: ToolPath, linear: np.ndarray, angular: np.ndarray, dt: float, table_bar: np.ndarray,
                          pose_bar: np.ndarray) -> TwistGradient:
-    """Return the derivatives by the twists.
+    """Return the derivatives with respect to the twists.
 
     table_bar: adjoint of the motion table (steps, n, COLUMNS). pose_bar: adjoint of the poses after every step
     (steps, 6): by position, and by a turn in world axes.

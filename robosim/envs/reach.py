@@ -73,7 +73,7 @@ class Reach:
 
     def penalty(self, start: Pose, linear: np.ndarray,
                 angular: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
-        """Return the penalty on exceeded joint limits and its derivatives by linear and angular (n, 3).
+        """Return the penalty on exceeded joint limits and its derivatives with respect to linear and angular (n, 3).
 
         It is the mean over the steps of the squared excesses of speed and angle, as shares of their limits.
         """
