@@ -62,13 +62,16 @@ _owner: Owner | None = None
 
 def init(*, arch: str | None = None, precision: str | None = None, threads: int | None = None,
          fast_math: bool | None = None) -> None:
-    """Start the field's backend; the only `ti.init` of the process.
+    """Start Taichi, once per process; without a call, the first use of `mpm` starts it with the defaults.
 
-    arch: "cpu" (default), or "cuda" for a GPU; raises BackendError where there is none. precision: "f32"
-    (default) or "f64", of solvers that ask for none. threads: of the CPU, see `phases`; one, the default, is fastest
-    for fewer than some ten thousand grains. `fast_math=False` (default: True) keeps IEEE order, for tests that compare
-    bits. A second call does nothing, unless it asks for something else: that raises BackendError, as it would
-    invalidate every field that exists. The thread that calls it is the only one that can use the field from then on.
+    - arch: "cpu" (default) or "cuda".
+    - precision: "f32" (default) or "f64"; default of all solvers.
+    - threads: number of CPU threads (default 1). One is fastest below about 50 000 particles.
+    - fast_math: False keeps the IEEE order of operations, for bitwise comparisons (default True).
+
+    A second call with the same arguments does nothing. With other arguments it raises BackendError, because it would
+    invalidate all existing fields; so does "cuda" without a GPU. The thread that calls it is the only one that can use
+    `mpm` from then on.
     """
     found = _session or DEFAULT
     arch, precision = arch or found.arch, precision or found.precision

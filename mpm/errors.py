@@ -22,11 +22,11 @@ class BackendError(MpmError):
 
 
 class InvalidValue(MpmError, ValueError):
-    """A number or shape that the field cannot work with."""
+    """A value or array shape that is not accepted."""
 
 
 class UnknownName(MpmError, ValueError):
-    """A name outside a closed list."""
+    """A name that is not in the list of accepted names."""
 
     def __init__(self, what: str, given: object, valid: Iterable[str]) -> None:
         self.given, self.valid = given, sorted(valid)
@@ -34,7 +34,7 @@ class UnknownName(MpmError, ValueError):
 
 
 class TimeStepTooLarge(InvalidValue):
-    """The time step asked for exceeds the stability bound."""
+    """The requested time step is above the stability bound."""
 
     def __init__(self, dt: float, bound: float, reason: str) -> None:
         self.dt, self.bound = dt, bound
@@ -44,7 +44,7 @@ class TimeStepTooLarge(InvalidValue):
 
 
 class ColliderTooFast(InvalidValue):
-    """A collider that no affordable substep can follow."""
+    """A collider moves so fast that it would need too many substeps."""
 
     def __init__(self, collider: int, speed: float, accepted: float) -> None:
         self.collider, self.speed, self.accepted = collider, speed, accepted
@@ -53,27 +53,27 @@ class ColliderTooFast(InvalidValue):
 
 
 class MpmWarning(UserWarning):
-    """Base of the warnings that `mpm` gives: the run goes on, its result is suspect."""
+    """Base of the warnings of `mpm`: the run continues, but its result may be wrong."""
 
 
 class OverlappingBodies(MpmWarning):
-    """Two bodies fill the same space."""
+    """Particles of two bodies overlap."""
 
 
 class StrongCompression(MpmWarning):
-    """A body too soft for its own weight."""
+    """A body's own weight compresses it by more than 10 %."""
 
 
 class NarrowPassage(MpmWarning):
-    """A gap between walls that is too narrow for the cells."""
+    """An opening of a collider is narrower than four cells; material will jam in it."""
 
 
 class SimulationDiverged(MpmError):
-    """A non-finite or absurd state, with where and when it was found.
+    """A value of the state is not finite, or a particle moves more than a cell in a substep.
 
     Attributes: time [s], step (substeps since the start), particle (index of the fastest, or of one that is not
-    finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile one that moves
-    by no finite number, or None), diagnostics (of the whole field, see `mpm.observers.diagnostics`).
+    finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile collider whose
+    motion is not finite, or None), diagnostics (`mpm.Diagnostics`).
     """
 
     diagnostics: object = None
@@ -86,17 +86,16 @@ class SimulationDiverged(MpmError):
         self.position, self.speed, self.cfl, self.collider = position, speed, cfl, collider
         whose = "" if collider is None else f"the motion of collider {collider} is not finite; fastest grain: "
         super().__init__(
-            f"diverged at t = {time:.6g} s, substep {step}: {whose}particle {particle} at {position} m, "
+            f"simulation diverged at t = {time:.6g} s, substep {step}: {whose}particle {particle} at {position} m, "
             f"speed {speed:.4g} m/s, CFL number {cfl:.3g}"
         )
 
 
 class GradientDiverged(MpmError):
-    """A derivative that is not finite, with where it was found.
+    """A derivative is not finite.
 
-    Attributes: step (of the rollout), substep (within it), quantity (of the state, by which the loss is
-    differentiated), particle (index, or -1 where it is none's), norms (n_steps, 2) of `Gradients` as far as they were
-    finite, zero before.
+    Attributes: step (of the rollout), substep (of the step), quantity (part of the state with this derivative),
+    particle (index; -1: not of a particle), norms (n_steps, 2) as in `Gradients`, zero for steps not reached.
     """
 
     norms: Any = None
@@ -105,6 +104,6 @@ class GradientDiverged(MpmError):
         self.step, self.substep, self.quantity, self.particle = step, substep, quantity, particle
         whose = f" of particle {particle}" if particle >= 0 else ""
         super().__init__(
-            f"the derivative by {quantity}{whose} in substep {substep} of step {step} is not finite; accepted: a "
-            f"finite loss; where it grew on the way, a shorter rollout, or Rollout(limit=...) or Rollout(window=...)"
+            f"the derivative with respect to {quantity}{whose} in substep {substep} of step {step} is not finite; "
+            f"check that the loss is finite; otherwise use a shorter rollout, Rollout(limit=...) or Rollout(window=...)"
         )

@@ -35,15 +35,16 @@ from mpm.stepping.stride import Interval, choose_interval, longest_stride, split
 
 
 class Solver(Readings):
-    """Advances particles; the documentation's page of conventions has units and frames.
+    """Explicit MLS-MPM solver of one scene: grid, bodies, colliders and walls.
 
-    dt: substep [s], or None for `COURANT_FRACTION` of the stable one; a larger dt than that raises TimeStepTooLarge. A
-    collider that moves faster than dt allows is followed with smaller substeps. precision: "f32", "f64" or None
-    (init's). integrator: "series", "exact", "auto" or None: how Hencky strain is computed. "auto" takes eigenvalues for
-    particles with strain outside the series' accurate range; None is "auto" in single precision, "exact" in double.
-    transfer_interval: longest time [s] for which velocities stay on the grid, within an advance and between readings
-    (see `stride`); 0: a substep; None and "strides": see `choose_interval`. body_acceleration: (n_particles, 3)
-    [m/s^2], see `set_body_acceleration`. Raises InvalidValue and UnknownName for arguments out of range.
+    - dt: substep [s]; None: 0.75 of the largest stable one; above that one: TimeStepTooLarge. Substeps become smaller
+      where a collider would move more than a quarter of a cell in one.
+    - precision: "f32", "f64" or None (that of `init`).
+    - integrator of Hencky strain: "series", accurate for small strain; "exact", by eigenvalues; "auto", by eigenvalues
+      where the series is not accurate; None: "auto" in f32, "exact" in f64.
+    - transfer_interval: longest stride [s], the time between two transfers of velocities to the particles; 0: one
+      substep. "strides": 3 largest stable substeps, 0 with a fluid; None: the same, and 0 with a mobile collider.
+    - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
     """
 
     def __init__(
@@ -117,12 +118,12 @@ class Solver(Readings):
 
     @property
     def transfer_interval(self) -> float:
-        """Longest stride [s] with the present materials and colliders."""
+        """Longest stride [s] with the current materials and colliders."""
         return choose_interval(self.requested_interval, self.bodies, self.colliders, self.bound)
 
     # scene -----------------------------------------------------------------------------------------------------------
     def set_colliders(self, colliders: list[Collider]) -> None:
-        """Replace the scene's colliders before the first advance; the particles stay as they are."""
+        """Replace all colliders, before the first advance; particles are unchanged."""
         if self.steps > 0 or self.counter is not None:
             raise InvalidValue("set_colliders: the scene is fixed by the first advance or an attached counter; "
                                "accepted: colliders that are set before")
@@ -137,18 +138,18 @@ class Solver(Readings):
         self._momentum = self.momentum()
 
     def set_gravity(self, gravity: np.ndarray) -> None:
-        """Set gravity [m/s^2] (3,) from now on."""
+        """Set gravity [m/s^2] (3,)."""
         self.gravity = check_finite("set_gravity", gravity, (3,))
         self.fields.parameters.gravity[None] = self.gravity
 
     def set_friction(self, index: int, friction: float) -> None:
-        """Set the Coulomb coefficient of a collider from now on; nothing is compiled again."""
+        """Set the friction coefficient of a collider, without recompilation."""
         self.paths.pose(index)
         self.colliders[index] = replace(self.colliders[index], friction=friction)
         self.fields.parameters.set_friction(index, friction)
 
     def set_material(self, index: int, material: Material) -> None:
-        """Give a body other numbers of its law from now on; raises TimeStepTooLarge where they need a smaller dt."""
+        """Set other parameters of a body's law, without recompilation; raises TimeStepTooLarge if dt is too large."""
         self.check_material(index, material)
         is_heavier = material.density != self.bodies[index].material.density
         self.bodies[index] = replace(self.bodies[index], material=material)
@@ -157,7 +158,7 @@ class Solver(Readings):
         self._momentum = self.momentum() if is_heavier else self._momentum
 
     def check_material(self, index: int, material: Material) -> None:
-        """Raise InvalidValue or TimeStepTooLarge where a body cannot be given this material."""
+        """Raise InvalidValue or TimeStepTooLarge if `set_material` would not accept this material."""
         accepted = type(self.bodies[index].material)
         if type(material) is not accepted:
             raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {accepted.__name__}")
@@ -166,7 +167,7 @@ class Solver(Readings):
             raise TimeStepTooLarge(self.dt, bound, "isolated particle")
 
     def attach(self, counter: RegionCounter, sample: Sample | None = None) -> None:
-        """Attach an in-kernel counter, read during advances, and a sample, taken at their end; compile kernels anew."""
+        """Attach a counter, evaluated during advances, and a sample, taken at their end; kernels are recompiled."""
         if counter.particles is not self.particles or counter.index not in self.features.moving_colliders:
             raise InvalidValue("attach: the counter is of another solver or of other colliders, or its collider cannot "
                                "move; accepted: a RegionCounter of this solver and of a moving collider")
@@ -177,7 +178,7 @@ class Solver(Readings):
         self._per_particle = np.zeros((MAX_READINGS, *counter.per_particle_shape), np.float32)
 
     def set_body_acceleration(self, accelerations: np.ndarray) -> None:
-        """Set accelerations [m/s^2] (n_particles, 3) besides gravity; only for a solver that was built with some."""
+        """Set accelerations besides gravity [m/s^2] (n_particles, 3); only if the solver was made with some."""
         if not self.features.body_acceleration:
             raise InvalidValue("set_body_acceleration: the solver has none; build it with body_acceleration=(n, 3) or "
                                "zeros")
@@ -190,20 +191,19 @@ class Solver(Readings):
 
     # motion of colliders -------------------------------------------------------------------------------------------
     def set_collider_motion(self, index: int, begin: Pose, *ends: Pose) -> None:
-        """Move a collider along the screw from begin to end in the next advance; pass several ends at equal times."""
+        """Move a collider in the next advance by a screw motion from begin to end, or to ends at equal intervals."""
         self.paths.set(index, begin, ends)
 
     def set_collider_mobility(
         self, index: int, W: np.ndarray, free_twist: np.ndarray, *, twist: np.ndarray | None = None,
         pose: Pose | None = None, centre: np.ndarray | None = None, others: dict[int, np.ndarray] | None = None,
     ) -> None:
-        """Set how a mobile collider moves in the next advance: by contact with particles, and without it.
+        """Set how a mobile collider responds to contact in the next advance, and how it moves without contact.
 
-        W: (6, 6) change of its twist (linear, angular) by an impulse (linear, angular) on it, both in world axes about
-        its centre, symmetric and positive semi-definite. free_twist: (6,) its twist at the end of the advance without
-        contact. twist: (6,) now, or None: that at the end of the last advance. pose: of its frame now, or None:
-        likewise. centre: [m] (3,) in the world, or None: the frame's origin. others: changes (6, 6) of its twist by
-        impulses on other mobile colliders, by their index, where one mechanism holds both. Raises InvalidValue.
+        W: mobility (6, 6): change of twist (linear, angular) per impulse (same order), in world axes about `centre`,
+        symmetric and positive semi-definite. free_twist: twist (6,) at the end of the advance without contact. twist,
+        pose: current ones; None: those at the end of the last advance. centre: [m] (3,); None: the frame's origin.
+        others: index of a mobile collider -> change (6, 6) of this twist per impulse on it. Raises InvalidValue.
         """
         if index not in self.features.mobile:
             raise InvalidValue(f"collider {index} is not mobile; mobile: {self.features.mobile}")
@@ -220,7 +220,7 @@ class Solver(Readings):
         return self.mobility.twist(index)
 
     def compile(self) -> None:
-        """Compile now what the first advance would; nothing moves."""
+        """Compile the kernels now instead of in the first advance; nothing moves."""
         with default_precision(self.precision):
             self._launch(0, self.dt, np.zeros((1, 1, COLUMNS), self.dtype), 0, 1)
             self.stepper.mark(self.stamps.take(1))
@@ -229,9 +229,9 @@ class Solver(Readings):
     def advance(self, duration: float, readings: int = 1) -> list[Counts]:
         """Advance by `duration` [s] in equal substeps of at most `dt`.
 
-        Returns what the attached counter read after each of `readings` equal intervals, nothing without one. Raises
-        SimulationDiverged when a state is not finite or faster than `SPEED_LIMIT` cells a substep, and ColliderTooFast,
-        before anything moves, where no substep could follow a collider.
+        Returns the counts of the attached counter after each of `readings` equal intervals; an empty list without one.
+        Raises SimulationDiverged if a value is not finite or a particle moves more than a cell in a substep, and
+        ColliderTooFast, before anything moves, if a collider would need too many substeps.
         """
         check_owner()
         if not 0 < duration < math.inf:
@@ -285,7 +285,7 @@ class Solver(Readings):
     def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a collider received in the last advance.
 
-        about: point [m] (3,), or None: a mobile collider's centre as it moved, another's origin at the advance's end.
+        about: point [m] (3,); None: a mobile collider's moving centre, another's origin at the end of the advance.
         """
         here = self.paths.pose(index).position
         if about is None and index in self.features.mobile:
@@ -295,7 +295,7 @@ class Solver(Readings):
         return Wrench(linear, angular - np.cross(point, linear))
 
     def momentum_after_advance(self) -> Momentum:
-        """Return the momentum after the last advance or load, summed in its launch: no copy of the state."""
+        """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""
         return self._momentum
 
     def momentum(self) -> Momentum:
@@ -307,20 +307,20 @@ class Solver(Readings):
         return diagnostics.compute_energy(self)
 
     def diagnostics(self) -> Diagnostics:
-        """Return mass, momentum, energy, CFL number, compaction, escaped and non-finite particles."""
+        """Return mass, momentum, energy, CFL number, and the numbers of escaped and non-finite particles."""
         return diagnostics.compute_diagnostics(self)
 
     # states ----------------------------------------------------------------------------------------------------------
     def store_checkpoint(self) -> None:
-        """Store the state on the device until the next call: a copy there, far cheaper than `state`."""
+        """Store a copy of the state in the memory of the device, until the next call; much faster than `state`."""
         self.rollback.store()
 
     def restore_checkpoint(self) -> None:
-        """Return to the checkpoint, any number of times; raises InvalidValue where there is none."""
+        """Restore the stored checkpoint, any number of times; raises InvalidValue if there is none."""
         self.rollback.restore()
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return all that later states depend on besides run-time parameters such as gravity, exact to the bit."""
+        """Return the state, for a bitwise identical continuation; it has no parameters such as gravity."""
         named = self.particles.named_fields()
         arrays = {name: self.particles.read(fields) for name, fields in named.items()}
         poses = np.array([np.concatenate(pose) for pose in self.paths.poses]).reshape(-1, 7)
@@ -328,7 +328,7 @@ class Solver(Readings):
                          **self.mobility.save()}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
-        """Return to a state of this solver, or of one built from the same scene.
+        """Load a state of this solver, or of one made from the same scene.
 
         Raises InvalidValue, and changes nothing, for a state of another scene.
         """
@@ -342,7 +342,7 @@ class Solver(Readings):
         self.adopt_state(poses, time, steps)
 
     def adopt_state(self, poses: list[Pose], time: float, steps: int, momentum: Momentum | None = None) -> None:
-        """Take over a state that the fields hold: poses of colliders, time [s], substeps, momentum if known."""
+        """Take over a state that a kernel wrote to the fields: poses, time [s], substeps, momentum if known."""
         self.time, self.steps, self.paths.poses = time, steps, poses
         self.paths.pending.clear()
         self._momentum = self.momentum() if momentum is None else momentum

@@ -14,7 +14,7 @@ class ConfigError(RobosimError, ValueError):
 
 
 class UnknownName(ConfigError):
-    """A name outside a closed list."""
+    """A name that is not in the list of accepted names."""
 
     def __init__(self, what: str, given: object, valid: Iterable[str], also: str = "") -> None:
         self.given, self.valid = given, sorted(valid)
@@ -33,7 +33,7 @@ class UnreachableWaypoint(ConfigError):
 
 
 class RobotDiverged(RobosimError):
-    """A position, speed or acceleration of the robot is not finite or far too large, or there is none."""
+    """MuJoCo reported a bad state, or no motion within the joints' limits was found."""
 
     def __init__(self, time: float, warnings: list[str]) -> None:
         self.time, self.warnings = time, warnings
@@ -45,4 +45,4 @@ class RobosimWarning(UserWarning):
 
 
 class BodyLeftGrid(RobosimWarning):
-    """A coupled body is where the solver has no nodes: it meets no grains until it comes back."""
+    """A coupled body is outside the solver's grid; it has no contact with grains until it returns."""

@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Region(NamedTuple):
-    """A box, or with `round` an upright cylinder with an elliptic base, with axes along those of its frame.
+    """A box along the axes of its frame; with `round`, an upright cylinder with an elliptic base.
 
     half: half sizes [m] (3,); infinite ones leave the axis out.
     """

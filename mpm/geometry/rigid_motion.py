@@ -14,10 +14,12 @@ ORIGIN, AXES, LINEAR, ANGULAR, COLUMNS = 0, 3, 12, 15, 18
 
 
 class Pose(NamedTuple):
-    """Where a frame is: `T_wt` as position [m] (3,) and unit quaternion (w, x, y, z) (4,)."""
+    """Pose of a frame t in the world w, `T_wt`."""
 
     position: np.ndarray
+    """Origin of the frame in world coordinates [m] (3,)."""
     quaternion: np.ndarray
+    """Unit quaternion (w, x, y, z) of the rotation from frame to world coordinates."""
 
     @classmethod
     def identity(cls) -> "Pose":
@@ -31,7 +33,7 @@ class Pose(NamedTuple):
 
     @property
     def matrix(self) -> np.ndarray:
-        """Rotation matrix (3, 3): tool axes in world coordinates."""
+        """Rotation matrix (3, 3); its columns are the axes of the frame in world coordinates."""
         w, x, y, z = map(float, self.quaternion)
         s = 2.0 / (w * w + x * x + y * y + z * z)
         return np.array([
@@ -45,7 +47,7 @@ class Pose(NamedTuple):
         return Pose.from_matrix(self.position + matrix @ other.position, matrix @ other.matrix)
 
     def inverse(self) -> "Pose":
-        """Return the pose of the world in this frame."""
+        """Return the inverse: the pose of the world in this frame."""
         matrix = self.matrix.T
         return Pose.from_matrix(-matrix @ self.position, matrix)
 
@@ -66,17 +68,21 @@ def quaternion_of(matrix: np.ndarray) -> np.ndarray:
 
 
 class Twist(NamedTuple):
-    """Velocity in world axes about the frame's origin: linear [m/s] (3,), angular [rad/s] (3,)."""
+    """Velocity of a rigid body, in world axes about the origin of its frame."""
 
     linear: np.ndarray
+    """Velocity of the origin [m/s] (3,)."""
     angular: np.ndarray
+    """Angular velocity [rad/s] (3,)."""
 
 
 class Wrench(NamedTuple):
-    """Force [N] (3,) and torque [N m] (3,) in world axes about the frame's origin; an impulse has the same shape."""
+    """Wrench in world axes about the origin of a frame; also used for impulses, in N s and N m s."""
 
     force: np.ndarray
+    """Force [N] (3,)."""
     torque: np.ndarray
+    """Torque [N m] (3,)."""
 
 
 class ScrewSamples(NamedTuple):

@@ -19,12 +19,12 @@ FAR = 1.0
 
 
 class Shell:
-    """Signed distance to a mid-surface, with the place where it ends (the rim) marked: beyond it there are no sides."""
+    """A thin wall: signed distance to a mid-surface with a thickness; it has two sides up to its edge (rim)."""
 
     def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float | None) -> None:
         self.mesh, self.thickness, self.wanted_spacing = mesh, float(thickness), spacing
         self.extent = float(np.linalg.norm(mesh.vertices, axis=1).max())
-        """Radius [m] of the ball about the frame's origin that holds the surface."""
+        """Radius [m] of a ball about the frame's origin that contains the surface."""
         self.radius = self.extent
         self.passage = passage_width(mesh) - self.thickness
         """Narrowest gap [m] between its own walls."""
@@ -51,7 +51,7 @@ class Shell:
         return cls(surface, thickness, spacing)
 
     def bake(self, cell: float) -> "Shell":
-        """Return the shell with distances in the band that cells of `cell` [m] need; needs a running backend."""
+        """Return the shell with its distances near the surface computed, for cells of `cell` [m]."""
         ready = copy.copy(self)
         ready._bake(cell)
         return ready

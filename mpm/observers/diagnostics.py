@@ -23,20 +23,22 @@ class Energy(NamedTuple):
 
 
 class Diagnostics(NamedTuple):
-    """The state of the field in a few numbers."""
+    """Mass, momentum, energy and signs of an inaccurate run."""
 
     mass: float
-    """[kg]"""
+    """Total mass [kg]."""
     momentum: Momentum
+    """Linear [N s] and angular [N m s] momentum."""
     energy: Energy
+    """Kinetic, potential and elastic energy [J]."""
     cfl: float
-    """Cells that the fastest particle travels in a substep."""
+    """CFL number: cells that the fastest particle travels in a substep."""
     compaction: float
-    """Largest elastic loss of volume of a particle, 1 - J."""
+    """Largest elastic decrease of volume of a particle, 1 - J."""
     escaped: int
-    """Particles on the plane of a wall: an accurate run leaves none there for long."""
+    """Number of particles on the plane of a wall; an accurate run has none there for long."""
     first_non_finite: int | None
-    """Index of the first particle with a number that is not finite."""
+    """Index of the first particle with a value that is not finite; None: all are finite."""
 
 
 def compute_momentum(solver: Any) -> Momentum:

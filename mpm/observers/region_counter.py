@@ -31,7 +31,7 @@ FAR = 1.0
 
 
 class Counts(NamedTuple):
-    """Sums over the counted particles."""
+    """One reading of a `RegionCounter`: sums over the counted particles."""
 
     distance: float
     """Sum of weighted Manhattan distances [m] to the point."""
@@ -40,10 +40,11 @@ class Counts(NamedTuple):
     exited_from_region: int
     """Those of them that were in the region at the last reading."""
     in_region: int
+    """Particles in the region."""
     exited: int
     """Particles that have ever left the bounds."""
     in_inner: int
-    """Particles in the region that moves with the collider."""
+    """Particles in the region `inner`, which moves with the collider."""
     near: int
     """Particles (all, not only the counted ones) whose centre is within `reach` of the collider's surface."""
     probed: int
@@ -56,17 +57,19 @@ class Counts(NamedTuple):
 
 @ti.data_oriented
 class RegionCounter:
-    """Counts a solver's particles in regions, each of which a caller gives its meaning.
+    """Counts the particles of a solver in regions, near a collider and out of bounds.
 
-    counted: indices of the particles that are counted. latching: those of them whose leaving the bounds is counted, and
-    remembered; None: all. point [m] (3,), weights (3,): of the Manhattan distance. region, bounds: in world axes.
-    inner: a region in the frame of collider `index`; a particle in it never leaves the bounds. reach: distance [m] from
-    that collider's surface within which particles count as near, or None. points: (n, 3) [m] in the world, looked up in
-    the signed distance `probe` in the collider's frame, with a margin [m]; None: none. per_particle: whether readings
-    hold what each particle adds.
+    - counted: indices of the counted particles. latching: those of them whose exit from the bounds is counted and
+      remembered; None: all.
+    - point [m] (3,), weights (3,): `distance` is the weighted Manhattan distance to this point.
+    - region, bounds: fixed in the world. inner: fixed in the frame of collider `index`; a particle in it does not count
+      as outside the bounds.
+    - reach: particles within this distance [m] of the collider's surface count as near; None: not counted.
+    - points: (n, 3) [m] in the world. They are probed: compared with the signed distance `probe`, in the collider's
+      frame, and a margin [m]. None: no points.
+    - per_particle: whether a reading has the values of each particle.
 
-    A solver that it is attached to (`Solver.attach`) takes readings within an advance. Raises InvalidValue for a reach
-    from a shell.
+    After `Solver.attach` it is evaluated within advances. Raises InvalidValue for a shell with a reach.
     """
 
     def __init__(self, solver: Any, counted: np.ndarray, *, point: np.ndarray, weights: np.ndarray, region: Region,

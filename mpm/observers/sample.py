@@ -10,7 +10,7 @@ from mpm.state.packs import LANES
 
 @ti.data_oriented
 class Sample:
-    """Reads chosen particles of a solver: on request, or attached (`Solver.attach`) at the end of every advance.
+    """Reads positions and velocities of chosen particles: on request, or after `Solver.attach` at the end of advances.
 
     chosen: indices (n,).
     """
@@ -25,7 +25,7 @@ class Sample:
         """Positions [m] and velocities [m/s] as last read, shape (n, 6)."""
 
     def read(self) -> np.ndarray:
-        """Read the present state; return `values`."""
+        """Read the current state; return `values`."""
         self._copy(self.values)
         return self.values
 

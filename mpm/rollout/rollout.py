@@ -32,28 +32,28 @@ class Gradients(NamedTuple):
 
     value: float
     twists: tool_twists.TwistGradient
-    """By the twists, and by the start's position and orientation."""
+    """With respect to the twists, and to position and orientation at the start."""
     materials: list[dict[str, float]]
-    """By each body's material, such as {"E": ..., "friction_angle_deg": ...}; empty without `materials`."""
+    """With respect to each body's parameters, such as {"E": ..., "nu": ...}; empty without `materials`."""
     norms: np.ndarray
-    """Norms of the derivatives by positions [1/m] and velocities [s/m] of all grains before each step (n_steps, 2)."""
+    """Norms of the derivatives with respect to positions [1/m] and velocities [s/m] before each step (n_steps, 2)."""
 
 
 class Rollout:
-    """A rollout of a solver over `n_steps` steps of `step_dt` [s] from its present state, with gradients.
+    """Simulation over `n_steps` steps of `step_dt` [s] from the solver's current state, with gradients.
 
-    In each step the tool, the only moving collider if there is one, has a constant twist; the physics is that of
-    `Solver.advance`. budget: bytes that the stored states may take, which `schedule` is planned for. materials: also
-    compute derivatives by the laws' parameters. limit: entries of the state's adjoints are clipped to plus or minus
-    this in every substep, against the growth of sand's. window: every `window` steps the state's adjoints are dropped;
-    those of the tool's later poses by its earlier twists stay. soft: relative width over which derivatives take the
-    yield surface for smooth; 0: it is sharp, as in the motion itself. svd: take the derivative of the logarithmic
-    strain as autodiff through a singular value decomposition does, to see what is lost. substeps: a step, or None: as
-    many as the solver's dt asks for. Raises InvalidValue for a scene or an argument that is not accepted.
+    The tool is the only moving collider, if there is one; its twist is constant in each step.
 
-    Strides are those of the solver, at most as long as its materials allow now; the gradient leaves out that rounding
-    or a small change of the motion could make one longer or shorter. The nodes of one stride are stored besides the
-    budget. Fields stay until the process ends: make one rollout, and `restart` it.
+    - budget: largest memory [bytes] of the stored states; see `schedule`.
+    - materials: whether to compute derivatives with respect to material parameters too.
+    - limit: each entry of the state's adjoint is clipped to +-limit in every substep; None: not clipped.
+    - window: the state's adjoint is set to zero every `window` steps; None: never.
+    - soft: relative width over which derivatives smooth the yield surface; 0: not smoothed.
+    - svd: differentiate the strain as autodiff of a singular value decomposition does; for comparison only.
+    - substeps: number per step; None: from the solver's dt.
+
+    The length of strides is constant in the gradient. The memory is freed only at the end of the process: make one
+    rollout and call `restart`. Raises InvalidValue for a scene or an argument that is not accepted.
     """
 
     def __init__(self, solver: Any, n_steps: int, *, step_dt: float = 2e-3, budget: int = BUDGET,
@@ -79,12 +79,12 @@ class Rollout:
             self._bars = StateBank(self._kernel.state_bars, count, 1)
         self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None
         self.forward_steps = 0
-        """Steps run forwards by the last call: n_steps, and those repeated for the gradient."""
+        """Steps simulated by the last call: n_steps, and those repeated for the gradient."""
         self.last: Gradients | None = None
         self.restart()
 
     def restart(self) -> None:
-        """Start from the solver's present state from now on."""
+        """Set the start of the rollout to the solver's current state."""
         self.start = self.solver.state()
         self.solver.load(self.start)
         with default_precision(self.solver.precision):
@@ -92,10 +92,10 @@ class Rollout:
 
     # the public pair -------------------------------------------------------------------------------------------------
     def value(self, linear: np.ndarray | None, angular: np.ndarray | None, loss: Loss) -> float:
-        """Return the loss of the rollout with the tool's velocities linear [m/s], angular [rad/s], (n_steps, 3) each.
+        """Return the loss of the rollout for a motion of the tool.
 
-        They are in world axes, or None without a tool. Leaves the solver at the end, or after an error at the start.
-        Raises SimulationDiverged.
+        linear [m/s], angular [rad/s]: twist of the tool in each step, in world axes, (n_steps, 3); None without a tool.
+        Afterwards the solver is at the end of the rollout, after an error at its start. Raises SimulationDiverged.
         """
         self._set_twists(linear, angular)
         total = 0.0
@@ -110,10 +110,10 @@ class Rollout:
 
     def value_and_grad(self, linear: np.ndarray | None, angular: np.ndarray | None,
                        loss: Loss) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
-        """Return the loss and its derivatives by linear and angular (n_steps, 3); `last` holds the others.
+        """Return the loss and its derivatives with respect to linear and angular, (n_steps, 3) each.
 
-        Leaves the solver at the end, or after an error at the start. Raises SimulationDiverged, and GradientDiverged
-        where a derivative is not finite.
+        `last` has the other derivatives. Afterwards the solver is as after `value`. Raises SimulationDiverged, and
+        GradientDiverged if a derivative is not finite.
         """
         self._set_twists(linear, angular)
         self._loss = loss

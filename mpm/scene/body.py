@@ -10,16 +10,16 @@ from mpm.materials.material import Material, check_material
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Particles of one material; raises InvalidValue for arrays that do not fit, and for an incomplete law."""
+    """Particles of one material; raises InvalidValue for arrays of wrong shape or an incomplete law."""
 
     material: Material
-    """Its law, see `Material`."""
+    """Material of the particles, such as `mpm.DruckerPrager`."""
     positions: np.ndarray
-    """[m], shape (n, 3)."""
+    """Positions [m], shape (n, 3)."""
     velocities: np.ndarray | None = None
-    """[m/s], shape (n, 3); None: at rest."""
+    """Velocities [m/s], shape (n, 3); None: at rest."""
     volume: float | np.ndarray | None = None
-    """[m^3] per particle, a number or shape (n,); required."""
+    """Volume of each particle [m^3], a number or shape (n,); required."""
 
     def __post_init__(self) -> None:
         check_material(self.material)

@@ -18,13 +18,13 @@ class Collider:
     sdf: Shape | Shell
     """Its signed distance, see `Sdf` and `Shell`."""
     friction: float = 0.5
-    """Coulomb coefficient against particles [-]."""
+    """Coulomb friction coefficient between collider and particles [-]."""
     pose: Pose = field(default_factory=Pose.identity)
     """Its initial pose."""
     static: bool = False
-    """It never moves; its contact is looked up once a node."""
+    """Whether it never moves; contact is then faster, from a table of the nodes."""
     mobile: bool = False
-    """Contact with particles also moves it, by the mobility of `Solver.set_collider_mobility`."""
+    """Whether contact with particles moves it, with the mobility given to `Solver.set_collider_mobility`."""
 
     def __post_init__(self) -> None:
         if not self.friction >= 0:

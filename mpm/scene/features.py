@@ -12,35 +12,35 @@ from mpm.scene.walls import Walls
 
 @dataclass(frozen=True)
 class Features:
-    """Derived from the scene when the solver is built."""
+    """Properties of a scene that determine which kernels are compiled; derived from the scene."""
 
     precision: str
     """"f32" or "f64"."""
     integrator: str
     """"series", "exact" or "auto": how Hencky strain is computed from b, and b from it."""
     volume_correction: bool
-    """Some law remembers expansion."""
+    """A law has a volume correction."""
     tensor_state: bool
-    """Some law remembers b."""
+    """Particles of a law store e = b - I."""
     volume_state: bool
-    """Some law remembers J."""
+    """Particles of a law store J - 1."""
     body_acceleration: bool
     """Every particle has an acceleration of its own besides gravity."""
     periodic: tuple[bool, bool, bool]
-    """Axes along which space closes on itself."""
+    """Whether each axis is periodic."""
     moving_solids: tuple[int, ...]
-    """Solid colliders that are given a motion."""
+    """Indices of solid colliders that move."""
     strides: bool
     """Velocities may stay on the grid over several substeps."""
     shells: tuple[int, ...]
-    """Thin colliders, with particles on both sides; they may move."""
+    """Indices of thin shells; they may move."""
     mobile: tuple[int, ...]
-    """Moving colliders that contact also moves; their motion is solved for in the launch."""
+    """Indices of mobile colliders: contact moves them."""
     static_colliders: tuple[int, ...]
-    """Colliders that never move: their contact is looked up once a node."""
+    """Indices of static colliders."""
 
     serial: bool
-    """One thread advances the scene; several or a GPU otherwise."""
+    """Whether one thread advances the scene; otherwise several threads or a GPU."""
 
     @property
     def moving_colliders(self) -> tuple[int, ...]:

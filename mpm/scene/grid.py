@@ -14,14 +14,14 @@ BLOCK = 4
 
 @dataclass(frozen=True)
 class Grid:
-    """A box of nodes. Its faces are the walls, on the first and last plane of nodes."""
+    """A box of nodes. Its six faces are walls; they lie on the first and last plane of nodes."""
 
     lower: tuple[float, float, float]
-    """[m]"""
+    """Lower corner [m]."""
     upper: tuple[float, float, float]
-    """[m]; moved up to the next node."""
+    """Upper corner [m]; rounded up to a whole number of cells."""
     cell: float
-    """dx [m]"""
+    """Edge of a cell [m]."""
 
     def __post_init__(self) -> None:
         if not 0 < self.cell < np.inf:
@@ -37,7 +37,7 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Nodes along each axis, ghosts included, filled up to whole blocks."""
+        """Nodes along each axis, with ghost nodes, rounded up to whole blocks."""
         nodes = self.cells + 1 + 2 * GHOST
         nx, ny, nz = (int(n) for n in -(-nodes // BLOCK) * BLOCK)
         return nx, ny, nz

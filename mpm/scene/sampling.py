@@ -26,9 +26,10 @@ def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.
 def sample_box(
     lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None = None
 ) -> np.ndarray:
-    """Return positions [m] (n, 3) that fill the box [lower, upper] m about `spacing` [m] apart.
+    """Return positions [m] (n, 3) on a lattice in the box from lower to upper [m].
 
-    rng: jitters them; None: a regular lattice. Raises InvalidValue for a spacing that does not fit.
+    spacing: distance [m] between them, adjusted so that the box is filled. rng: displaces them at random; None: regular
+    lattice. Raises InvalidValue for a spacing larger than the box.
     """
     return _lattice(lower, upper, spacing, rng)
 
@@ -36,7 +37,7 @@ def sample_box(
 def sample_cylinder(
     centre: ArrayLike, radius: float, height: float, spacing: float, rng: np.random.Generator | None = None
 ) -> np.ndarray:
-    """Return positions [m] (n, 3) in an upright cylinder that stands on `centre` [m] (3,); see `sample_box`."""
+    """Return positions [m] (n, 3) in an upright cylinder with `centre` [m] (3,) of its base; see `sample_box`."""
     centre = np.asarray(centre, float)
     points = _lattice(centre - [radius, radius, 0.0], centre + [radius, radius, height], spacing, rng)
     return points[np.hypot(*(points - centre)[:, :2].T) <= radius]

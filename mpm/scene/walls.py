@@ -14,13 +14,17 @@ Sides = tuple[str, str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Walls:
-    """Condition per side. friction: may leave the wall, Coulomb friction; slip: may leave, no friction; roller: normal
-    velocity zero for good, no friction; stick: velocity zero; periodic: what leaves on one side enters on the other
-    (particles only: a collider that reaches over such a side is not repeated on the other).
+    """Boundary conditions at the six sides of the grid.
+
+    - "friction": Coulomb friction; material can leave the wall.
+    - "slip": no friction; material can leave the wall.
+    - "roller": zero normal velocity, no friction.
+    - "stick": zero velocity.
+    - "periodic": particles that leave on one side enter on the other; colliders are not repeated.
     """
 
     friction: float = 0.5
-    """Coulomb coefficient of the "friction" sides."""
+    """Friction coefficient of the sides with the condition "friction"."""
     lower: Sides = ("friction", "friction", "friction")
     """Conditions at the lower x, y and z walls."""
     upper: Sides = ("friction", "friction", "friction")
@@ -44,7 +48,7 @@ class Walls:
 
     @property
     def periodic(self) -> tuple[bool, bool, bool]:
-        """Axes along which space closes on itself."""
+        """Whether each axis is periodic."""
         x, y, z = (condition == "periodic" for condition in self.lower)
         return x, y, z
 

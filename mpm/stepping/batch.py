@@ -95,11 +95,12 @@ class BatchStepper(SerialStepper):
 
 
 class Batch:
-    """n environments of a solver's scene, each with its own particles, materials, time and poses of the colliders.
+    """n environments of one scene in one process, advanced in one kernel launch.
 
-    The solver's attached counter and sample read in every environment; readings: the most in one advance. The solver
-    itself is left in the state of some environment: `select` chooses which. Raises InvalidValue for a solver with
-    mobile colliders or several threads.
+    Each has its own particles, material parameters, time and poses of colliders. The counter and sample of the solver
+    are evaluated in every environment. readings: largest number of readings in one advance. Afterwards the solver has
+    the state of one of the environments; `select` chooses which. Raises InvalidValue for a solver with mobile colliders
+    or several threads.
     """
 
     def __init__(self, solver: Any, n: int, readings: int = 1) -> None:  # a Solver, which stands above
@@ -141,7 +142,7 @@ class Batch:
         return each + (self._results.nbytes + self._per_particle.nbytes + self._sampled.nbytes) // self.n
 
     def sampled(self, e: int) -> np.ndarray:
-        """Return what the solver's sample (n, 6) read at the end of an environment's last launch."""
+        """Return the solver's sample (n, 6) at the end of an environment's last launch."""
         return self._sampled.reshape(self.n, -1, 6)[e]
 
     def set_material(self, e: int, body: int, material: Material) -> None:
@@ -161,7 +162,7 @@ class Batch:
         return self._paths[e].pose(index)
 
     def load(self, e: int, state: dict[str, np.ndarray]) -> Counts | None:
-        """Put an environment into a state, see `Solver.state`; return what the counter reads there.
+        """Load a state (`Solver.state`) into an environment; return the counts of the counter there.
 
         Particles out of bounds in the state do not count as newly exited.
         """
@@ -184,10 +185,10 @@ class Batch:
         return self._counts(e, range(1))[0] if self._counter else None
 
     def advance(self, durations: np.ndarray, readings: np.ndarray) -> list[list[Counts] | SimulationDiverged]:
-        """Advance every environment by its duration [s] (n,); one with zero rests.
+        """Advance every environment by its duration [s] (n,); zero: not at all.
 
-        Returns what the counter read after each of an environment's `readings` (n,) equal intervals, or the error with
-        which it ended: `load` starts it again.
+        Returns for each environment the counts after each of its `readings` (n,) equal intervals, or the error with
+        which it ended. `load` makes such an environment usable again.
         """
         check_owner()
         self._check(durations, readings)
@@ -256,7 +257,7 @@ class Batch:
                                           self._per_particle[e * self.readings + k]) for k in readings]
 
     def select(self, e: int) -> None:
-        """Put the solver into an environment's state, to be read or drawn."""
+        """Set the solver to the state of an environment, to read or render it."""
         solver = self.solver
         with default_precision(solver.precision):
             self._stepper.states.restore_now(e)

@@ -33,7 +33,7 @@ class Actor(pydantic.BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     waits: NonNegativeInt = 0
-    """Decisions before the actor's first update."""
+    """Number of actions before the actor's first update."""
     rate: float = Field(1.0, gt=0.0)
     """The actor's learning rate divided by the critics'."""
 
@@ -70,27 +70,26 @@ class Preset(pydantic.BaseModel):
     description: str
     learner: Learner
     demonstrations: Demonstrations | None = None
-    """null: demonstrations are not mixed into batches."""
+    """How demonstrations are mixed into batches; null: not at all."""
     obs: str = "flat"
     """Layout of the observation."""
     scaled: bool = True
-    """Observations in units of the task (positions from the goal in decimetres, ...); false: SI units."""
+    """Whether observations are scaled to about 1 (positions from the goal in decimetres, ...); false: SI units."""
     episodes: PositiveInt = 150
     """Largest number of episodes."""
     residual: float | None = Field(None, gt=0.0, le=1.0)
-    """The policy corrects the first demonstration, by at most this share of the action range; null: the policy's
-    action is the action."""
+    """Largest correction of the first demonstration by the policy, as a fraction of the action range; null: the policy
+    does not correct a demonstration but gives the action."""
     correction_cost: float = Field(0.0, ge=0.0)
-    """Cost subtracted from the reward, per mean square of a correction in units of `residual`; reported returns
-    leave it out."""
+    """Penalty per mean square of the correction, in units of `residual`; it is not part of reported returns."""
     actor: Actor | None = None
-    """null: the actor learns as its critics do."""
+    """How the actor learns; null: like its critics."""
     critic_layer_norm: bool = False
     """Layer normalisation in the critics."""
     encoder: Literal["pointnet", "deep_sets"] | None = None
-    """Permutation-invariant encoder of the grains; null: a network on the flat observation."""
+    """Permutation-invariant encoder of the grains; null: no encoder."""
     graph: GraphSizes | None = None
-    """Graph network that predicts the grains' motion; it learns from rollouts."""
+    """Graph network that predicts the motion of the grains, trained on rollouts; null: none."""
     discriminator_updates: PositiveInt = 1
     """Updates of GAIL's discriminator for each batch of the policy's transitions."""
     options: dict[str, Any] = {}  # noqa: RUF012

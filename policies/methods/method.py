@@ -11,21 +11,22 @@ from policies.runs.training import Training
 
 
 class Method(Protocol):
-    """A method of learning: a function that brings a run (`Training`) to its end.
+    """A method of learning: a function that executes a training run (`Training`) up to its end.
 
-    A method
+    A method must
 
-    - acts in `training.env` only, which seeds, counts and stores its episodes, and the actions of the best one;
-    - ends when `training.is_over`, or earlier;
-    - reads its settings from `training.preset` (`options` are the method's own) and draws random numbers from
-      generators seeded with `training.seed`, or from the global ones of torch, numpy and random;
-    - calls `training.save_checkpoint(**parts)` between two episodes, and begins, where `training.folder.checkpoint` is
-      a file, with `checkpoint.load` and `training.resume`, so that an interrupted run continues to the same bits;
-    - calls `training.save_if_best(policy)` after an episode, if it has a policy of Stable-Baselines3's kind.
+    - act in `training.env` only, which seeds, counts and stores the episodes, and stores the actions of the best one;
+    - end when `training.is_over` is True, or earlier;
+    - read its settings from `training.preset` (its own are in `options`), and draw random numbers from generators with
+      the seed `training.seed`, or from the global ones of torch, numpy and random;
+    - call `training.save_checkpoint(**parts)` between two episodes. If `training.folder.checkpoint` is a file at the
+      start, it must call `checkpoint.load` and `training.resume`, so that results are bitwise identical to those of a
+      run without interruption;
+    - call `training.save_if_best(policy)` after an episode, if it has a policy of Stable-Baselines3.
 
-    It may use `training.demonstrations` (motions and their starts), `training.demonstration_transitions()` and
-    `training.rollouts`, which are there if the preset asks for them. A learner of Stable-Baselines3 needs no function
-    of its own: `Training.learn` is its method.
+    It can use `training.demonstrations` (motions and their starts), `training.demonstration_transitions()` and
+    `training.rollouts`, if the preset asks for them. A learner of Stable-Baselines3 needs no function: `Training.learn`
+    is its method.
 
     Example, a random search:
 
@@ -41,7 +42,7 @@ class Method(Protocol):
                 play(training.env, motion)
                 training.save_checkpoint(rng=rng.bit_generator.state)
 
-    To add a method: (1) name its learner in `policies.learning.presets.Learner`, and in IMITATION or SEARCH there if it
+    To add a method: (1) add its learner to `policies.learning.presets.Learner`, and to IMITATION or SEARCH there if it
     takes demonstrations; (2) add its function to METHODS below; (3) write configs/training/<method>.yaml with
     `description`, `learner` and `options`. Then `robosim train <method> TASK --out DIR` runs it.
     """

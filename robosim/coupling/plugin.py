@@ -29,21 +29,18 @@ _plugins: "weakref.WeakValueDictionary[int, GranularPlugin]" = weakref.WeakValue
 class GranularPlugin:
     """Two-way coupling of bodies of any MuJoCo model to colliders of a solver.
 
-    model, data: the MuJoCo scene. The plugin adds to `data.xfrc_applied` during the step and removes that again; the
-    user's own forces, actuators and callbacks are unchanged. bodies: body name -> index of its collider in the solver,
-    in the body's frame, or None for a collider made of the body's geoms (see `geom_colliders.make_collider`) before
-    the solver's first advance.
+    - model, data: the MuJoCo scene. During a step the plugin adds wrenches to `data.xfrc_applied` and removes them
+      afterwards; forces of the user, actuators and callbacks keep their effect.
+    - bodies: body name -> index of a collider of the solver, in the frame of the body; None: a collider is made from
+      the body's geoms, before the first advance of the solver.
+    - coupling: "mobility": contact and motion of the bodies are solved together in every substep, with the mobility of
+      the bodies computed by MuJoCo in every step. "lagged": the motion is predicted with the wrenches of the previous
+      step, and the new ones are applied afterwards; light bodies need very small steps. "one_way": the bodies move the
+      grains, the grains exert no force on them.
+    - tolerance: for "mobility". A step is rolled back and repeated if MuJoCo's velocities differ from the prediction by
+      more than this fraction of the change of velocity by the grains, as when a grasp slips; None: never repeated.
 
-    coupling: "mobility" solves contact and the bodies' motion together in every substep, with the bodies' response to
-    impulses probed from MuJoCo in every step. "lagged" predicts the bodies' motion with the wrenches of the step
-    before and applies the new ones afterwards: the usual scheme, here for comparison; light bodies need tiny steps.
-    "one_way" moves the colliders and applies nothing to the bodies.
-
-    tolerance: with "mobility", the share of a body's change of velocity by grains by which MuJoCo's step may differ
-    from the prediction (a grasp that slips, a motor at its limit) before the step is rolled back and repeated; None:
-    never.
-
-    Raises UnknownName or ConfigError for bodies, colliders, or a time step that cannot be coupled.
+    Raises UnknownName or ConfigError for bodies, colliders or a time step that cannot be coupled.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver, *,
@@ -73,17 +70,17 @@ class GranularPlugin:
         self.outside_grid: set[str] = set()
         """Coupled bodies that are outside the solver's grid now."""
         self.repeats = 0
-        """Repetitions of the last step."""
+        """Number of repetitions of the last step."""
         self.ledger = empty_ledger(self._bodies.colliders)
         """Momentum balance of the last step."""
         self.counts: list[mpm.Counts] = []
-        """Readings of the solver's in-kernel counter, if one is attached, after the last step."""
+        """Counts of the counter attached to the solver, if any, after the last step."""
 
     @property
     def prediction_error(self) -> np.ndarray:
-        """Twists (B, 6) after the last step less the predicted ones.
+        """Difference (B, 6) of MuJoCo's twists after the last step from the predicted ones, MuJoCo minus predicted.
 
-        Linear [m/s], angular [rad/s]. Rows are the bodies that MuJoCo moves; zero unless the coupling is "mobility".
+        Linear [m/s], angular [rad/s]; one row for each body that is not a mocap body. Zero unless coupling="mobility".
         """
         return self._scheme.error
 
@@ -117,7 +114,7 @@ class GranularPlugin:
         self._check_state()
 
     def restart(self) -> None:
-        """Forget the last step, after scene and grains were set to another state."""
+        """Forget the last step; call it after `mj_resetData` or `Solver.load`."""
         self._has_jumped, self._wrenches[:], self._scheme.error[:] = True, 0.0, 0.0
         for bad in BAD_STATES:
             self.data.warning[bad].number = 0
@@ -126,7 +123,7 @@ class GranularPlugin:
     def wrench(self, body: str) -> mpm.Wrench:
         """Return the mean wrench [N], [N m] of the grains on a body in the last step.
 
-        In world axes about the body's centre of mass; zero with "one_way" for bodies that MuJoCo moves. Raises
+        In world axes about the body's centre of mass; with "one_way" zero for bodies that move by joints. Raises
         UnknownName for a body that is not coupled.
         """
         bodies = self._bodies

@@ -25,9 +25,10 @@ CAMERAS = ("task", "side", "overview", "close")
 
 
 class GrainEnv(gymnasium.Env):
-    """A tool and grains. The classes of `robosim.envs.sub_tasks` describe spaces, rewards and arguments.
+    """Environment with a tool, or the whole arm, and grains; base class of all sub-tasks.
 
-    Raises UnknownName, ConfigError for arguments that cannot be used.
+    The pages of the sub-tasks describe spaces, rewards and arguments. Raises UnknownName or ConfigError for arguments
+    that are not accepted.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
@@ -51,7 +52,7 @@ class GrainEnv(gymnasium.Env):
         if not (task or self.TASK):
             raise ConfigError(f"task {task!r}; accepted: a task's .yaml file, or a TaskConfig")
         self.source = task if isinstance(task, str) else self.TASK
-        """The task as given to commands: a sub-task's name or a file; empty for a TaskConfig."""
+        """Name or file of the task, as commands accept it; empty for a TaskConfig."""
         self.TASK = self.TASK or task_name(self.source)
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
                            randomize=randomize, mobile=arm, load=load)
@@ -99,7 +100,7 @@ class GrainEnv(gymnasium.Env):
 
     # episodes -------------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Start an episode; return the observation and info.
+        """Start an episode; return observation and info.
 
         options: {"nominal": True} for the start without its random displacement.
         Raises UnknownName for another option.
@@ -145,7 +146,7 @@ class GrainEnv(gymnasium.Env):
 
     # gradients ------------------------------------------------------------------------------------------------------
     def rollout(self, n_steps: int | None = None, **options: Any) -> mpm.Rollout:
-        """Build a differentiable rollout from the present state.
+        """Make a differentiable rollout from the current state.
 
         n_steps: of `step_dt`; None: a whole episode. options: as of `mpm.Rollout`.
         Raises mpm.InvalidValue with an arm, because the rollout prescribes the tool's motion.
@@ -154,11 +155,11 @@ class GrainEnv(gymnasium.Env):
         return mpm.Rollout(self.solver, steps, step_dt=self.task.step_dt, **options)
 
     def objective(self) -> Any:
-        """Build the loss of a rollout from the sub-task's reward."""
+        """Make the loss of a rollout that corresponds to the reward of the sub-task."""
         return build_objective(self.task)
 
     def reach(self) -> Any:
-        """Build the arm's kinematics under this task's tool, a `robosim.envs.reach.Reach`."""
+        """Make the arm's kinematics with this task's tool, a `robosim.envs.reach.Reach`."""
         from robosim.envs.reach import Reach  # imports the arm's modules
 
         return Reach(self.task)
