@@ -4,17 +4,9 @@ Unfolding overwrites the nodes that its adjoint depends on; a tape records them 
 """
 
 from mpm.backend import real_type, ti
-from mpm.boundaries.wall_ghosts import (
-    SMALLEST_MOMENTUM,
-    column,
-    folded_earlier,
-    mirror,
-    normal4,
-    on_plane,
-    unit,
-)
+from mpm.boundaries.wall_ghosts import column, folded_earlier, mirror, normal4, on_plane, unit
 from mpm.scene.grid import BLOCK, Grid
-from mpm.scene.walls import FRICTION, ROLLER, SLIP, STICK
+from mpm.scene.walls import IS_FREE
 
 WALL, GHOST, MIRROR = range(3)
 
@@ -53,14 +45,17 @@ def place_of(W, axis):
 def unfold_walls_back(a: ti.template(), step: ti.template()):
     """Adjoint of `unfold_walls`, on the adjoints of node velocities and masses."""
     a.tape.at[None] = step.place
-    unfold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters.walls, a.fields.parameters.wall_friction[None])
+    unfold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters, a.fields.wall_conditions, step.dt)
 
 
 @ti.func
-def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), table: ti.template(), friction):
+def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), parameters: ti.template(),
+                conditions: ti.template(), dt):
     """Reverse the unfolding of all walls, the last one that was unfolded first."""
+    table = ti.static(parameters.walls)
     for w in range(6):
-        axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
+        axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
+        p = parameters.wall_numbers[w]
         n = normal4(axis, inward, grid.nodes.dtype)
         for active in range(grid.count[None]):
             block = grid.active[active]
@@ -70,35 +65,37 @@ def unfold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), t
                     i, j = place_of(W, axis)
                     if tape.nodes[tape.at[None], w, WALL, i, j][3] != 0:
                         hidden = folded_earlier(grid, table, W, axis)
-                        column_back(bars, tape, ti.Vector([w, i, j]), W, axis, inward, condition, n, hidden, friction)
+                        column_back(bars, tape, conditions, ti.Vector([w, i, j]), W, axis, inward, kind, separable, n,
+                                    hidden, dt, p)
 
 
 @ti.func
-def column_back(bars: ti.template(), tape: ti.template(), place, W, axis, inward, condition, n, hidden, friction):
+def column_back(bars: ti.template(), tape: ti.template(), conditions: ti.template(), place, W, axis, inward, kind,
+                separable, n, hidden, dt, p):
     """Adjoint of `unfold_column`."""
     wall = tape.nodes[tape.at[None], place[0], WALL, place[1], place[2]]
     raw = tape.nodes[tape.at[None], place[0], GHOST, place[1], place[2]]
     ghost, partner = W - unit(axis) * inward, W + unit(axis) * inward
     folded = raw[3] < 0 and not hidden
-    met, slide = condition, friction
+    met, leaves = kind, separable
     if hidden:
-        met, slide = SLIP, 0.0 * friction
-    image, pair = 0.0 * n, 0.0 * friction
+        met, leaves = IS_FREE, 1
+    image, pair = 0.0 * n, 0.0 * n[0]
     if folded:
-        image = mirror(tape.nodes[tape.at[None], place[0], MIRROR, place[1], place[2]], n, condition)
+        image = mirror(conditions, kind, tape.nodes[tape.at[None], place[0], MIRROR, place[1], place[2]], 1.0, n, p)
         image[3] = -raw[3]
         pair = 2.0 * (-raw[3] * image - raw).dot(n)
-    wall_bar, pair_bar = stop_back(wall, n, met, folded, pair, slide, bars[W])
+    wall_bar, pair_bar = stop_back(conditions, wall, n, met, leaves, folded, pair, dt, p, bars[W])
     bars[W] = wall_bar
     if raw[3] > 0:
-        ghost_bar, _ = stop_back(raw, n, SLIP, False, 0.0 * pair, friction, bars[ghost])
+        ghost_bar, _ = stop_back(ti.static(()), raw, n, IS_FREE, 1, False, 0.0 * pair, dt, p, bars[ghost])
         bars[ghost] = ghost_bar
     if folded:
         # the ghost took the image of the mirror's velocity; pair = 2 (mass image - raw) . n
         bar = bars[ghost]
         image_bar = bar - 2.0 * raw[3] * pair_bar * n
         image_bar[3] = 0.0
-        mirror_bar = mirror(image_bar, n, condition)
+        mirror_bar = mirror(conditions, kind, image_bar, 0.0, n, p)  # linear but for what it adds to a mass
         mirror_bar[3] = 0.0
         raw_bar = -2.0 * pair_bar * n
         # the ghost's mass also left the mirror's
@@ -108,7 +105,7 @@ def column_back(bars: ti.template(), tape: ti.template(), place, W, axis, inward
 
 
 @ti.func
-def stop_back(before, n, condition, held, pair, friction, bar):
+def stop_back(conditions: ti.template(), before, n, kind, separable, held, pair, dt, p, bar):
     """Return the adjoints (4,) of velocity and mass, and that of the pair's impulse, of `stop_node`."""
     result, pair_bar = bar, 0.0 * pair
     if before[3] > 0:
@@ -118,35 +115,22 @@ def stop_back(before, n, condition, held, pair, friction, bar):
         v_bar = bar
         v_bar[3] = 0.0
         mass_bar = 0.0 * mass
-        if condition == STICK:
-            v_bar = 0.0 * bar
-        else:
-            into = v.dot(n)
-            stopped = condition == ROLLER or held or into < 0
-            slide = v - into * n
-            slide_bar = v_bar
-            into_bar = 0.0 * into
-            if not stopped:
-                into_bar = v_bar.dot(n)
-            slide_bar -= v_bar.dot(n) * n
-            if condition == FRICTION:
-                push = pair
-                if stopped:
-                    push = pair - mass * into
-                speed = slide.norm(1e-15)
-                if push > 0:
-                    left = 1.0 - friction * push / ti.max(mass * speed, SMALLEST_MOMENTUM)
-                    left_bar = slide.dot(v_bar)
-                    slide_bar = ti.max(left, 0.0) * slide_bar
-                    if left > 0 and mass * speed > SMALLEST_MOMENTUM:
-                        push_bar = -friction * left_bar / (mass * speed)
-                        mass_bar = -push_bar * push / mass
-                        slide_bar -= push_bar * push / (speed * speed) * slide
-                        pair_bar = push_bar
-                        if stopped:
-                            mass_bar -= into * push_bar
-                            into_bar -= mass * push_bar
-            v_bar = slide_bar + (into_bar - slide_bar.dot(n)) * n
+        into = v.dot(n)
+        stopped = separable == 0 or held or into < 0
+        into_bar, push = v_bar.dot(n), pair
+        if stopped:
+            into_bar, push = 0.0, pair - mass * into
+        slide_bar, push_bar = v_bar - v_bar.dot(n) * n, 0.0 * pair
+        for index, condition in ti.static(enumerate(conditions)):
+            if kind == index:
+                slide_bar, mass_bar, push_bar = condition.slide_back(v - into * n, n, mass, ti.max(push, 0.0), dt, p,
+                                                                     slide_bar)
+        if push > 0:
+            pair_bar = push_bar
+            if stopped:
+                mass_bar -= into * push_bar
+                into_bar -= mass * push_bar
+        v_bar = slide_bar + (into_bar - slide_bar.dot(n)) * n
         result = v_bar
         result[3] = bar[3] + mass_bar
     return result, pair_bar
@@ -155,16 +139,18 @@ def stop_back(before, n, condition, held, pair, friction, bar):
 @ti.func
 def fold_walls_back(a: ti.template(), step: ti.template()):
     """Adjoint of `fold_walls`, on the adjoints of momenta and masses."""
-    fold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters.walls)
+    fold_back(a.fields.grid, a.tape, a.nodes.bars, a.fields.parameters, a.fields.wall_conditions)
 
 
 @ti.func
-def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), table: ti.template()):
+def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), parameters: ti.template(),
+              conditions: ti.template()):
     """Reverse the folding of all walls: a ghost's momentum went to its mirror node, too."""
+    table = ti.static(parameters.walls)
     for back in range(6):
         w = 5 - back
-        axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
-        n = normal4(axis, inward, grid.nodes.dtype)
+        axis, node, inward, kind = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
+        n, p = normal4(axis, inward, grid.nodes.dtype), parameters.wall_numbers[w]
         for active in range(grid.count[None]):
             block = grid.active[active]
             if on_plane(grid, block, axis, node):
@@ -175,7 +161,7 @@ def fold_back(grid: ti.template(), tape: ti.template(), bars: ti.template(), tab
                     folded = tape.nodes[k, w, WALL, i, j][3] != 0 and tape.nodes[k, w, GHOST, i, j][3] < 0
                     if folded and not folded_earlier(grid, table, W, axis):
                         bar = bars[W + unit(axis) * inward]
-                        image = mirror(bar, n, condition)
-                        image[3] = bar[3]
+                        image = mirror(conditions, kind, bar, 0.0, n, p)
+                        image[3] = bar[3] + mirror(conditions, kind, 0.0 * n, 1.0, n, p).dot(bar)
                         ghost = W - unit(axis) * inward
                         bars[ghost] = bars[ghost] + image

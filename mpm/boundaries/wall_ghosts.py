@@ -9,12 +9,9 @@ come first and leave last: their outer nodes are images of inner ones.
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK, GHOST
-from mpm.scene.walls import FRICTION, PERIODIC, ROLLER, SLIP, STICK
+from mpm.scene.walls import IS_FREE, IS_PERIODIC
 from mpm.state.ledger import WALL_ROW, add, position
 from mpm.state.nodes import in_first_layer
-
-SMALLEST_MOMENTUM = 1e-37
-"""Smallest momentum [N s] to divide by: above the numbers that lose digits in single precision."""
 
 
 class NoTape:
@@ -24,12 +21,19 @@ class NoTape:
 
 
 @ti.func
-def mirror(q, n, condition):
-    """Return the mirror image, in the wall with normal n, of a momentum or velocity (4,)."""
-    image = q - 2.0 * q.dot(n) * n
-    if condition == STICK:
-        image = -q
-    return image
+def mirror(conditions: ti.template(), kind, q, mass, n, p):
+    """Return the mirror image, in the wall with normal n, of the momentum q (4,) of a mass; of a velocity with mass 1.
+
+    kind: place of the wall's condition among the scene's. p: its numbers.
+    """
+    into = q.dot(n)
+    t = q - into * n
+    t[3] = 0.0
+    image = t
+    for index, condition in ti.static(enumerate(conditions)):
+        if kind == index:
+            image = condition.mirror(t, mass, p)
+    return image - (image.dot(n) + into) * n
 
 
 @ti.func
@@ -48,7 +52,7 @@ def outside_earlier(table: ti.template(), J, axis):
     """Return `folded_earlier` for a node outside some side."""
     hidden = False
     for side in ti.static(range(6)):
-        if table[side, 3] == PERIODIC or side // 2 < axis:
+        if table[side, 3] == IS_PERIODIC or side // 2 < axis:
             if ti.static(side % 2 == 0):
                 hidden = hidden or J[side // 2] < table[side, 1]
             else:
@@ -101,19 +105,20 @@ def fold_walls(fields: ti.template(), step: ti.template(), w, first, last):
 
     A folded ghost keeps its raw values, its mass negated.
     """
-    fold_wall(fields.grid, fields.parameters.walls, w, step.stamp, step.dt, fields.parameters.gravity[None], first,
-              last)
+    fold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, w, fields.parameters.wall_numbers[w],
+              step.stamp, step.dt, fields.parameters.gravity[None], first, last)
 
 
 @ti.func
-def fold_wall(grid: ti.template(), table: ti.template(), w, stamp, dt, gravity, first, last):
+def fold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, stamp, dt, gravity, first,
+              last):
     """Fold the ghosts of one wall, see `fold_walls`."""
-    axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
+    axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
     fall = dt * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
     for active in range(first, last):
         block = grid.active[active]
-        if condition != PERIODIC and on_plane(grid, block, axis, node):
+        if kind != IS_PERIODIC and on_plane(grid, block, axis, node):
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 W = column(grid, block, a, b, axis, node)
                 at_wall = grid.nodes[W]
@@ -125,13 +130,13 @@ def fold_wall(grid: ti.template(), table: ti.template(), w, stamp, dt, gravity, 
                     if m_g > 0 and not folded_earlier(grid, table, W, axis):
                         partner = W + unit(axis) * inward
                         raw = grid.nodes[ghost]
-                        image = mirror(raw, n, condition)
+                        image = mirror(conditions, kind, raw, m_g, n, p)
                         image[3] = m_g
                         sum = grid.nodes[partner] + image
                         # the impulse that would hold the column; a pull means that it is leaving
                         pushed = -(at_wall.dot(n) + at_wall[3] * fall) \
                             - 2.0 * (m_g * (sum.dot(n) / sum[3] + fall) + raw.dot(n))
-                        if condition == ROLLER or condition == STICK or pushed > 0:
+                        if separable == 0 or pushed > 0:
                             grid.nodes[partner] = sum
                             raw[3] = -m_g
                             grid.nodes[ghost] = raw
@@ -144,26 +149,28 @@ def unfold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     Walls are unfolded in the reverse order of folding: w counts from the last one. Their impulses are credited to the
     ledger's wall row. A tape records every column before it is unfolded.
     """
-    unfold_wall(fields.grid, fields.parameters.walls, 5 - w, step.stamp, fields.parameters.wall_friction[None],
-                fields.world_origin(), fields.cell, step.out, step.tape, first, last)
+    unfold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, 5 - w,
+                fields.parameters.wall_numbers[5 - w], step.stamp, step.dt, fields.world_origin(), fields.cell,
+                step.out, step.tape, first, last)
 
 
 @ti.func
-def unfold_wall(grid: ti.template(), table: ti.template(), w, stamp, friction, origin, cell, out: ti.template(),
-                tape: ti.template(), first, last):
+def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, stamp, dt, origin, cell,
+                out: ti.template(), tape: ti.template(), first, last):
     """Unfold the ghosts of one wall, see `unfold_walls`."""
-    axis, node, inward, condition = table[w, 0], table[w, 1], table[w, 2], table[w, 3]
+    axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
     total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
     for active in range(first, last):
         block = grid.active[active]
-        if condition != PERIODIC and on_plane(grid, block, axis, node):
+        if kind != IS_PERIODIC and on_plane(grid, block, axis, node):
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 W = column(grid, block, a, b, axis, node)
                 if ti.static(tape.records):
                     tape.record(grid, w, W, axis, inward, stamp)
                 if grid.nodes[W][3] != 0:
-                    impulse, across = unfold_column(grid, table, W, axis, inward, condition, n, stamp, friction)
+                    impulse, across = unfold_column(grid, table, conditions, W, axis, inward, kind, separable, n, stamp,
+                                                    dt, p)
                     total += ti.cast(impulse, ti.f64)
                     place = position(in_first_layer(grid, W), origin, cell)
                     moment += place.cross(ti.cast(impulse, ti.f64)) + cell * ti.cast(across, ti.f64)
@@ -173,7 +180,8 @@ def unfold_wall(grid: ti.template(), table: ti.template(), w, stamp, friction, o
 
 
 @ti.func
-def unfold_column(grid: ti.template(), table: ti.template(), W, axis, inward, condition, n, stamp, friction):
+def unfold_column(grid: ti.template(), table: ti.template(), conditions: ti.template(), W, axis, inward, kind,
+                  separable, n, stamp, dt, p):
     """Unfold one column: wall node W, its ghost and its mirror node.
 
     Return the column's impulse (3,), and the moment (3,) per cell of what acts beside the wall node.
@@ -181,20 +189,18 @@ def unfold_column(grid: ti.template(), table: ti.template(), W, axis, inward, co
     ghost = W - unit(axis) * inward
     m_g = ghost_mass(grid, ghost, stamp)
     pair = ti.cast(0, grid.nodes.dtype)
-    slide = friction
-    met = condition
+    met, leaves = kind, separable
     impulse, lever = 0.0 * n, 0.0 * n  # lever: difference of the impulses at mirror and ghost
     hidden = folded_earlier(grid, table, W, axis)
     if hidden:  # ghosts of an earlier wall that are leaving it may not enter this one either
-        met = SLIP
-        slide = friction * 0.0
+        met, leaves = IS_FREE, 1
     elif m_g < 0:
         partner = W + unit(axis) * inward
         raw = grid.nodes[ghost]
         u = grid.nodes[partner]
-        image = mirror(u, n, condition)
+        image = mirror(conditions, kind, u, 1.0, n, p)
         given = -m_g * image - raw
-        taken = mirror(given, n, condition)
+        taken = -m_g * u - mirror(conditions, kind, raw, -m_g, n, p)
         pair = (given - taken).dot(n)
         impulse, lever = given - taken, -given - taken
         image[3] = -m_g
@@ -202,9 +208,9 @@ def unfold_column(grid: ti.template(), table: ti.template(), W, axis, inward, co
         u[3] += m_g  # back to its own mass, which later credits count
         grid.nodes[partner] = u
     if m_g > 0:  # an unfolded ghost may leave, not enter
-        stopped = stop_node(grid, ghost, n, SLIP, False, pair, friction)
+        stopped = stop_node(grid, ti.static(()), ghost, n, IS_FREE, 1, False, pair, dt, p)
         impulse, lever = impulse + stopped, lever - stopped
-    impulse += stop_node(grid, W, n, met, m_g < 0 and not hidden, pair, slide)
+    impulse += stop_node(grid, conditions, W, n, met, leaves, m_g < 0 and not hidden, pair, dt, p)
     return three(impulse), three(n).cross(three(lever))
 
 
@@ -215,7 +221,7 @@ def three(q):
 
 
 @ti.func
-def stop_node(grid: ti.template(), I, n, condition, held, pair, friction):
+def stop_node(grid: ti.template(), conditions: ti.template(), I, n, kind, separable, held, pair, dt, p):
     """Apply the wall's condition to a node; return its impulse.
 
     pair: normal impulse of the folded pair, which adds to friction.
@@ -226,17 +232,16 @@ def stop_node(grid: ti.template(), I, n, condition, held, pair, friction):
         mass = q[3]
         q[3] = 0.0
         into = q.dot(n)
-        v = q
-        if condition == STICK:
-            v = q * 0.0
-        elif condition == ROLLER or held or into < 0:
-            v = q - into * n
-        if condition == FRICTION:
-            slide = q - into * n
-            push = ti.max(mass * (v.dot(n) - into) + pair, 0.0)
-            # the momentum of a node at the very edge of a stencil can underflow
-            left = ti.max(1.0 - friction * push / ti.max(mass * slide.norm(1e-15), SMALLEST_MOMENTUM), 0.0)
-            v = v.dot(n) * n + left * slide
+        kept = into
+        if separable == 0 or held or into < 0:
+            kept = 0.0
+        push = ti.max(mass * (kept - into) + pair, 0.0)
+        t = q - into * n
+        slid = t
+        for index, condition in ti.static(enumerate(conditions)):
+            if kind == index:
+                slid = condition.slide(t, n, mass, push, dt, p)
+        v = slid + (kept - slid.dot(n)) * n
         impulse = mass * (v - q)
         impulse[3] = 0.0
         v[3] = mass

@@ -22,11 +22,28 @@ def check_differentiable(solver: Any) -> None:  # a Solver, which stands above
                            f"the others static")
     for body in solver.bodies:
         law = type(body.material)
-        needed = ["stress_back", "return_mapping_back"] if law.plastic else ["stress_back"]
-        missing = [name for name in needed if not hasattr(law, name)]
-        if missing:
-            raise InvalidValue(f"Rollout: {law.__name__} has no {missing[0]}; a law is differentiated through its own "
-                               f"adjoints, see mpm.materials.material.Material")
+        for function in ["stress", "return_mapping"] if law.plastic else ["stress"]:
+            check_adjoint(law, function, "a law", "mpm.materials.material.Material")
+    for condition in solver.fields.wall_conditions:
+        check_adjoint(type(condition), "slide", "a wall condition", "mpm.scene.wall_condition.WallCondition")
+
+
+def check_adjoint(owner: type, function: str, what: str, protocol: str) -> None:
+    """Raise InvalidValue for a class without the adjoint of one of its Taichi functions.
+
+    An adjoint that is inherited while the function is not would be that of another function.
+    """
+    adjoint = f"{function}_back"
+    ranks = [next((rank for rank, base in enumerate(owner.__mro__) if name in vars(base)), 0)
+             for name in (function, adjoint)]
+    reason = ""
+    if not hasattr(owner, adjoint):
+        reason = f"has no {adjoint}"
+    elif ranks[0] < ranks[1]:
+        reason = f"has a {function} of its own, but the {adjoint} of {owner.__mro__[ranks[1]].__name__}"
+    if reason:
+        raise InvalidValue(f"Rollout: {owner.__name__} {reason}; {what} is differentiated through its own adjoints, "
+                           f"see {protocol}")
 
 
 def check_arguments(n_steps: int, step_dt: float, substeps: int | None, window: int | None, limit: float | None,

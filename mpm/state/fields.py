@@ -13,7 +13,8 @@ from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.features import Features
 from mpm.scene.grid import GHOST, Grid
-from mpm.scene.walls import Walls
+from mpm.scene.wall_condition import WallCondition
+from mpm.scene.walls import Walls, conditions_of
 from mpm.state.contact_fields import MobileContact, ShellFields, StaticContact
 from mpm.state.ledger import LedgerRows, ledger_rows
 from mpm.state.nodes import GridFields
@@ -31,6 +32,8 @@ class Fields:
     parameters: Parameters
     laws: tuple[Material, ...]
     """One material of each law: what is compiled grows with these, not with the bodies."""
+    wall_conditions: tuple[WallCondition, ...]
+    """One condition of each class that the walls use."""
     colliders: tuple[Collider, ...]
     static_contact: StaticContact | None
     shells: ShellFields | None
@@ -119,7 +122,8 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: list[Collider], g
     nx, ny, nz = (int(n) for n in grid.cells)
     x, y, z = (float(c) for c in grid.origin)
     return Fields(
-        features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)), colliders=tuple(ready),
+        features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)),
+        wall_conditions=tuple(conditions_of(walls)), colliders=tuple(ready),
         static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
         mobile_nodes=mobile, parameters=Parameters(bodies, ready, gravity, walls, grid, precision),
         scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),

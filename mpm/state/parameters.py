@@ -7,7 +7,8 @@ from mpm.materials.material import PARAMETERS, Material
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.grid import Grid
-from mpm.scene.walls import Walls, wall_table
+from mpm.scene.wall_condition import WALL_PARAMETERS
+from mpm.scene.walls import Walls, wall_numbers, wall_table
 
 
 def laws_of(bodies: list[Body]) -> list[Material]:
@@ -45,8 +46,8 @@ class Parameters:
         """0, unknown to the compiler: a vector with a literal zero is taken apart into scalars (twice the time)."""
         self.gravity = ti.Vector.field(3, real, ())
         """[m/s^2]"""
-        self.wall_friction = ti.field(real, ())
-        """Coulomb coefficient of the walls."""
+        self.wall_numbers = ti.Vector.field(WALL_PARAMETERS, real, 6)
+        """Numbers of each side's condition, in the order of folding."""
         put(self.law_index, np.array(law_indices(bodies), np.int32))
         for index, body in enumerate(bodies):
             self.set_law(index, body.material)
@@ -54,7 +55,7 @@ class Parameters:
         thickness = [getattr(c.sdf, "thickness", 0.0) for c in colliders] or [0.0]
         put(self.half_thickness, 0.5 * np.array(thickness, dtype))
         put(self.gravity, np.array(gravity, dtype))
-        put(self.wall_friction, np.array(walls.friction, dtype))
+        put(self.wall_numbers, wall_numbers(walls).astype(dtype))
         table = wall_table(walls, grid)
         self.walls = ti.field(ti.i32, table.shape)
         """The six sides, see `wall_table`."""

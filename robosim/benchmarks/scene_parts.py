@@ -26,6 +26,7 @@ def list_parts(solver: mpm.Solver) -> list[Part]:
     contact = solver.fields.static_contact
     n = sum(p.counts)
     laws = ", ".join(sorted({type(b.material).__name__ for b in solver.bodies}))
+    conditions = ", ".join(type(condition).__name__ for condition in solver.fields.wall_conditions)
     shapes = {i: type(c.sdf).__name__ for i, c in enumerate(solver.colliders)}
 
     def names(indices: tuple[int, ...]) -> str:
@@ -50,6 +51,7 @@ def list_parts(solver: mpm.Solver) -> list[Part]:
         Part("moving colliders", bool(f.moving_colliders), names(f.moving_colliders) or "no moving collider"),
         Part("mobile colliders", bool(f.mobile), f"{names(f.mobile)}: two-way coupling" if f.mobile
              else "all motions are prescribed; no wrench is compiled"),
+        Part("wall conditions", bool(conditions), conditions or "all sides are periodic"),
         Part("periodic sides", any(f.periodic), "requested" if any(f.periodic) else "no side is periodic"),
         Part("strain by eigenvalues", f.integrator != "series", f"integrator {f.integrator}" if f.integrator != "series"
              else "the series is exact to the precision at these steps"),

@@ -15,7 +15,8 @@ from mpm.materials.material import PARAMETERS, Material
 
 
 def test_the_example_of_a_law_gives_its_formula() -> None:
-    """tau = 2 mu (1 + factor h : h) h + lam tr(h) I for a stretch along the axes, and at factor 0 Hencky's own."""
+    """tau = 2 mu (1 + factor h : h) h + lam tr(h) I for a stretch along the axes, and at factor 0 Hencky's own. Its
+    derivative is not Hencky's, which a rollout would inherit."""
     names = {"dataclass": dataclass, "Hencky": Hencky, "ti": ti, "once": once}
     Stiffening = run_example(Material, "A law whose stress is cubic in the logarithmic strain takes ten lines:",
                              names)["Stiffening"]
@@ -26,6 +27,10 @@ def test_the_example_of_a_law_gives_its_formula() -> None:
         _, tau = Element(law).apply(np.diag(stretches))
         expected = 2 * law.mu * (1 + factor * (h @ h)) * h + law.lam * h.sum()
         assert tau == pytest.approx(expected, rel=1e-12)
+    body = mpm.Body(law, np.full((4, 3), 0.5) + 0.01 * np.arange(4)[:, None], volume=1e-6)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[body])
+    with pytest.raises(mpm.InvalidValue, match="Stiffening has a stress of its own, but the stress_back of Hencky"):
+        mpm.Rollout(solver, 1)
 
 
 @pytest.mark.parametrize("change, message", [
