@@ -1,15 +1,23 @@
 # make rehearse: install into .venv and run the whole spoon task, with pictures where OpenGL can be had.
 
 PYTHON ?= python3
-VENV := .venv
+# An interpreter that is named has an environment of its own: make test PYTHON=python3.12
+ifeq ($(origin PYTHON),file)
+VENV ?= .venv
+else
+VENV ?= .venv-$(notdir $(PYTHON))
+endif
 BIN := $(VENV)/bin
 OUT ?= out/spoon
+EXTRAS := test,human,record,learn,docs,cluster
 GL_PACKAGES := libegl1 libgl1
 APT_LINE := apt-get install -y --no-install-recommends $(GL_PACKAGES)
 # True when both libraries can be loaded; asked of the dynamic linker, as PyOpenGL does.
 HAS_GL := $(PYTHON) -c "import ctypes; [ctypes.CDLL(name) for name in ('libEGL.so.1', 'libGL.so.1')]" 2>/dev/null
 
-.PHONY: rehearse test test-slow lint docs meshes clean gl
+VERSION := "import sys; print('%d.%d' % sys.version_info[:2])"
+
+.PHONY: rehearse test test-slow lint docs constraints meshes clean gl interpreter
 .DEFAULT_GOAL := rehearse
 
 rehearse: $(VENV)/.run gl
@@ -33,11 +41,15 @@ docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -b html -W --keep-going docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
+# What pip would install for all extras; an error if the constraints cannot be met. Nothing is installed.
+constraints: $(VENV)/bin/python
+	$(BIN)/python -m pip install --dry-run --ignore-installed --only-binary=:all: -c constraints.txt ".[$(EXTRAS)]"
+
 meshes: $(VENV)/.test
 	$(BIN)/python models/make_meshes.py
 
 clean:
-	rm -rf $(VENV) build dist out docs/_build docs/_generated *.egg-info .pytest_cache .ruff_cache
+	rm -rf .venv .venv-* build dist out docs/_build docs/_generated *.egg-info .pytest_cache .ruff_cache
 
 gl:
 	@if $(HAS_GL); then exit 0; fi; \
@@ -49,8 +61,15 @@ gl:
 		echo "No headless OpenGL: no video will be made. For a video, run: sudo $(APT_LINE)"; \
 	fi
 
-$(VENV)/bin/python:
+$(VENV)/bin/python: | interpreter
 	$(PYTHON) -m venv $(VENV)
+
+# An environment of another version is refused; it is neither used nor removed.
+interpreter:
+	@wanted=$$($(PYTHON) -c $(VERSION)) || exit 1; \
+	[ ! -x $(BIN)/python ] || [ "$$wanted" = "$$($(BIN)/python -c $(VERSION))" ] || { \
+		echo "$(VENV) has Python $$($(BIN)/python -c $(VERSION)), and PYTHON = $(PYTHON) is $$wanted;" \
+			"accepted: the same version; remove $(VENV), or name another folder: VENV=FOLDER" >&2; exit 1; }
 
 # One stamp per kind of install. The plain one copies the sources, hence its list of prerequisites. The two replace
 # each other in the environment, so each removes the other's stamp.
