@@ -48,14 +48,14 @@ def rehearsal_spoon(out: Path) -> dict[str, Any]:
     figures = json.loads((out / "report.json").read_text())
     pictures(out)
     quoted = {"spoon_seconds": f"{60 * round(seconds / 60):.0f}", "spoon_minutes": f"{seconds / 60:.0f}",
-              "spoon_simulated": f"{figures['simulated_time']:.1f}",
-              "spoon_load_g": f"{1e3 * figures['scooped_mass']:.0f}", "spoon_grains": f"{figures['grains']}",
+              "spoon_simulated": f"{figures['simulated_time_s']:.1f}",
+              "spoon_load_g": f"{1e3 * figures['scooped_mass_kg']:.0f}", "spoon_grains": f"{figures['grains']}",
               "spoon_delivered": f"{figures['delivered_fraction']:.3f}",
               "spoon_spilled": f"{figures['spilled_fraction']:.3f}",
               "spoon_residual": f"{figures['momentum_residual']:.0e}",
               "spoon_torque": f"{figures['torque_limit_ratio_max']:.2f}",
               "spoon_speed": f"{figures['velocity_limit_ratio_max']:.2f}",
-              "spoon_tracking_mm": f"{1e3 * figures['tool_tracking_error_max']:.1f}"}
+              "spoon_tracking_mm": f"{1e3 * figures['tool_tracking_error_max_m']:.1f}"}
     return {"made_by": made_by([*words, "--out", "out/spoon"]), "code": code_digest("robosim.commands.rehearse"),
             "seconds": seconds, "figures": figures, "quoted": quoted}
 

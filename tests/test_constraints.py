@@ -6,6 +6,7 @@ import subprocess
 import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, requires
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -99,7 +100,7 @@ def test_every_bound_has_a_reason() -> None:
     """A comment at the end of its line or on the line above."""
     lines = (ROOT / "pyproject.toml").read_text().split("dependencies = [")[1].split("[project.scripts]")[0]
     lines = lines.splitlines()
-    bare = [line for above, line in zip(lines, lines[1:])
+    bare = [line for above, line in pairwise(lines)
             if line.startswith('    "') and "#" not in line and not above.strip().startswith("#")]
     assert not bare
 

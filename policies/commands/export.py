@@ -1,4 +1,4 @@
-"""`robosim export`: demonstrations as transitions in one HDF5 file."""
+"""`robosim export`: demonstrations as transitions in a Minari dataset."""
 
 import argparse
 from pathlib import Path
@@ -7,17 +7,18 @@ from typing import Any
 from policies.learning.bundled import bundled_names, check_task
 
 EXAMPLE = """example:
-  robosim export SpoonPour --demos out/demo --out out/spoon_pour.hdf5 --obs moments"""
+  robosim export SpoonPour --demos out/demo --out out/spoon_pour --obs moments"""
 
 
 def add_parser(commands: Any) -> None:
     """Add `export` to the command line."""
     parser = commands.add_parser("export", help="write demonstrations as transitions, for other libraries",
                                  epilog=EXAMPLE, description="Replay demonstrations in the environment and write the "
-                                 "transitions to an HDF5 file in the layout of Minari.")
+                                 "transitions to a Minari dataset, or to an HDF5 file in the same layout.")
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
     parser.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
-    parser.add_argument("--out", type=Path, required=True, help="the .hdf5 file")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the dataset, or a file that ends "
+                        "in .hdf5")
     parser.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
     parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")

@@ -1,58 +1,26 @@
-"""`robosim export`: demonstrations as transitions in one HDF5 file, in the layout of Minari's datasets."""
+"""`robosim export`: demonstrations as transitions in a Minari dataset, or in its HDF5 file alone."""
 
 import json
 import os
+import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from tqdm import tqdm
 
 import mpm
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.learning.bundled import is_task_file
 from policies.learning.environments import Transition, make_environment, run_episode
-from policies.learning.files import write
+from policies.learning.files import write, write_json
 
-
-def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repeat: int = 10) -> int:
-    """Play every demonstration among grains, from its own start, and write its transitions to an HDF5 file; return 0.
-
-    The file is main_data.hdf5 of a Minari dataset (https://minari.farama.org/content/dataset_standards); Minari also
-    reads the spaces from a metadata.json next to it, which is not written. Layout: a group `episode_k` for each, with
-    observations (T + 1, ...), actions (T, n), rewards, terminations and truncations (T,), and attributes id, seed,
-    total_steps, demonstration and score; on top the attributes total_episodes, total_steps and env_spec.
-
-    Raises:
-        mpm.InvalidValue: h5py is not installed, or a path or demonstration is wrong.
-    """
-    try:
-        import h5py
-    except ImportError as error:
-        raise mpm.InvalidValue('robosim export needs h5py: pip install ".[learn]"') from error
-
-    env = make_environment(task, obs=obs, action_repeat=action_repeat)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    if out.is_dir() or not os.access(out.parent, os.W_OK):  # before any work
-        raise mpm.InvalidValue(f"--out {out}: a folder, or in one that cannot be written; give another file")
-    episodes = play_demonstrations(env, demos, action_repeat)
-    spec = env_spec(env.unwrapped, {"obs": obs, "action_repeat": action_repeat})
-
-    def write_episodes(path: Path) -> None:
-        with h5py.File(path, "w") as file:
-            file.attrs["total_episodes"] = len(episodes)
-            file.attrs["total_steps"] = sum(len(episode.transitions) for episode in episodes)
-            file.attrs["env_spec"] = json.dumps(spec)
-            for k, episode in enumerate(episodes):
-                write_episode(file.create_group(f"episode_{k}"), k, episode)
-
-    write(out, write_episodes)
-    env.close()
-    scores = [episode.transitions[-1].info["tcs"] for episode in episodes]
-    print(f"{out}: {len(episodes)} episodes, scores {min(scores):.2f} to {max(scores):.2f}")
-    return 0
+MINARI_VERSION = "0.5.3"
+"""Of the format: Minari opens the datasets of the versions that it knows."""
 
 
 class PlayedDemonstration(NamedTuple):
@@ -62,6 +30,54 @@ class PlayedDemonstration(NamedTuple):
     """Of its file."""
     seed: int
     transitions: list[Transition]
+
+
+def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repeat: int = 10) -> int:
+    """Play every demonstration among grains, from its own start, and write its transitions; return 0.
+
+    out: the folder of a Minari dataset (https://minari.farama.org/content/dataset_standards), whose name is the
+    dataset's: data/main_data.hdf5 has the transitions, data/metadata.json the spaces. A name ending in .hdf5 or .h5:
+    the file of the transitions alone. Its layout: a group `episode_k` for each, with observations (T + 1, ...), actions
+    (T, n), rewards, terminations and truncations (T,), and attributes id, seed, total_steps, demonstration and score;
+    on top the attributes total_episodes, total_steps and env_spec.
+
+    Raises:
+        mpm.InvalidValue: h5py is not installed, or a path or demonstration is wrong.
+    """
+    if find_spec("h5py") is None:
+        raise mpm.InvalidValue('robosim export needs h5py: pip install ".[learn]"')
+    env = make_environment(task, obs=obs, action_repeat=action_repeat)
+    files = dataset_files(out)  # before any work
+    episodes = play_demonstrations(env, demos, action_repeat)
+    spec = env_spec(env.unwrapped, {"obs": obs, "action_repeat": action_repeat})
+    spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
+    write_dataset(*files, episodes, {"dataset_id": out.name, "env_spec": spec.to_json(), **{
+        key: json.dumps(describe_space(space)) for key, space in spaces.items()}})
+    env.close()
+    scores = [episode.transitions[-1].info["tcs"] for episode in episodes]
+    print(f"{out}: {len(episodes)} episodes, scores {min(scores):.2f} to {max(scores):.2f}")
+    return 0
+
+
+def dataset_files(out: Path) -> tuple[Path, Path | None]:
+    """Return the files of transitions and of metadata that `out` stands for, in a folder that exists.
+
+    Raises mpm.InvalidValue for an `out` that cannot be used.
+    """
+    is_file = out.suffix in (".hdf5", ".h5")
+    if not is_file and not re.fullmatch(r"[-\w]+", out.name):
+        raise mpm.InvalidValue(f"--out {out}: a dataset cannot be called {out.name!r}; accepted: letters, digits, - "
+                               f"and _, or the name of a file that ends in .hdf5")
+    folder = out.parent if is_file else out / "data"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise mpm.InvalidValue(f"--out {out}: cannot be written: {error}") from error
+    if (is_file and out.is_dir()) or not os.access(folder, os.W_OK):
+        raise mpm.InvalidValue(f"--out {out}: a folder, or in one that cannot be written; give another one")
+    if is_file:
+        return out, None
+    return folder / "main_data.hdf5", folder / "metadata.json"
 
 
 def play_demonstrations(env: gymnasium.Env, demos: Path, action_repeat: int) -> list[PlayedDemonstration]:
@@ -77,11 +93,45 @@ def play_demonstrations(env: gymnasium.Env, demos: Path, action_repeat: int) -> 
     return episodes
 
 
-def env_spec(env: Any, options: dict[str, Any]) -> dict[str, Any]:
-    """Return id and keyword arguments with which `gymnasium.make` makes a sub-task's environment."""
+def env_spec(env: Any, options: dict[str, Any]) -> EnvSpec:
+    """Return the specification with which `gymnasium.make` makes a sub-task's environment."""
+    name, kwargs = env.TASK, options
     if is_task_file(env.source):
-        return {"id": "robosim/Task-v0", "kwargs": {"task": env.source, **options}}
-    return {"id": f"robosim/{env.TASK}-v0", "kwargs": options}
+        name, kwargs = "Task", {"task": env.source, **options}
+    registered = gymnasium.spec(f"robosim/{name}-v0")
+    return EnvSpec(id=registered.id, entry_point=registered.entry_point, kwargs=kwargs)
+
+
+def describe_space(space: gymnasium.Space) -> dict[str, Any]:
+    """Return a space as Minari's metadata have it: a Box, or a Dict of them."""
+    if isinstance(space, gymnasium.spaces.Dict):
+        return {"type": "Dict", "subspaces": {key: describe_space(part) for key, part in space.items()}}
+    assert isinstance(space, gymnasium.spaces.Box), space
+    return {"type": "Box", "dtype": str(space.dtype), "shape": list(space.shape), "low": space.low.tolist(),
+            "high": space.high.tolist()}
+
+
+def write_dataset(file: Path, metadata: Path | None, episodes: list[PlayedDemonstration], more: dict[str, str]) -> None:
+    """Write the transitions, then the metadata if there are any: Minari takes a folder for a dataset only with them.
+
+    more: entries of the metadata besides totals and format; "env_spec" is in the file of transitions, too.
+    """
+    import h5py
+
+    totals = {"total_episodes": len(episodes), "total_steps": sum(len(episode.transitions) for episode in episodes)}
+
+    def write_episodes(path: Path) -> None:
+        with h5py.File(path, "w") as opened:
+            opened.attrs.update(totals | {"env_spec": more["env_spec"]})
+            for k, episode in enumerate(episodes):
+                write_episode(opened.create_group(f"episode_{k}"), k, episode)
+
+    if metadata is not None:
+        metadata.unlink(missing_ok=True)  # those of an earlier dataset, which has other transitions
+    write(file, write_episodes)
+    if metadata is not None:
+        write_json(metadata, {**more, **totals, "data_format": "hdf5", "minari_version": MINARI_VERSION,
+                              "dataset_size": file.stat().st_size / 1e6})
 
 
 def write_episode(group: Any, k: int, episode: PlayedDemonstration) -> None:

@@ -4,9 +4,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import mpm
 from policies.results.page import align_columns
 
-ARM_COLUMNS = ("scooped_mass", "delivered_fraction", "spilled_fraction")
+ARM_COLUMNS = ("scooped_mass_kg", "delivered_fraction", "spilled_fraction")
+RENAMED = {"scooped_mass": "scooped_mass_kg"}
+"""Key of an earlier report.json -> its name now."""
 
 
 def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path]) -> list[dict[str, Any]]:
@@ -14,6 +17,9 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
 
     demonstration: best score among the task's grains. learned: score of the best motion, replayed. grains, delivered,
     turned_deg, relative_turn_error: in the sequence of sub-tasks, each begun with what the one before has left.
+
+    Raises:
+        mpm.InvalidValue: a report.json of an earlier version.
     """
     sequence = {row["task"]: row for row in read_json(out / "chain" / "chain.json").get("sub_tasks", [])}
     rows = []
@@ -25,7 +31,7 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
                      "learned": replayed.get("tcs"), "grains": result.get("grains"),
                      "delivered": result.get("delivered"), "turned_deg": result.get("rotation_deg"),
                      "relative_turn_error": result.get("rotation_relative_error")})
-    arm = read_json(out / "arm" / "report.json")
+    arm = read_arm_report(out / "arm" / "report.json")
     return [*rows, {"task": "whole arm", **{key: arm.get(key) for key in ARM_COLUMNS}}]
 
 
@@ -33,6 +39,16 @@ def _best_demonstration(folder: Path) -> float | None:
     demonstrations = read_json(folder / "demonstrations.json").get("demonstrations", [])
     return max((values["tcs"] for row in demonstrations for condition, values in row.items()
                 if condition.startswith("among")), default=None)
+
+
+def read_arm_report(path: Path) -> dict[str, Any]:
+    """Return the whole arm's figures, {} without a file; raises mpm.InvalidValue for keys of an earlier version."""
+    report = read_json(path)
+    for old, new in RENAMED.items():
+        if old in report:
+            raise mpm.InvalidValue(f"{path}: key {old!r} is now called {new!r}; rename it, or remove the folder to run "
+                                   f"the arm again")
+    return report
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -50,5 +66,5 @@ def format_rows(rows: list[dict[str, Any]]) -> str:
                cell(row["grains"], "{}"), cell(row["delivered"], "{:.3f}"), cell(row["turned_deg"], "{:.1f}"),
                cell(row["relative_turn_error"], "{:.1%}")] for row in rows[:-1]]
     arm = rows[-1]
-    return (f"{align_columns(lines)}\nwhole arm: {cell(arm['scooped_mass'], '{:.4f} kg')} scooped, "
+    return (f"{align_columns(lines)}\nwhole arm: {cell(arm['scooped_mass_kg'], '{:.4f} kg')} scooped, "
             f"{cell(arm['delivered_fraction'], '{:.3f}')} delivered, {cell(arm['spilled_fraction'], '{:.3f}')} spilled")

@@ -145,5 +145,5 @@ class RunFolder:
             status["best_return"] = self.best_return if np.isfinite(self.best_return) else None
             status["last"] = {key: float(np.mean([row[key] for row in last])) for key in keys}
             status["seconds"] = sum(row["seconds"] for row in self.rows)
-            status["simulating"] = sum(row["simulating"] for row in self.rows)
+            status["simulating_s"] = sum(row["simulating"] for row in self.rows)
         write_json(self.path / "status.json", {**status, **more})

@@ -14,7 +14,8 @@ def describe_setting(setting: dict[str, float]) -> str:
 
 def format_parts(result: dict[str, Any]) -> list[str]:
     """Format parts, costs and readings of a run as lines for a terminal."""
-    lines = [f"{result['grains']} grains, cells of {1e3 * result['cell']:g} mm, steps of {1e6 * result['dt']:.4g} us"]
+    lines = [f"{result['grains']} grains, cells of {1e3 * result['cell_m']:g} mm, "
+             f"steps of {1e6 * result['dt_s']:.4g} us"]
     for is_present in (True, False):
         lines.append("compiled in:" if is_present else "left out:")
         for part in result["parts"]:

@@ -35,8 +35,9 @@ def make_result(solver: mpm.Solver, stopwatch: Stopwatch, seconds: float, simula
     """Return the result of a run; costs are seconds per simulated second."""
     costs = {name: value / simulated for name, value in sorted(stopwatch.seconds.items(), key=lambda item: -item[1])}
     costs["everything else"] = (seconds - sum(stopwatch.seconds.values())) / simulated
-    return {"readings": {k: float(v) for k, v in readings.items()}, "seconds": seconds, "simulated": simulated,
-            "grains": sum(solver.particles.counts), "cell": solver.grid.cell, "dt": solver.dt, "costs": costs,
+    return {"readings": {k: float(v) for k, v in readings.items()}, "seconds": seconds,
+            "simulated_s": simulated, "grains": sum(solver.particles.counts), "cell_m": solver.grid.cell,
+            "dt_s": solver.dt, "costs": costs,
             "parts": [part._asdict() for part in list_parts(solver)]}
 
 
@@ -97,10 +98,10 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     stopwatch.wrap(run.servo, "compute_torque", "servo")
     run.run(lambda: None)
     figures = compute_figures(run)
-    names = {"scooped_mass": "scooped_mass", "wrist_payload": "wrist_payload", "delivered": "delivered_fraction",
-             "spilled": "spilled_fraction"}
+    names = {"scooped_mass_kg": "scooped_mass_kg", "wrist_payload_kg": "wrist_payload_kg",
+             "delivered": "delivered_fraction", "spilled": "spilled_fraction"}
     readings = {name: float(figures[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
-                if key != "wrist_payload" or config.weigh_at is not None}  # a shovel does not weigh its load
+                if key != "wrist_payload_kg" or config.weigh_at is not None}  # a shovel does not weigh its load
     return make_result(run.solver, stopwatch, run.wall_time, run.time, readings)
 
 

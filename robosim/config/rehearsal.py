@@ -7,7 +7,7 @@ import pydantic
 from pydantic import Field, PositiveFloat
 
 from robosim.config.resources import config_path, container_names
-from robosim.config.robot import Grip, LimitsConfig, ServoConfig
+from robosim.config.robot import Grip, JointTrajectoryConfig, LimitsConfig, ServoConfig
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, load
@@ -83,6 +83,7 @@ class RehearsalConfig(Table):
     limits: LimitsConfig
     servo: ServoConfig
     path: PathConfig
+    joint_trajectory: JointTrajectoryConfig = JointTrajectoryConfig()
     waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2)]
     """Poses of the tool, in order."""
     weigh_at: str | None = None

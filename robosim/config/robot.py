@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal
 
+import pydantic
 from pydantic import Field, PositiveFloat
 
 from robosim.config.resources import config_path
@@ -30,6 +31,23 @@ class ServoConfig(Table):
     """Stiffness of each joint [N m/rad]."""
     damping: Vector7
     """Damping of each joint [N m s/rad]."""
+
+
+class JointTrajectoryConfig(Table):
+    """Names in joint_trajectory.yaml, for the controller that is to play it."""
+
+    frame_id: str = ""
+    """`header.frame_id` of the message."""
+    joint_prefix: str = ""
+    """Put before each joint's name: lbr_ gives lbr_A1 to lbr_A7."""
+    joint_names: dict[str, str] = {}  # noqa: RUF012
+    """Names by the model's joint names, instead of a prefix; a joint that is left out keeps its name."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_names(self) -> "JointTrajectoryConfig":
+        if self.joint_prefix and self.joint_names:
+            raise ValueError(f"joint_prefix = {self.joint_prefix!r} with joint_names; accepted: one of the two")
+        return self
 
 
 class RobotConfig(Table):

@@ -134,11 +134,11 @@ class ArmTool(Carrier):
     def arm_readings(self) -> dict[str, float]:
         """Readings of the arm over the episode so far.
 
-        torque_limit_ratio_max: largest demanded torque over its limit. tool_lag_max [m]: largest distance of the tool
+        torque_limit_ratio_max: largest demanded torque over its limit. tool_lag_max_m: largest distance of the tool
         from its commanded position. surroundings_contacts: contacts of the robot with table or containers, or of the
         tool with the table, summed over all steps.
         """
-        return {"torque_limit_ratio_max": self._torque_ratio, "tool_lag_max": self._lag,
+        return {"torque_limit_ratio_max": self._torque_ratio, "tool_lag_max_m": self._lag,
                 "surroundings_contacts": float(self._contacts.robot_surroundings_contacts)}
 
     def _apply_torques(self, target: JointState) -> None:

@@ -58,8 +58,8 @@ class Reach:
         """Return how far a motion uses the joints' limits.
 
         speed_limit_ratio_max, joint_limit_ratio_max: largest speed and angle over their limits.
-        first_violation_time [s]: of the first step above a limit, -1 without one.
-        end_position_error [m]: of the tool at the end.
+        first_violation_time_s: of the first step above a limit, -1 without one.
+        end_position_error_m: of the tool at the end.
         """
         motion = self.joint_motion(start, linear, angular)
         speeds = np.abs(motion.speeds / SPEED_LIMITS).max(1)
@@ -68,8 +68,8 @@ class Reach:
         end = start.position + self._dt * linear.sum(0)
         error = np.linalg.norm(self._arm.tool_pose(motion.q[-1]).position - end)
         return {"speed_limit_ratio_max": float(speeds.max()), "joint_limit_ratio_max": float(angles.max()),
-                "first_violation_time": float(over[0] * self._dt) if len(over) else -1.0,
-                "end_position_error": float(error)}
+                "first_violation_time_s": float(over[0] * self._dt) if len(over) else -1.0,
+                "end_position_error_m": float(error)}
 
     def penalty(self, start: Pose, linear: np.ndarray,
                 angular: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:

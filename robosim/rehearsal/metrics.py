@@ -35,12 +35,12 @@ BOUNDS = {
     "velocity_limit_ratio_max": Bound(0, 1.0),
     "torque_limit_ratio_max": Bound(0, 1.0),
     "joint_limit_ratio_max": Bound(0, 1.0),
-    "ik_position_error_max": Bound(0, 1e-5),
-    "path_error_inside_max": Bound(0, 2e-3),
+    "ik_position_error_max_m": Bound(0, 1e-5),
+    "path_error_inside_max_m": Bound(0, 2e-3),
     "particles_lost": Bound(0, 0),
 }
-"""Bounds of every rehearsal (SI units)."""
-PATH_ERROR_INSIDE = "path_error_inside_max"
+"""Bounds of every rehearsal (SI units; a name ends in the unit, if there is one)."""
+PATH_ERROR_INSIDE = "path_error_inside_max_m"
 """The figure that is None where the tool was in no container."""
 WRIST_ERROR = "wrist_payload_relative_error"
 """The figure that is None where nothing is weighed."""
@@ -51,7 +51,7 @@ def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
 
     They include its least load, and no weighing where it weighs nothing.
     """
-    return {"scooped_mass": Bound(config.least_load, np.inf),
+    return {"scooped_mass_kg": Bound(config.least_load, np.inf),
             **{name: bound for name, bound in BOUNDS.items() if name != WRIST_ERROR or config.weigh_at}}
 
 
@@ -71,24 +71,26 @@ def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str
 
 
 def compute_figures(run: RehearsalRun) -> dict[str, object]:
-    """Compute the report's figures as JSON values, in SI units.
+    """Compute the report's figures as JSON values.
 
-    Fractions are of the scooped mass.
+    A name ends in the unit, if the figure has one. Fractions are of the scooped mass.
     """
     config, positions = run.config, run.solver.positions()
     return {
-        "material": config.material, "grains": len(positions), "cell": config.field.cell,
-        "substep": run.solver.substep, "seed": run.seed, "host_dt": config.host_dt, "coupling": config.coupling,
-        "simulated_time": run.time, "wall_time": run.wall_time, "realtime_factor": run.time / max(run.wall_time, 1e-9),
+        "material": config.material, "grains": len(positions), "cell_m": config.field.cell,
+        "substep_s": run.solver.substep, "seed": run.seed, "host_dt_s": config.host_dt, "coupling": config.coupling,
+        "simulated_time_s": run.time, "wall_time_s": run.wall_time,
+        "realtime_factor": run.time / max(run.wall_time, 1e-9),
         **_mass_figures(run, positions),
         "tool_container_contacts": run.collisions.tool_container_contacts,
-        "tool_container_depth": run.collisions.tool_container_depth,
+        "tool_container_depth_m": run.collisions.tool_container_depth,
         "robot_surroundings_contacts": run.collisions.robot_surroundings_contacts,
         **_momentum_figures(run),
         **_arm_figures(run),
         "motion_delay_s": run.plan.motion.delay, "trajectory": config.trajectory,
         **_learned_path_figures(run),
-        "grasp": config.grasp, "grasp_slip": run.grasp.slip, "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
+        "grasp": config.grasp, "grasp_slip_m": run.grasp.slip,
+        "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
         "particles_lost": int(run.recording.stack_grains("lost").max()),
     }
 
@@ -96,7 +98,7 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
 def _mass_figures(run: RehearsalRun, positions: np.ndarray) -> dict[str, object]:
     scooped, payload = compute_scooped_mass(run), weigh_at_wrist(run)
     error = None if payload is None else compute_ratio(abs(payload - scooped), scooped)
-    return {"scooped_mass": scooped, **compute_fractions(run, positions), "wrist_payload": payload,
+    return {"scooped_mass_kg": scooped, **compute_fractions(run, positions), "wrist_payload_kg": payload,
             "wrist_payload_relative_error": error}
 
 
@@ -118,9 +120,9 @@ def _arm_figures(run: RehearsalRun) -> dict[str, object]:
         "torque_limit_ratio_max": float((np.abs(recording.stack_steps("demanded_torque")) / arm.torque_limits).max()),
         "torque_saturations": run.servo.saturations,
         "joint_limit_ratio_max": float((np.abs(recording.stack_steps("q") - middle) / half).max()),
-        "ik_position_error_max": float(run.plan.solution.errors[:, 0].max()),
-        "tool_tracking_error_max": float(compute_tracking_errors(run).max()),
-        "path_error_inside_max": compute_path_error_inside(run),
+        "ik_position_error_max_m": float(run.plan.solution.errors[:, 0].max()),
+        "tool_tracking_error_max_m": float(compute_tracking_errors(run).max()),
+        "path_error_inside_max_m": compute_path_error_inside(run),
     }
 
 

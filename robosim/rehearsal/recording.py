@@ -14,7 +14,7 @@ COLUMNS = (
     + [f"external_torque_{a}_Nm" for a in ARM] + [f"wrist_{c}" for c in WRENCH]
     + [f"commanded_{c}" for c in POSE] + [f"reached_{c}" for c in POSE]
 )
-"""Columns of trajectory.csv; poses in metres and quaternions."""
+"""Columns of trajectory.csv; poses in metres and quaternions, whose signs are chosen by `make_continuous`."""
 WRITTEN = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque", "wrist", "commanded", "reached")
 """The fields of `Step` in these columns."""
 
@@ -98,6 +98,21 @@ class Recording:
 
     def write_csv(self, path: Path) -> None:
         """Write trajectory.csv: one row a step, nine digits."""
-        rows = np.column_stack([self.stack_steps(name).reshape(len(self.steps), -1) for name in WRITTEN])
+        values = {name: self.stack_steps(name).reshape(len(self.steps), -1) for name in WRITTEN}
+        commanded, reached = values["commanded"][:, 3:], values["reached"][:, 3:]
+        commanded[:] = make_continuous(commanded)
+        reached *= np.where(np.sum(reached * commanded, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        rows = np.column_stack(list(values.values()))
         with path.open("w") as file:
             np.savetxt(file, rows, delimiter=",", header=",".join(COLUMNS), comments="", fmt="%.9g")
+
+
+def make_continuous(quaternions: np.ndarray) -> np.ndarray:
+    """Choose the signs of quaternions (n, 4) so that none jumps from row to row; the first has w >= 0.
+
+    A rotation has two quaternions of opposite signs. Where they change along a motion, differences and interpolations
+    of rows are wrong.
+    """
+    first = np.where(quaternions[:1, 0] < 0.0, -1.0, 1.0)
+    changes = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
+    return quaternions * np.cumprod(np.concatenate([first, changes]))[:, None]

@@ -17,14 +17,14 @@ from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.plots import plot_report
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.renderer import RenderingUnavailable
-from robosim.robot.ros_trajectory import make_joint_trajectory
+from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
 
 RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
            "last_good_state.npz")
 """Files of an earlier run, which are removed first."""
 PRINTED = {
-    "scooped_mass": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
+    "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
     "spilled_fraction": ("spilled", "{:.1%}"),
     "wrist_payload_relative_error": ("error of the load weighed at the wrist", "{:.2%}"),
     "momentum_residual": ("momentum unaccounted for, of what was exchanged", "{:.1e}"),
@@ -50,6 +50,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     config = place_target(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
     material_config = load_material(config.material)
     check_field(config, law_of(material_config))
+    name_joints(config.joint_trajectory)  # raises for names that cannot be used
     if camera is not None:
         check_camera(camera)
     folder = OutputFolder(out)
@@ -58,7 +59,8 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     folder.write_yaml("material.yaml", material_config.model_dump(mode="json"))
     print("planning the motion ...", file=sys.stderr)
     plan = plan_motion(config)
-    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(plan.motion))
+    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
+        plan.motion, config.joint_trajectory, start=config.grasp_time))
     print("preparing grains and robot ...", file=sys.stderr)
     run = RehearsalRun(config, plan, seed=seed)
     film = _open_film(run, folder, camera)

@@ -2,26 +2,51 @@
 
 import numpy as np
 
+from robosim.config.robot import JointTrajectoryConfig
+from robosim.errors import ConfigError, UnknownName
 from robosim.robot.timing import SmoothMotion
 from robosim.scene.models import ARM_JOINTS
 
 POINT_INTERVAL = 0.01
-"""Longest time [s] between points: a quarter of the motion's knots, so that quintics between points reproduce it."""
+"""Longest time [s] between points of a motion: a quarter of its knots, so that quintics between points reproduce it."""
 
 
-def make_joint_trajectory(motion: SmoothMotion) -> dict:
+def make_joint_trajectory(motion: SmoothMotion, names: JointTrajectoryConfig | None = None, *,
+                          start: float = 0.0) -> dict:
     """Make the message's fields as plain Python values.
 
-    Points hold positions [rad], velocities [rad/s], accelerations [rad/s^2] and the time from the start.
+    Points hold positions [rad], velocities [rad/s], accelerations [rad/s^2] and the time from the start. start [s]: at
+    which the motion begins; before it the arm rests at the motion's first point. names: of frame and joints; None: no
+    frame, and the model's joint names. Raises ConfigError, UnknownName for joint names that cannot be used.
     """
-    points = []
-    for time in np.linspace(0.0, motion.duration, int(np.ceil(motion.duration / POINT_INTERVAL)) + 1):
-        state = motion.state(time)
-        nanoseconds = round(time * 1e9)
-        points.append({"positions": _round(state.q), "velocities": _round(state.qd), "accelerations": _round(state.qdd),
-                       "time_from_start": {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}})
-    return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}, "joint_names": list(ARM_JOINTS),
+    names = names or JointTrajectoryConfig()
+    joint_names = name_joints(names)
+    times = start + np.linspace(0.0, motion.duration, int(np.ceil(motion.duration / POINT_INTERVAL)) + 1)
+    points = [_make_point(motion, time, start) for time in ([0.0] if start > 0.0 else []) + times.tolist()]
+    return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": names.frame_id}, "joint_names": joint_names,
             "points": points}
+
+
+def name_joints(names: JointTrajectoryConfig) -> list[str]:
+    """Name the arm's joints for a controller, in order from the base.
+
+    Raises UnknownName for a joint that the arm does not have, ConfigError where two joints get one name.
+    """
+    for joint in names.joint_names:
+        if joint not in ARM_JOINTS:
+            raise UnknownName("joint_trajectory.joint_names: joint", joint, ARM_JOINTS)
+    chosen = [names.joint_names.get(joint, names.joint_prefix + joint) for joint in ARM_JOINTS]
+    if len(set(chosen)) < len(chosen) or "" in chosen:
+        raise ConfigError(f"joint_trajectory.joint_names gives {', '.join(map(repr, chosen))}; accepted: a different "
+                          f"name for each joint")
+    return chosen
+
+
+def _make_point(motion: SmoothMotion, time: float, start: float) -> dict:
+    """Make the point at a time [s], of a motion that begins at `start` [s]."""
+    state, nanoseconds = motion.state(time - start), round(time * 1e9)
+    return {"positions": _round(state.q), "velocities": _round(state.qd), "accelerations": _round(state.qdd),
+            "time_from_start": {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}}
 
 
 def _round(values: np.ndarray) -> list[float]:

@@ -85,9 +85,9 @@ def arm_host_step(step: float) -> CellResult:
     motion = SmoothMotion(times, HOME + ease[:, None] * SHIFT, robot.limits, {"end": 1.0})
     failure, readings = follow(made, data, servo, motion.state, 1.5)
     target = arm().tool_pose(HOME + SHIFT).position
-    readings["tool_error"] = float(np.linalg.norm(data.xpos[made.tool] - target))
-    if not failure and readings["tool_error"] > POSITION_TOLERANCE:
-        failure = f"the tool {1e3 * readings['tool_error']:.2g} mm from its target at rest"
+    readings["tool_error_m"] = float(np.linalg.norm(data.xpos[made.tool] - target))
+    if not failure and readings["tool_error_m"] > POSITION_TOLERANCE:
+        failure = f"the tool {1e3 * readings['tool_error_m']:.2g} mm from its target at rest"
     if not failure and readings["fastest_joint"] > 1.0:
         failure = f"a joint at {readings['fastest_joint']:.2g} of its speed limit"
     return cell_result("arm_host_step", step, failure, readings)
@@ -128,11 +128,11 @@ def arm_pose(kind: str) -> CellResult:
     except ConfigError as error:
         return CellResult("arm_pose", kind, "refused", str(error))
     speeds = np.array([motion.state(t).qd for t in np.arange(0.0, motion.duration, 1e-3)])
-    readings = {"position_error": float(solution.errors[:, 0].max()), "margin": solution.margin,
+    readings = {"position_error_m": float(solution.errors[:, 0].max()), "margin": solution.margin,
                 "fastest_joint": float(np.abs(speeds / SPEED_LIMITS).max())}
     failure = ""
-    if readings["position_error"] > 1e-6:
-        failure = f"{readings['position_error']:.2g} m off"
+    if readings["position_error_m"] > 1e-6:
+        failure = f"{readings['position_error_m']:.2g} m off"
     elif readings["fastest_joint"] > 1.0 + 1e-9:
         failure = f"a joint at {readings['fastest_joint']:.2g} of its speed limit"
     return cell_result("arm_pose", kind, failure, readings)

@@ -68,7 +68,7 @@ def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> 
     mujoco.mj_forward(model, data)
     start, limit = energy(), 2 * speed + 0.1 * sound_speed(E)
     scale = 0.5 * mass * speed**2 + weight * SIDE + solver.masses().sum() * G * SIDE
-    readings = {"fastest": 0.0, "fastest_box": 0.0, "energy_gain": -np.inf, "momentum": 0.0, "miss": 0.0,
+    readings = {"fastest_m_s": 0.0, "fastest_box_m_s": 0.0, "energy_gain": -np.inf, "momentum": 0.0, "miss_m_s": 0.0,
                 "repeats": 0.0}
     residual, exchanged = np.zeros(3), 0.0
     while data.time < duration - 1e-9:
@@ -81,14 +81,15 @@ def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> 
         residual += plugin.ledger.residual.linear
         exchanged += plugin.ledger.exchanged[0]
         readings["momentum"] = float(np.linalg.norm(residual) / max(exchanged, 1e-12))
-        readings["fastest"] = max(readings["fastest"], float(np.linalg.norm(solver.velocities(), axis=1).max()))
-        readings["fastest_box"] = max(readings["fastest_box"], float(np.linalg.norm(data.qvel[:3])))
+        readings["fastest_m_s"] = max(readings["fastest_m_s"], float(np.linalg.norm(solver.velocities(), axis=1).max()))
+        readings["fastest_box_m_s"] = max(readings["fastest_box_m_s"], float(np.linalg.norm(data.qvel[:3])))
         readings["energy_gain"] = max(readings["energy_gain"], (energy() - start) / scale)
-        readings["miss"] = max(readings["miss"], float(np.abs(plugin.prediction_error[:, :3]).max(initial=0.0)))
+        readings["miss_m_s"] = max(readings["miss_m_s"], float(np.abs(plugin.prediction_error[:, :3]).max(initial=0.0)))
         readings["repeats"] += plugin.repeats
         at = f" at t = {data.time:.4g} s"
-        if max(readings["fastest"], readings["fastest_box"]) > limit:
-            return f"speed {max(readings['fastest'], readings['fastest_box']):.3g} m/s above {limit:.3g}" + at, readings
+        fastest = max(readings["fastest_m_s"], readings["fastest_box_m_s"])
+        if fastest > limit:
+            return f"speed {fastest:.3g} m/s above {limit:.3g}" + at, readings
         if readings["energy_gain"] > 0.01:
             return f"energy {readings['energy_gain']:.2%} above the start's" + at, readings
         if readings["momentum"] > 1e-5:
@@ -142,13 +143,13 @@ def rest_height(host_step: float, coupling: Coupling = "mobility") -> tuple[str,
     plugin = build_scene(0.01, host_step, coupling, half=0.01, lift=0.02, bed=(0.08, 0.08, 0.0208),
                          quat="0.98 0.15 0.1 0", dt=1e-4)
     failure, readings = advance_and_check(plugin, 0.8, np.sqrt(2 * G * 0.03))
-    return failure, readings | {"height": float(plugin.data.qpos[2])}
+    return failure, readings | {"height_m": float(plugin.data.qpos[2])}
 
 
 @lru_cache
 def _reference_height() -> float:
     """Return the rest height [m] at MuJoCo steps of 0.2 ms."""
-    return rest_height(2e-4)[1]["height"]
+    return rest_height(2e-4)[1]["height_m"]
 
 
 def host_step(step: float) -> CellResult:
@@ -165,8 +166,8 @@ def lagged_host_step(step: float) -> CellResult:
 
 def _check_height(axis: str, step: float, failure: str, readings: dict[str, float]) -> CellResult:
     """Return the result of a rest height."""
-    if not failure and abs(readings["height"] - _reference_height()) > HEIGHT_TOLERANCE:
-        failure = (f"rests at {1e3 * readings['height']:.2f} mm; with steps of 0.2 ms at "
+    if not failure and abs(readings["height_m"] - _reference_height()) > HEIGHT_TOLERANCE:
+        failure = (f"rests at {1e3 * readings['height_m']:.2f} mm; with steps of 0.2 ms at "
                    f"{1e3 * _reference_height():.2f} mm")
     return cell_result(axis, step, failure, readings)
 

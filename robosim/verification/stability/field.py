@@ -46,7 +46,7 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
     scale = energy.kinetic + solver.masses().sum() * G * max(drop, solver.grid.cell)
     impulse, exchanged = np.zeros(3), 0.0
     limit = 2 * np.sqrt(2 * G * drop) + 0.1 * wave
-    readings = {"fastest": 0.0, "energy_gain": -np.inf, "smallest_stretch": np.inf, "momentum": 0.0, "rebound": 0.0}
+    readings = {"fastest_m_s": 0.0, "energy_gain": -np.inf, "smallest_stretch": np.inf, "momentum": 0.0, "rebound": 0.0}
     while solver.time < duration - 1e-9:
         try:
             solver.advance(WINDOW)
@@ -58,7 +58,7 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
         x, v, energy = solver.positions(), solver.velocities(), solver.energy()
         stretch = principal_stretches(solver)
         rise = max(0.0, float(solver.momentum().linear[2] / solver.masses().sum()))
-        readings["fastest"] = max(readings["fastest"], float(np.linalg.norm(v, axis=1).max()))
+        readings["fastest_m_s"] = max(readings["fastest_m_s"], float(np.linalg.norm(v, axis=1).max()))
         readings["energy_gain"] = max(readings["energy_gain"], (sum(energy) - total) / scale)
         readings["smallest_stretch"] = min(readings["smallest_stretch"], float(stretch.min()))
         readings["momentum"] = float(np.abs(solver.momentum().linear - start - impulse).max() / max(exchanged, 1e-12))
@@ -68,8 +68,8 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
             return "a particle outside the walls" + at, readings
         if stretch.min() < 0.05 or stretch.max() > 20:
             return f"stretch {stretch.min():.3g} .. {stretch.max():.3g}" + at, readings
-        if readings["fastest"] > limit:
-            return f"speed {readings['fastest']:.3g} m/s above {limit:.3g}" + at, readings
+        if readings["fastest_m_s"] > limit:
+            return f"speed {readings['fastest_m_s']:.3g} m/s above {limit:.3g}" + at, readings
         if readings["energy_gain"] > 0.01:
             return f"energy {readings['energy_gain']:.2%} above the start's" + at, readings
         if readings["momentum"] > 1e-5:
@@ -101,7 +101,7 @@ def stiffness(E: float) -> CellResult:
     top = solver.positions()[:, 2].max() + CELL / 4 if not failure else np.nan
     if not failure and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
         failure = f"settled height {top:.4g} m of 0.1 m"
-    return cell_result("E", E, failure, readings | {"height": float(top)})
+    return cell_result("E", E, failure, readings | {"height_m": float(top)})
 
 
 def friction_angle(phi: float) -> CellResult:
@@ -123,13 +123,13 @@ def courant(number: float) -> CellResult:
     height = float(solver.positions()[:, 2].mean())
     if not failure and number != REFERENCE_COURANT and abs(height / _reference_height() - 1) > 0.03:
         failure = f"settled height {height:.4g} m, {_reference_height():.4g} m at Courant number {REFERENCE_COURANT}"
-    return cell_result("courant", number, failure, readings | {"height": height})
+    return cell_result("courant", number, failure, readings | {"height_m": height})
 
 
 @lru_cache
 def _reference_height() -> float:
     """Return the settled mean height [m] of the particles at the reference Courant number."""
-    return courant(REFERENCE_COURANT).readings["height"]
+    return courant(REFERENCE_COURANT).readings["height_m"]
 
 
 def drop_height(height: float) -> CellResult:

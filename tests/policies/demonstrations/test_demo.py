@@ -154,10 +154,10 @@ def test_demands_on_the_arm():
     assert not np.any(slow[1])
     fast = reach.readings(start, linear, angular)
     assert fast["speed_limit_ratio_max"] > 1.0
-    assert 0.0 <= fast["first_violation_time"] <= 0.12
+    assert 0.0 <= fast["first_violation_time_s"] <= 0.12
     calm = reach.readings(start, 0.05 * linear, 0.05 * angular)
-    assert calm["first_violation_time"] == -1.0
-    assert calm["end_position_error"] < 1e-4
+    assert calm["first_violation_time_s"] == -1.0
+    assert calm["end_position_error_m"] < 1e-4
 
 
 @pytest.mark.slow

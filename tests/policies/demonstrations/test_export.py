@@ -1,15 +1,16 @@
-"""Demonstrations in one HDF5 file: Minari's layout, and the environment's own numbers."""
+"""Demonstrations as a Minari dataset, and its HDF5 file alone: the layout, and the environment's own numbers."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 import gymnasium
+import minari
 import numpy as np
 import pytest
 
 import mpm
-from policies.demonstrations.export import export
+from policies.demonstrations.export import PlayedDemonstration, dataset_files, export, write_dataset
 
 h5py = pytest.importorskip("h5py")
 ACTION_REPEAT, STEPS = 250, 4
@@ -51,23 +52,47 @@ def test_a_file_holds_what_the_environment_returns(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("obs", ["moments", "dict"])
-def test_a_file_has_the_layout_of_minari(tmp_path: Path, obs: str) -> None:
-    """Groups, datasets, their lengths and types, and attributes, field by field; a Dict space is a group of arrays."""
-    write_demonstrations(tmp_path)
-    out = tmp_path / "all.hdf5"
+def test_minari_opens_a_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, obs: str) -> None:
+    """By its name, with the environment's spaces; and its file has Minari's layout, field by field."""
+    motions = write_demonstrations(tmp_path)
+    out = tmp_path / "sets" / "translate-v2"
     assert export("SpoonTranslate", tmp_path, out, obs=obs, action_repeat=ACTION_REPEAT) == 0
-    space = gymnasium.make("robosim:robosim/SpoonTranslate-v0", obs=obs).observation_space
-    with h5py.File(out) as file:
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "sets"))
+    assert list(minari.list_local_datasets()) == ["translate-v2"]
+    dataset = minari.load_dataset("translate-v2")
+    assert (dataset.total_episodes, dataset.total_steps, dataset.spec.version) == (2, 2 * STEPS, 2)
+    env = dataset.recover_environment()
+    assert (env.unwrapped.TASK, env.unwrapped.action_repeat) == ("SpoonTranslate", ACTION_REPEAT)
+    assert dataset.observation_space == env.observation_space and dataset.action_space == env.action_space
+    with h5py.File(out / "data" / "main_data.hdf5") as file:
         assert set(file) == {"episode_0", "episode_1"}
         assert (file.attrs["total_episodes"], file.attrs["total_steps"]) == (2, 2 * STEPS)
-        for k in range(2):
+        for k, episode in enumerate(dataset):
             group = file[f"episode_{k}"]
             assert set(group) == {"observations", *STEP_DATASETS}
             assert {name: group[name].shape for name in STEP_DATASETS} == STEP_DATASETS
             assert group["rewards"].dtype.kind == "f"
             assert group["terminations"].dtype == group["truncations"].dtype == bool
             assert (group.attrs["id"], group.attrs["seed"], group.attrs["total_steps"]) == (k, 7 + k, STEPS)
-            check_observations(group["observations"], space)
+            check_observations(group["observations"], env.observation_space)
+            assert episode.id == k and np.array_equal(episode.actions, motions[k])
+            assert np.array_equal(episode.rewards, group["rewards"])
+            check_observations(episode.observations, env.observation_space)
+
+
+def test_an_export_that_fails_leaves_no_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not even the metadata of an earlier one, which would belong to other transitions."""
+    files = dataset_files(tmp_path / "set")
+    write_dataset(*files, [], {"dataset_id": "set", "env_spec": "{}"})
+    assert all(path.is_file() for path in files)
+
+    def full(*_: object) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr("policies.demonstrations.export.write_episode", full)
+    with pytest.raises(OSError, match="no space"):
+        write_dataset(*files, [PlayedDemonstration("a", 0, [])], {"dataset_id": "set", "env_spec": "{}"})
+    assert [path.name for path in (tmp_path / "set" / "data").iterdir()] == ["main_data.hdf5"]
 
 
 def check_observations(stored: Any, space: gymnasium.Space) -> None:
@@ -84,5 +109,7 @@ def check_observations(stored: Any, space: gymnasium.Space) -> None:
 def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
     with pytest.raises(mpm.InvalidValue, match="no demonstration_"):
         export("SpoonTranslate", tmp_path, tmp_path / "a.hdf5")
+    with pytest.raises(mpm.InvalidValue, match="cannot be called 'a b'; accepted: letters"):
+        export("SpoonTranslate", tmp_path, tmp_path / "a b")
     with pytest.raises(mpm.InvalidValue, match="SpoonStir.*accepted: Bottle"):
         export("SpoonStir", tmp_path, tmp_path / "a.hdf5")

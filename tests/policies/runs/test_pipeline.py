@@ -81,6 +81,16 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
     assert len(stages) == 8 and all(stage["state"] == "finished" for stage in stages.values())
 
 
+def test_a_report_of_an_earlier_version_is_refused_with_the_new_name(tmp_path):
+    """Without the refusal the table would have no mass of the whole arm, and nobody would be told."""
+    report = make_folder(tmp_path, "arm") / "report.json"
+    pipeline.write_json(report, {"scooped_mass": 0.04, "delivered_fraction": 1.0, "spilled_fraction": 0.0})
+    with pytest.raises(mpm.InvalidValue, match="key 'scooped_mass' is now called 'scooped_mass_kg'"):
+        pipeline.collect_rows(tmp_path, [], {})
+    pipeline.write_json(report, {"scooped_mass_kg": 0.04, "delivered_fraction": 1.0, "spilled_fraction": 0.0})
+    assert "0.0400 kg scooped" in pipeline.format_rows(pipeline.collect_rows(tmp_path, [], {}))
+
+
 def make_folder(out, *parts: str):
     """Make a folder in another and return it."""
     folder = out.joinpath(*parts)

@@ -11,7 +11,7 @@ from robosim.errors import ConfigError, UnknownName
 
 def result(setting: dict, seconds: float, **readings: float) -> dict:
     return {"setting": setting, "failed": "", "result": {
-        "grains": 1, "cell": 0.004, "dt": 1e-4, "parts": [], "costs": {}, "seconds": seconds, "readings": readings}}
+        "grains": 1, "cell_m": 0.004, "dt_s": 1e-4, "parts": [], "costs": {}, "seconds": seconds, "readings": readings}}
 
 
 def test_settings_are_compared_with_the_finest() -> None:
@@ -52,4 +52,4 @@ def test_parts_and_costs_are_named(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "left out:" in stdout and "no wrench is compiled" in stdout and "  field: " in stdout
     own = json.loads((tmp_path / "explain.json").read_text())["results"][0]["result"]
     assert own["readings"]["delivered"] == 1.0
-    assert sum(own["costs"].values()) == pytest.approx(own["seconds"] / own["simulated"], rel=1e-6)
+    assert sum(own["costs"].values()) == pytest.approx(own["seconds"] / own["simulated_s"], rel=1e-6)

@@ -48,4 +48,4 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
         speed = max(speed, float(np.abs(carrier.data.qvel[carrier.scene.arm_dofs] / SPEEDS).max()))
     errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturations}
     return timed.record(NAME, {"task": task, "material": material}, errors, score=info["tcs"],
-                        tool_lag=carrier.arm_readings["tool_lag_max"])
+                        tool_lag_m=carrier.arm_readings["tool_lag_max_m"])

@@ -1,0 +1,45 @@
+"""The recording's file: quaternions whose signs do not jump."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from robosim.rehearsal.recording import COLUMNS, Recording, Step, make_continuous
+
+
+def make_turn(n: int) -> np.ndarray:
+    """Quaternions (n, 4) of two turns about a fixed axis, as a converter of matrices gives them: with w >= 0."""
+    angles = np.linspace(0.0, 4.0 * np.pi, n)
+    axis = np.array([0.6, 0.0, 0.8])
+    return Rotation.from_rotvec(angles[:, None] * axis).as_quat(canonical=True, scalar_first=True)
+
+
+def test_signs_do_not_jump_and_rotations_stay() -> None:
+    """Over two turns the quaternion returns to its start, over one to the opposite sign."""
+    quaternions = make_turn(201)
+    assert np.any(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0)
+    continuous = make_continuous(-quaternions)
+    assert np.all(np.sum(continuous[1:] * continuous[:-1], axis=1) > 0.9)
+    assert np.array_equal(np.abs(continuous), np.abs(quaternions))
+    assert continuous[0] == pytest.approx([1.0, 0.0, 0.0, 0.0])
+    assert continuous[100] == pytest.approx([-1.0, 0.0, 0.0, 0.0], abs=1e-12)
+    assert continuous[200] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=1e-12)
+
+
+def test_the_file_has_one_sign_for_commanded_and_reached(tmp_path: Path) -> None:
+    """Both come from different converters, so each row may have opposite signs for one rotation."""
+    rng, quaternions = np.random.default_rng(0), make_turn(50)
+    recording, zero = Recording(), np.zeros(7)
+    for k, quaternion in enumerate(quaternions):
+        commanded, reached = (np.concatenate([[0.1, 0.2, 0.3], sign * quaternion]) for sign in rng.choice([-1, 1], 2))
+        recording.steps.append(Step(1e-3 * k, zero, zero, zero, zero, zero, zero, zero, commanded, reached, zero[:6],
+                                    zero[:6], zero[:2], 0.0))
+    recording.write_csv(tmp_path / "trajectory.csv")
+    rows = np.loadtxt(tmp_path / "trajectory.csv", delimiter=",", skiprows=1)
+    first = {name: COLUMNS.index(f"{name}_qw") for name in ("commanded", "reached")}
+    commanded, reached = (rows[:, k : k + 4] for k in first.values())
+    assert np.array_equal(commanded, reached)
+    assert commanded == pytest.approx(make_continuous(quaternions), abs=1e-8)
+    assert np.all(rows[:, first["reached"] - 3] == 0.1)
