@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
 
 import mpm
 from mpm.observers.region_counter import MAX_READINGS
@@ -26,16 +27,19 @@ class GrainBatch:
     """n environments that step together; each behaves as it would alone.
 
     The results are the same bit by bit after `mpm.init(fast_math=False)`, otherwise up to rounding, because the two
-    kernels may sum in different orders. Options as of `GrainEnv`, which also has an arm and pictures. An environment
-    that ends starts again in the same step (Gymnasium's SAME_STEP).
+    kernels may sum in different orders. Options as of `GrainEnv`, which also has an arm and pictures. autoreset_mode:
+    whether an environment that ended starts again in the same step, in the next one, or when `reset` says so.
     """
 
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
                  action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate",
-                 clip_actions: bool = False, randomize: Ranges | None = None, **numbers: float) -> None:
+                 clip_actions: bool = False, randomize: Ranges | None = None,
+                 autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP, **numbers: float) -> None:
         check_horizon(horizon)
+        self.autoreset_mode = autoreset_mode
         self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize)
         self.action_repeat = check_action_repeat(action_repeat)
+        self.max_episode_steps = -(-self.world.task.steps // self.action_repeat)
         self.batch = mpm.Batch(self.world.solver, n, readings=min(action_repeat, MAX_READINGS))
         self.actions = ActionScaling(self.world.task, clip=clip_actions)
         self.observation_space, self.action_space = self.world.observer.space, self.actions.space
@@ -83,12 +87,17 @@ class GrainBatch:
     def step(self, actions: np.ndarray) -> BatchStep:
         """Apply actions (n, dimensions).
 
-        The observation and info of an environment that ended are those of its next start.
-        Raises ConfigError for an action that cannot be used, before any environment moves.
+        SAME_STEP: observation and info of an environment that ended are those of its next start, the last ones are in
+        the last of the results. NEXT_STEP: an environment that ended in the step before ignores its action and starts.
+        Raises ConfigError for an action that cannot be used, and where no episode is running, before any environment
+        moves.
         """
         n = len(self.episodes)
         velocities = [self.actions.velocities(action, f"action of environment {e}") for e, action in enumerate(actions)]
-        left = np.array([episode.begin_action(self.action_repeat) for episode in self.episodes])
+        starts = np.array([self.autoreset_mode is AutoresetMode.NEXT_STEP and not episode.running and rng is not None
+                           for episode, rng in zip(self.episodes, self._rngs)])
+        left = np.array([0 if now else episode.begin_action(self.action_repeat)
+                         for episode, now in zip(self.episodes, starts)])
         while left.any():
             left -= self._advance(velocities, np.minimum(left, MAX_READINGS))
             left[[episode.diverged is not None for episode in self.episodes]] = 0
@@ -96,10 +105,13 @@ class GrainBatch:
         infos: list[Info] = [{} for _ in range(n)]
         finals: list[Info] = [{} for _ in range(n)]
         for e, episode in enumerate(self.episodes):
+            if starts[e]:
+                infos[e] = self._start(e)
+                continue
             if episode.diverged is None:
                 self._observe(e)
             rewards[e], terminated[e], truncated[e], infos[e] = episode.end_action()
-            if not episode.running:
+            if not episode.running and self.autoreset_mode is AutoresetMode.SAME_STEP:
                 finals[e] = {"final_obs": self._observations[e], "final_info": infos[e]}
                 infos[e] = self._start(e)
         return list(self._observations), rewards, terminated, truncated, infos, finals

@@ -1,5 +1,6 @@
 """A running episode: its reward, its clock, its tool's pose, and the info of a step."""
 
+import dataclasses
 import math
 from typing import Any, Literal, get_args
 
@@ -16,6 +17,26 @@ def check_horizon(horizon: str) -> None:
     """Raise UnknownName for a horizon that does not exist."""
     if horizon not in get_args(Horizon):
         raise UnknownName("horizon", horizon, get_args(Horizon))
+
+
+class HasEpisodeLength:
+    """An environment whose `spec` has the largest number of actions of an episode.
+
+    Gymnasium leaves it out where no TimeLimit counts, and a registered number would hold for one action_repeat only.
+    """
+
+    max_episode_steps: int
+    """Actions of an episode, if the simulation does not diverge."""
+    _spec: Any = None
+
+    @property
+    def spec(self) -> Any:
+        """The specification that `gymnasium.make` or `make_vec` has made this with; None without it."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: Any) -> None:
+        self._spec = None if spec is None else dataclasses.replace(spec, max_episode_steps=self.max_episode_steps)
 
 
 class Episode:

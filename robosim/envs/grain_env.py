@@ -10,7 +10,7 @@ import mpm
 from robosim.config.robot import Grip
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
-from robosim.envs.episode import Episode, Horizon, check_horizon
+from robosim.envs.episode import Episode, HasEpisodeLength, Horizon, check_horizon
 from robosim.envs.world import World, is_nominal_start
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.tasks.actions import ActionScaling, check_action_repeat
@@ -24,7 +24,7 @@ from robosim.tasks.task import TaskConfig, load_task
 CAMERAS = ("task", "side", "overview", "close")
 
 
-class GrainEnv(gymnasium.Env):
+class GrainEnv(HasEpisodeLength, gymnasium.Env):
     """Environment with a tool, or the whole arm, and grains; base class of all sub-tasks.
 
     The pages of the sub-tasks describe spaces, rewards and arguments. Raises UnknownName or ConfigError for arguments
@@ -57,6 +57,7 @@ class GrainEnv(gymnasium.Env):
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
                            randomize=randomize, mobile=arm, load=load)
         self.task, self.material = self.world.task, self.world.material
+        self.max_episode_steps = -(-self.task.steps // self.action_repeat)
         if type(self).TASK and task is not None:
             self._check_kind()
         self.solver, self.counter = self.world.solver, self.world.counter

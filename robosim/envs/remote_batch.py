@@ -56,9 +56,9 @@ class RemoteBatch:
 
 
 def call_batch(batch: GrainBatch, method: str, arguments: tuple) -> Any:
-    """Call a method of a batch; "spaces" returns its observation space and action scaling."""
-    if method == "spaces":
-        return batch.observation_space, batch.actions
+    """Call a method of a batch; "describe" returns its observation space, action scaling and actions of an episode."""
+    if method == "describe":
+        return batch.observation_space, batch.actions, batch.max_episode_steps
     return getattr(batch, method)(*arguments)
 
 

@@ -3,6 +3,10 @@
 Environments of one process share a field and a launch; with several cores there is a process for each. Processes are
 spawned, because a forked one could not use a GPU. A script that makes a vector environment therefore needs
 `if __name__ == "__main__":`, or `workers=1`.
+
+autoreset_mode says when an environment that ended starts again: in the same step (the default: no action is ignored,
+and every row is a transition), in the next step, as Gymnasium's own vector environments do and some of its wrappers
+need, or when `reset` is called with a mask.
 """
 
 import os
@@ -15,16 +19,18 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
 from robosim.envs.batch import GrainBatch, Info
+from robosim.envs.episode import HasEpisodeLength
 from robosim.envs.remote_batch import BatchError, RemoteBatch, call_batch
-from robosim.errors import ConfigError, RobosimError
+from robosim.errors import ConfigError, RobosimError, UnknownName
 
 
 def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str | None = None,
-                workers: int | None = None, **options: Any) -> gymnasium.vector.VectorEnv:
+                workers: int | None = None, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+                **options: Any) -> gymnasium.vector.VectorEnv:
     """Make the vector environment of a sub-task; options go to every environment.
 
     With an arm or pictures, every environment has a process of its own.
-    Raises ConfigError for num_envs or workers that cannot be used.
+    Raises ConfigError, UnknownName for num_envs, workers or autoreset_mode that cannot be used.
     """
     options.pop("max_episode_steps", None)  # the task's own horizon holds
     if num_envs < 1:
@@ -32,12 +38,22 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
     if not arm and render_mode is None:
         for unused in ("grasp", "camera"):  # options of arms and pictures
             options.pop(unused, None)
-        return GrainVectorEnv(name, num_envs, workers=workers, **options)
+        return GrainVectorEnv(name, num_envs, workers=workers, autoreset_mode=autoreset_mode, **options)
     if workers not in (None, num_envs):
         raise ConfigError(f"workers = {workers}; accepted with an arm or pictures: None, one for each environment")
     every_option = options | {"arm": arm, "render_mode": render_mode}
-    return AsyncVectorEnv([partial(_make_in_process, name, every_option)] * num_envs, context="spawn",
-                          autoreset_mode=AutoresetMode.SAME_STEP)
+    vector = ProcessVectorEnv([partial(_make_in_process, name, every_option)] * num_envs, context="spawn",
+                              autoreset_mode=check_autoreset_mode(autoreset_mode))
+    vector.max_episode_steps = vector.get_attr("spec")[0].max_episode_steps
+    return vector
+
+
+def check_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return the mode with this name or value; raises UnknownName where there is none."""
+    for known in AutoresetMode:
+        if mode in (known, known.value, known.name):
+            return known
+    raise UnknownName("autoreset_mode", mode, [known.value for known in AutoresetMode])
 
 
 def _make_in_process(name: str, options: dict[str, Any]) -> gymnasium.Env:
@@ -45,19 +61,29 @@ def _make_in_process(name: str, options: dict[str, Any]) -> gymnasium.Env:
     return gymnasium.make(f"robosim/{name}-v0", **options)
 
 
-class GrainVectorEnv(gymnasium.vector.VectorEnv):
+class ProcessVectorEnv(HasEpisodeLength, AsyncVectorEnv):
+    """Environments with a process for each, as Gymnasium has them."""
+
+
+class GrainVectorEnv(HasEpisodeLength, gymnasium.vector.VectorEnv):
     """Environments of one sub-task that step together.
 
-    An environment that ends starts again in the same step; its last observation and info are in `infos["final_obs"]`
-    and `infos["final_info"]`. workers: processes; None: one per core, at most one per environment; 1: this process.
+    autoreset_mode: SAME_STEP: an environment that ends starts again in the same step; its last observation and info are
+    in `infos["final_obs"]` and `infos["final_info"]`. NEXT_STEP: they are returned as those of any step; the next step
+    ignores its action and starts, with reward 0. DISABLED: the same, and `reset` with a "reset_mask" starts it.
+    workers: processes; None: one per core, at most one per environment; 1: this process.
     """
 
-    def __init__(self, name: str, num_envs: int, *, workers: int | None = None, **options: Any) -> None:
+    def __init__(self, name: str, num_envs: int, *, workers: int | None = None,
+                 autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP, **options: Any) -> None:
+        options["autoreset_mode"] = check_autoreset_mode(autoreset_mode)
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         workers = min(num_envs, cores if workers is None else workers)
         if workers < 1:
             raise ConfigError(f"workers = {workers}; accepted: a whole number from 1 on, or None")
-        self.num_envs, self.metadata = num_envs, {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.num_envs, self.metadata = num_envs, {"autoreset_mode": options["autoreset_mode"]}
+        self._ended = np.zeros(num_envs, bool)
+        """Which environments wait for `reset`; none unless the mode is DISABLED."""
         sizes = [len(part) for part in np.array_split(np.arange(num_envs), workers)]
         ends = np.cumsum(sizes)
         self._parts = [slice(end - size, end) for end, size in zip(ends, sizes)]
@@ -67,7 +93,7 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
             for part, size in zip(self._parts, sizes):
                 kind = GrainBatch if workers == 1 else partial(RemoteBatch, first=int(part.start))
                 self.batches.append(kind(name, size, **options))
-            self.single_observation_space, self._actions = self._call("spaces")[0]
+            self.single_observation_space, self._actions, self.max_episode_steps = self._call("describe")[0]
         except BaseException:
             self.close()
             raise
@@ -92,6 +118,7 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise ConfigError(f"reset_mask = {mask}; accepted: {self.num_envs} of True or False, some of them True")
         results = self._call("reset", *[(seeds[part], options, mask[part]) for part in self._parts])
+        self._ended[mask] = False
         infos: Info = {}
         for e, info in enumerate(info for _, part in results for info in part):
             infos = self._add_info(infos, info, e)
@@ -100,11 +127,15 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
     def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, Info]:
         """Apply actions (n, dimensions); return observations, rewards, terminated, truncated and infos.
 
-        Raises ConfigError for an action that cannot be used, before any environment moves.
+        Raises ConfigError for an action that cannot be used, and for an environment that waits for `reset`, before any
+        environment moves.
         """
+        if self._ended.any():  # checked here like the actions, or one process would step while another refuses
+            raise ConfigError(f"environments {', '.join(map(str, np.flatnonzero(self._ended)))} have ended; with "
+                              f"autoreset_mode DISABLED call reset(options={{\"reset_mask\": ...}}) first")
         if np.shape(actions) != self.action_space.shape:
             raise ConfigError(f"actions have shape {np.shape(actions)}; accepted: {self.action_space.shape}")
-        for e, action in enumerate(actions):  # checked here, or one process would step while another refuses
+        for e, action in enumerate(actions):
             self._actions.velocities(action, f"action of environment {e}")
         results = self._call("step", *[(actions[part],) for part in self._parts])
         infos: Info = {}
@@ -112,6 +143,8 @@ class GrainVectorEnv(gymnasium.vector.VectorEnv):
         for e, (info, final) in enumerate(pairs):
             infos = self._add_info(self._add_info(infos, final, e), info, e)
         rewards, terminated, truncated = (np.concatenate([result[k] for result in results]) for k in (1, 2, 3))
+        if self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
+            self._ended = terminated | truncated
         observations = self._stack([observation for result in results for observation in result[0]])
         return observations, rewards, terminated, truncated, infos
 

@@ -12,6 +12,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import vector as wrappers
 
 import robosim  # noqa: F401  (registers the environments)
 from robosim.envs.vector import GrainVectorEnv
@@ -76,6 +78,7 @@ def test_each_environment_has_the_same_bits_as_alone(name: str, options: dict[st
 def compared(vector: gymnasium.vector.VectorEnv, name: str, **options: Any) -> None:
     """Observations, rewards and infos of three episodes side by side, over an end and into the next start."""
     alone = gymnasium.make(f"robosim/{name}-v0", disable_env_checker=True, action_repeat=150, **options)
+    assert alone.spec is not None and alone.spec.max_episode_steps == vector.spec.max_episode_steps  # pyright: ignore[reportOptionalMemberAccess]
     seen, infos = vector.reset(seed=[5, 6, 7])
     together = [(seen, np.zeros(3), np.zeros(3, bool), np.zeros(3, bool), infos)]
     given = actions(vector, 1)
@@ -127,6 +130,136 @@ def test_a_mask_restarts_some_environments(carried: gymnasium.vector.VectorEnv) 
     after, infos = carried.reset(seed=9, options={"reset_mask": mask})
     assert [np.array_equal(a, b) for a, b in zip(before, after)] == (~mask).tolist()
     assert infos["_time"].tolist() == mask.tolist()
+
+
+class Driver:
+    """Steps a vector environment, and sorts its rows into what happened to each environment, in any mode.
+
+    An event is the start of an episode (observation, info) or a step (observation, reward, terminated, truncated,
+    info). Environment e takes the actions of its own list, in order; actions that a mode ignores are zero.
+    """
+
+    def __init__(self, vector: gymnasium.vector.VectorEnv, given: np.ndarray) -> None:
+        self.vector, self.given, self.mode = vector, given, vector.metadata["autoreset_mode"]
+        self.events: list[list[tuple]] = [[] for _ in range(vector.num_envs)]
+        self.taken, self.over = np.zeros(vector.num_envs, int), np.zeros(vector.num_envs, bool)
+
+    def reset(self, seed: int | None = None, mask: np.ndarray | None = None) -> None:
+        seen, infos = self.vector.reset(seed=seed, options=None if mask is None else {"reset_mask": mask})
+        for e in np.flatnonzero(np.ones(len(self.over), bool) if mask is None else mask):
+            self.events[e].append((seen[e].copy(), of(infos, e)))
+            self.over[e] = False
+
+    def step(self) -> None:
+        if self.mode is AutoresetMode.DISABLED and self.over.any():
+            self.reset(mask=self.over.copy())
+        waits = self.over.copy()
+        acts = np.array([self.given[k, e] for e, k in enumerate(self.taken)])
+        acts[waits] = 0.0
+        self.taken += ~waits
+        seen, rewards, ended, cut, infos = self.vector.step(acts)
+        for e in range(len(waits)):
+            info = of(infos, e)
+            if waits[e]:
+                assert (rewards[e], ended[e], cut[e]) == (0.0, False, False)
+                self.events[e].append((seen[e].copy(), info))
+                continue
+            over = bool(ended[e] or cut[e])
+            if self.mode is AutoresetMode.SAME_STEP and over:
+                last, final = info.pop("final_obs"), info.pop("final_info")
+                self.events[e] += [(last, rewards[e], ended[e], cut[e], final), (seen[e].copy(), info)]
+            else:
+                assert "final_obs" not in info
+                self.events[e].append((seen[e].copy(), rewards[e], ended[e], cut[e], info))
+        self.over = (ended | cut) & (self.mode is not AutoresetMode.SAME_STEP)
+
+
+@pytest.fixture(scope="module")
+def by_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[dict[AutoresetMode, gymnasium.vector.VectorEnv]]:
+    """A vector environment for each mode; like `carried`, which is that of SAME_STEP."""
+    others = {mode: gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=3, workers=1, action_repeat=150,
+                                       autoreset_mode=mode.value)
+              for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
+    yield {AutoresetMode.SAME_STEP: carried, **others}
+    for vector in others.values():
+        vector.close()
+
+
+def test_all_modes_give_the_same_episodes(by_mode: dict[AutoresetMode, gymnasium.vector.VectorEnv]) -> None:
+    """To the bit: starts, steps, last observations and infos of each environment, in whatever step they come.
+
+    A reset of one environment after two steps makes it end later than the others.
+    """
+    given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)
+    events = {}
+    for mode, vector in by_mode.items():
+        assert vector.metadata["autoreset_mode"] is mode
+        driver = Driver(vector, given)
+        driver.reset(seed=5)
+        driver.step()
+        driver.step()
+        driver.reset(seed=9, mask=np.array([False, True, False]))
+        for _ in range(12):
+            driver.step()
+        events[mode] = driver.events
+    for e in range(3):
+        rows = [events[mode][e] for mode in by_mode]
+        n = min(map(len, rows))
+        assert n >= 13 and sum(len(row) == 2 for row in rows[0][:n]) >= 2
+        for other in rows[1:]:
+            assert all(equal(a, b) for a, b in zip(rows[0][:n], other[:n], strict=True))
+
+
+def test_an_environment_that_ended_waits_for_its_reset(
+        by_mode: dict[AutoresetMode, gymnasium.vector.VectorEnv]) -> None:
+    """Nobody moves for a step that is refused."""
+    vector, still = by_mode[AutoresetMode.DISABLED], np.zeros((3, 3), np.float32)
+    vector.reset(seed=0)
+    for _ in range(7):
+        seen, _, ended, _, _ = vector.step(still)
+    assert ended.all()
+    vector.reset(options={"reset_mask": np.array([True, False, False])})
+    with pytest.raises(ConfigError, match="environments 1, 2 have ended; .*reset_mask"):
+        vector.step(still)
+    again, _ = vector.reset(options={"reset_mask": np.array([False, True, False])})
+    assert np.array_equal(again[2], seen[2]) and again[0, -1] == 0.0
+    with pytest.raises(ConfigError, match="environments 2 have ended"):
+        vector.step(still)
+    with pytest.raises(UnknownName, match="autoreset_mode 'never'; valid: Disabled, NextStep, SameStep"):
+        gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=2, autoreset_mode="never")
+
+
+def test_wrappers_of_gymnasium_work(by_mode: dict[AutoresetMode, gymnasium.vector.VectorEnv]) -> None:
+    """RecordEpisodeStatistics in every mode; those that normalise, which need NEXT_STEP."""
+    given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)
+    for mode, vector in by_mode.items():
+        recorded = wrappers.RecordEpisodeStatistics(vector)
+        driver = Driver(recorded, given)
+        driver.reset(seed=5)
+        total = np.zeros(3)
+        for _ in range(7):
+            driver.step()
+            total += [next(row[1] for row in reversed(rows) if len(row) == 5) for rows in driver.events]
+        assert recorded.episode_count == 3 and list(recorded.length_queue) == [7, 7, 7], mode
+        assert np.array(recorded.return_queue) == pytest.approx(total)
+    inner = by_mode[AutoresetMode.NEXT_STEP]
+    observed = wrappers.NormalizeObservation(inner)
+    normalised = wrappers.NormalizeReward(observed)
+    normalised.reset(seed=5)
+    for action in given[:9]:
+        seen, reward, *_ = normalised.step(action)
+        assert np.isfinite(seen).all() and np.isfinite(reward).all()
+    rows = [inner.reset(seed=5)[0], *(inner.step(action)[0] for action in given[:9])]
+    every = np.concatenate(rows).astype(float)
+    assert observed.obs_rms.mean == pytest.approx(every.mean(0), abs=1e-4)
+    assert observed.obs_rms.var == pytest.approx(every.var(0), abs=1e-4)
+
+
+def test_the_specification_has_the_length_of_an_episode(carried: gymnasium.vector.VectorEnv) -> None:
+    assert carried.spec is not None and carried.spec.max_episode_steps == 7
+    carried.reset(seed=0)
+    ends = [carried.step(np.zeros((3, 3), np.float32))[2].tolist() for _ in range(7)]
+    assert ends == [[False] * 3] * 6 + [[True] * 3]
 
 
 def test_wrong_input_is_refused(carried: gymnasium.vector.VectorEnv) -> None:
