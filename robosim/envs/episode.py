@@ -36,6 +36,7 @@ class HasEpisodeLength:
 
     @spec.setter
     def spec(self, spec: Any) -> None:
+        """Set the specification, with the number of actions of an episode."""
         self._spec = None if spec is None else dataclasses.replace(spec, max_episode_steps=self.max_episode_steps)
 
 
