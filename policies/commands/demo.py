@@ -62,10 +62,10 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then make the demonstrations."""
     check_task(options.task)
     check_material(options.material)
-    from policies.demonstrations.demo import demonstrate
-
     o = options
     with o.settings.changed("tasks", o.task, o.out) as task:
+        from policies.demonstrations.demo import demonstrate
+
         return demonstrate(task, o.out, n=o.n, material=o.material, iterations=o.iterations, rate=o.rate,
                            action_repeat=o.action_repeat, start=o.start, limit=o.limit, seed=o.seed, until=o.until,
                            jobs=o.jobs, method=o.method, arm=o.arm, arm_weight=o.arm_weight, film=not o.no_video,

@@ -1,10 +1,12 @@
 """`robosim gradients`: growth and accuracy of derivatives backwards in time."""
 
 import argparse
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import mpm
+from policies.demonstrations import TASKS
 from policies.learning.bundled import bundled_names
 
 EXAMPLE = """example:
@@ -21,6 +23,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for gradients.json and gradients.png; rollouts "
                         "that are finished there are not repeated")
     parser.add_argument("--jobs", type=int, default=1, help="number of rollouts at the same time (default: 1)")
+    parser.add_settings("file of every task", "grains.count=100")
     parser.set_defaults(run=run)
 
 
@@ -29,6 +32,9 @@ def run(options: argparse.Namespace) -> int:
     for task in options.tasks:
         if task not in bundled_names("tasks"):
             raise mpm.InvalidValue(f"task {task!r}; accepted: {', '.join(bundled_names('tasks'))}")
-    from policies.demonstrations.gradients import TASKS, gradients
+    with ExitStack() as stack:
+        tasks = [stack.enter_context(options.settings.changed("tasks", task, options.out))
+                 for task in options.tasks or TASKS]
+        from policies.demonstrations.gradients import gradients
 
-    return gradients(options.tasks or list(TASKS), options.out, options.jobs)
+        return gradients(tasks, options.out, options.jobs)

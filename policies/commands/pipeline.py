@@ -41,6 +41,7 @@ def add_parser(commands: Any) -> None:
                         "held by the fingers alone (default: friction)")
     parser.add_argument("--jobs", type=int, default=1, help="number of sub-tasks at the same time (default: 1)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
+    parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
     parser.set_defaults(run=run)
 
 
@@ -50,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
         raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(bundled_names('rehearsals'))}")
     check_method(options.method)
     check_material(options.material)
+    options.settings.check("rehearsals", options.rehearsal)
     from policies.runs.pipeline import Pipeline
 
     return Pipeline(options).run()

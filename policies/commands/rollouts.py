@@ -36,8 +36,8 @@ def run(options: argparse.Namespace) -> int:
     """Check the names, then make the rollouts."""
     check_task(options.task)
     check_material(options.material)
-    from policies.dynamics.rollouts import make_rollouts
-
     with options.settings.changed("tasks", options.task, options.out) as task:
+        from policies.dynamics.rollouts import make_rollouts
+
         return make_rollouts(task, options.out, episodes=options.episodes, material=options.material,
                              action_repeat=options.action_repeat, seed=options.seed, jobs=options.jobs)

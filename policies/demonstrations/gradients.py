@@ -14,15 +14,13 @@ import numpy as np
 from tqdm import tqdm
 
 import mpm
+from policies.demonstrations import TASKS
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.request import load_stored, surrogate_material
 from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import fingerprint, make_environment
 from policies.learning.files import lock_folder, make_pool, write, write_json
 
-TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
-         "ShovelMove")
-"""Tasks of the figure."""
 ACTION_REPEAT = 10
 SURROGATE = "fluid or clay"
 VARIANTS: dict[str, dict[str, Any]] = {
@@ -48,7 +46,7 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
         mpm.InvalidValue: a task is unknown, jobs is less than 1, or a worker process was killed.
     """
     for task in tasks:
-        if task not in TASKS:
+        if Path(task).stem not in TASKS:
             raise mpm.InvalidValue(f"unknown task {task!r}; valid: {', '.join(TASKS)}")
     if jobs < 1:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
@@ -60,7 +58,8 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     rows = [summarise(*key, arrays) for key, arrays in results.items()]
     write_json(out / "gradients.json", rows)
     draw_gradient_norms(out / "gradients.png", {
-        task: {variant: results[task, variant]["norms"][:, 0] for variant in VARIANTS} for task in tasks})
+        task: {variant: results[task, variant]["norms"][:, 0] for variant in VARIANTS}
+        for task in (Path(path).stem for path in tasks)})
     for row in rows:
         print(f"{row['task']:15s} {row['variant']:21s} growth {row['growth'] or float('nan'):9.2e}  "
               f"lost before step {row['lost_before']}  derivative, difference: "
@@ -78,7 +77,7 @@ def _compute_all(tasks: list[str], out: Path, jobs: int) -> Results:
                 future.result()
         finally:
             threads.shutdown(cancel_futures=True)
-    return {key: future.result() for key, future in zip(keys, futures)}
+    return {(Path(task).stem, variant): future.result() for (task, variant), future in zip(keys, futures)}
 
 
 def _compute_in_process(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
@@ -93,7 +92,7 @@ def _compute_in_process(out: Path, task: str, variant: str) -> dict[str, np.ndar
 
 def result_path(task: str, variant: str, out: Path) -> Path:
     """Return the file of a task's results in a variant."""
-    return out / f"{task}_{variant.replace(', ', '_').replace(' ', '_')}.npz"
+    return out / f"{Path(task).stem}_{variant.replace(', ', '_').replace(' ', '_')}.npz"
 
 
 def _compute(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:

@@ -69,11 +69,14 @@ class Pipeline:
             raise mpm.InvalidValue(f"--method {options.method}: learns from rollouts; accepted: one that learns from "
                                    f"demonstrations or by itself")
         self._needs_demonstrations = preset.needs_demonstrations
-        self.options, self.out, self.tasks = options, options.out, rehearsals[options.rehearsal]
+        self.options, self.out = options, options.out
+        self.tasks = options.settings.apply({"learned": rehearsals[options.rehearsal]})["learned"]
         self.out.mkdir(parents=True, exist_ok=True)
         self._file, self._lock = self.out / "pipeline.json", threading.Lock()
         self._processes: set[subprocess.Popen] = set()
         self._shared_options = {name: getattr(options, name) for name in SHARED_OPTIONS}
+        if options.settings:
+            self._shared_options["set"] = [setting.text for setting in options.settings]
         self._is_stopped = False
         self.stages = self._load_finished()
         self._progress: Any = None
@@ -83,8 +86,9 @@ class Pipeline:
         try:
             stored = json.loads(self._file.read_text())
             stages = {name: stage for name, stage in stored["stages"].items() if stage["state"] == "finished"}
-            differences = [f"--{name} {stored['options'][name]}, now {value}"
-                           for name, value in self._shared_options.items() if stored["options"][name] != value]
+            earlier, now = stored["options"], self._shared_options
+            differences = [f"--{name} {earlier.get(name)}, now {now.get(name)}" for name in {**earlier, **now}
+                           if earlier.get(name) != now.get(name)]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return {}
         if differences:
@@ -154,7 +158,7 @@ class Pipeline:
         """Run the sub-tasks in sequence, and the whole arm, even if the sequence failed."""
         o = self.options
         shared = ["--motions", str(self.out / "motions"), *([] if o.material is None else ["--material", o.material]),
-                  *(["--no-video"] if o.no_video else [])]
+                  *(["--no-video"] if o.no_video else []), *o.settings.arguments]
         results = [self._run_stage(SEQUENCE, ["chain", o.rehearsal, "--out", str(self.out / "chain"), *shared]),
                    self._run_stage(ARM, ["rehearse", o.rehearsal, "--out", str(self.out / "arm"), "--grasp", o.grasp,
                                          *shared])]

@@ -19,6 +19,11 @@ class Settings(tuple[Setting, ...]):
         """Copy a table with the settings in it; see `robosim.config.settings.with_settings`."""
         return with_settings(table, self)
 
+    @property
+    def arguments(self) -> list[str]:
+        """The settings as arguments of a command."""
+        return [word for setting in self for word in ("--set", setting.text)]
+
     @contextlib.contextmanager
     def changed(self, kind: str, name: str, folder: Path | None) -> Iterator[str]:
         """Give the path of a copy of a configuration with the settings in it, or the name itself without settings.
@@ -34,7 +39,7 @@ class Settings(tuple[Setting, ...]):
         from robosim.config.table import read
 
         source = config_path(kind, name, kind[:-1])
-        self._check(kind, name)
+        self.check(kind, name)
         with tempfile.TemporaryDirectory() as temporary:
             out = OutputFolder(folder or Path(temporary))
             copy = out.path / f"{source.stem}.yaml"
@@ -43,8 +48,11 @@ class Settings(tuple[Setting, ...]):
                                   f"another folder")
             yield str(out.write_yaml(copy.name, self.apply(read(source))))  # pyright: ignore[reportArgumentType]
 
-    def _check(self, kind: str, name: str) -> None:
-        """Raise ConfigError unless the configuration is valid with the settings."""
+    def check(self, kind: str, name: str) -> None:
+        """Raise ConfigError unless a configuration is valid with the settings.
+
+        kind: "tasks" or "rehearsals".
+        """
         if kind == "tasks":
             from robosim.tasks.task import load_task
 

@@ -33,8 +33,8 @@ def run(options: argparse.Namespace) -> int:
     config_path("rehearsals", options.rehearsal, "rehearsal")
     if options.material is not None:
         config_path("materials", options.material, "material")
-    from robosim.rehearsal.motion_chain import run_chain
-
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
+        from robosim.rehearsal.motion_chain import run_chain
+
         return run_chain(rehearsal, options.out, material=options.material, motions=options.motions,
                          film=not options.no_video)

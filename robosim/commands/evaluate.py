@@ -44,9 +44,9 @@ def run(options: argparse.Namespace) -> int:
     if options.material is not None:
         config_path("materials", options.material, "material")
     check_policy(options.policy)
-    from robosim.evaluation.evaluate import evaluate
-
     with options.settings.changed("tasks", options.task, options.out) as task:
+        from robosim.evaluation.evaluate import evaluate
+
         return evaluate(task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
                         film=not options.no_video, nominal=options.nominal, material=options.material,
                         arm=options.arm, grasp=options.grasp)

@@ -40,9 +40,10 @@ def run(options: argparse.Namespace) -> int:
     names = [*TASKS, *config_names("rehearsals")]
     if options.scene not in names and not Path(options.scene).is_file():
         raise UnknownName("scene", options.scene, names, "or the .yaml file of one")
-    from robosim.benchmarks.explain import explain
     from robosim.tasks.task import is_task
 
     with options.settings.changed("tasks" if is_task(options.scene) else "rehearsals", options.scene,
                                   options.out) as scene:
+        from robosim.benchmarks.explain import explain
+
         return explain(scene, tolerance=options.tolerance, out=options.out, apply=options.apply, jobs=options.jobs)

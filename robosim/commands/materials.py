@@ -35,9 +35,9 @@ def run(options: argparse.Namespace) -> int:
     for task in options.tasks:
         is_task_file(task)
     check_policy(options.policy)
-    from robosim.evaluation.materials import materials
-
     with ExitStack() as stack:
         tasks = [stack.enter_context(options.settings.changed("tasks", task, options.out))
                  for task in options.tasks or TASKS]
+        from robosim.evaluation.materials import materials
+
         return materials(tasks, options.out, name=options.policy, jobs=options.jobs)

@@ -47,9 +47,9 @@ def run(options: argparse.Namespace) -> int:
         config_path("materials", options.material, "material")
     if options.camera not in CAMERAS:
         raise UnknownName("camera", options.camera, CAMERAS)
-    from robosim.rehearsal.session import rehearse
-
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
+        from robosim.rehearsal.session import rehearse
+
         return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
                         camera=None if options.no_video else options.camera, seed=options.seed,
                         trajectory=options.trajectory, motions=options.motions)

@@ -1,6 +1,7 @@
 """Settings `key=value` from the command line, applied to a configuration before it is checked."""
 
 import copy
+import json
 import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -19,6 +20,11 @@ class Setting(NamedTuple):
     def name(self) -> str:
         """The option as it was given, without its value."""
         return f"--set {'.'.join(self.path)}"
+
+    @property
+    def text(self) -> str:
+        """KEY=VALUE, which `read_setting` reads as the same setting."""
+        return f"{'.'.join(self.path)}={json.dumps(self.value, default=str)}"
 
 
 def read_setting(text: str) -> Setting:

@@ -15,7 +15,6 @@ from robosim.config.resources import config_names, config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, load, read
-from robosim.shapes import tool_shape
 from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
 
 Kind = Literal["scoop", "translate", "pour", "move"]
@@ -106,7 +105,6 @@ class TaskConfig(Table):
     @pydantic.model_validator(mode="after")
     def _check(self) -> "TaskConfig":
         """Refuse sections that do not fit each other."""
-        tool_shape(self.tool)
         scoops = self.kind == "scoop"
         times = [s.time for s in self.script]
         if times[0] <= 0 or any(b <= a for a, b in pairwise(times)):

@@ -27,13 +27,13 @@ def features(x: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law, name, guess, band", [
+@pytest.mark.parametrize("law, name, guess, bound", [
     (mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=35.0), "friction_angle_deg", 25.0,
-     2.0 / 35.0),
-    (mpm.NewtonianFluid(bulk_modulus=1.5e5, density=1000.0, viscosity=2.0), "viscosity", 5.0, 0.05),
+     0.01),
+    (mpm.NewtonianFluid(bulk_modulus=1.5e5, density=1000.0, viscosity=2.0), "viscosity", 5.0, 0.002),
 ])
-def test_a_number_is_found_again(law, name, guess, band):
-    """Friction angle within 2 degrees, viscosity within 5 %."""
+def test_a_number_is_found_again(law, name, guess, bound):
+    """Friction angle within 0.01 degrees, viscosity within 0.1 %: what the page of gradients claims."""
     truth = collapse(law)
     for _ in range(STEPS):
         truth.advance(0.002)
@@ -60,4 +60,4 @@ def test_a_number_is_found_again(law, name, guess, band):
 
     found = minimize(value_and_slope, [np.log(guess)], jac=True, method="L-BFGS-B",
                      bounds=[(np.log(0.3 * guess), np.log(3.0 * guess))], options={"maxiter": 20})
-    assert np.exp(found.x[0]) == pytest.approx(getattr(law, name), rel=band)
+    assert np.exp(found.x[0]) == pytest.approx(getattr(law, name), abs=bound)

@@ -77,6 +77,8 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
     assert [arguments[0] for arguments in calls] == ["train"] * 3 + ["chain", "rehearse"]
     with pytest.raises(mpm.InvalidValue, match="holds a pipeline with --episodes None, now 5; give another folder"):
         pipeline.Pipeline(options(tmp_path, "--episodes", "5"))
+    with pytest.raises(mpm.InvalidValue, match=r"--set None, now \['field.cell=0.004'\]; give another folder"):
+        pipeline.Pipeline(options(tmp_path, "--set", "field.cell=0.004"))
     stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
     assert len(stages) == 8 and all(stage["state"] == "finished" for stage in stages.values())
 
@@ -89,6 +91,25 @@ def test_a_report_of_an_earlier_version_is_refused_with_the_new_name(tmp_path):
         pipeline.collect_rows(tmp_path, [], {})
     pipeline.write_json(report, {"scooped_mass_kg": 0.04, "delivered_fraction": 1.0, "spilled_fraction": 0.0})
     assert "0.0400 kg scooped" in pipeline.format_rows(pipeline.collect_rows(tmp_path, [], {}))
+
+
+def test_settings_go_to_the_stages_of_the_rehearsal(tmp_path, monkeypatch):
+    """Its list of sub-tasks is the one that was set; the same settings continue."""
+    calls = []
+
+    def start(arguments, **_):
+        calls.append(arguments[3:])
+        if calls[-1][0] == "train":
+            np.savez(make_folder(Path(calls[-1][calls[-1].index("--out") + 1])) / "best.npz", actions=np.zeros((2, 3)))
+        return EndedProcess(0)
+
+    monkeypatch.setattr(pipeline.subprocess, "Popen", start)
+    changed = options(tmp_path, "--set", "learned=[SpoonPour]", "--set", "field.cell=4e-3")
+    assert pipeline.Pipeline(changed).run() == 0
+    assert [call[:3] for call in calls[:2]] == [["demo", "SpoonPour", "--out"], ["train", "residual", "SpoonPour"]]
+    given = ["--set", 'learned=["SpoonPour"]', "--set", "field.cell=0.004"]
+    assert [(call[0], call[-4:]) for call in calls[2:]] == [("chain", given), ("rehearse", given)]
+    assert pipeline.Pipeline(changed).run() == 0 and len(calls) == 4
 
 
 def make_folder(out, *parts: str):

@@ -1,6 +1,8 @@
 """`--set KEY=VALUE` of the commands."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,7 @@ from robosim.tasks.task import load_task
     ["rehearse", "spoon", "--out"], ["chain", "spoon", "--out"], ["evaluate", "SpoonPour", "--out"],
     ["explain", "SpoonPour", "--out"], ["explain", "spoon", "--out"], ["materials", "SpoonPour", "--out"],
     ["demo", "SpoonPour", "--out"], ["rollouts", "SpoonPour", "--out"],
+    ["pipeline", "spoon", "--out"], ["gradients", "SpoonPour", "--out"],
 ], ids=lambda arguments: " ".join(arguments[:2]))
 def test_a_setting_that_does_not_fit_is_refused_before_any_work(arguments: list[str], tmp_path: Path,
                                                                 capsys: pytest.CaptureFixture[str]) -> None:
@@ -24,6 +27,19 @@ def test_a_setting_that_does_not_fit_is_refused_before_any_work(arguments: list[
     assert capsys.readouterr().err.startswith(
         f"robosim {arguments[0]}: --set field.sell: unknown key 'field.sell'; valid: cell, grains_per_cell,")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_wrong_key_is_refused_before_what_only_the_work_needs_is_loaded(tmp_path: Path) -> None:
+    """So that the message comes at once: no mesh, robot, physics or learning library."""
+    code = ("import sys; from robosim.commands.main import main\n"
+            "for words in (['rehearse', 'spoon'], ['pipeline', 'spoon'], ['demo', 'SpoonPour'], "
+            "['gradients', 'SpoonPour'], ['evaluate', 'SpoonPour']):\n"
+            "    assert main([*words, '--out', sys.argv[1], '--set', 'field.sell=1']) == 2\n"
+            "heavy = {'trimesh', 'taichi', 'mujoco', 'pinocchio', 'torch', 'gymnasium', 'matplotlib'}\n"
+            "loaded = heavy & set(sys.modules)\n"
+            "assert not loaded, loaded")
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "out")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_presets_and_sweeps_are_changed_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,6 +21,7 @@ def settings(*texts: str) -> list[Setting]:
                                              ("a=[1, 2]", [1, 2]), ("a={b: 1}", {"b": 1}), ("a='1'", "1")])
 def test_values_are_yaml(text: str, value: object) -> None:
     assert read_setting(text) == Setting(("a",), value)
+    assert read_setting(read_setting(text).text) == Setting(("a",), value)
 
 
 @pytest.mark.parametrize("text", ["a", "=1", "a..b=1", ".a=1", "a=[1"])
