@@ -46,7 +46,9 @@ class Settings(tuple[Setting, ...]):
             if copy.resolve() == source.resolve():
                 raise ConfigError(f"--out {folder}: {source.name} with the settings would replace {source}; give "
                                   f"another folder")
-            yield str(out.write_yaml(copy.name, self.apply(read(source))))  # pyright: ignore[reportArgumentType]
+            out.write_yaml(copy.name, self.apply(read(source)))  # pyright: ignore[reportArgumentType]
+            out.release()  # the command itself locks its folder
+            yield str(copy)
 
     def check(self, kind: str, name: str) -> None:
         """Raise ConfigError unless a configuration is valid with the settings.

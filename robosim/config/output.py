@@ -43,6 +43,10 @@ class OutputFolder:
         except OSError as error:
             raise ConfigError(f"--out {path}: cannot be written ({error.strerror}); give another folder") from None
 
+    def release(self) -> None:
+        """Let others work in the folder."""
+        self._lock.release()
+
     def write(self, name: str, writer: Callable[[Path], object]) -> Path:
         """As `replaced` does; returns where it lies."""
         final = self.path / name
