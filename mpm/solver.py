@@ -139,22 +139,22 @@ class Solver(Readings):
 
     def set_gravity(self, gravity: np.ndarray) -> None:
         """Set gravity [m/s^2] (3,)."""
-        self.gravity = check_finite("set_gravity", gravity, (3,))
-        self.fields.parameters.gravity[None] = self.gravity
+        self.fields.parameters.gravity[None] = self.gravity = check_finite("set_gravity", gravity, (3,))
 
     def set_friction(self, index: int, friction: float) -> None:
         """Set the friction coefficient of a collider, without recompilation."""
         self.paths.pose(index)
-        self.colliders[index] = replace(self.colliders[index], friction=friction)
+        changed = replace(self.colliders[index], friction=friction)
         self.fields.parameters.set_friction(index, friction)
+        self.colliders[index] = changed
 
     def set_material(self, index: int, material: Material) -> None:
         """Set other parameters of a body's law, without recompilation; raises TimeStepTooLarge if dt is too large."""
         self.check_material(index, material)
         is_heavier = material.density != self.bodies[index].material.density
+        self.fields.parameters.set_law(index, material)
         self.bodies[index] = replace(self.bodies[index], material=material)
         self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
-        self.fields.parameters.set_law(index, material)
         self._momentum = self.momentum() if is_heavier else self._momentum
 
     def check_material(self, index: int, material: Material) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import put, real_type, ti
+from mpm.backend import check_owner, put, real_type, ti
 from mpm.materials.material import PARAMETERS, Material
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
@@ -63,6 +63,7 @@ class Parameters:
 
     def set_law(self, index: int, material: Material) -> None:
         """Write the parameters and the density of a body's law."""
+        check_owner()
         self._laws[index, : len(material.parameters)] = material.parameters
         self._densities[index] = material.density
         put(self.law, self._laws)

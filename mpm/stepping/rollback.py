@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from mpm.backend import check_owner
 from mpm.errors import InvalidValue
 from mpm.state.snapshots import StateBank
 
@@ -33,6 +34,7 @@ class Rollback:
 
     def store(self) -> None:
         """Store the present state, in place of the one stored before."""
+        check_owner()
         s = self._solver
         self._rest = (s.time, s.steps, s.paths.save(), s.mobility.save(), s.momentum_after_advance())
         self.is_pending = True

@@ -7,6 +7,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 
 import mpm
+from mpm.backend import check_owner
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode, Horizon, check_horizon
@@ -54,6 +55,7 @@ class GrainBatch:
 
         Raises ConfigError where the mask leaves out an environment that has no episode yet.
         """
+        check_owner()
         nominal = is_nominal_start(options)
         if not all(begun or now for begun, now in zip((rng is not None for rng in self._rngs), mask)):
             raise ConfigError("reset_mask leaves out environments that never began; reset all of them first")
@@ -92,6 +94,7 @@ class GrainBatch:
         Raises ConfigError for an action that cannot be used, and where no episode is running, before any environment
         moves.
         """
+        check_owner()
         n = len(self.episodes)
         velocities = [self.actions.velocities(action, f"action of environment {e}") for e, action in enumerate(actions)]
         starts = np.array([self.autoreset_mode is AutoresetMode.NEXT_STEP and not episode.running and rng is not None

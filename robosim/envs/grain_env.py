@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 
 import mpm
+from mpm.backend import check_owner
 from robosim.config.robot import Grip
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
@@ -106,6 +107,7 @@ class GrainEnv(HasEpisodeLength, gymnasium.Env):
         options: {"nominal": True} for the start without its random displacement.
         Raises UnknownName for another option.
         """
+        check_owner()
         super().reset(seed=seed)
         nominal, world = is_nominal_start(options), self.world
         law = world.draw_law(self.np_random)
@@ -128,6 +130,7 @@ class GrainEnv(HasEpisodeLength, gymnasium.Env):
         the last finite one and info["diverged"] has the reason.
         Raises ConfigError for an action that cannot be used, and where no episode is running.
         """
+        check_owner()
         episode, world = self.episode, self.world
         steps = episode.begin_action(self.action_repeat)
         try:

@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ import trimesh
 import mpm
 
 SAND = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
+CLAY = replace(SAND, friction_angle_deg=10.0)
 POST = mpm.Sdf.from_mesh(trimesh.creation.box((0.06, 0.06, 0.06)), spacing=0.01)
 """A shape whose lattice is a field: made once, used by solvers of several processes."""
 DURATION, PATIENCE = 5e-3, 240
@@ -30,6 +32,11 @@ def scene() -> mpm.Solver:
     post = mpm.Collider(POST, friction=0.4, pose=pose, static=True)
     body = mpm.Body(SAND, mpm.sample_box((0.08, 0.08, 0.07), (0.12, 0.12, 0.09), 0.01), volume=1e-6)
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], colliders=[post])
+
+
+def settings(solver: mpm.Solver) -> str:
+    """What a solver's refused setters must leave as it was."""
+    return f"{solver.gravity} {solver.colliders[0].friction} {solver.bodies[0].material}"
 
 
 def bits(solver: mpm.Solver) -> str:
@@ -57,7 +64,7 @@ def uses(solver: mpm.Solver, others: dict[str, Callable[[], Any]]) -> dict[str, 
     each = {"advance": lambda: solver.advance(DURATION), "compile": solver.compile, "positions": solver.positions,
             "velocities": solver.velocities, "energy": solver.energy, "state": solver.state,
             "load": lambda: solver.load(state), "set_gravity": lambda: solver.set_gravity(np.zeros(3)),
-            "set_friction": lambda: solver.set_friction(0, 0.1), "set_material": lambda: solver.set_material(0, SAND),
+            "set_friction": lambda: solver.set_friction(0, 0.1), "set_material": lambda: solver.set_material(0, CLAY),
             "store_checkpoint": solver.store_checkpoint, "Batch": lambda: mpm.Batch(solver, 2)}
     return {name: outcome(use) for name, use in (each | others).items()}
 
@@ -119,9 +126,9 @@ def thread() -> dict[str, Any]:
     first = in_thread(lambda: outcome(scene))
     solver = scene()
     solver_state.append(solver.state())
-    before = bits(solver)
+    before = bits(solver), settings(solver)
     refused = in_thread(lambda: uses(solver, {"Solver": scene}))
-    return {"first": first, "refused": refused, "before": before, "after": bits(solver)}
+    return {"first": first, "refused": refused, "before": before, "after": (bits(solver), settings(solver))}
 
 
 def init_in_thread() -> dict[str, Any]:
