@@ -9,7 +9,7 @@ from mpm.backend import PRECISIONS, allocating, check_owner, default_precision, 
 from mpm.boundaries.contact import cache_static_contact
 from mpm.boundaries.mobility_table import MobilityTable
 from mpm.errors import InvalidValue, TimeStepTooLarge, UnknownName
-from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, Wrench
+from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, Wrench, check_pose
 from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.materials.material import Material
 from mpm.materials.stable_step import choose_step, material_bound
@@ -20,7 +20,7 @@ from mpm.observers.region_counter import COUNTER_ROWS, MAX_READINGS, Counts, Reg
 from mpm.observers.sample import Sample
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
-from mpm.scene.features import features_of
+from mpm.scene.features import check_colliders, check_scene, features_of
 from mpm.scene.grid import Grid
 from mpm.scene.validation import check_finite, read_array
 from mpm.scene.walls import Walls
@@ -53,6 +53,7 @@ class Solver(Readings):
         dt: float | None = None, precision: str | None = None, integrator: str | None = None,
         body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None,
     ) -> None:
+        check_scene(grid, bodies, colliders, walls)
         session = session_precision()
         self.precision = precision or session
         if self.precision not in PRECISIONS:
@@ -63,8 +64,6 @@ class Solver(Readings):
             raise UnknownName("integrator", integrator, INTEGRATORS)
         if not bodies:
             raise InvalidValue("Solver: bodies is empty; give at least one Body")
-        for body in bodies:
-            grid.check_inside(np.asarray(body.positions, float))
         self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
         self.walls = walls or Walls()
         self.walls.check(grid)
@@ -127,6 +126,7 @@ class Solver(Readings):
         if self.steps > 0 or self.counter is not None:
             raise InvalidValue("set_colliders: the scene is fixed by the first advance or an attached counter; "
                                "accepted: colliders that are set before")
+        check_colliders(colliders)
         before = self.state()
         self.colliders = list(colliders)
         for k, collider in enumerate(self.colliders):
@@ -207,9 +207,9 @@ class Solver(Readings):
         """
         if index not in self.features.mobile:
             raise InvalidValue(f"collider {index} is not mobile; mobile: {self.features.mobile}")
-        if pose is not None:
-            self.paths.poses[index] = pose
-        self.mobility.set(index, self.paths.poses[index], W, free_twist, twist, centre, others or {})
+        place = self.paths.poses[index] if pose is None else check_pose(f"mobility of collider {index}", pose)
+        self.mobility.set(index, place, W, free_twist, twist, centre, others or {})
+        self.paths.poses[index] = place
 
     def collider_pose(self, index: int) -> Pose:
         """Return the pose of a collider at the end of the last advance."""

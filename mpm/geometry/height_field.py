@@ -3,7 +3,8 @@
 import numpy as np
 
 from mpm.backend import is_usable, put, ti
-from mpm.geometry.shape import Shape
+from mpm.errors import InvalidValue
+from mpm.geometry.shape import Shape, check_sizes
 
 
 class HeightField(Shape):
@@ -14,7 +15,10 @@ class HeightField(Shape):
 
     def __init__(self, heights: np.ndarray, half: tuple[float, float]) -> None:
         self.host = np.asarray(heights, np.float32)
-        self.half = tuple(float(c) for c in half)
+        self.half = check_sizes("Sdf.height_field", "half", half, 2)
+        if self.host.ndim != 2 or min(self.host.shape) < 2 or not np.isfinite(self.host).all():
+            raise InvalidValue(f"Sdf.height_field: heights have shape {self.host.shape}; accepted: (rows, columns), "
+                               f"2 or more of each, finite numbers")
         rows, columns = self.host.shape
         self.spacing = (2.0 * self.half[0] / (columns - 1), 2.0 * self.half[1] / (rows - 1))
         self.radius = float(np.linalg.norm([*self.half, np.abs(self.host).max()]))

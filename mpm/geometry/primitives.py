@@ -3,7 +3,8 @@
 import numpy as np
 
 from mpm.backend import ti
-from mpm.geometry.shape import Shape
+from mpm.errors import InvalidValue
+from mpm.geometry.shape import Shape, check_sizes
 
 NEAR = 1e-6
 """[m] from a face within which rounding decides on which side a point is."""
@@ -15,7 +16,10 @@ class Plane(Shape):
     radius = 1e6
 
     def __init__(self, normal: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> None:
-        self.normal = tuple(float(c) for c in np.asarray(normal) / np.linalg.norm(normal))
+        length = float(np.linalg.norm(normal)) if np.shape(normal) == (3,) else 0.0
+        if not 0.0 < length < np.inf:
+            raise InvalidValue(f"Sdf.plane: normal = {normal}; accepted: three finite numbers, not all zero")
+        self.normal = tuple(float(c) for c in np.asarray(normal) / length)
 
     @ti.func
     def at(self, y):
@@ -34,7 +38,8 @@ class Sphere(Shape):
     """A ball of radius r [m] about the frame's origin."""
 
     def __init__(self, r: float) -> None:
-        self.r, self.radius = float(r), float(r)
+        self.r, = check_sizes("Sdf.sphere", "r", r)
+        self.radius = self.r
 
     @ti.func
     def at(self, y):
@@ -49,7 +54,9 @@ class Capsule(Shape):
     """Points within r [m] of the segment of half length h [m] along the frame's z axis."""
 
     def __init__(self, r: float, h: float) -> None:
-        self.r, self.h, self.radius = float(r), float(h), float(r + h)
+        self.r, = check_sizes("Sdf.capsule", "r", r)
+        self.h, = check_sizes("Sdf.capsule", "h", h, least=-1e-300)
+        self.radius = self.r + self.h
 
     @ti.func
     def at(self, y):
@@ -67,8 +74,8 @@ class Box(Shape):
     """A box of half sizes [m] (3,) about the frame's origin."""
 
     def __init__(self, half: tuple[float, float, float]) -> None:
-        self.half = tuple(float(c) for c in half)
-        self.radius = float(np.linalg.norm(half))
+        self.half = check_sizes("Sdf.box", "half", half, 3)
+        self.radius = float(np.linalg.norm(self.half))
 
     @ti.func
     def at(self, y):
@@ -98,7 +105,9 @@ class Cylinder(Shape):
     """Points within r [m] of the frame's z axis and within h [m] of its xy plane."""
 
     def __init__(self, r: float, h: float) -> None:
-        self.r, self.h, self.radius = float(r), float(h), float(np.hypot(r, h))
+        self.r, = check_sizes("Sdf.cylinder", "r", r)
+        self.h, = check_sizes("Sdf.cylinder", "h", h)
+        self.radius = float(np.hypot(self.r, self.h))
 
     @ti.func
     def at(self, y):
@@ -124,7 +133,7 @@ class Ellipsoid(Shape):
     """An ellipsoid of half axes [m] (3,). Distances are of first order: exact at the surface, where contact is."""
 
     def __init__(self, half: tuple[float, float, float]) -> None:
-        self.half = tuple(float(c) for c in half)
+        self.half = check_sizes("Sdf.ellipsoid", "half", half, 3)
         self.radius = max(self.half)
 
     @ti.func

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mpm.errors import InvalidValue
+
 ORIGIN, AXES, LINEAR, ANGULAR, COLUMNS = 0, 3, 12, 15, 18
 """Columns of a motion table: where origin, rotation matrix and velocities of a frame begin, and how many there are."""
 
@@ -54,6 +56,23 @@ class Pose(NamedTuple):
     def apply(self, points: np.ndarray) -> np.ndarray:
         """Return world coordinates (n, 3) of points (n, 3) in this frame."""
         return points @ self.matrix.T + self.position
+
+
+def check_pose(what: str, pose: Pose) -> Pose:
+    """Return a pose; raise InvalidValue for anything else, and for numbers that place nothing.
+
+    what: whose pose, for the message.
+    """
+    try:
+        position, quaternion = [float(v) for v in pose.position], [float(v) for v in pose.quaternion]
+        is_pose = len(position) == 3 and len(quaternion) == 4 and any(quaternion) \
+            and math.isfinite(sum(position) + sum(quaternion))
+    except (AttributeError, TypeError, ValueError):
+        is_pose = False
+    if not is_pose:
+        raise InvalidValue(f"{what}: pose = {' '.join(str(pose).split())}; accepted: finite numbers, mpm.Pose(position "
+                           f"[m] (3,), unit quaternion (w, x, y, z))")
+    return pose
 
 
 def quaternion_of(matrix: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from mpm.geometry.height_field import HeightField
 from mpm.geometry.mesh_distance import passage_width, signed_distances
 from mpm.geometry.primitives import Box, Capsule, Cylinder, Ellipsoid, Plane, Sphere
 from mpm.geometry.sampled_sdf import Lattice
+from mpm.geometry.shape import check_sizes
 from mpm.geometry.union import Union
 
 MAX_LATTICE = 40_000_000
@@ -28,6 +29,8 @@ class Sdf:
 
         Raises InvalidValue for an open mesh, and for a spacing that needs too many lattice points.
         """
+        check_sizes("Sdf.from_mesh", "spacing", spacing)
+        check_sizes("Sdf.from_mesh", "margin", margin)
         parts = mesh if isinstance(mesh, list) else [mesh]
         for part in parts:
             if not part.is_watertight:

@@ -3,11 +3,28 @@
 import numpy as np
 
 from mpm.backend import ti
+from mpm.errors import InvalidValue
 
 DIFFERENCE = 1e-6
 """Step [m] to each side of a point of the central differences for a shape without derivatives of its own."""
 KINK = 10.0
 """Ratio of the differences to both sides, and curvature [1/m], beyond which one of them crosses an edge."""
+
+
+def check_sizes(owner: str, name: str, sizes: object, count: int = 1, least: float = 0.0) -> tuple[float, ...]:
+    """Return `count` lengths [m]; raise InvalidValue unless there are so many, finite and above `least`.
+
+    owner, name: whose lengths, and what they are called, for the message.
+    """
+    try:
+        values = tuple(float(size) for size in np.ravel(sizes))  # pyright: ignore[reportCallIssue, reportArgumentType]
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) != count or not all(least < value < np.inf for value in values):
+        kind = "a positive length" if least >= 0.0 else "a length of 0 or more"
+        accepted = kind if count == 1 else f"{count} positive lengths"
+        raise InvalidValue(f"{owner}: {name} = {sizes} m; accepted: {accepted}")
+    return values
 
 
 class Shape:

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mpm.backend import ti
-from mpm.geometry.rigid_motion import Pose
+from mpm.errors import InvalidValue
+from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.geometry.shape import Shape
 
 
@@ -11,6 +12,10 @@ class Union(Shape):
     """Several solids, each with its pose in a common frame: the distance is that of the closest."""
 
     def __init__(self, parts: list[tuple[Shape, Pose]]) -> None:
+        if not parts:
+            raise InvalidValue("Sdf.union: no parts; accepted: one (solid, pose) or more")
+        for k, (_, pose) in enumerate(parts):
+            check_pose(f"Sdf.union: part {k}", pose)
         self.solids = [solid for solid, _ in parts]
         self._inverse = [pose.inverse() for _, pose in parts]
         self.places = [tuple(float(c) for c in pose.position) for pose in self._inverse]

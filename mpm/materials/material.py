@@ -90,6 +90,8 @@ class Material(Protocol):
 def check_material(law: Any) -> None:
     """Raise InvalidValue for an object that lacks what `Material` asks for."""
     name = type(law).__name__
+    if isinstance(law, type):
+        raise InvalidValue(f"Body: material = {law.__name__} (a class); accepted: a law, {law.__name__}(...)")
     needed = ["density", "state", "plastic", "has_volume_correction", "mu", "lam", "parameters", "stress"]
     needed += ["return_mapping"] if getattr(law, "plastic", False) else []
     needed += ["energy_density"] if getattr(law, "state", "") != "volume" else []

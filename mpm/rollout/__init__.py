@@ -1,4 +1,4 @@
 """Differentiable rollouts: checkpoint schedule, losses, gradients by tool motion and material.
 
-Imports: adjoint, backend, errors, geometry, materials, observers, state, stepping.
+Imports: adjoint, backend, errors, geometry, materials, observers, scene, state, stepping.
 """

@@ -18,6 +18,7 @@ from mpm.rollout.differentiable import check_arguments, check_differentiable
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
 from mpm.rollout.material_gradients import material_gradients
 from mpm.rollout.schedule import Schedule, plan_schedule
+from mpm.scene.validation import read_real
 from mpm.state.packs import LANES
 from mpm.state.snapshots import StateBank
 from mpm.stepping.serial import SPEED_LIMIT
@@ -150,7 +151,8 @@ class Rollout:
     def _set_twists(self, linear: np.ndarray | None, angular: np.ndarray | None) -> None:
         """Check the twists, and plan the tool's motion."""
         shape = (self.n_steps, 3)
-        arrays = [np.zeros(shape) if a is None else np.asarray(a, float) for a in (linear, angular)]
+        arrays = [np.zeros(shape) if a is None else read_real(f"Rollout: {name}", a, f"real numbers, shape {shape}")
+                  for name, a in (("linear", linear), ("angular", angular))]
         for name, array in zip(("linear", "angular"), arrays):
             if array.shape != shape:
                 raise InvalidValue(f"Rollout: {name} has shape {array.shape}; accepted: {shape}")

@@ -6,6 +6,7 @@ import numpy as np
 
 from mpm.errors import InvalidValue
 from mpm.materials.material import Material, check_material
+from mpm.scene.validation import check_finite, read_real
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +24,15 @@ class Body:
 
     def __post_init__(self) -> None:
         check_material(self.material)
-        positions = np.asarray(self.positions, float)
+        positions = read_real("Body: positions", self.positions, "real numbers [m], shape (n, 3)")
         if positions.ndim != 2 or positions.shape[1] != 3 or len(positions) == 0:
             raise InvalidValue(f"Body: positions have shape {positions.shape}; accepted: (n, 3) with n >= 1")
         if not np.isfinite(positions).all():
             raise InvalidValue("Body: positions hold non-finite numbers")
-        if self.volume is None or not np.all(np.asarray(self.volume, float) > 0):
+        volume = read_real("Body: volume", self.volume, "the positive volume of a particle [m^3]")
+        if not np.all((volume > 0) & (volume < np.inf)):
             raise InvalidValue(f"Body: volume = {self.volume}; accepted: the positive volume of a particle [m^3]")
         if np.size(self.volume) not in (1, len(positions)):
             raise InvalidValue(f"Body: volume has shape {np.shape(self.volume)}; accepted: () or ({len(positions)},)")
-        if self.velocities is not None and np.shape(self.velocities) != positions.shape:
-            raise InvalidValue(f"Body: velocities have shape {np.shape(self.velocities)}; accepted: {positions.shape}")
+        if self.velocities is not None:
+            check_finite("Body: velocities", self.velocities, positions.shape)

@@ -2,11 +2,15 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from mpm.backend import is_concurrent, is_shared
 from mpm.errors import InvalidValue
 from mpm.geometry.shell import Shell
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
+from mpm.scene.grid import Grid
+from mpm.scene.validation import describe
 from mpm.scene.walls import Walls
 
 
@@ -56,6 +60,32 @@ class Features:
     def mobile_rows(self) -> tuple[tuple[int, int], ...]:
         """(place among the mobile colliders, row of the motion table) of each of them."""
         return tuple((b, self.moving_colliders.index(index)) for b, index in enumerate(self.mobile))
+
+
+def check_scene(grid: Grid, bodies: list[Body], colliders: list[Collider] | None, walls: Walls | None) -> None:
+    """Raise InvalidValue for arguments of `Solver` of other types, and for particles outside the grid."""
+    for name, given, accepted, kind in (("grid", grid, "mpm.Grid(lower, upper, cell)", Grid),
+                                        ("walls", walls, 'mpm.Walls, such as mpm.Walls.all("slip"), or None', Walls)):
+        if not isinstance(given, kind) and not (name == "walls" and given is None):
+            raise InvalidValue(f"Solver: {name} = {describe(given)}; accepted: {accepted}")
+    _check_list("bodies", bodies, Body)
+    check_colliders(colliders or [])
+    for body in bodies:
+        grid.check_inside(np.asarray(body.positions, float))
+
+
+def check_colliders(colliders: list[Collider]) -> None:
+    """Raise InvalidValue for anything but a list of colliders."""
+    _check_list("colliders", colliders, Collider)
+
+
+def _check_list(name: str, given: object, kind: type) -> None:
+    """Raise InvalidValue for anything but a list of a kind."""
+    if not isinstance(given, list | tuple):
+        raise InvalidValue(f"Solver: {name} = {describe(given)}; accepted: a list of mpm.{kind.__name__}")
+    for place, one in enumerate(given):
+        if not isinstance(one, kind):
+            raise InvalidValue(f"Solver: {name}[{place}] = {describe(one)}; accepted: mpm.{kind.__name__}")
 
 
 def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,

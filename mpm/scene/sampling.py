@@ -12,7 +12,7 @@ JITTER = 0.25
 
 def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None) -> np.ndarray:
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
-    if spacing <= 0 or np.any(upper - lower < spacing):
+    if not 0 < spacing < np.inf or not np.all(upper - lower >= spacing):
         raise InvalidValue(f"spacing {spacing} m does not fit into the box {lower} .. {upper} m")
     # the spacing per axis that fills the box exactly: no half-empty layer at the upper faces
     counts = np.maximum(np.round((upper - lower) / spacing).astype(int), 1)

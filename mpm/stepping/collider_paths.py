@@ -8,7 +8,7 @@ import numpy as np
 
 from mpm.boundaries.mobility_table import MobilityTable
 from mpm.errors import ColliderTooFast, InvalidValue
-from mpm.geometry.rigid_motion import Pose, Twist, logarithm, motion_table, screw
+from mpm.geometry.rigid_motion import Pose, Twist, check_pose, logarithm, motion_table, screw
 from mpm.materials.stable_step import travel_bound
 from mpm.scene.collider import Collider
 from mpm.scene.features import Features
@@ -39,8 +39,7 @@ class ColliderPaths:
         if not ends:
             raise InvalidValue(f"collider {index}: no end of the motion; give one pose or more")
         for pose in (begin, *ends):
-            if not math.isfinite(sum(map(float, (*pose.position, *pose.quaternion)))):
-                raise InvalidValue(f"collider {index}: {pose}; accepted: finite numbers")
+            check_pose(f"collider {index}", pose)
         self.pending[index] = (begin, *ends)
 
     def pose(self, index: int) -> Pose:

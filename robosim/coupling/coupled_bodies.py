@@ -77,6 +77,9 @@ class CoupledBodies:
 
 def check_bodies(model: mujoco.MjModel, solver: mpm.Solver, bodies: dict[str, int | None]) -> None:
     """Raise UnknownName or ConfigError for bodies that cannot be coupled."""
+    if not isinstance(bodies, dict):
+        raise ConfigError(f"bodies = {bodies!r}; accepted: a dictionary, name of a body -> index of its collider in "
+                          f"the solver, or None for a collider made of its geoms, such as {{'spoon': 0, 'box': None}}")
     names = [model.body(i).name for i in range(model.nbody)]
     for name in bodies:
         if name not in names:

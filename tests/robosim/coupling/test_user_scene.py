@@ -222,6 +222,9 @@ def test_invalid_input_is_refused() -> None:
     model = mujoco.MjModel.from_xml_string(BOXES)
     data = mujoco.MjData(model)
     plugin = tray(model, data, bodies={"light": None})
+    for bodies in (["light"], "light", {"light"}):
+        with pytest.raises(ConfigError, match="accepted: a dictionary, name of a body -> index of its collider"):
+            tray(model, mujoco.MjData(model), bodies=bodies)
     for name in ("light", "middle"):
         with pytest.raises(ConfigError, match="another plugin steps this MjData"):
             tray(model, data, bodies={name: None})

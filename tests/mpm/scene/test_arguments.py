@@ -1,0 +1,101 @@
+"""Arguments that can never be meant are refused by name, before anything is allocated."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+import mpm
+
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+NAN = float("nan")
+GRID = mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.01)
+SAND = mpm.DruckerPrager(E=1e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+BODY = mpm.Body(SAND, mpm.sample_box((0.05,) * 3, (0.1,) * 3, 0.005), volume=0.005**3)
+SHEET = mpm.Shell.from_mesh(trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]]), 1e-3)
+BALL = mpm.Sdf.sphere(0.03)
+
+
+@pytest.mark.parametrize("pose", [
+    mpm.Pose(np.array([NAN, 0, 0]), LEVEL), mpm.Pose(np.zeros(3), np.array([1.0, NAN, 0, 0])),
+    mpm.Pose(np.zeros(3), np.zeros(4)), mpm.Pose(np.zeros(2), LEVEL), np.eye(4), None], ids=str)
+def test_a_pose_places_something(pose: Any) -> None:
+    for make in (lambda: mpm.Collider(BALL, pose=pose), lambda: mpm.Sdf.union([(BALL, pose)])):
+        with pytest.raises(mpm.InvalidValue, match="pose = .*accepted: finite numbers"):
+            make()
+
+
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: mpm.Sdf.sphere(-0.03), r"Sdf.sphere: r = -0.03 m; accepted: a positive length"),
+    (lambda: mpm.Sdf.sphere(NAN), "r = nan"),
+    (lambda: mpm.Sdf.capsule(0.0, 0.1), "Sdf.capsule: r = 0.0"),
+    (lambda: mpm.Sdf.capsule(0.1, -0.1), "h = -0.1 m; accepted: a length of 0 or more"),
+    (lambda: mpm.Sdf.cylinder(0.1, 0.0), "Sdf.cylinder: h = 0.0"),
+    (lambda: mpm.Sdf.box((0.1, 0.0, 0.1)), r"Sdf.box: half = \(0.1, 0.0, 0.1\) m; accepted: 3 positive lengths"),
+    (lambda: mpm.Sdf.box(0.1), "accepted: 3 positive lengths"),
+    (lambda: mpm.Sdf.ellipsoid((0.1, 0.1, -0.1)), "Sdf.ellipsoid: half"),
+    (lambda: mpm.Sdf.plane((0, 0, 0)), "Sdf.plane: normal"),
+    (lambda: mpm.Sdf.height_field(np.zeros((3, 3)), (0.1, 0.0)), "Sdf.height_field: half"),
+    (lambda: mpm.Sdf.height_field(np.full((3, 3), NAN), (0.1, 0.1)), "heights have shape"),
+    (lambda: mpm.Sdf.union([]), "no parts"),
+    (lambda: mpm.Sdf.from_mesh(trimesh.creation.box((0.1,) * 3), spacing=0.0), "from_mesh: spacing = 0.0"),
+    (lambda: mpm.sample_box((0,) * 3, (0.1,) * 3, NAN), "spacing nan"),
+], ids=str)
+def test_a_solid_has_a_size(make: Callable[[], Any], words: str) -> None:
+    with pytest.raises(mpm.InvalidValue, match=words):
+        make()
+
+
+def test_a_collider_of_no_height_is_a_ball() -> None:
+    assert mpm.Sdf.capsule(0.1, 0.0).distance(np.array([[0.0, 0.0, 0.3]])) == pytest.approx(0.2)
+
+
+def test_a_shell_is_not_static() -> None:
+    with pytest.raises(mpm.InvalidValue, match="static = True and a Shell.*accepted: static = False"):
+        mpm.Collider(SHEET, static=True)
+    with pytest.raises(mpm.InvalidValue, match="sdf = a Trimesh; accepted: a solid, such as mpm.Sdf.from_mesh"):
+        mpm.Collider(trimesh.creation.box((0.1,) * 3))
+
+
+@pytest.mark.parametrize(("given", "words"), [
+    ({"bodies": BODY}, r"bodies = a Body; accepted: a list of mpm.Body"),
+    ({"bodies": mpm.Body}, r"bodies = Body \(a class\); accepted: a list"),
+    ({"bodies": ["b"]}, r"bodies\[0\] = 'b'; accepted: mpm.Body"),
+    ({"bodies": [BODY], "walls": "slip"}, r"walls = 'slip'; accepted: mpm.Walls, such as mpm.Walls.all"),
+    ({"bodies": [BODY], "colliders": mpm.Collider(BALL)}, "colliders = a Collider; accepted: a list of mpm.Collider"),
+    ({"bodies": [BODY], "colliders": [BALL]}, r"colliders\[0\] = a Sphere; accepted: mpm.Collider"),
+    ({"bodies": [BODY], "grid": 0.01}, r"grid = 0.01; accepted: mpm.Grid"),
+], ids=str)
+def test_a_scene_of_other_types_is_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(mpm.InvalidValue, match=words):
+        mpm.Solver(**({"grid": GRID} | given))
+
+
+@pytest.mark.parametrize(("given", "words"), [
+    ({"positions": np.full((2, 3), 0.1j)}, r"Body: positions = .*accepted: real numbers \[m\]"),
+    ({"positions": [["a", "b", "c"]]}, "Body: positions"),
+    ({"velocities": np.full((2, 3), NAN)}, "Body: velocities = .*accepted: finite numbers"),
+    ({"volume": np.inf}, "Body: volume = inf"), ({"volume": 1j}, "Body: volume = 1j"),
+    ({"material": mpm.DruckerPrager}, r"material = DruckerPrager \(a class\)"),
+], ids=str)
+def test_a_body_is_of_finite_real_numbers(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(mpm.InvalidValue, match=words):
+        mpm.Body(**({"material": SAND, "positions": np.full((2, 3), 0.1), "volume": 1e-7} | given))
+
+
+def test_complex_numbers_are_refused() -> None:
+    with pytest.raises(mpm.InvalidValue, match="gravity = .*accepted: finite numbers"):
+        mpm.Solver(grid=GRID, bodies=[BODY], gravity=(0, 0, -9.81j))
+
+
+def test_a_mobile_collider_stays_where_a_wrong_pose_would_place_it() -> None:
+    """A refused mobility changes nothing, the pose included."""
+    place = mpm.Pose(np.array([0.075, 0.075, 0.15]), LEVEL)
+    solver = mpm.Solver(grid=GRID, bodies=[BODY], colliders=[mpm.Collider(BALL, mobile=True, pose=place)])
+    for W, pose in ((np.eye(6), mpm.Pose(np.array([NAN, 0, 0]), LEVEL)),
+                    (-np.eye(6), mpm.Pose(np.array([0.1, 0.1, 0.1]), LEVEL))):
+        with pytest.raises(mpm.InvalidValue, match="mobility of collider 0"):
+            solver.set_collider_mobility(0, W, np.zeros(6), pose=pose)
+        assert solver.collider_pose(0) is place
