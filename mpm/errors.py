@@ -73,10 +73,12 @@ class SimulationDiverged(MpmError):
 
     Attributes: time [s], step (substeps since the start), particle (index of the fastest, or of one that is not
     finite), its position [m] (3,), speed [m/s] and cfl (speed * dt / cell), collider (index of a mobile collider whose
-    motion is not finite, or None), diagnostics (`mpm.Diagnostics`).
+    motion is not finite, or None), diagnostics (`mpm.Diagnostics`), state (at that time, as of `Solver.state`; a
+    solver itself returns to where it was before the advance).
     """
 
     diagnostics: object = None
+    state: Any = None
 
     def __init__(
         self, *, time: float, step: int, particle: int, position: tuple[float, ...], speed: float, cfl: float,

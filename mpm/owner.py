@@ -122,8 +122,3 @@ class Owner:
         elif program.config().arch == self._lang.misc.cuda:
             self._cannot_start = "from one that uses the GPU, which CUDA does not allow"
         self.thread, self._ident, self._is_forked = None, 0, True
-
-
-def is_usable(field: Any) -> bool:
-    """Return whether there is a field, and it is of this process."""
-    return field is not None and not isinstance(field.vars, Lost)

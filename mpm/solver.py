@@ -5,32 +5,33 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpm.backend import PRECISIONS, allocating, check_owner, default_precision, session_precision, ti
+from mpm.backend import check_owner, default_precision, ti
 from mpm.boundaries.contact import cache_static_contact
 from mpm.boundaries.mobility_table import MobilityTable
-from mpm.errors import InvalidValue, TimeStepTooLarge, UnknownName
+from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge
 from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, Wrench, check_pose
-from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.materials.material import Material
 from mpm.materials.stable_step import choose_step, material_bound
 from mpm.observers import diagnostics
-from mpm.observers.diagnostics import Diagnostics, Energy, Momentum
+from mpm.observers.counter_kernel import COUNTER_ROWS
+from mpm.observers.diagnostics import Momentum
 from mpm.observers.readings import Readings
-from mpm.observers.region_counter import COUNTER_ROWS, MAX_READINGS, Counts, RegionCounter
+from mpm.observers.region_counter import MAX_READINGS, Counts, RegionCounter
 from mpm.observers.sample import Sample
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
-from mpm.scene.features import check_colliders, check_scene, features_of
+from mpm.scene.features import check_colliders, check_scene, choose_numerics, features_of
 from mpm.scene.grid import Grid
 from mpm.scene.validation import check_finite, read_array
 from mpm.scene.walls import Walls
 from mpm.scene.warnings import warn_of_passage, warn_of_scene
-from mpm.state.active_blocks import Stamps
-from mpm.state.fields import allocate_fields
+from mpm.state.fields import allocate_fields, fill_fields, scene_key
+from mpm.state.memory import check_memory
+from mpm.state.particles import SPEED_LIMIT
 from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.parallel import count_parts, make_stepper
 from mpm.stepping.rollback import Rollback
-from mpm.stepping.serial import SPEED_LIMIT
+from mpm.stepping.serial import NOWHERE, UNDO
 from mpm.stepping.stride import Interval, choose_interval, longest_stride, split_launches
 
 
@@ -54,16 +55,7 @@ class Solver(Readings):
         body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None,
     ) -> None:
         check_scene(grid, bodies, colliders, walls)
-        session = session_precision()
-        self.precision = precision or session
-        if self.precision not in PRECISIONS:
-            raise UnknownName("precision", precision, PRECISIONS)
-        takes_logarithms = any(body.material.state == "hencky" for body in bodies)
-        self.integrator = integrator or ("auto" if self.precision == "f32" and takes_logarithms else "exact")
-        if self.integrator not in INTEGRATORS:
-            raise UnknownName("integrator", integrator, INTEGRATORS)
-        if not bodies:
-            raise InvalidValue("Solver: bodies is empty; give at least one Body")
+        self.precision, self.integrator = choose_numerics(bodies, precision, integrator)
         self.grid, self.bodies, self.colliders = grid, list(bodies), list(colliders or [])
         self.walls = walls or Walls()
         self.walls.check(grid)
@@ -74,7 +66,6 @@ class Solver(Readings):
         self.requested_dt, self.requested_interval = dt, transfer_interval
         self.dt = choose_step(dt, self.bound)
         self.time, self.steps, self.substep = 0.0, 0, self.dt
-        self.stamps = Stamps()
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
         self._per_particle, self._unsampled = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
@@ -89,29 +80,40 @@ class Solver(Readings):
                                     self._has_accelerations, self.transfer_interval > 0)
         self.mobility = MobilityTable(self.features.mobile)
         self.paths = ColliderPaths(self.colliders, self.features, self.mobility, self.grid)
-        with default_precision(self.precision), allocating():
-            self.fields = allocate_fields(self.grid, self.bodies, self.colliders, self.gravity, self.walls,
-                                          self.features, count_parts(self.features.serial))
-            self.colliders = list(self.fields.colliders)
-            self.particles, self.dtype = self.fields.particles, self.fields.dtype
-            self.rollback = Rollback(self)
-            self._make_stepper()
+        self._take_assembly()
         with default_precision(self.precision):
-            origin, cell = ti.Vector(self.grid.origin, ti.f64), self.grid.cell
-            for i in self.features.static_colliders:
+            fill_fields(self.fields, self.grid, self.bodies, self.colliders, self.gravity, self.walls)
+            origin, cell, static = ti.Vector(self.grid.origin, ti.f64), self.grid.cell, self.features.static_colliders
+            for i in static:
                 pose = self.colliders[i].pose
-                cache_static_contact(self.fields.static_contact, self.colliders[i].sdf, i,
+                cache_static_contact(self.fields.static_contact, self.colliders[i].sdf, i, i == static[0],
                                      np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell)
+        self.rollback = Rollback(self)
+        self._make_stepper()
         self.ledger = np.zeros((self.fields.rows.momentum, 6))
         """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
         self._momentum = self.momentum()
-        self.stamps.is_listed = False
+
+    def _take_assembly(self) -> None:
+        """Take over the fields of an equal scene, or allocate them."""
+        parts, scene = count_parts(self.features.serial), (self.grid, self.bodies, self.colliders, self.walls)
+        check_memory(self.grid, tuple(len(body.positions) for body in self.bodies), self.features, parts)
+        self.take_over(scene_key(*scene, self.features, parts), self.precision)
+        if "fields" not in self.assembly.shared:
+            for collider in self.colliders:
+                collider.sdf.lay_out()
+        fields = self.assembly.share("fields", lambda: allocate_fields(*scene, self.features, parts))
+        self.colliders = [replace(given, sdf=ready.sdf) for given, ready in zip(self.colliders, fields.colliders)]
+        self.dtype = fields.dtype
 
     def _make_stepper(self) -> None:
         """Compile kernels for the scene and what is attached to it, at their first launch."""
         # where contact moves colliders, the launch itself copies the state
-        banks = self.rollback.allocate() if self.features.mobile else []
-        self.stepper = make_stepper(self.fields, self.counter, self.sample, banks)
+        checkpoint = self.rollback.allocate() if self.features.mobile else []
+        undo = self.rollback.allocate(UNDO)
+        counter, sample = self.counter and self.counter.kernel, self.sample and self.sample.kernel
+        self.stepper = self.assembly.share(("stepper", counter, sample),
+                                           lambda: make_stepper(self.fields, counter, sample, checkpoint, undo))
         rows = COUNTER_ROWS * MAX_READINGS if self.counter else 0
         self._out = np.zeros((self.fields.rows.count + rows, 6))
 
@@ -128,6 +130,7 @@ class Solver(Readings):
                                "accepted: colliders that are set before")
         check_colliders(colliders)
         before = self.state()
+        self.close()
         self.colliders = list(colliders)
         for k, collider in enumerate(self.colliders):
             warn_of_passage(self.grid, k, collider)
@@ -168,10 +171,10 @@ class Solver(Readings):
 
     def attach(self, counter: RegionCounter, sample: Sample | None = None) -> None:
         """Attach a counter, evaluated during advances, and a sample, taken at their end; kernels are recompiled."""
-        if counter.particles is not self.particles or counter.index not in self.features.moving_colliders:
+        if counter.tenure is not self.tenure or counter.index not in self.features.moving_colliders:
             raise InvalidValue("attach: the counter is of another solver or of other colliders, or its collider cannot "
                                "move; accepted: a RegionCounter of this solver and of a moving collider")
-        if sample is not None and sample.particles is not self.particles:
+        if sample is not None and sample.tenure is not self.tenure:
             raise InvalidValue("attach: the sample is of another solver; accepted: a Sample of this solver")
         self.counter, self.sample = counter, sample
         self._make_stepper()
@@ -219,69 +222,6 @@ class Solver(Readings):
         """Return the twist of a mobile collider about its centre at the end of the last advance."""
         return self.mobility.twist(index)
 
-    def compile(self) -> None:
-        """Compile the kernels now instead of in the first advance; nothing moves."""
-        with default_precision(self.precision):
-            self._launch(0, self.dt, np.zeros((1, 1, COLUMNS), self.dtype), 0, 1)
-            self.stepper.mark(self.stamps.take(1))
-
-    # time ----------------------------------------------------------------------------------------------------------
-    def advance(self, duration: float, readings: int = 1) -> list[Counts]:
-        """Advance by `duration` [s] in equal substeps of at most `dt`.
-
-        Returns the counts of the attached counter after each of `readings` equal intervals; an empty list without one.
-        Raises SimulationDiverged if a value is not finite or a particle moves more than a cell in a substep, and
-        ColliderTooFast, before anything moves, if a collider would need too many substeps.
-        """
-        check_owner()
-        if not 0 < duration < math.inf:
-            raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
-        if not 1 <= readings <= MAX_READINGS:
-            raise InvalidValue(f"advance: readings = {readings}; accepted: 1 to {MAX_READINGS}")
-        total, table = self.paths.plan(duration, readings, self.dt, self.dtype)
-        dt, interval = duration / total, total // readings
-        counts: list[Counts] = []
-        self.substep = dt
-        self.mobility.begin(self.paths.poses, duration)
-        self.ledger[:] = 0.0
-        for first, n in split_launches(total, interval):
-            self._out[:] = 0.0
-            with default_precision(self.precision):
-                if not self.stamps.is_listed:
-                    self.stamps.restart()
-                    self.stepper.mark(self.stamps.next)
-                self.stamps.is_listed = False  # an interrupted launch leaves no list
-                self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)
-                self.stamps.is_listed = True
-            self.ledger += self._out[: self.fields.rows.momentum]
-            counts += self._read_counts(first, n, interval)
-            self.steps += n
-            self.stamps.pass_substeps(n)
-            self.time += n * dt
-            self._momentum = Momentum(*self._out[self.fields.rows.momentum].reshape(2, 3).copy())
-            squares, fastest = self._out[self.fields.rows.status, :2]
-            if not math.isfinite(squares + self.mobility.table.sum()) or fastest * dt > SPEED_LIMIT * self.grid.cell:
-                raise diagnostics.describe_divergence(self, dt)
-            self.mobility.end(self.paths.poses)
-        return counts
-
-    def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
-        sampled = self._unsampled if self.sample is None else self.sample.values
-        self.stepper.run(substeps, self.stamps.next, dt, motion, self.mobility.table, self._out, first, interval,
-                         self._per_particle, sampled, int(self.rollback.is_pending),
-                         longest_stride(self.transfer_interval, dt))
-        self.rollback.is_pending = self.rollback.is_pending and substeps == 0
-
-    def _read_counts(self, first: int, n: int, interval: int) -> list[Counts]:
-        """Return the counter's readings in a launch of n substeps, `first` of the advance before it."""
-        if self.counter is None:
-            return []
-        begin = self.fields.rows.count
-        return [self.counter.counts_from(self._out[begin + COUNTER_ROWS * k : begin + COUNTER_ROWS * (k + 1)],
-                                         self._per_particle[k])
-                for k in range(first // interval, (first + n) // interval)]
-
-    # readings ------------------------------------------------------------------------------------------------------
     def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a collider received in the last advance.
 
@@ -294,21 +234,81 @@ class Solver(Readings):
         point = here if about is None else np.asarray(about)
         return Wrench(linear, angular - np.cross(point, linear))
 
-    def momentum_after_advance(self) -> Momentum:
-        """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""
-        return self._momentum
+    def compile(self) -> None:
+        """Compile the kernels now instead of in the first advance; nothing moves."""
+        with default_precision(self.precision):
+            self._launch(0, self.dt, np.zeros((1, 1, COLUMNS), self.dtype), 0, 1)
+            self.stepper.mark(self.fields.stamps.take(1))
 
-    def momentum(self) -> Momentum:
-        """Return the momentum of all particles, summed in float64."""
-        return diagnostics.compute_momentum(self)
+    # time ----------------------------------------------------------------------------------------------------------
+    def advance(self, duration: float, readings: int = 1) -> list[Counts]:
+        """Advance by `duration` [s] in equal substeps of at most `dt`.
 
-    def energy(self) -> Energy:
-        """Return the energy of all particles, summed in float64; the elastic part is each law's own."""
-        return diagnostics.compute_energy(self)
+        Returns the counts of the attached counter after each of `readings` equal intervals; an empty list without one.
+        Raises SimulationDiverged in the substep in which a value is not finite or a particle moves more than a cell,
+        and ColliderTooFast if a collider would need too many substeps. After any error, and after Ctrl-C, the solver is
+        in the state that it was in before.
+        """
+        check_owner()
+        self.check_open()
+        if not 0 < duration < math.inf:
+            raise InvalidValue(f"advance: duration = {duration} s; accepted: a positive time")
+        if not 1 <= readings <= MAX_READINGS:
+            raise InvalidValue(f"advance: readings = {readings}; accepted: 1 to {MAX_READINGS}")
+        self.rollback.begin()
+        try:
+            return self._advance(duration, readings)
+        except BaseException as error:
+            if isinstance(error, SimulationDiverged):
+                error.state = self.state()
+            self.rollback.undo()
+            raise
 
-    def diagnostics(self) -> Diagnostics:
-        """Return mass, momentum, energy, CFL number, and the numbers of escaped and non-finite particles."""
-        return diagnostics.compute_diagnostics(self)
+    def _advance(self, duration: float, readings: int) -> list[Counts]:
+        """Advance, see `advance`; an error leaves the solver where it came about."""
+        total, table = self.paths.plan(duration, readings, self.dt, self.dtype)
+        dt, interval = duration / total, total // readings
+        counts: list[Counts] = []
+        self.substep = dt
+        self.mobility.begin(self.paths.poses, duration)
+        self.ledger[:] = 0.0
+        for first, n in split_launches(total, interval):
+            self._out[:] = 0.0
+            with default_precision(self.precision):
+                if not self.fields.stamps.is_listed:
+                    self.fields.stamps.restart()
+                    self.stepper.mark(self.fields.stamps.next)
+                self.fields.stamps.is_listed = False  # an interrupted launch leaves no list
+                self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)
+                self.fields.stamps.is_listed = True
+            self.fields.stamps.pass_substeps(n)
+            squares, fastest, halted = self._out[self.fields.rows.status, :3]
+            done = int(halted) or n
+            self.ledger += self._out[: self.fields.rows.momentum]
+            self.steps += done
+            self.time += done * dt
+            self._momentum = Momentum(*self._out[self.fields.rows.momentum].reshape(2, 3).copy())
+            if halted or not math.isfinite(squares + self.mobility.table.sum()) \
+                    or fastest * dt > SPEED_LIMIT * self.grid.cell:
+                raise diagnostics.describe_divergence(self, dt)
+            counts += self._read_counts(first, n, interval)
+            self.mobility.end(self.paths.poses)
+        return counts
+
+    def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
+        sampled = self._unsampled if self.sample is None else self.sample.values
+        self.stepper.run(substeps, self.fields.stamps.next, dt, motion, self.mobility.table, self._out, first, interval,
+                         self._per_particle, sampled, self.rollback.place_of_copy() if substeps else NOWHERE,
+                         longest_stride(self.transfer_interval, dt))
+
+    def _read_counts(self, first: int, n: int, interval: int) -> list[Counts]:
+        """Return the counter's readings in a launch of n substeps, `first` of the advance before it."""
+        if self.counter is None:
+            return []
+        begin = self.fields.rows.count
+        return [self.counter.counts_from(self._out[begin + COUNTER_ROWS * k : begin + COUNTER_ROWS * (k + 1)],
+                                         self._per_particle[k])
+                for k in range(first // interval, (first + n) // interval)]
 
     # states ----------------------------------------------------------------------------------------------------------
     def store_checkpoint(self) -> None:
@@ -346,4 +346,4 @@ class Solver(Readings):
         self.time, self.steps, self.paths.poses = time, steps, poses
         self.paths.pending.clear()
         self._momentum = self.momentum() if momentum is None else momentum
-        self.stamps.is_listed = False
+        self.fields.stamps.is_listed = False

@@ -21,6 +21,7 @@ ADJOINTS: dict[str, Callable | None] = {
     "update nodes": update_nodes_back,
     "unfold walls": unfold_walls_back,
     "start block list": None,
+    "check speeds": None,
     "gather": gather_back,
     "stop penetration": stop_penetration_back,
 }

@@ -21,11 +21,16 @@ face (1e-3), too little to throw what a scene begins with inside a tool."""
 
 
 @ti.kernel
-def cache_static_contact(static_contact: ti.template(), shape: ti.template(), owner: ti.i32,
+def cache_static_contact(static_contact: ti.template(), shape: ti.template(), owner: ti.i32, is_first: ti.i32,
                          pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64):
-    """Store normal and distance (n, phi) of a collider that never moves, at the nodes inside it or on its face."""
+    """Store normal and distance (n, phi) of a collider that never moves, at the nodes inside it or on its face.
+
+    is_first: what the nodes held before is forgotten.
+    """
     ti.loop_config(serialize=True)
     for I in ti.grouped(static_contact.plane):
+        if is_first > 0:
+            static_contact.owner[I] = 0
         c = ti.Vector([pose[0], pose[1], pose[2]])
         R = ti.Matrix([[pose[3], pose[4], pose[5]], [pose[6], pose[7], pose[8]], [pose[9], pose[10], pose[11]]])
         n, phi = shape.at(R.transpose() @ (ti.cast(I, ti.f64) * cell + origin - c))

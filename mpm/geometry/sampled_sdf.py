@@ -1,9 +1,11 @@
 """Signed distances sampled on a lattice."""
 
+from collections.abc import Hashable
+
 import numpy as np
 
-from mpm.backend import is_usable, once, put, ti
-from mpm.geometry.shape import Shape
+from mpm.backend import once, put, ti
+from mpm.geometry.shape import Shape, digest, sign
 
 
 class Lattice(Shape):
@@ -24,9 +26,12 @@ class Lattice(Shape):
 
     def allocate(self) -> None:
         """Copy the lattice to a field; needs a running backend."""
-        if not is_usable(self.values):
-            self.values = ti.field(ti.f32, self.host.shape)
-            put(self.values, self.host)
+        self.values = ti.field(ti.f32, self.host.shape)
+        put(self.values, self.host)
+
+    def signature(self) -> Hashable:
+        """Return what two such shapes share that kernels cannot tell apart."""
+        return sign(self, digest(self.host))
 
     @ti.func
     def cell_at(self, y):

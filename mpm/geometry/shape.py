@@ -1,8 +1,13 @@
 """The protocol of a signed-distance shape: what a solid must offer to contact."""
 
+import hashlib
+import weakref
+from collections.abc import Hashable
+from typing import Any
+
 import numpy as np
 
-from mpm.backend import ti
+from mpm.backend import Group, allocating, free_later, ti
 from mpm.errors import InvalidValue
 
 DIFFERENCE = 1e-6
@@ -25,6 +30,23 @@ def check_sizes(owner: str, name: str, sizes: object, count: int = 1, least: flo
         accepted = kind if count == 1 else f"{count} positive lengths"
         raise InvalidValue(f"{owner}: {name} = {sizes} m; accepted: {accepted}")
     return values
+
+
+def sign(shape: Any, *others: Hashable) -> Hashable:
+    """Return the signature of a shape by those of its attributes that are numbers, or tuples of them.
+
+    others: what stands for the attributes that are not; without it, a shape that has such is known by itself alone.
+    """
+    given = {name: value for name, value in vars(shape).items() if name != "group"}
+    numbers = tuple((name, value) for name, value in sorted(given.items()) if isinstance(value, float | int | tuple))
+    if not others and len(numbers) < len(given):
+        return shape
+    return type(shape), numbers, others
+
+
+def digest(values: np.ndarray) -> str:
+    """Return what stands for the values of an array in a signature."""
+    return hashlib.sha256(repr((values.shape, values.dtype)).encode() + values.tobytes()).hexdigest()
 
 
 class Shape:
@@ -53,8 +75,22 @@ class Shape:
     radius: float
     """Radius [m] of a ball about the frame's origin that contains the solid."""
 
+    group: Group | None = None
+    """Its fields, which stay as long as the shape does, whatever solvers come and go."""
+
     def allocate(self) -> None:
         """Copy what kernels look up to fields, where they are not usable yet; needs a running backend."""
+
+    def lay_out(self) -> None:
+        """Allocate once; outside `backend.allocating`, so that the fields are no solver's."""
+        if self.group is None or not self.group.is_present:
+            with allocating() as self.group:
+                self.allocate()
+            weakref.finalize(self, free_later, self.group).atexit = False
+
+    def signature(self) -> Hashable:
+        """Return what two shapes share that kernels cannot tell apart; where one cannot say, the shape itself."""
+        return sign(self)
 
     @ti.func
     def at(self, y):

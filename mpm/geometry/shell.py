@@ -1,6 +1,7 @@
 """Thin shells: a mid-surface with a thickness far below a cell, and particles on both sides."""
 
 import copy
+from collections.abc import Hashable
 
 import numpy as np
 import trimesh
@@ -9,6 +10,7 @@ from mpm.backend import once, put, ti
 from mpm.errors import InvalidValue
 from mpm.geometry.mesh_distance import passage_width, sheet_distances
 from mpm.geometry.sdf import MAX_LATTICE
+from mpm.geometry.shape import digest
 
 SIDE_BAND = 2.7
 """Cells from the mid-surface within which a node can share a stencil with a particle on the other side: 1.5 sqrt(3)."""
@@ -49,6 +51,14 @@ class Shell:
             raise InvalidValue("Shell: neighbouring faces of the mid-surface wind in opposite ways, or three share "
                                "an edge; a sheet has two sides: turn faces over, or make several shells")
         return cls(surface, thickness, spacing)
+
+    def signature(self) -> Hashable:
+        """Return what two shells share that kernels cannot tell apart, in a grid of one cell."""
+        return (type(self), self.thickness, self.wanted_spacing, digest(np.asarray(self.mesh.vertices)),
+                digest(np.asarray(self.mesh.faces)))
+
+    def lay_out(self) -> None:
+        """Do nothing: a shell is laid out for a cell, by `bake`."""
 
     def bake(self, cell: float) -> "Shell":
         """Return the shell with its distances near the surface computed, for cells of `cell` [m]."""

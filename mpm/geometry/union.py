@@ -1,11 +1,13 @@
 """Signed distance of a union of solids that are placed in one frame."""
 
+from collections.abc import Hashable
+
 import numpy as np
 
 from mpm.backend import ti
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose, check_pose
-from mpm.geometry.shape import Shape
+from mpm.geometry.shape import Shape, sign
 
 
 class Union(Shape):
@@ -18,15 +20,19 @@ class Union(Shape):
             check_pose(f"Sdf.union: part {k}", pose)
         self.solids = [solid for solid, _ in parts]
         self._inverse = [pose.inverse() for _, pose in parts]
-        self.places = [tuple(float(c) for c in pose.position) for pose in self._inverse]
-        self.axes = [tuple(float(c) for c in pose.matrix.ravel()) for pose in self._inverse]
+        self.places = tuple(tuple(float(c) for c in pose.position) for pose in self._inverse)
+        self.axes = tuple(tuple(float(c) for c in pose.matrix.ravel()) for pose in self._inverse)
         self.radius = max(float(np.linalg.norm(pose.position)) + solid.radius for solid, pose in parts)
         self.passage = min(getattr(solid, "passage", np.inf) for solid in self.solids)
 
-    def allocate(self) -> None:
-        """Copy lattices to fields; needs a running backend."""
+    def lay_out(self) -> None:
+        """Allocate the fields of all solids, once."""
         for solid in self.solids:
-            solid.allocate()
+            solid.lay_out()
+
+    def signature(self) -> Hashable:
+        """Return what two such shapes share that kernels cannot tell apart."""
+        return sign(self, *[solid.signature() for solid in self.solids])
 
     @ti.func
     def at(self, y):

@@ -4,33 +4,22 @@ from typing import Any
 
 import numpy as np
 
-from mpm.backend import allocating, put, ti
+from mpm.backend import put, ti
 from mpm.state.packs import LANES
+from mpm.state.particles import ParticleFields
 
 
 @ti.data_oriented
-class Sample:
-    """Reads positions and velocities of chosen particles: on request, or after `Solver.attach` at the end of advances.
+class SampleKernel:
+    """What a `Sample` of so many particles compiles. origin: position [m] (3,) of the grid's node (0, 0, 0)."""
 
-    chosen: indices (n,).
-    """
-
-    def __init__(self, solver: Any, chosen: np.ndarray) -> None:  # a Solver, which stands above
-        self.particles, self.origin = solver.particles, tuple(float(c) for c in solver.grid.origin)
-        with allocating():
-            self.slots = ti.field(ti.i32, len(chosen))
-            put(self.slots, self.particles.index[chosen].astype(np.int32))
-
-        self.values = np.zeros((len(chosen), 6), np.float32)
-        """Positions [m] and velocities [m/s] as last read, shape (n, 6)."""
-
-    def read(self) -> np.ndarray:
-        """Read the current state; return `values`."""
-        self._copy(self.values)
-        return self.values
+    def __init__(self, particles: ParticleFields, count: int, origin: tuple[float, float, float]) -> None:
+        self.particles, self.origin, self.count = particles, origin, count
+        self.slots = ti.field(ti.i32, count)
 
     @ti.kernel
-    def _copy(self, out: ti.types.ndarray()):
+    def copy(self, out: ti.types.ndarray()):
+        """Store the present state in out (n, 6)."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.take(out, 0)
@@ -43,3 +32,25 @@ class Sample:
             for d in ti.static(range(3)):
                 out[first + i, d] = ti.cast(self.particles.x[d][q][l] + self.origin[d], ti.f32)
                 out[first + i, 3 + d] = ti.cast(self.particles.v[d][q][l], ti.f32)
+
+
+class Sample:
+    """Reads positions and velocities of chosen particles: on request, or after `Solver.attach` at the end of advances.
+
+    chosen: indices (n,).
+    """
+
+    def __init__(self, solver: Any, chosen: np.ndarray) -> None:  # a Solver, which stands above
+        self.solver, self.tenure, particles, count = solver, solver.tenure, solver.particles, len(chosen)
+        x, y, z = (float(c) for c in solver.grid.origin)
+        self.kernel: SampleKernel = solver.assembly.take(("sample", count),
+                                                         lambda: SampleKernel(particles, count, (x, y, z)))
+        put(self.kernel.slots, particles.index[chosen].astype(np.int32))
+        self.values = np.zeros((count, 6), np.float32)
+        """Positions [m] and velocities [m/s] as last read, shape (n, 6)."""
+
+    def read(self) -> np.ndarray:
+        """Read the present state; return `values`."""
+        self.solver.check_open(self.tenure)
+        self.kernel.copy(self.values)
+        return self.values

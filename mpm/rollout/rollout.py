@@ -2,42 +2,31 @@
 
 import contextlib
 import math
+import weakref
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from mpm.adjoint.kernel import AdjointKernel
-from mpm.backend import allocating, default_precision
+from mpm.backend import allocating, default_precision, free_later
 from mpm.errors import GradientDiverged, InvalidValue, TimeStepTooLarge
 from mpm.geometry.rigid_motion import COLUMNS, Pose
 from mpm.materials.stable_step import material_bound, travel_bound
 from mpm.observers.diagnostics import describe_divergence
 from mpm.rollout import tool_twists
 from mpm.rollout.differentiable import check_arguments, check_differentiable
+from mpm.rollout.gradients import Gradients, material_gradients
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
-from mpm.rollout.material_gradients import material_gradients
 from mpm.rollout.schedule import Schedule, plan_schedule
 from mpm.scene.validation import read_real
 from mpm.state.packs import LANES
+from mpm.state.particles import SPEED_LIMIT
 from mpm.state.snapshots import StateBank
-from mpm.stepping.serial import SPEED_LIMIT
 from mpm.stepping.stride import MAX_SUBSTEPS, longest_stride
 
 BUDGET = 1_000_000_000
 """Bytes that the states of a rollout may take."""
-
-
-class Gradients(NamedTuple):
-    """All derivatives of the last `value_and_grad`."""
-
-    value: float
-    twists: tool_twists.TwistGradient
-    """With respect to the twists, and to position and orientation at the start."""
-    materials: list[dict[str, float]]
-    """With respect to each body's parameters, such as {"E": ..., "nu": ...}; empty without `materials`."""
-    norms: np.ndarray
-    """Norms of the derivatives with respect to positions [1/m] and velocities [s/m] before each step (n_steps, 2)."""
 
 
 class Rollout:
@@ -53,8 +42,8 @@ class Rollout:
     - svd: differentiate the strain as autodiff of a singular value decomposition does; for comparison only.
     - substeps: number per step; None: from the solver's dt.
 
-    The length of strides is constant in the gradient. The memory is freed only at the end of the process: make one
-    rollout and call `restart`. Raises InvalidValue for a scene or an argument that is not accepted.
+    The length of strides is constant in the gradient. A rollout compiles its kernels: make one and call
+    `restart`; `close` frees its memory. Raises InvalidValue for a scene or an argument that is not accepted.
     """
 
     def __init__(self, solver: Any, n_steps: int, *, step_dt: float = 2e-3, budget: int = BUDGET,
@@ -70,7 +59,7 @@ class Rollout:
         states, count = solver.particles.state_fields, solver.particles.pack_count
         size = StateBank.bytes_per_state(states, solver.precision)
         self.schedule: Schedule = plan_schedule(self.n_steps, self.substeps, size, budget)
-        with default_precision(solver.precision), allocating():
+        with default_precision(solver.precision), allocating() as group:
             self._history = StateBank(states, count, self.schedule.slots)
             self._checkpoints = StateBank(states, count, self.schedule.checkpoints)
             longest = min(longest_stride(solver.transfer_interval, self.step_dt / self.substeps), self.substeps)
@@ -78,11 +67,19 @@ class Rollout:
             self._kernel = AdjointKernel(solver.fields, solver.grid, self._history, depth=depth, materials=materials,
                                          limit=limit, soft=soft, svd=svd)
             self._bars = StateBank(self._kernel.state_bars, count, 1)
+        self._group = group
+        self._free = weakref.finalize(self, free_later, group)
+        self._free.atexit = False
         self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None
         self.forward_steps = 0
         """Steps simulated by the last call: n_steps, and those repeated for the gradient."""
         self.last: Gradients | None = None
         self.restart()
+
+    def close(self) -> None:
+        """Give the memory of the stored states back; the rollout is of no more use."""
+        self._free.detach()
+        self._group.free()
 
     def restart(self) -> None:
         """Set the start of the rollout to the solver's current state."""
@@ -219,7 +216,7 @@ class Rollout:
     def _launch(self, forward: int, first: int, n: int, motion: np.ndarray, loss_bar: np.ndarray,
                 motion_bar: np.ndarray, norms: np.ndarray) -> np.ndarray:
         solver = self.solver
-        out, stamp = np.zeros((solver.fields.rows.count, 6)), solver.stamps.take(2 * n + 2)
+        out, stamp = np.zeros((solver.fields.rows.count, 6)), solver.fields.stamps.take(2 * n + 2)
         with default_precision(solver.precision):
             self._kernel.run(forward, first, n, self.substeps, stamp, self.step_dt / self.substeps,
                             np.ascontiguousarray(motion[None]), loss_bar, motion_bar, norms, np.zeros((1, 1)), out)

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm.backend import is_concurrent, is_shared
-from mpm.errors import InvalidValue
+from mpm.backend import PRECISIONS, is_concurrent, is_shared, session_precision
+from mpm.errors import InvalidValue, UnknownName
 from mpm.geometry.shell import Shell
+from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.grid import Grid
@@ -86,6 +87,20 @@ def _check_list(name: str, given: object, kind: type) -> None:
     for place, one in enumerate(given):
         if not isinstance(one, kind):
             raise InvalidValue(f"Solver: {name}[{place}] = {describe(one)}; accepted: mpm.{kind.__name__}")
+
+
+def choose_numerics(bodies: list[Body], precision: str | None, integrator: str | None) -> tuple[str, str]:
+    """Return precision and integrator of a scene, see `Solver`; raises UnknownName, and InvalidValue without a body."""
+    chosen = precision or session_precision()
+    if chosen not in PRECISIONS:
+        raise UnknownName("precision", precision, PRECISIONS)
+    if not bodies:
+        raise InvalidValue("Solver: bodies is empty; give at least one Body")
+    takes_logarithms = any(body.material.state == "hencky" for body in bodies)
+    integrates = integrator or ("auto" if chosen == "f32" and takes_logarithms else "exact")
+    if integrates not in INTEGRATORS:
+        raise UnknownName("integrator", integrator, INTEGRATORS)
+    return chosen, integrates
 
 
 def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,

@@ -15,6 +15,8 @@ NAMED: dict[str, WallCondition] = {"slip": Slip(), "roller": Roller(), "stick": 
 """Name -> condition without a number of its own."""
 NAMES = ("friction", PERIODIC, *NAMED)
 """Names that a side may be given."""
+WALL_COUNT, WALL_COLUMNS = 6, 5
+"""Shape of `wall_table`."""
 IS_PERIODIC, IS_FREE = -1, -2
 """Instead of the place of a condition: a periodic side; a column that leaves a wall, whatever its condition."""
 
@@ -86,8 +88,10 @@ def conditions_of(walls: Walls) -> list[WallCondition]:
 
 
 def wall_table(walls: Walls, grid: Grid) -> np.ndarray:
-    """Return the six sides (6, 5) in the order of folding: axis, last plane of nodes, inward sign, place of its
-    condition in `conditions_of`, whether material may leave.
+    """Return the six sides (WALL_COUNT, WALL_COLUMNS) in the order of folding.
+
+    Columns: axis, last plane of nodes, inward sign, place of its condition in `conditions_of`, whether material may
+    leave.
 
     On a periodic axis the last node above is the one before the wall: the wall's own plane is the image of the first.
     """
@@ -103,7 +107,7 @@ def wall_table(walls: Walls, grid: Grid) -> np.ndarray:
 
 def wall_numbers(walls: Walls) -> np.ndarray:
     """Return the numbers of the six sides' conditions (6, WALL_PARAMETERS), in the order of folding."""
-    numbers = np.zeros((6, WALL_PARAMETERS))
+    numbers = np.zeros((WALL_COUNT, WALL_PARAMETERS))
     for side, condition in enumerate(walls.in_order):
         if condition is not None:
             numbers[side, : len(condition.parameters)] = condition.parameters

@@ -45,6 +45,11 @@ class ShellFields:
         self.q = [ti.Vector.field(4, real, n_particles) for _ in range(4)]
         """Momentum and mass, and the columns of the affine momentum per cell."""
 
+    def fill(self) -> None:
+        """Forget all labels."""
+        for field in (self.side, self.shell, self.labelled):
+            field.fill(0)
+
 
 class MobileContact:
     """The nodes that each mobile collider touches in this substep, and room for six equations."""

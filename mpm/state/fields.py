@@ -1,5 +1,6 @@
 """All run-time fields of a scene, typed: what the phases of a substep are handed."""
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from mpm.scene.features import Features
 from mpm.scene.grid import GHOST, Grid
 from mpm.scene.wall_condition import WallCondition
 from mpm.scene.walls import Walls, conditions_of
+from mpm.state.active_blocks import Stamps
 from mpm.state.contact_fields import MobileContact, ShellFields, StaticContact
 from mpm.state.ledger import LedgerRows, ledger_rows
 from mpm.state.nodes import GridFields
@@ -49,6 +51,8 @@ class Fields:
     cells: tuple[int, int, int]
     """Cells along each axis, between the walls."""
     rows: LedgerRows
+    stamps: Stamps
+    """Numbers of substeps, which active blocks carry."""
 
     @property
     def real(self) -> Any:
@@ -98,23 +102,29 @@ class Fields:
                           ti.cast(self.origin[2], ti.f64)])
 
 
-def allocate_fields(grid: Grid, bodies: list[Body], colliders: list[Collider], gravity: np.ndarray, walls: Walls,
-                    features: Features, parts: int) -> Fields:
-    """Allocate the fields that a scene asks for; inside `backend.allocating`.
+def scene_key(grid: Grid, bodies: list[Body], colliders: Sequence[Collider], walls: Walls, features: Features,
+              parts: int) -> Hashable:
+    """Return what two scenes must share to share fields and kernels: all that is compiled in or gives a size."""
+    return (features, parts, grid.shape, tuple(grid.cells.tolist()), tuple(grid.origin.tolist()), grid.cell,
+            tuple((type(body.material), len(body.positions)) for body in bodies),
+            tuple(type(condition) for condition in conditions_of(walls)),
+            tuple(collider.sdf.signature() for collider in colliders))
+
+
+def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider], walls: Walls, features: Features,
+                    parts: int) -> Fields:
+    """Allocate the fields that a scene asks for; inside `backend.allocating`, and with the colliders' own laid out.
 
     parts: see `Fields`.
     """
     precision = features.precision
-    particles = ParticleFields(bodies, grid, features)
+    particles = ParticleFields(tuple(len(body.positions) for body in bodies), features)
     nodes = GridFields(grid, precision, 2 if features.shells else 1, lists=features.serial)
     target = nodes.nodes
     if parts:
         nx, ny, nz = nodes.nodes.shape
         target = ti.Vector.field(4, real_type(precision), (parts * nx, ny, nz))
     ready = [replace(c, sdf=c.sdf.bake(grid.cell)) if isinstance(c.sdf, Shell) else c for c in colliders]
-    for collider in ready:
-        if not isinstance(collider.sdf, Shell):
-            collider.sdf.allocate()
     shells = ShellFields(grid, precision, particles.n_lanes) if features.shells else None
     mobile = None
     if features.mobile:
@@ -125,6 +135,16 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: list[Collider], g
         features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)),
         wall_conditions=tuple(conditions_of(walls)), colliders=tuple(ready),
         static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
-        mobile_nodes=mobile, parameters=Parameters(bodies, ready, gravity, walls, grid, precision),
+        mobile_nodes=mobile, parameters=Parameters(len(bodies), len(colliders), precision), stamps=Stamps(),
         scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),
         rows=ledger_rows(len(colliders)))
+
+
+def fill_fields(fields: Fields, grid: Grid, bodies: list[Body], colliders: Sequence[Collider], gravity: np.ndarray,
+                walls: Walls) -> None:
+    """Put fields, new or taken over, at the start of a scene."""
+    fields.particles.fill(bodies, grid)
+    fields.parameters.fill(bodies, colliders, gravity, walls, grid)
+    fields.stamps.is_listed = False
+    if fields.shells is not None:
+        fields.shells.fill()

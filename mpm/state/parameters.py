@@ -1,5 +1,7 @@
 """Run-time parameters: gravity, friction and material numbers, which change without compiling anything."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mpm.backend import check_owner, put, real_type, ti
@@ -8,7 +10,7 @@ from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.grid import Grid
 from mpm.scene.wall_condition import WALL_PARAMETERS
-from mpm.scene.walls import Walls, wall_numbers, wall_table
+from mpm.scene.walls import WALL_COLUMNS, WALL_COUNT, Walls, wall_numbers, wall_table
 
 
 def laws_of(bodies: list[Body]) -> list[Material]:
@@ -25,41 +27,43 @@ def law_indices(bodies: list[Body]) -> list[int]:
 class Parameters:
     """Run-time fields that the kernels read."""
 
-    def __init__(
-        self, bodies: list[Body], colliders: list[Collider], gravity: np.ndarray, walls: Walls, grid: Grid,
-        precision: str,
-    ) -> None:
+    def __init__(self, n_bodies: int, n_colliders: int, precision: str) -> None:
         real = real_type(precision)
         dtype = np.float64 if precision == "f64" else np.float32
-        self.law = ti.field(real, (len(bodies), PARAMETERS))
+        self.law = ti.field(real, (n_bodies, PARAMETERS))
         """Parameters of each body's law."""
-        self.law_index = ti.field(ti.i32, len(bodies))
+        self.law_index = ti.field(ti.i32, n_bodies)
         """Place of each body's law among the scene's laws."""
-        self._laws, self._densities = np.zeros((len(bodies), PARAMETERS), dtype), np.zeros(len(bodies), dtype)
-        self.densities = ti.field(real, len(bodies))
+        self._laws, self._densities = np.zeros((n_bodies, PARAMETERS), dtype), np.zeros(n_bodies, dtype)
+        self.densities = ti.field(real, n_bodies)
         """[kg/m^3] of each body."""
-        self.frictions = ti.field(real, max(len(colliders), 1))
+        self.frictions = ti.field(real, max(n_colliders, 1))
         """Coulomb coefficient of each collider."""
-        self.half_thickness = ti.field(real, max(len(colliders), 1))
+        self.half_thickness = ti.field(real, max(n_colliders, 1))
         """Half thickness [m] of each collider that is a shell."""
         self.zero = ti.field(real, ())
         """0, unknown to the compiler: a vector with a literal zero is taken apart into scalars (twice the time)."""
         self.gravity = ti.Vector.field(3, real, ())
         """[m/s^2]"""
-        self.wall_numbers = ti.Vector.field(WALL_PARAMETERS, real, 6)
+        self.wall_numbers = ti.Vector.field(WALL_PARAMETERS, real, WALL_COUNT)
         """Numbers of each side's condition, in the order of folding."""
+        self.walls = ti.field(ti.i32, (WALL_COUNT, WALL_COLUMNS))
+        """The six sides, see `wall_table`."""
+
+    def fill(self, bodies: list[Body], colliders: Sequence[Collider], gravity: np.ndarray, walls: Walls,
+             grid: Grid) -> None:
+        """Write the numbers of a scene."""
         put(self.law_index, np.array(law_indices(bodies), np.int32))
+        self._laws[:] = 0.0
         for index, body in enumerate(bodies):
             self.set_law(index, body.material)
+        dtype = self._laws.dtype
         put(self.frictions, np.array([c.friction for c in colliders] or [0.0], dtype))
         thickness = [getattr(c.sdf, "thickness", 0.0) for c in colliders] or [0.0]
         put(self.half_thickness, 0.5 * np.array(thickness, dtype))
         put(self.gravity, np.array(gravity, dtype))
         put(self.wall_numbers, wall_numbers(walls).astype(dtype))
-        table = wall_table(walls, grid)
-        self.walls = ti.field(ti.i32, table.shape)
-        """The six sides, see `wall_table`."""
-        put(self.walls, table)
+        put(self.walls, wall_table(walls, grid))
 
     def set_law(self, index: int, material: Material) -> None:
         """Write the parameters and the density of a body's law."""

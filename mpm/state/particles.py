@@ -9,13 +9,19 @@ from mpm.scene.grid import Grid
 from mpm.scene.validation import read_array
 from mpm.state.packs import LANES, Packs
 
+SPEED_LIMIT = 1.0
+"""Cells that a particle may travel in a substep before the run counts as diverged."""
+
 
 class ParticleFields:
-    """Fields of all particles; entry q, lane l is particle LANES q + l. Positions are relative to the grid's corner."""
+    """Fields of all particles; entry q, lane l is particle LANES q + l. Positions are relative to the grid's corner.
 
-    def __init__(self, bodies: list[Body], grid: Grid, features: Features) -> None:
+    counts: particles of each body. `fill` gives them a state.
+    """
+
+    def __init__(self, counts: tuple[int, ...], features: Features) -> None:
         real = real_type(features.precision)
-        self.counts = [len(body.positions) for body in bodies]
+        self.counts = list(counts)
         packs = [-(-count // LANES) for count in self.counts]
         ends = np.cumsum(packs)
         self.ranges = [(int(end - n), int(end)) for n, end in zip(packs, ends)]
@@ -23,7 +29,7 @@ class ParticleFields:
         self.n_packs = int(ends[-1])
         self.n_lanes = self.n_packs * LANES
         """Lanes of all packs, padding included."""
-        self.range_table = ti.Vector.field(3, ti.i32, len(bodies))
+        self.range_table = ti.Vector.field(3, ti.i32, len(counts))
         """First and last + 1 pack of each body, and the filled lanes of its last pack, for kernels."""
         filled = [count - LANES * (n - 1) for count, n in zip(self.counts, packs)]
         put(self.range_table, np.array([(*ends, lanes) for ends, lanes in zip(self.ranges, filled)], np.int32))
@@ -31,6 +37,11 @@ class ParticleFields:
         """The number of packs, hidden from the compiler: it would unroll every copy of a few packs, which makes up half
         of what it compiles then."""
         put(self.pack_count, np.array(self.n_packs, np.int32))
+
+        self.fastest, self.squares = ti.field(real, ()), ti.field(real, ())
+        """Largest squared speed that the last gather found, and the sum of all, which is not finite if one is not."""
+        self.halted = ti.field(ti.i32, ())
+        """1 once a particle is not finite, or faster than SPEED_LIMIT."""
 
         def pack_field():  # noqa: ANN202
             return ti.Vector.field(LANES, real, self.n_packs)
@@ -57,21 +68,30 @@ class ParticleFields:
         """Initial volume V0 [m^3]; zero in padding lanes."""
         self.half = pack_field() if features.moving_solids else None
         """Half the edge of a particle's cube [m]; zero in padding lanes."""
-        self.index = self._order(bodies, grid)
+        self.index = np.zeros(sum(counts), int)
+        """Slot of each particle, in the order in which the bodies gave them."""
         self._dtype = np.float64 if features.precision == "f64" else np.float32
         state = [field for named in self.named_fields().values() for field in named]
         self.state_fields = state
         """All fields of the state, in the order of `named_fields`: x, v and C first."""
-        constant = [field for field in (self.volume, self.half) if field is not None]
-        self._all = Packs([*state, *constant], self.pack_count, self._dtype)
+        others = [field for field in (self.volume, self.half, self.gap) if field is not None]
+        self._all = Packs([*state, *others], self.pack_count, self._dtype)
+
+    def fill(self, bodies: list[Body], grid: Grid) -> None:
+        """Put the particles where their bodies have them, with no strain."""
+        self.index = self._order(bodies, grid)
         volumes = [np.broadcast_to(np.asarray(body.volume, float), len(body.positions)) for body in bodies]
         velocities = [np.zeros((n, 3)) if body.velocities is None else body.velocities
                       for body, n in zip(bodies, self.counts)]
+        unstrained = self.state_fields[len(self.x) + len(self.v):]
+        self.write(unstrained, np.zeros((len(self.index), len(unstrained))))
         self.write(self.x, np.concatenate([body.positions for body in bodies]) - grid.origin)
         self.write(self.v, np.concatenate(velocities))
         self.write([self.volume], np.concatenate(volumes)[:, None], padding=0.0)
         if self.half is not None:
             self.write([self.half], 0.5 * np.cbrt(np.concatenate(volumes))[:, None], padding=0.0)
+        if self.gap is not None:
+            self.write([self.gap], np.zeros((len(self.index), 1)))
 
     def _order(self, bodies: list[Body], grid: Grid) -> np.ndarray:
         """Return slots (n_particles,) in the packs, sorted by cell: neighbours share cache lines."""

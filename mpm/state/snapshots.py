@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from mpm.backend import allocating, ti
+from mpm.backend import ti
 from mpm.state.packs import LANES
 
 
 @ti.data_oriented
 class StateBank:
-    """Copies of pack fields, and of flags of single particles, in numbered slots.
+    """Copies of pack fields, and of flags of single particles, in numbered slots; made inside `backend.allocating`.
 
     fields: pack fields of one length and type. count: that length, as a field. slots: how many states there is room
     for. flags: fields (n_lanes,) of 8-bit integers that belong to a state, or none.
@@ -18,9 +18,8 @@ class StateBank:
         self.fields, self.count, self.slots, self.flags = fields, count, slots, list(flags or [])
         self.packs = fields[0].shape[0] if fields else 0
         self.lanes = self.flags[0].shape[0] if self.flags else 0
-        with allocating():
-            self.states = ti.Vector.field(LANES, fields[0].dtype, (slots, len(fields), self.packs)) if fields else None
-            self.flag_states = ti.field(ti.i8, (slots, len(self.flags), self.lanes)) if self.flags else None
+        self.states = ti.Vector.field(LANES, fields[0].dtype, (slots, len(fields), self.packs)) if fields else None
+        self.flag_states = ti.field(ti.i8, (slots, len(self.flags), self.lanes)) if self.flags else None
 
     @staticmethod
     def bytes_per_state(fields: list, precision: str) -> int:

@@ -8,17 +8,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpm.backend import allocating, check_owner, default_precision, ti
+from mpm.backend import check_owner, default_precision, ti
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose
 from mpm.materials.material import PARAMETERS, Material
 from mpm.materials.stable_step import material_bound
+from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.diagnostics import describe_divergence
-from mpm.observers.region_counter import COUNTER_ROWS, MAX_READINGS, Counts
+from mpm.observers.region_counter import MAX_READINGS, Counts
+from mpm.observers.sample import SampleKernel
 from mpm.state.active_blocks import mark_all
+from mpm.state.fields import Fields
+from mpm.state.particles import SPEED_LIMIT
 from mpm.state.snapshots import StateBank
 from mpm.stepping.collider_paths import ColliderPaths
-from mpm.stepping.serial import SPEED_LIMIT, SerialStepper, add_status
+from mpm.stepping.serial import SerialStepper, add_status
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
 
 SKIPPED, READ_ONLY = -1, 0
@@ -44,12 +48,12 @@ class Plan(NamedTuple):
 class BatchStepper(SerialStepper):
     """The kernel of a batch: the substeps of one environment after another."""
 
-    def __init__(self, solver: Any, n: int) -> None:
-        super().__init__(solver.fields, solver.counter, solver.sample)
+    def __init__(self, fields: Fields, counter: CounterKernel | None, sample: SampleKernel | None, n: int) -> None:
+        super().__init__(fields, counter, sample)
         self.n = n
-        flags = [self.counter.flags] if self.counter is not None else []
+        flags = [counter.flags] if counter is not None else []
         self.states = StateBank(self.fields.particles.state_fields, self.fields.particles.pack_count, n, flags)
-        self.sample_rows = len(self.sample.values) if self.sample is not None else 0
+        self.sample_rows = sample.count if sample is not None else 0
 
     @ti.kernel
     def run_all(self, plans: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
@@ -111,9 +115,10 @@ class Batch:
         if solver.features.mobile:
             raise InvalidValue(f"Batch: colliders {solver.features.mobile} are mobile; accepted: moved ones")
         self.solver, self.n, self.readings = solver, n, readings
-        with default_precision(solver.precision), allocating():
-            self._stepper = BatchStepper(solver, n)
-        counter, sample = solver.counter, solver.sample
+        counter, sample, fields = solver.counter, solver.sample, solver.fields
+        kernels = counter and counter.kernel, sample and sample.kernel
+        self._stepper: BatchStepper = solver.assembly.take(("batch", *kernels, n),
+                                                           lambda: BatchStepper(fields, *kernels, n))
         rows = solver.fields.rows.count + (COUNTER_ROWS * readings if counter else 0)
         self._out, self._results = np.zeros((rows, 6)), np.zeros((n, rows, 6))
         shape = counter.per_particle_shape if counter else (1, 2)
@@ -233,7 +238,7 @@ class Batch:
         solver = self.solver
         if solver.counter is not self._counter:
             raise InvalidValue("Batch: another counter was attached after the batch was made; make the batch again")
-        stamped = [plan._replace(stamp=solver.stamps.take(max(plan.substeps, 0) + 1)) for plan in plans]
+        stamped = [plan._replace(stamp=solver.fields.stamps.take(max(plan.substeps, 0) + 1)) for plan in plans]
         with default_precision(solver.precision):
             self._stepper.run_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
                                   np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._out,
@@ -242,10 +247,11 @@ class Batch:
     def _outcome(self, e: int, plan: Plan, before: list[Counts]) -> list[Counts] | SimulationDiverged:
         """Return what an environment's launch came to, with the readings of earlier ones of the advance."""
         dt = float(self._dts[e])
-        self.time[e] += plan.substeps * dt
-        self.steps[e] += plan.substeps
-        squares, fastest = self._results[e, self.solver.fields.rows.status, :2]
-        if not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
+        squares, fastest, halted = self._results[e, self.solver.fields.rows.status, :3]
+        done = int(halted) or plan.substeps
+        self.time[e] += done * dt
+        self.steps[e] += done
+        if halted or not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
             self.select(e)
             return describe_divergence(self.solver, dt)
         readings = range(plan.done // plan.interval, (plan.done + plan.substeps) // plan.interval)
@@ -259,6 +265,7 @@ class Batch:
     def select(self, e: int) -> None:
         """Set the solver to the state of an environment, to read or render it."""
         solver = self.solver
+        solver.check_open()
         with default_precision(solver.precision):
             self._stepper.states.restore_now(e)
         for body, material in enumerate(self._materials[e]):

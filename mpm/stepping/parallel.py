@@ -7,11 +7,12 @@ ledger's sums are atomic on both: right to rounding. For one thread the single l
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from mpm.backend import allocating, is_shared, real_type, thread_count, ti
+from mpm.backend import is_shared, real_type, thread_count, ti
+from mpm.observers.counter_kernel import CounterKernel
+from mpm.observers.sample import SampleKernel
 from mpm.state.active_blocks import list_row
 from mpm.state.fields import Fields
 from mpm.state.snapshots import StateBank
@@ -37,20 +38,20 @@ def count_parts(serial: bool) -> int:
     return 0 if serial or is_shared() else PARTS * thread_count()
 
 
-def make_stepper(fields: Fields, counter: Any = None, sample: Any = None,
-                 banks: Sequence[StateBank] = ()) -> SerialStepper:
+def make_stepper(fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
+                 checkpoint: Sequence[StateBank] = (), undo: Sequence[StateBank] = ()) -> SerialStepper:
     """Return the kernels that advance a scene, see `SerialStepper`."""
     stepper = SerialStepper if fields.features.serial else ParallelStepper
-    return stepper(fields, counter, sample, banks)
+    return stepper(fields, counter, sample, checkpoint, undo)
 
 
 @ti.data_oriented
 class ParallelStepper(SerialStepper):
     """The kernels that advance one scene with several threads, called as those of `SerialStepper`."""
 
-    def __init__(self, fields: Fields, counter: Any = None, sample: Any = None,
-                 banks: Sequence[StateBank] = ()) -> None:
-        super().__init__(fields, counter, sample, banks)
+    def __init__(self, fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
+                 checkpoint: Sequence[StateBank] = (), undo: Sequence[StateBank] = ()) -> None:
+        super().__init__(fields, counter, sample, checkpoint, undo)
         self.on_gpu, n_packs = is_shared(), fields.particles.n_packs
         self.parts = n_packs if self.on_gpu else fields.parts
         self.block_parts = GPU_PARTS if self.on_gpu else self.parts
@@ -58,8 +59,7 @@ class ParallelStepper(SerialStepper):
         self.turns = 1 if self.on_gpu else TURNS
         self.rows = fields.grid.stamp.shape[0] * fields.grid.stamp.shape[1]
         """Rows of the grid of blocks."""
-        with allocating():
-            self.fastest = ti.field(real_type(fields.features.precision), ())
+        self.fastest = ti.field(real_type(fields.features.precision), ())
         """Largest squared speed of a particle [m^2/s^2]."""
 
     # as SerialStepper is called --------------------------------------------------------------------------------------
@@ -76,6 +76,9 @@ class ParallelStepper(SerialStepper):
         arrays = (motion, mobile, out, per_particle, sampled)
         copies = [DeviceArray(array) for array in arrays] if self.on_gpu else []
         motion_, mobile_, out_, per_particle_, sampled_ = [copy.device for copy in copies] or arrays
+        for bank in (self.checkpoint, self.undo)[set_aside - 1] if set_aside else ():
+            bank.store_now(0)
+        self.fields.particles.halted[None] = 0
         if substeps == 0:  # only to compile
             self.substep(0, 0, dt, motion_, mobile_, out_, 1, 0, 0, 0, 0)
         left, stamp, span = 0, first_stamp, 1
@@ -92,6 +95,9 @@ class ParallelStepper(SerialStepper):
             left -= 1
             self.substep(s, stamp, dt, motion_, mobile_, out_, int(starts), span * (left == 0), self.parts,
                          self.block_parts, self.rows)
+            if self.fields.particles.halted[None]:
+                out[self.fields.rows.status, 2] = s + 1
+                break
             if self.has_counter and (first + s + 1) % interval == 0:
                 self.read(motion_, s, first + s + 1, interval, out_, per_particle_)
         self.sum_up(out_, sampled_)

@@ -17,7 +17,7 @@ from mpm.boundaries.shell_transfer import gather_across_shells, scatter_across_s
 from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
 from mpm.state.fields import Fields
 from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
-from mpm.transfers.to_particles import gather_packs, list_blocks, start_block_list
+from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list
 
 Domain = Literal["packs", "blocks", "walls", "rows", "once"]
 """What a phase runs over: packs of particles, active blocks, the six walls and for each the active blocks, rows of the
@@ -86,6 +86,7 @@ ORDER = (
     Phase("start block list", "once", start_block_list, _always, "every scene"),
     Phase("gather", "packs", gather_packs, _always, "every scene"),
     Phase("gather across shells", "once", gather_across_shells, lambda f: bool(f.features.shells), "a shell"),
+    Phase("check speeds", "once", check_speeds, _always, "every scene"),
     Phase("stop penetration", "packs", stop_penetration, lambda f: bool(f.features.moving_solids), "a moving solid"),
     Phase("list blocks", "rows", list_blocks, lambda f: not f.grid.lists, "several threads"),
 )

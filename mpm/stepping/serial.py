@@ -1,11 +1,11 @@
 """The serial stepper: all substeps of a launch in one kernel of one thread, touching only blocks with material."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
-from mpm.observers.region_counter import COUNTER_ROWS
+from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
+from mpm.observers.sample import SampleKernel
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.ledger import add, maximise
@@ -15,21 +15,23 @@ from mpm.stepping.phases import Step, phases_of
 from mpm.stepping.stride import plan_stride
 from mpm.transfers.to_particles import drift_before, drift_packs
 
-SPEED_LIMIT = 1.0
-"""Cells that a particle may travel in a substep before the run counts as diverged."""
+NOWHERE, CHECKPOINT, UNDO = range(3)
+"""Where a launch first copies the state to."""
 
 
 @ti.data_oriented
 class SerialStepper:
     """The kernels that advance one scene with one thread.
 
-    counter: a `RegionCounter` that takes readings within launches, or None. sample: a `Sample` taken at the end of a
-    launch, or None. banks: where a launch first copies the state to when `run` asks for it, or none.
+    counter: the kernel of a `RegionCounter` that takes readings within launches, or None. sample: that of a `Sample`
+    taken at the end of a launch, or None. checkpoint, undo: where a launch first copies the state to when
+    `run` asks for it, or none.
     """
 
-    def __init__(self, fields: Fields, counter: Any = None, sample: Any = None,
-                 banks: Sequence[StateBank] = ()) -> None:
-        self.fields, self.counter, self.sample, self.banks = fields, counter, sample, list(banks)
+    def __init__(self, fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
+                 checkpoint: Sequence[StateBank] = (), undo: Sequence[StateBank] = ()) -> None:
+        self.fields, self.counter, self.sample = fields, counter, sample
+        self.checkpoint, self.undo = list(checkpoint), list(undo)
         self.phases = phases_of(fields)
         self.has_counter, self.has_sample = counter is not None, sample is not None
         self.counter_row = fields.features.moving_colliders.index(counter.index) if self.has_counter else -1
@@ -51,14 +53,14 @@ class SerialStepper:
         motion: (k, substeps, COLUMNS) of the moving colliders. mobile: table of the mobile colliders, read and written.
         Written: out, ledger, status and the counter's readings; per_particle, the counter's numbers of particles;
         sampled, the sample after the last substep. The counter reads after every `interval` substeps, `first` of which
-        lie in earlier launches of the advance. set_aside: whether the state is first copied to the banks. max_stride:
-        the most substeps between two transfers.
+        lie in earlier launches of the advance. set_aside: where the state is first copied to: NOWHERE, CHECKPOINT or
+        UNDO. max_stride: the most substeps between two transfers.
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
-            if ti.static(len(self.banks) > 0):  # noqa: SIM102  (decided when compiling)
-                if set_aside > 0:
-                    for bank in ti.static(self.banks):
+            for kind, banks in ti.static(enumerate((self.checkpoint, self.undo))):
+                if set_aside == kind + 1:
+                    for bank in ti.static(banks):
                         bank.store(0)
             self.advance(substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
                          max_stride)
@@ -73,9 +75,11 @@ class SerialStepper:
                 per_particle: ti.template(), earlier: ti.i32, max_stride: ti.i32):
         """Advance by `substeps`, with rows of the motion from first_row on, in strides of at most `max_stride`.
 
-        `earlier` readings of others stand before those of this advance in per_particle; else see `run`.
+        `earlier` readings of others stand before those of this advance in per_particle; else see `run`. Where particles
+        get too fast the launch ends, and the number of substeps until then stands in the output's status row.
         """
         left, stamp, span = 0, first_stamp, 1
+        self.fields.particles.halted[None] = 0
         for s in range(substeps):
             starts = left == 0
             if starts:
@@ -91,6 +95,9 @@ class SerialStepper:
             row, transfer_mass, moved = first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
             run_phases(self.fields, self.phases,
                        ti.static(Step(row, stamp, dt, transfer_mass, moved, motion, mobile, out)))
+            if self.fields.particles.halted[None] > 0:
+                out[self.fields.rows.status, 2] = s + 1
+                break
             if ti.static(self.has_counter):
                 self.take_reading(motion, row, first + s + 1, interval, out, per_particle, earlier)
 

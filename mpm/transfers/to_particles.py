@@ -1,9 +1,10 @@
 """Grid to particle: velocity and affine velocity, the particles' move, and the active blocks of the next substep."""
 
-from mpm.backend import once, ti
+from mpm.backend import is_concurrent, once, ti
 from mpm.state.active_blocks import list_row, mark_pack
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
+from mpm.state.particles import SPEED_LIMIT
 from mpm.transfers.particle_grid import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
 
@@ -12,6 +13,8 @@ def start_block_list(fields: ti.template(), step: ti.template(), first, last):
     """Phase: empty the list of active blocks before particles that move list those of the next substep."""
     if step.span > 0:
         fields.grid.count[None] = 0
+    fields.particles.fastest[None] = 0.0
+    fields.particles.squares[None] = 0.0
 
 
 @ti.func
@@ -31,6 +34,8 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
     The blocks that moved particles reach are activated for the next substep.
     """
     last_key = -1
+    fastest = ti.Vector.zero(fields.real, LANES)
+    squares = fastest
     for q in range(first, last):
         v, B, f = gather_pack(fields, P, q)
         gradient = 4.0 / fields.cell
@@ -42,6 +47,30 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
             for r in ti.static(range(3)):
                 P.x[r][q] = keep_inside(fields, P.x[r][q] + dt * v[r], r)
             last_key = mark_pack(fields.grid, P.x, q, 1.0 / fields.cell, last_key, next_stamp)
+        v2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        fastest = ti.max(fastest, v2)
+        squares += v2
+    note_speeds(P, fastest.max(), squares.sum())
+
+
+@ti.func
+def note_speeds(P: ti.template(), fastest, squares):
+    """Note the largest squared speed and the sum of squared speeds of some particles."""
+    if ti.static(is_concurrent()):
+        ti.atomic_max(P.fastest[None], fastest)
+        ti.atomic_add(P.squares[None], squares)
+    else:
+        P.fastest[None] = ti.max(P.fastest[None], fastest)
+        P.squares[None] = P.squares[None] + squares
+
+
+@ti.func
+def check_speeds(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: halt the launch where a particle is not finite, or would travel more than SPEED_LIMIT cells a substep."""
+    limit = ti.static(SPEED_LIMIT * fields.cell)
+    fastest, squares = fields.particles.fastest[None], fields.particles.squares[None]
+    if not (fastest * step.dt * step.dt <= limit * limit and squares - squares == 0.0):
+        fields.particles.halted[None] = 1
 
 
 @ti.func

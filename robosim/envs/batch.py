@@ -134,3 +134,7 @@ class GrainBatch:
                 for reading, pose in zip(outcome, path, strict=True):
                     episode.add_step(self.world.counter.translate(reading), pose)
         return steps
+
+    def close(self) -> None:
+        """Give the field to the next batch of an equal task; this one is of no more use."""
+        self.world.solver.close()

@@ -182,7 +182,8 @@ class GrainEnv(HasEpisodeLength, gymnasium.Env):
         return self._renderer.draw(self.solver, self.carrier.robot_data)
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Free the renderer; give the field to the next environment of an equal task. This one is of no more use."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+        self.solver.close()

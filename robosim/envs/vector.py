@@ -171,7 +171,6 @@ class GrainVectorEnv(HasEpisodeLength, gymnasium.vector.VectorEnv):
         return results
 
     def close_extras(self, **_: Any) -> None:
-        """End the processes."""
+        """End the processes, or free the field in this one."""
         for batch in self.batches:
-            if isinstance(batch, RemoteBatch):
-                batch.close()
+            batch.close()

@@ -1,5 +1,7 @@
 """The MPM field of a sub-task: its grains, its tool and its container."""
 
+import functools
+
 import numpy as np
 
 import mpm
@@ -15,6 +17,12 @@ from robosim.tasks.task import TaskConfig
 
 TOOL_SDF_POINTS = 4
 """Points of the tool's sampled signed distance along a cell."""
+
+
+@functools.lru_cache(maxsize=8)
+def tool_distance(tool: str, wall: float, spacing: float) -> Lattice:
+    """Return the signed distance of a tool's head with walls of `wall` [m], at points `spacing` [m] apart."""
+    return mpm.Sdf.from_mesh(tool_shape(tool).head(wall), spacing=spacing)
 
 
 def grain_volume(task: TaskConfig) -> float:
@@ -73,7 +81,7 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
     mobile: contact moves the tool, too. positions [m] (n, 3) and volume [m^3] of a grain: in place of the task's own.
     """
     field = task.field
-    sdf = mpm.Sdf.from_mesh(tool_shape(task.tool).head(task.tool_wall), spacing=field.cell / TOOL_SDF_POINTS)
+    sdf = tool_distance(task.tool, task.tool_wall, field.cell / TOOL_SDF_POINTS)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
     colliders += build_container_colliders(task.containers, field)
     grains = fill_positions(task, sdf) if positions is None else positions

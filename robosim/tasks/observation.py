@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 
 import mpm
-from mpm.stepping.serial import SPEED_LIMIT
+from mpm.state.particles import SPEED_LIMIT
 from robosim.tasks.counting import TaskCounts, observed_grains
 from robosim.tasks.task import TaskConfig
 

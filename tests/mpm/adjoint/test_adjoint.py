@@ -5,6 +5,7 @@ import pytest
 from adjoint_element import AdjointElement
 
 import mpm
+from mpm.state.packs import LANES
 
 DIRECTIONS = 20
 LAWS = {
@@ -25,13 +26,13 @@ def test_constitutive_update(name, rng):
     yield surface, one of each in the pack."""
     element = AdjointElement(LAWS[name])
     for size in (0.0, 0.08):
-        state = size * rng.uniform(-1.0, 1.0, (4, element.size))
+        state = size * rng.uniform(-1.0, 1.0, (LANES, element.size))
         if element.size >= 3 and size > 0:
             state[:, :3] += np.array([0.1, -0.1, -0.02, 0.003])[:, None]
-        C = 30.0 * rng.standard_normal((4, 9))
+        C = 30.0 * rng.standard_normal((LANES, 9))
         p = np.zeros(8)
         p[: len(LAWS[name].parameters)] = LAWS[name].parameters
-        weights = rng.standard_normal((4, 6 + element.size))
+        weights = rng.standard_normal((LANES, 6 + element.size))
         weights[:, :6] /= 1e5
         state_bar, C_bar, p_bar = element.backward(state, C, p, weights)
         for _ in range(DIRECTIONS):
@@ -57,14 +58,14 @@ def test_derivatives_through_an_svd_and_over_a_smooth_yield_surface(rng):
     def bars(element: AdjointElement, state: np.ndarray, C: np.ndarray, weights: np.ndarray) -> np.ndarray:
         return np.column_stack(element.backward(state, C, p, weights)[:2])
 
-    state = 0.05 * rng.uniform(-1.0, 1.0, (4, sharp.size))
+    state = 0.05 * rng.uniform(-1.0, 1.0, (LANES, sharp.size))
     state[:, :3] += np.array([0.1, -0.1, -0.02, 0.003])[:, None]
-    C, weights = 30.0 * rng.standard_normal((4, 9)), rng.standard_normal((4, 6 + sharp.size))
+    C, weights = 30.0 * rng.standard_normal((LANES, 9)), rng.standard_normal((LANES, 6 + sharp.size))
     weights[:, :6] /= 1e5
     ours = bars(sharp, state, C, weights)
     assert bars(svd, state, C, weights) == pytest.approx(ours, rel=1e-7, abs=1e-9)
     assert bars(narrow, state, C, weights) == pytest.approx(ours, rel=1e-9, abs=1e-12)
-    pressed, still = np.zeros((4, sharp.size)), np.zeros((4, 9))
+    pressed, still = np.zeros((LANES, sharp.size)), np.zeros((LANES, 9))
     pressed[:, :3] = -0.02
     found = [bars(element, pressed, still, weights)[:, 3:6] for element in (sharp, svd)]
     assert np.abs(found[0]).min() > 0.0

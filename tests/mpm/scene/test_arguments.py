@@ -20,7 +20,7 @@ BALL = mpm.Sdf.sphere(0.03)
 
 @pytest.mark.parametrize("pose", [
     mpm.Pose(np.array([NAN, 0, 0]), LEVEL), mpm.Pose(np.zeros(3), np.array([1.0, NAN, 0, 0])),
-    mpm.Pose(np.zeros(3), np.zeros(4)), mpm.Pose(np.zeros(2), LEVEL), np.eye(4), None], ids=str)
+    mpm.Pose(np.zeros(3), np.zeros(4)), mpm.Pose(np.zeros(2), LEVEL), np.eye(4), None], ids=["position", "nan", "zero", "plane", "matrix", "none"])
 def test_a_pose_places_something(pose: Any) -> None:
     for make in (lambda: mpm.Collider(BALL, pose=pose), lambda: mpm.Sdf.union([(BALL, pose)])):
         with pytest.raises(mpm.InvalidValue, match="pose = .*accepted: finite numbers"):
@@ -42,7 +42,7 @@ def test_a_pose_places_something(pose: Any) -> None:
     (lambda: mpm.Sdf.union([]), "no parts"),
     (lambda: mpm.Sdf.from_mesh(trimesh.creation.box((0.1,) * 3), spacing=0.0), "from_mesh: spacing = 0.0"),
     (lambda: mpm.sample_box((0,) * 3, (0.1,) * 3, NAN), "spacing nan"),
-], ids=str)
+], ids=lambda value: value if isinstance(value, str) else "case")
 def test_a_solid_has_a_size(make: Callable[[], Any], words: str) -> None:
     with pytest.raises(mpm.InvalidValue, match=words):
         make()
@@ -67,7 +67,7 @@ def test_a_shell_is_not_static() -> None:
     ({"bodies": [BODY], "colliders": mpm.Collider(BALL)}, "colliders = a Collider; accepted: a list of mpm.Collider"),
     ({"bodies": [BODY], "colliders": [BALL]}, r"colliders\[0\] = a Sphere; accepted: mpm.Collider"),
     ({"bodies": [BODY], "grid": 0.01}, r"grid = 0.01; accepted: mpm.Grid"),
-], ids=str)
+], ids=lambda value: value if isinstance(value, str) else "case")
 def test_a_scene_of_other_types_is_refused(given: dict[str, Any], words: str) -> None:
     with pytest.raises(mpm.InvalidValue, match=words):
         mpm.Solver(**({"grid": GRID} | given))
@@ -79,7 +79,7 @@ def test_a_scene_of_other_types_is_refused(given: dict[str, Any], words: str) ->
     ({"velocities": np.full((2, 3), NAN)}, "Body: velocities = .*accepted: finite numbers"),
     ({"volume": np.inf}, "Body: volume = inf"), ({"volume": 1j}, "Body: volume = 1j"),
     ({"material": mpm.DruckerPrager}, r"material = DruckerPrager \(a class\)"),
-], ids=str)
+], ids=lambda value: value if isinstance(value, str) else "case")
 def test_a_body_is_of_finite_real_numbers(given: dict[str, Any], words: str) -> None:
     with pytest.raises(mpm.InvalidValue, match=words):
         mpm.Body(**({"material": SAND, "positions": np.full((2, 3), 0.1), "volume": 1e-7} | given))

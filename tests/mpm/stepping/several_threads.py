@@ -85,7 +85,8 @@ def make_serial(solver: mpm.Solver) -> mpm.Solver:
     """Give a solver the kernel of one thread; return it."""
     solver.fields.grid.lists = True
     solver.features = replace(solver.features, serial=True)
-    solver.fields = replace(solver.fields, features=solver.features, parts=0, scatter_target=solver.fields.grid.nodes)
+    fields = replace(solver.fields, features=solver.features, parts=0, scatter_target=solver.fields.grid.nodes)
+    solver.assembly.shared["fields"] = fields
     solver.stepper = SerialStepper(solver.fields)
     return solver
 

@@ -1,14 +1,27 @@
-"""Derivatives by the numbers of a material, from those by the parameters that kernels read."""
+"""All derivatives of a rollout; those by the numbers of a material come from those by the parameters of its law."""
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mpm.errors import InvalidValue
+from mpm.rollout.tool_twists import TwistGradient
 
 DIFFERENCE = 1e-6
 """Relative step of the central differences through a law's `parameters`, in double precision."""
+
+
+class Gradients(NamedTuple):
+    """All derivatives of the last `value_and_grad`."""
+
+    value: float
+    twists: TwistGradient
+    """With respect to the twists, and to position and orientation at the start."""
+    materials: list[dict[str, float]]
+    """With respect to each body's parameters, such as {"E": ..., "nu": ...}; empty without `materials`."""
+    norms: np.ndarray
+    """Norms of the derivatives with respect to positions [1/m] and velocities [s/m] before each step (n_steps, 2)."""
 
 
 def material_gradients(solver: Any, kernel: Any) -> list[dict[str, float]]:

@@ -1,0 +1,158 @@
+"""The kernel of a counter: its fields, and what is compiled into the launches that it reads in."""
+
+from typing import Any
+
+import numpy as np
+
+from mpm.backend import put, ti
+from mpm.geometry.region import Region
+from mpm.state.packs import LANES
+from mpm.state.particles import ParticleFields
+
+REGION_NUMBERS = 7
+"""Numbers of a region as the kernel reads it."""
+REGION, BOUNDS, INNER = range(3)
+"""The regions, in the order of their numbers."""
+ORIGIN, POINT, WEIGHTS = range(3 * REGION_NUMBERS, 3 * REGION_NUMBERS + 9, 3)
+"""Where the grid's origin and the distance's numbers follow on those of the regions."""
+COUNTER_ROWS = 2
+"""Rows of six numbers that a reading takes."""
+DISTANCE, NEWLY_EXITED, EXITED_FROM_REGION, IN_REGION, EXITED, IN_INNER, NEAR, PROBED, CLEARANCE = range(9)
+COUNTED, LATCHING = 1, 2
+"""What is done with a particle: counted, and counted when it leaves the bounds."""
+WAS_IN_REGION, HAS_EXITED = 1, 2
+"""Flags that a particle keeps between readings."""
+FAR = 1.0
+"""Clearance [m] where no point is near the probe."""
+
+
+@ti.data_oriented
+class CounterKernel:
+    """What a `RegionCounter` compiles: see there for the arguments.
+
+    shape: of the collider that particles are near, or None. n_points: of those looked up in the probe, or 0.
+    """
+
+    def __init__(self, particles: ParticleFields, index: int, shape: Any, reach: float, probe: Any, n_points: int,
+                 margin: float, per_particle: bool) -> None:
+        self.particles, self.index, self.shape, self.reach = particles, index, shape, reach
+        self.probe, self.margin, self.per_particle = probe, margin, per_particle
+        self.counts_near, self.has_points = shape is not None, n_points > 0
+        # in a field, because kernels take Python's numbers for single precision
+        self.numbers = ti.field(ti.f64, WEIGHTS + 3)
+        self.roles, self.flags = (ti.field(ti.i8, particles.n_lanes) for _ in range(2))
+        self.points = ti.Vector.field(3, ti.f32, n_points) if n_points else None
+
+    def fill(self, regions: tuple[Region, Region, Region], others: np.ndarray, roles: np.ndarray,
+             points: np.ndarray | None) -> None:
+        """Write what is counted; others (9,): origin, point and weights."""
+        put(self.numbers, np.concatenate([*[region.row for region in regions], others]))
+        put(self.roles, roles)
+        self.flags.fill(0)
+        if self.points is not None and points is not None:
+            put(self.points, np.asarray(points, np.float32))
+
+    @ti.kernel
+    def sum_now(self, pose: ti.types.ndarray(), out: ti.types.ndarray(), per_particle: ti.types.ndarray()):
+        """Add the sums of the present state, with the collider at a pose (12,), to out (COUNTER_ROWS, 6)."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            c = ti.Vector([pose[k] for k in range(3)])
+            R = ti.Matrix([[pose[3 + 3 * i + j] for j in range(3)] for i in range(3)])
+            self.accumulate(c, R, out, 0)
+            if ti.static(self.per_particle):
+                self.list_particles(per_particle, 0)
+
+    @ti.func
+    def list_particles(self, per_particle: ti.template(), reading):
+        """Store what each counted particle adds, after `accumulate`."""
+        for slot in range(self.particles.pack_count[None] * LANES):
+            if self.roles[slot] > 0:
+                per_particle[reading, slot, 0] = ti.cast(self.distance(self.position(slot)), ti.f32)
+                per_particle[reading, slot, 1] = ti.cast(self.flags[slot] & WAS_IN_REGION, ti.f32) / WAS_IN_REGION
+
+    @ti.func
+    def accumulate(self, c, R, out: ti.template(), row):
+        """Add the sums, with the collider at c, R, to two rows of out from `row` on, which hold zeros."""
+        add(out, row, CLEARANCE, FAR)
+        for slot in range(self.particles.pack_count[None] * LANES):
+            if ti.static(self.counts_near):
+                self.count_near(slot, c, R, out, row)
+            if self.roles[slot] > 0:
+                self.count(slot, c, R, out, row)
+        if ti.static(self.has_points):
+            self.probe_points(c, R, out, row)
+
+    @ti.func
+    def position(self, slot):
+        """Return the world coordinates [m] of a slot's particle in double precision."""
+        q, l = slot // LANES, slot % LANES
+        return ti.Vector([ti.cast(self.particles.x[d][q][l], ti.f64) + self.numbers[ORIGIN + d] for d in range(3)])
+
+    @ti.func
+    def distance(self, x):
+        """Return the weighted Manhattan distance [m] to the point."""
+        total = ti.cast(0.0, ti.f64)
+        for d in ti.static(range(3)):
+            total += self.numbers[WEIGHTS + d] * ti.abs(x[d] - self.numbers[POINT + d])
+        return total
+
+    @ti.func
+    def contains(self, region: ti.template(), x):
+        """Return whether a region contains a point in its frame."""
+        base = ti.static(REGION_NUMBERS * region)
+        u = ti.Vector([(x[d] - self.numbers[base + d]) * self.numbers[base + 3 + d] for d in range(3)])
+        upright = ti.abs(u[2]) < 1.0
+        flat = u[0] * u[0] + u[1] * u[1] < 1.0
+        if self.numbers[base + 6] < 0.5:
+            flat = ti.abs(u[0]) < 1.0 and ti.abs(u[1]) < 1.0
+        return upright and flat
+
+    @ti.func
+    def count(self, slot, c, R, out: ti.template(), row):
+        """Add one particle's share of the sums."""
+        x = self.position(slot)
+        in_region, in_inner = self.contains(REGION, x), self.contains(INNER, R.transpose() @ (x - c))
+        flags = ti.cast(self.flags[slot], ti.i32)
+        exited = flags & HAS_EXITED
+        if exited == 0 and not in_inner and self.roles[slot] > COUNTED and not self.contains(BOUNDS, x):
+            exited = HAS_EXITED
+            add(out, row, NEWLY_EXITED, 1.0)
+            if flags & WAS_IN_REGION:
+                add(out, row, EXITED_FROM_REGION, 1.0)
+        add(out, row, DISTANCE, self.distance(x))
+        add(out, row, IN_INNER, ti.cast(in_inner, ti.f64))
+        add(out, row, IN_REGION, ti.cast(in_region, ti.f64))
+        add(out, row, EXITED, ti.cast(exited > 0, ti.f64))
+        self.flags[slot] = ti.cast(exited + ti.cast(in_region, ti.i32) * WAS_IN_REGION, ti.i8)
+
+    @ti.func
+    def count_near(self, slot, c, R, out: ti.template(), row):
+        """Count a slot's particle where it is within reach of the collider."""
+        r = self.position(slot) - c
+        if r.norm_sqr() < ti.static((self.shape.radius + self.reach) ** 2) and \
+                self.particles.volume[slot // LANES][slot % LANES] > 0:
+            y = ti.cast(R.transpose() @ r, ti.f32)
+            if not self.shape.is_beyond(y, self.reach):
+                _, phi = self.shape.at(y)
+                if phi < self.reach:
+                    add(out, row, NEAR, 1.0)
+
+    @ti.func
+    def probe_points(self, c, R, out: ti.template(), row):
+        """Look the points up in the signed distance of the probe."""
+        nearest = ti.cast(FAR, ti.f64)
+        for i in range(self.points.shape[0]):
+            r = ti.cast(self.points[i], ti.f64) - c
+            if r.norm_sqr() < ti.static((self.probe.radius + self.margin) ** 2):
+                _, phi = self.probe.at(ti.cast(R.transpose() @ r, ti.f32))
+                nearest = ti.min(nearest, ti.cast(phi, ti.f64))
+                if phi < self.margin:
+                    add(out, row, PROBED, 1.0)
+        add(out, row, CLEARANCE, nearest - FAR)
+
+
+@ti.func
+def add(out: ti.template(), row, place: ti.template(), value):
+    """Add to one of the sums."""
+    out[row + ti.static(place // 6), ti.static(place % 6)] += value
