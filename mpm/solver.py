@@ -8,10 +8,10 @@ import numpy as np
 from mpm.backend import check_owner, default_precision, ti
 from mpm.boundaries.contact import cache_static_contact
 from mpm.boundaries.mobility_table import MobilityTable
-from mpm.errors import InvalidValue, SimulationDiverged, TimeStepTooLarge
+from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, Wrench, check_pose
 from mpm.materials.material import Material
-from mpm.materials.stable_step import choose_step, material_bound
+from mpm.materials.stable_step import check_step, choose_step, material_bound
 from mpm.observers import diagnostics
 from mpm.observers.counter_kernel import COUNTER_ROWS
 from mpm.observers.diagnostics import Momentum
@@ -38,13 +38,13 @@ from mpm.stepping.stride import Interval, choose_interval, longest_stride, split
 class Solver(Readings):
     """Explicit MLS-MPM solver of one scene: grid, bodies, colliders and walls.
 
-    - dt: substep [s]; None: 0.75 of the largest stable one; above that one: TimeStepTooLarge. Substeps become smaller
-      where a collider would move more than a quarter of a cell in one.
+    - dt: substep [s]; None: 0.75 of the bound of an isolated particle; above 0.83 of it: TimeStepTooLarge. Substeps
+      become smaller where a collider would move more than a quarter of a cell in one.
     - precision: "f32", "f64" or None (that of `init`).
     - integrator of Hencky strain: "series", accurate for small strain; "exact", by eigenvalues; "auto", by eigenvalues
       where the series is not accurate; None: "auto" in f32, "exact" in f64.
     - transfer_interval: longest stride [s], the time between two transfers of velocities to the particles; 0: one
-      substep. "strides": 3 largest stable substeps, 0 with a fluid; None: the same, and 0 with a mobile collider.
+      substep. "strides": 3 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
     - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
     """
 
@@ -62,9 +62,9 @@ class Solver(Readings):
         self.gravity = check_finite("Solver: gravity", gravity, (3,))
         warn_of_scene(grid, self.bodies, self.colliders, self.gravity)
         self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
-        """Largest stable substep [s]."""
+        """Bound of an isolated particle [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
         self.requested_dt, self.requested_interval = dt, transfer_interval
-        self.dt = choose_step(dt, self.bound)
+        self.dt = choose_step(dt, grid.cell, [body.material for body in bodies])
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
@@ -165,9 +165,7 @@ class Solver(Readings):
         accepted = type(self.bodies[index].material)
         if type(material) is not accepted:
             raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {accepted.__name__}")
-        bound = material_bound(self.grid.cell, material)
-        if self.dt > bound:
-            raise TimeStepTooLarge(self.dt, bound, "isolated particle")
+        check_step(self.dt, self.grid.cell, [material])
 
     def attach(self, counter: RegionCounter, sample: Sample | None = None) -> None:
         """Attach a counter, evaluated during advances, and a sample, taken at their end; kernels are recompiled."""

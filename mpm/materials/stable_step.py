@@ -1,12 +1,17 @@
 """The largest stable time step."""
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 from mpm.errors import InvalidValue, TimeStepTooLarge
 
 COURANT_FRACTION = 0.75
 """Default share of the isolated-particle bound: leaves room for compression, which stiffens the logarithmic strain."""
+ACCEPTED_FRACTION = 0.83
+"""Largest accepted share of the isolated-particle bound. At sqrt(3) / 2 = 0.866 the phase of a lone particle turns by a
+third of a circle in a step, and from there to 1 its modes can resonate three at a time: its strain then grows although
+every mode is stable (docs/concepts/field.md). 4 % less leaves room for a strain of 1 %, which shifts the phases."""
 TRAVEL_FRACTION = 0.25
 """Largest share of a cell that a tool may travel in a substep, so that contact is seen before it is passed."""
 
@@ -39,12 +44,30 @@ def material_bound(cell: float, law: Any) -> float:
     return min(elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
 
 
-def choose_step(dt: float | None, bound: float) -> float:
-    """Return dt [s], or `COURANT_FRACTION` of the bound [s] for None; raise TimeStepTooLarge beyond the bound."""
+def accepted_bound(cell: float, law: Any) -> float:
+    """Return the largest accepted time step [s] of a material: one in which a lone particle cannot resonate."""
+    elastic = isolated_particle_bound(cell, law.density, law.mu, law.lam)
+    return min(ACCEPTED_FRACTION * elastic, viscous_bound(cell, law.density, getattr(law, "viscosity", 0.0)))
+
+
+def check_step(dt: float, cell: float, laws: Iterable[Any], place: str = "") -> None:
+    """Raise TimeStepTooLarge for a step [s] beyond the accepted one of some of the materials.
+
+    place: where the step was given, for the message.
+    """
+    bound = min(accepted_bound(cell, law) for law in laws)
+    if dt > bound:
+        raise TimeStepTooLarge(dt, bound, "isolated particle" + (f"; {place}" if place else ""))
+
+
+def choose_step(dt: float | None, cell: float, laws: list[Any]) -> float:
+    """Return dt [s], or for None `COURANT_FRACTION` of the smallest bound of the materials.
+
+    Raises TimeStepTooLarge beyond the accepted bound, InvalidValue for what is no time.
+    """
     if dt is None:
-        return COURANT_FRACTION * bound
+        return COURANT_FRACTION * min(material_bound(cell, law) for law in laws)
     if not dt > 0:
         raise InvalidValue(f"Solver: dt = {dt} s; accepted: a positive time, or None")
-    if dt > bound:
-        raise TimeStepTooLarge(dt, bound, "isolated particle")
+    check_step(dt, cell, laws)
     return dt

@@ -10,9 +10,9 @@ import numpy as np
 
 from mpm.adjoint.kernel import AdjointKernel
 from mpm.backend import allocating, default_precision, free_later
-from mpm.errors import GradientDiverged, InvalidValue, TimeStepTooLarge
+from mpm.errors import GradientDiverged, InvalidValue
 from mpm.geometry.rigid_motion import COLUMNS, Pose
-from mpm.materials.stable_step import material_bound, travel_bound
+from mpm.materials.stable_step import accepted_bound, check_step, travel_bound
 from mpm.observers.diagnostics import describe_divergence
 from mpm.rollout import tool_twists
 from mpm.rollout.differentiable import check_arguments, check_differentiable
@@ -53,9 +53,10 @@ class Rollout:
         check_arguments(n_steps, step_dt, substeps, window, limit, soft)
         self.solver, self.n_steps, self.step_dt, self.window = solver, int(n_steps), float(step_dt), window
         self.substeps = substeps or max(1, math.ceil(step_dt / solver.dt - 1e-9))
-        if self.step_dt / self.substeps > solver.bound:
+        longest_dt = min(accepted_bound(solver.grid.cell, body.material) for body in solver.bodies)
+        if self.step_dt / self.substeps > longest_dt:
             raise InvalidValue(f"Rollout: {self.substeps} substeps of a step of {step_dt} s; accepted: "
-                               f"{math.ceil(step_dt / solver.bound)} or more")
+                               f"{math.ceil(step_dt / longest_dt)} or more")
         states, count = solver.particles.state_fields, solver.particles.pack_count
         size = StateBank.bytes_per_state(states, solver.precision)
         self.schedule: Schedule = plan_schedule(self.n_steps, self.substeps, size, budget)
@@ -158,9 +159,8 @@ class Rollout:
                 raise InvalidValue(f"Rollout: {name}[{step}, {axis}] = {array[step, axis]}; accepted: finite numbers")
             if self._tool is None and array.any():
                 raise InvalidValue(f"Rollout: {name} moves a tool, and the scene has none; accepted: None")
-        bound = min(material_bound(self.solver.grid.cell, body.material) for body in self.solver.bodies)
-        if self.step_dt / self.substeps > bound:
-            raise TimeStepTooLarge(self.step_dt / self.substeps, bound, "of the materials now")
+        check_step(self.step_dt / self.substeps, self.solver.grid.cell,
+                   [body.material for body in self.solver.bodies], "of the materials now")
         self._linear, self._angular = arrays
         start = Pose.identity()
         if self._tool is not None:

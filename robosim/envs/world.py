@@ -7,7 +7,7 @@ from typing import Any, get_args
 import numpy as np
 
 import mpm
-from mpm.materials.stable_step import material_bound
+from mpm.materials.stable_step import accepted_bound
 from robosim.config.materials import Law, law_of, load_material, overridden
 from robosim.envs.start import settled_state
 from robosim.errors import ConfigError, UnknownName
@@ -63,7 +63,7 @@ class World:
         dt = largest_step(self.task, law_of(self.material))
         for corner in itertools.product(*randomize.values()):
             numbers = dict(zip(randomize, corner))
-            bound = material_bound(self.task.field.cell, law_of(overridden(self.material, numbers)))
+            bound = accepted_bound(self.task.field.cell, law_of(overridden(self.material, numbers)))
             if dt > bound:
                 raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; this has {dt:.3g} s: "
                                   f"take a softer or a heavier material")

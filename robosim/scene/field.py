@@ -6,7 +6,7 @@ import numpy as np
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.materials.stable_step import material_bound
+from mpm.materials.stable_step import check_step
 from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
@@ -74,9 +74,8 @@ def check_field(config: RehearsalConfig, law: Law) -> None:
     Raises mpm.TimeStepTooLarge for field.dt, ConfigError for fill heights that exceed container or tool, and for a
     region that does not hold the containers or the pile.
     """
-    bound = material_bound(config.field.cell, law)
-    if config.field.dt is not None and config.field.dt > bound:
-        raise mpm.TimeStepTooLarge(config.field.dt, bound, "isolated particle; field.dt")
+    if config.field.dt is not None:
+        check_step(config.field.dt, config.field.cell, [law], "field.dt")
     _check_fill_heights(config)
     _check_region(config)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.materials.stable_step import choose_step, material_bound
+from mpm.materials.stable_step import accepted_bound, choose_step
 from robosim.config.materials import Law
 from robosim.scene.field import build_container_colliders
 from robosim.scene.frames import container_pose
@@ -66,12 +66,12 @@ def fill_positions(task: TaskConfig, tool: Lattice) -> np.ndarray:
 def requested_step(task: TaskConfig, law: Law) -> float | None:
     """Return the task's own substep [s]; None where the law is too stiff for it and the solver chooses."""
     dt = task.field.dt
-    return None if dt is None or dt > material_bound(task.field.cell, law) else dt
+    return None if dt is None or dt > accepted_bound(task.field.cell, law) else dt
 
 
 def largest_step(task: TaskConfig, law: Law) -> float:
     """Return the largest substep [s] that a task's field takes with a law."""
-    return choose_step(requested_step(task, law), material_bound(task.field.cell, law))
+    return choose_step(requested_step(task, law), task.field.cell, [law])
 
 
 def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions: np.ndarray | None = None,

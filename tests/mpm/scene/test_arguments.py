@@ -20,7 +20,8 @@ BALL = mpm.Sdf.sphere(0.03)
 
 @pytest.mark.parametrize("pose", [
     mpm.Pose(np.array([NAN, 0, 0]), LEVEL), mpm.Pose(np.zeros(3), np.array([1.0, NAN, 0, 0])),
-    mpm.Pose(np.zeros(3), np.zeros(4)), mpm.Pose(np.zeros(2), LEVEL), np.eye(4), None], ids=["position", "nan", "zero", "plane", "matrix", "none"])
+    mpm.Pose(np.zeros(3), np.zeros(4)), mpm.Pose(np.zeros(2), LEVEL), np.eye(4), None],
+    ids=["position", "nan", "zero", "plane", "matrix", "none"])
 def test_a_pose_places_something(pose: Any) -> None:
     for make in (lambda: mpm.Collider(BALL, pose=pose), lambda: mpm.Sdf.union([(BALL, pose)])):
         with pytest.raises(mpm.InvalidValue, match="pose = .*accepted: finite numbers"):

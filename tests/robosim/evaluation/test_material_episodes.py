@@ -14,12 +14,12 @@ from robosim.tasks.task import load_task
 
 
 def test_the_time_step_suits_all_thirteen_materials():
-    from mpm.materials.stable_step import material_bound
+    from mpm.materials.stable_step import accepted_bound
 
     laws = [law_of(overridden(load_material(base), numbers)) for base, numbers in MATERIALS.values()]
     assert len(laws) == len({repr(law) for law in laws}) == 13
     for task in map(load_task, TASKS):
-        assert all(material_bound(task.field.cell, law) > task.field.dt for law in laws)
+        assert all(accepted_bound(task.field.cell, law) > task.field.dt for law in laws)
 
 
 @pytest.mark.slow

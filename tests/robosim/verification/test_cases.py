@@ -162,9 +162,9 @@ def test_slope_above_the_threshold() -> None:
         abs(readings["acceleration"] - readings["by_angle"])
 
 
-@pytest.mark.parametrize("courant", [0.7, pytest.param(0.1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("courant", [0.55, pytest.param(0.1, marks=pytest.mark.slow)])
 def test_column_of_one_radius_runs_out(courant: float) -> None:
-    """The rim is short of the source's by 0.4 to 1.0 % at 12 cells per radius, for Courant numbers from 0.7 to 0.1."""
+    """The rim is short of the source's by 0.3 to 1.0 % at 12 cells per radius, for Courant numbers 0.55 and 0.1."""
     record = column_collapse.measure(cells=12, courant=courant)
     assert -column_collapse.BANDS["rim, a = 1"] <= record.errors["rim"] <= 0.0
     assert column_collapse.BANDS["least run-out, a = 1"] <= record.readings["run_out"]
@@ -173,7 +173,7 @@ def test_column_of_one_radius_runs_out(courant: float) -> None:
 
 def test_smaller_steps_do_not_shorten_the_run_out() -> None:
     """The rim with steps a third as long is the same in strides, and shorter with a transfer in every step."""
-    large, small = (column_collapse.measure(cells=12, courant=c) for c in (0.7, 0.2))
+    large, small = (column_collapse.measure(cells=12, courant=c) for c in (0.55, 0.2))
     dragged = column_collapse.measure(cells=12, courant=0.2, strides=False).readings["r99"]
     assert small.readings["r99"] == pytest.approx(large.readings["r99"], rel=0.01)
     assert -column_collapse.BANDS["rim, a = 1"] <= small.errors["rim"] <= 0.0

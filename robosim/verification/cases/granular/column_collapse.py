@@ -90,7 +90,7 @@ def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, couran
         dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
 
 
-def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 2e4, courant: float = 0.7,
+def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 2e4, courant: float = 0.55,
             precision: str = "f32", quarter: bool = True, duration: float | None = None,
             cone: str = "compression", strides: bool = True) -> Record:
     """Run the case; return the errors of rim, run-out and height.
