@@ -47,8 +47,9 @@ def make_training_environment(task: str, obs: str, action_repeat: int, **options
 
 
 def fingerprint(env: Any, *settings: object) -> str:
-    """Return a digest of an environment's task and material, and of any other settings."""
-    return digest([env.task.model_dump(), env.material.model_dump(), *settings])
+    """Return a digest of an environment's task and material, without their descriptions, and of any other settings."""
+    return digest([env.task.model_dump(exclude={"description"}), env.material.model_dump(exclude={"description"}),
+                   *settings])
 
 
 class Transition(NamedTuple):

@@ -72,6 +72,12 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     return [{key: row.get(key) for key in COLUMNS} for row in rows]
 
 
+def preset_digest(preset: dict[str, Any]) -> str:
+    """Return a digest of a preset's settings, without its description and what are columns of their own."""
+    return digest({name: value for name, value in preset.items() if name != "description"}
+                  | {"obs": None, "episodes": None})
+
+
 def make_row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
     """Return the row of a run from its manifest and status."""
     replayed, last, preset = status["replayed"], status["last"], manifest["preset"]
@@ -84,7 +90,7 @@ def make_row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]
             "tcs_of_best_return": replayed.get("tcs"), "tcs_last10": last.get("tcs"), "return": last["return"],
             "seconds": status["seconds"] / status["episodes"],
             **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")},
-            "preset": digest({**preset, "obs": None, "episodes": None}),  # these two are columns of their own
+            "preset": preset_digest(preset),
             "demonstrations": digest(manifest.get("demonstrations", {}))}
 
 
