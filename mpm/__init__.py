@@ -11,8 +11,10 @@ if TYPE_CHECKING:
     from mpm.backend import init
     from mpm.errors import (
         BackendError,
+        CoarseGrains,
         ColliderTooFast,
         GradientDiverged,
+        GrainsInSolid,
         InvalidValue,
         MpmError,
         MpmWarning,
@@ -20,8 +22,10 @@ if TYPE_CHECKING:
         OverlappingBodies,
         SimulationDiverged,
         StrongCompression,
+        ThinSolid,
         TimeStepTooLarge,
         UnknownName,
+        VolumeMismatch,
     )
     from mpm.geometry.region import Region
     from mpm.geometry.rigid_motion import Pose, Twist, Wrench
@@ -48,6 +52,7 @@ __all__ = [
     "BackendError",
     "Batch",
     "Body",
+    "CoarseGrains",
     "Collider",
     "ColliderTooFast",
     "Counts",
@@ -56,6 +61,7 @@ __all__ = [
     "Elastic",
     "Features",
     "GradientDiverged",
+    "GrainsInSolid",
     "Grid",
     "InvalidValue",
     "MpmError",
@@ -73,9 +79,11 @@ __all__ = [
     "SimulationDiverged",
     "Solver",
     "StrongCompression",
+    "ThinSolid",
     "TimeStepTooLarge",
     "Twist",
     "UnknownName",
+    "VolumeMismatch",
     "VonMises",
     "Walls",
     "Wrench",
@@ -87,9 +95,9 @@ __all__ = [
 
 MODULES = {
     "mpm.backend": ("init",),
-    "mpm.errors": ("BackendError", "ColliderTooFast", "GradientDiverged", "InvalidValue", "MpmError", "MpmWarning",
-        "NarrowPassage", "OverlappingBodies", "SimulationDiverged", "StrongCompression", "TimeStepTooLarge",
-        "UnknownName"),
+    "mpm.errors": ("BackendError", "CoarseGrains", "ColliderTooFast", "GradientDiverged", "GrainsInSolid",
+        "InvalidValue", "MpmError", "MpmWarning", "NarrowPassage", "OverlappingBodies", "SimulationDiverged",
+        "StrongCompression", "ThinSolid", "TimeStepTooLarge", "UnknownName", "VolumeMismatch"),
     "mpm.geometry.region": ("Region",),
     "mpm.geometry.rigid_motion": ("Pose", "Twist", "Wrench"),
     "mpm.geometry.sdf": ("Sdf",),

@@ -68,6 +68,22 @@ class NarrowPassage(MpmWarning):
     """An opening of a collider is narrower than four cells; material will jam in it."""
 
 
+class GrainsInSolid(MpmWarning):
+    """Particles lie inside a solid collider at the start; they are pushed out, or held there for good."""
+
+
+class ThinSolid(MpmWarning):
+    """A static solid is thinner than two cells; particles on its two sides feel each other, and can pass."""
+
+
+class CoarseGrains(MpmWarning):
+    """A particle's cube is larger than a cell; the body falls apart into particles that do not touch."""
+
+
+class VolumeMismatch(MpmWarning):
+    """The volumes of particles do not fit the distances between them; mass or pressure is wrong."""
+
+
 class SimulationDiverged(MpmError):
     """A value of the state is not finite, or a particle moves more than a cell in a substep.
 

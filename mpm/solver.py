@@ -24,7 +24,7 @@ from mpm.scene.features import check_colliders, check_scene, choose_numerics, fe
 from mpm.scene.grid import Grid
 from mpm.scene.validation import check_finite, read_array
 from mpm.scene.walls import Walls
-from mpm.scene.warnings import warn_of_passage, warn_of_scene
+from mpm.scene.warnings import warn_of_colliders, warn_of_scene
 from mpm.state.fields import allocate_fields, fill_fields, scene_key
 from mpm.state.memory import check_memory
 from mpm.state.particles import SPEED_LIMIT
@@ -132,8 +132,7 @@ class Solver(Readings):
         before = self.state()
         self.close()
         self.colliders = list(colliders)
-        for k, collider in enumerate(self.colliders):
-            warn_of_passage(self.grid, k, collider)
+        warn_of_colliders(self.grid, self.bodies, self.colliders)
         self._build()
         for name, fields in self.particles.named_fields().items():
             if name in before:

@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("mpm", "robosim", "policies")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 PAGES = [*ROOT.glob("*.md"), *(p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts)]
-OVERRIDES = {"at", "at_back", "distance", "is_beyond", "allocate", "node"}
+OVERRIDES = {"at", "at_back", "distance", "is_beyond", "least_thickness", "allocate", "node"}
 """Methods of shapes and laws that a protocol describes once."""
 RELEASE_PAGES = {"release_0_1.md", "CHANGELOG.md"}
 """Pages about release 0.1, which name things as they were called then."""

@@ -152,17 +152,25 @@ def _signed_closest(
     return _side(mesh, points, foot * spacing, face) * best * spacing, ~on_rim
 
 
-def passage_width(mesh: trimesh.Trimesh, samples: int = 400) -> float:
-    """Return the smallest gap [m] between parts of a surface that face each other; infinite without one.
+def passage_width(mesh: trimesh.Trimesh) -> float:
+    """Return the smallest gap [m] between parts of a surface that face each other; infinite without one."""
+    return np.inf if mesh.is_convex else _gap_width(mesh, outwards=True)
 
-    Rays from the surface along its normals (for a sheet along both) until they meet it from the front.
+
+def wall_thickness(mesh: trimesh.Trimesh) -> float:
+    """Return the smallest thickness [m] of the solid in a closed surface."""
+    return _gap_width(mesh, outwards=False, samples=100)
+
+
+def _gap_width(mesh: trimesh.Trimesh, outwards: bool, samples: int = 400) -> float:
+    """Return the smallest distance [m] to a part of the surface that faces another one, outwards or through the solid.
+
+    Rays from the surface along its normals (for a sheet along both) until they meet it at an angle below 45 deg.
     """
-    if mesh.is_convex:
-        return np.inf
     size = mesh.scale  # trimesh's tolerances are absolute: its rays pass millimetre triangles by
     mesh = trimesh.Trimesh(mesh.vertices * (1000.0 / size), mesh.faces, process=False)
     points, faces = trimesh.sample.sample_surface(mesh, samples, seed=0)[:2]
-    normals = mesh.face_normals[faces]
+    normals = mesh.face_normals[faces] * (1.0 if outwards else -1.0)
     if not mesh.is_watertight:
         points, normals = np.concatenate([points, points]), np.concatenate([normals, -normals])
     hits, rays, triangles = mesh.ray.intersects_location(points + 1e-2 * normals, normals, multiple_hits=False)

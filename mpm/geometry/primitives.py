@@ -49,6 +49,9 @@ class Sphere(Shape):
     def distance(self, points: np.ndarray) -> np.ndarray:
         return np.linalg.norm(points, axis=-1) - self.r
 
+    def least_thickness(self) -> float:
+        return 2.0 * self.r
+
 
 class Capsule(Shape):
     """Points within r [m] of the segment of half length h [m] along the frame's z axis."""
@@ -68,6 +71,9 @@ class Capsule(Shape):
     def distance(self, points: np.ndarray) -> np.ndarray:
         rest = points - np.clip(points[..., 2:], -self.h, self.h) * [0.0, 0.0, 1.0]
         return np.linalg.norm(rest, axis=-1) - self.r
+
+    def least_thickness(self) -> float:
+        return 2.0 * self.r
 
 
 class Box(Shape):
@@ -100,6 +106,9 @@ class Box(Shape):
         out = np.abs(points) - self.half
         return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
 
+    def least_thickness(self) -> float:
+        return 2.0 * min(self.half)
+
 
 class Cylinder(Shape):
     """Points within r [m] of the frame's z axis and within h [m] of its xy plane."""
@@ -128,6 +137,9 @@ class Cylinder(Shape):
         out = np.stack([np.hypot(points[..., 0], points[..., 1]) - self.r, np.abs(points[..., 2]) - self.h], -1)
         return np.linalg.norm(np.maximum(out, 0.0), axis=-1) + np.minimum(out.max(-1), 0.0)
 
+    def least_thickness(self) -> float:
+        return 2.0 * min(self.r, self.h)
+
 
 class Ellipsoid(Shape):
     """An ellipsoid of half axes [m] (3,). Distances are of first order: exact at the surface, where contact is."""
@@ -147,3 +159,6 @@ class Ellipsoid(Shape):
         scaled = points / self.half
         size = np.linalg.norm(scaled, axis=-1)
         return size * (size - 1.0) / np.maximum(np.linalg.norm(scaled / self.half, axis=-1), 1e-12)
+
+    def least_thickness(self) -> float:
+        return 2.0 * min(self.half)

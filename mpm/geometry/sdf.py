@@ -44,4 +44,5 @@ class Sdf:
         values = np.min([signed_distances(part, lower, spacing, tuple(shape)) for part in parts], axis=0)
         lattice = Lattice(values, lower, spacing)
         lattice.passage = min(passage_width(part) for part in parts)
+        lattice.parts = parts
         return lattice

@@ -101,6 +101,14 @@ class Shape:
         """Return the signed distances [m] (n,) at points [m] (n, 3), on the host."""
         raise NotImplementedError(f"{type(self).__name__} has no distance on the host")
 
+    def near_inside(self, points: np.ndarray) -> np.ndarray:
+        """Return which points (n, 3) [m] can be inside, cheaply: the indices of all within `radius`, or of fewer."""
+        return np.flatnonzero(np.einsum("nd,nd->n", points, points) < self.radius**2)
+
+    def least_thickness(self) -> float:
+        """Return the smallest thickness [m] of the solid; infinite where it is not known."""
+        return np.inf
+
     @ti.func
     def is_beyond(self, y, reach):
         """Conservative early-out: return True only if the surface is farther than reach [m] from y."""

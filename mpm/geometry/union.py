@@ -50,3 +50,6 @@ class Union(Shape):
     def distance(self, points: np.ndarray) -> np.ndarray:
         each = [solid.distance(inverse.apply(points)) for solid, inverse in zip(self.solids, self._inverse)]
         return np.min(each, axis=0)
+
+    def least_thickness(self) -> float:
+        return min(solid.least_thickness() for solid in self.solids)

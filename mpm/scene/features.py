@@ -91,7 +91,8 @@ def _check_list(name: str, given: object, kind: type) -> None:
 
 def choose_numerics(bodies: list[Body], precision: str | None, integrator: str | None) -> tuple[str, str]:
     """Return precision and integrator of a scene, see `Solver`; raises UnknownName, and InvalidValue without a body."""
-    chosen = precision or session_precision()
+    session = session_precision()  # starts the backend, whatever precision is given
+    chosen = precision or session
     if chosen not in PRECISIONS:
         raise UnknownName("precision", precision, PRECISIONS)
     if not bodies:

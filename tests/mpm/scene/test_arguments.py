@@ -1,5 +1,7 @@
 """Arguments that can never be meant are refused by name, before anything is allocated."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -100,3 +102,12 @@ def test_a_mobile_collider_stays_where_a_wrong_pose_would_place_it() -> None:
         with pytest.raises(mpm.InvalidValue, match="mobility of collider 0"):
             solver.set_collider_mobility(0, W, np.zeros(6), pose=pose)
         assert solver.collider_pose(0) is place
+
+
+def test_a_solver_of_a_precision_starts_the_backend() -> None:
+    """As one without; `mpm.init` is called for those who do not."""
+    script = ("import mpm; elastic = mpm.Elastic(E=1e5, nu=0.2, density=1e3); mpm.Solver(precision='f64', "
+              "grid=mpm.Grid((0, 0, 0), (0.1, 0.1, 0.1), 0.02), "
+              "bodies=[mpm.Body(elastic, mpm.sample_box((0,) * 3, (0.02,) * 3, 0.01), volume=1e-6)])")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr

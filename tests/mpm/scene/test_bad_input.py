@@ -109,7 +109,7 @@ SAMPLED = {"point": np.zeros(3), "weights": np.ones(3), "index": 0, "region": mp
            "inner": mpm.Region((0, 0, 0), (1, 1, 1)), "bounds": mpm.Region((0, 0, 0), (1, 1, 1))}
 
 
-def ball(place: float = 0.12) -> mpm.Collider:
+def ball(place: float = 0.132) -> mpm.Collider:
     return mpm.Collider(mpm.Sdf.sphere(0.03), pose=mpm.Pose(np.array([0.075, 0.075, place]), LEVEL))
 
 

@@ -58,7 +58,7 @@ def make_sand(phi_deg: float) -> mpm.DruckerPrager:
 def build_solver(phi_deg: float, n: int, precision: str, integrator: str | None) -> mpm.Solver:
     """Build a solver with n particles; their positions do not matter to a substep's strains."""
     positions = np.random.default_rng(0).uniform(0.4, 0.6, (n, 3))
-    body = mpm.Body(make_sand(phi_deg), positions, volume=1e-9)
+    body = mpm.Body(make_sand(phi_deg), positions, volume=0.2**3 / n)
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), CELL), bodies=[body], gravity=(0, 0, 0), dt=DT,
                       precision=precision, integrator=integrator)
 
