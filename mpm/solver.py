@@ -9,7 +9,7 @@ from mpm.backend import check_owner, default_precision, ti
 from mpm.boundaries.contact import cache_static_contact
 from mpm.boundaries.mobility_table import MobilityTable
 from mpm.errors import InvalidValue, SimulationDiverged
-from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, Wrench, check_pose
+from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, check_pose
 from mpm.materials.material import Material
 from mpm.materials.stable_step import check_step, choose_step, material_bound
 from mpm.observers import diagnostics
@@ -90,8 +90,8 @@ class Solver(Readings):
                                      np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell)
         self.rollback = Rollback(self)
         self._make_stepper()
-        self.ledger = np.zeros((self.fields.rows.momentum, 6))
-        """Impulses of the last advance: gravity, walls, colliders; (linear, angular about the world's origin)."""
+        self.sums = np.zeros((self.fields.rows.count, 6))
+        """Sums of the last advance, see `LedgerRows`."""
         self._momentum = self.momentum()
 
     def _take_assembly(self) -> None:
@@ -219,18 +219,6 @@ class Solver(Readings):
         """Return the twist of a mobile collider about its centre at the end of the last advance."""
         return self.mobility.twist(index)
 
-    def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
-        """Return the impulse [N s], [N m s] that a collider received in the last advance.
-
-        about: point [m] (3,); None: a mobile collider's moving centre, another's origin at the end of the advance.
-        """
-        here = self.paths.pose(index).position
-        if about is None and index in self.features.mobile:
-            return self.mobility.impulse(index)
-        linear, angular = -self.ledger[self.fields.rows.first_collider + index].reshape(2, 3)
-        point = here if about is None else np.asarray(about)
-        return Wrench(linear, angular - np.cross(point, linear))
-
     def compile(self) -> None:
         """Compile the kernels now instead of in the first advance; nothing moves."""
         with default_precision(self.precision):
@@ -268,7 +256,7 @@ class Solver(Readings):
         counts: list[Counts] = []
         self.substep = dt
         self.mobility.begin(self.paths.poses, duration)
-        self.ledger[:] = 0.0
+        self.sums[:] = 0.0
         for first, n in split_launches(total, interval):
             self._out[:] = 0.0
             with default_precision(self.precision):
@@ -281,7 +269,7 @@ class Solver(Readings):
             self.fields.stamps.pass_substeps(n)
             squares, fastest, halted = self._out[self.fields.rows.status, :3]
             done = int(halted) or n
-            self.ledger += self._out[: self.fields.rows.momentum]
+            self.sums += self._out[: self.fields.rows.count]
             self.steps += done
             self.time += done * dt
             self._momentum = Momentum(*self._out[self.fields.rows.momentum].reshape(2, 3).copy())

@@ -151,13 +151,13 @@ def unfold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     """
     unfold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, 5 - w,
                 fields.parameters.wall_numbers[5 - w], step.stamp, step.dt, fields.world_origin(), fields.cell,
-                step.out, step.tape, first, last)
+                step.out, fields.rows.walls + 5 - w, step.tape, first, last)
 
 
 @ti.func
 def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, stamp, dt, origin, cell,
-                out: ti.template(), tape: ti.template(), first, last):
-    """Unfold the ghosts of one wall, see `unfold_walls`."""
+                out: ti.template(), row, tape: ti.template(), first, last):
+    """Unfold the ghosts of one wall, see `unfold_walls`; row: of its own impulse in `out`."""
     axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
     total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
@@ -177,6 +177,8 @@ def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.templa
     for d in ti.static(range(3)):
         add(out, WALL_ROW, d, total[d])
         add(out, WALL_ROW, 3 + d, moment[d])
+        add(out, row, d, total[d])
+        add(out, row, 3 + d, moment[d])
 
 
 @ti.func

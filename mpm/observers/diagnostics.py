@@ -107,6 +107,18 @@ def _cauchy_green(solver: Any, C: np.ndarray) -> np.ndarray:
     return L @ (np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]) @ L.transpose(0, 2, 1)
 
 
+def volume_ratios(solver: Any, advanced: bool = True) -> np.ndarray:
+    """Return J (n,) of all particles. advanced: with the strain of the last velocities, see `_cauchy_green`."""
+    particles = solver.particles
+    C = particles.read(particles.C).astype(float) * (1.0 if advanced else 0.0)
+    ratios = np.sqrt(np.linalg.det(_cauchy_green(solver, C)))
+    for body, chosen in _ranges(solver):
+        if body.material.state == "volume":
+            j = particles.read([particles.j])[chosen, 0].astype(float)
+            ratios[chosen] = (1.0 + j) * (1.0 + solver.substep * C[chosen][:, [0, 4, 8]].sum(1))
+    return ratios
+
+
 def _compaction(solver: Any) -> float:
     """Return the largest 1 - J."""
     loss = 0.0

@@ -1,14 +1,30 @@
 """What a solver can be asked for: its particles in double precision, their momentum and energy."""
 
+from typing import Any
+
 import numpy as np
 
+from mpm.backend import default_precision
+from mpm.errors import UnknownName
+from mpm.geometry.rigid_motion import Wrench
 from mpm.observers import diagnostics
 from mpm.observers.diagnostics import Diagnostics, Energy, Momentum
+from mpm.observers.stress_reader import StressReader
 from mpm.scene.body import Body
+from mpm.scene.features import Features
 from mpm.scene.grid import Grid
 from mpm.state.assembly import AssemblyOwner
 from mpm.state.fields import Fields
 from mpm.state.particles import ParticleFields
+
+SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
+"""Names of the six walls, in the order of folding."""
+
+
+def _received(row: np.ndarray, point: np.ndarray) -> Wrench:
+    """Return what something received, about a point, where a row of the ledger (6,) has what particles received."""
+    linear, angular = -row.reshape(2, 3)
+    return Wrench(linear, angular - np.cross(np.asarray(point), linear))
 
 
 class Readings(AssemblyOwner):
@@ -16,6 +32,10 @@ class Readings(AssemblyOwner):
 
     bodies: list[Body]
     grid: Grid
+    features: Features
+    paths: Any
+    mobility: Any
+    sums: np.ndarray
     _momentum: Momentum
 
     @property
@@ -40,6 +60,50 @@ class Readings(AssemblyOwner):
         """Return masses [kg], shape (n_particles,)."""
         volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
         return volume * np.repeat([b.material.density for b in self.bodies], self.particles.counts)
+
+    def densities(self) -> np.ndarray:
+        """Return the mass over the present volume [kg/m^3] of each particle, shape (n_particles,)."""
+        initial = np.repeat([b.material.density for b in self.bodies], self.particles.counts)
+        return initial / diagnostics.volume_ratios(self)
+
+    def stresses(self) -> np.ndarray:
+        """Return Cauchy stresses [Pa], shape (n_particles, 3, 3), symmetric, tension positive.
+
+        They are those that the laws give for the present strain; in a fluid, viscous stress included.
+        """
+        fields = self.fields
+        reader = self.assembly.share("stresses", lambda: StressReader(fields))
+        with default_precision(fields.features.precision):
+            return reader.read() / diagnostics.volume_ratios(self, advanced=False)[:, None, None]
+
+    @property
+    def ledger(self) -> np.ndarray:
+        """Impulses on the particles in the last advance: gravity, walls, colliders; (linear, angular), (rows, 6).
+
+        Angular ones are about the world's origin.
+        """
+        return self.sums[: self.fields.rows.momentum]
+
+    def collider_impulse(self, index: int, about: np.ndarray | None = None) -> Wrench:
+        """Return the impulse [N s], [N m s] that a collider received in the last advance.
+
+        about: point [m] (3,), or None: the centre of a mobile collider as it moved, the origin of another at the end of
+        the advance.
+        """
+        here = self.paths.pose(index).position
+        if about is None and index in self.features.mobile:
+            return self.mobility.impulse(index)
+        return _received(self.ledger[self.fields.rows.first_collider + index], here if about is None else about)
+
+    def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
+        """Return the impulse [N s], [N m s] that a wall received in the last advance.
+
+        side: "x-", "x+", "y-", "y+", "z-" or "z+". about: point [m] (3,), or None: the world's origin. Raises
+        UnknownName for another side.
+        """
+        if side not in SIDES:
+            raise UnknownName("side", side, SIDES)
+        return _received(self.sums[self.fields.rows.walls + SIDES.index(side)], np.zeros(3) if about is None else about)
 
     def momentum_after_advance(self) -> Momentum:
         """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from mpm.backend import is_concurrent, ti
+from mpm.scene.walls import WALL_COUNT
 
 GRAVITY_ROW, WALL_ROW, FIRST_COLLIDER_ROW = range(3)
 """Ledger rows: gravity with body accelerations, walls, then the colliders; momentum and status follow them."""
@@ -16,6 +17,8 @@ class LedgerRows(NamedTuple):
     """Linear and angular momentum of all particles."""
     status: int
     """Sum of squared velocities, largest speed [m/s]."""
+    walls: int
+    """The first of six rows: what each wall adds to `WALL_ROW`, in the order of folding."""
     count: int
     """Rows, without those of a counter."""
 
@@ -23,7 +26,7 @@ class LedgerRows(NamedTuple):
 def ledger_rows(n_colliders: int) -> LedgerRows:
     """Return the rows of a scene with so many colliders."""
     momentum = FIRST_COLLIDER_ROW + n_colliders
-    return LedgerRows(FIRST_COLLIDER_ROW, momentum, momentum + 1, momentum + 2)
+    return LedgerRows(FIRST_COLLIDER_ROW, momentum, momentum + 1, momentum + 2, momentum + 2 + WALL_COUNT)
 
 
 @ti.func

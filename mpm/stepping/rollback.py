@@ -76,7 +76,7 @@ class Rollback:
     def begin(self) -> None:
         """Note what an advance is undone to if it fails."""
         s = self._solver
-        self._before, self._copy = (self._host_state(), s.ledger.copy(), s.substep), NOWHERE
+        self._before, self._copy = (self._host_state(), s.sums.copy(), s.substep), NOWHERE
 
     def place_of_copy(self) -> int:
         """Return where the next launch copies the state to first: for the first of an advance, somewhere."""
@@ -89,7 +89,7 @@ class Rollback:
     def undo(self) -> None:
         """Return to the state before the advance."""
         if self._before is not None:
-            host_state, ledger, substep = self._before
+            host_state, sums, substep = self._before
             self._adopt(self._copy, host_state)
-            self._solver.ledger[:], self._solver.substep = ledger, substep
+            self._solver.sums[:], self._solver.substep = sums, substep
             self._before = None

@@ -1,0 +1,50 @@
+"""Stress of all particles, computed by their laws from the state that the fields hold."""
+
+import numpy as np
+
+from mpm.backend import once, ti
+from mpm.materials.material import PARAMETERS
+from mpm.materials.symmetric_tensor import FULL
+from mpm.state.fields import Fields
+from mpm.state.packs import LANES
+
+
+@ti.data_oriented
+class StressReader:
+    """What reading stresses compiles for a scene."""
+
+    def __init__(self, fields: Fields) -> None:
+        self.fields = fields
+
+    def read(self) -> np.ndarray:
+        """Return the Kirchhoff stress [Pa] of all particles, shape (n_particles, 3, 3)."""
+        particles = self.fields.particles
+        packed = np.zeros((6, particles.n_packs, LANES), self.fields.dtype)
+        self._read(packed)
+        return particles.unpack(packed)[:, list(FULL)].reshape(-1, 3, 3).astype(float)
+
+    @ti.kernel
+    def _read(self, out: ti.types.ndarray()):
+        ti.loop_config(serialize=True)
+        for body in range(self.fields.parameters.densities.shape[0]):
+            ends = self.fields.particles.range_table[body]
+            for index, law in ti.static(enumerate(self.fields.laws)):
+                if self.fields.parameters.law_index[body] == index:
+                    p = [once(self.fields.parameters.law[body, i]) for i in range(PARAMETERS)]
+                    for q in range(ends[0], ends[1]):
+                        tau = current_stress(self.fields, self.fields.particles, law, q, p)
+                        for i in ti.static(range(6)):
+                            for l in ti.static(range(LANES)):
+                                out[i, q, l] = tau[i][l]
+
+
+@ti.func
+def current_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, p: ti.template()):
+    """Return the Kirchhoff stress [Pa] of pack q as it is: what `update_stress` gives for no time, nothing stored."""
+    C = [once(P.C[i][q]) for i in range(9)]
+    if ti.static(law.state == "volume"):
+        return law.stress(once(P.j[q]), C, p)
+    elif ti.static(law.state == "cauchy_green"):
+        return law.stress([once(P.e[i][q]) for i in range(6)], p)
+    else:
+        return law.stress(fields.logarithm([once(P.e[i][q]) for i in range(6)]), p)

@@ -1,0 +1,96 @@
+"""What a solver can be asked for: stresses and densities by each law's formula, impulses on each wall."""
+
+import numpy as np
+import pytest
+
+import mpm
+from mpm.materials.elasticity import Elastic
+
+E, NU, RHO = 2e5, 0.3, 1300.0
+MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
+SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
+
+
+def hencky(F: np.ndarray) -> np.ndarray:
+    """Kirchhoff stress 2 mu h + lam tr(h) I with h = ln(F F^T) / 2."""
+    values, axes = np.linalg.eigh(F @ F.T)
+    h = (axes * (0.5 * np.log(values))) @ axes.T
+    return 2 * MU * h + LAM * np.trace(h) * np.eye(3)
+
+
+def neo_hookean(F: np.ndarray) -> np.ndarray:
+    """Kirchhoff stress mu (b - I) + lam ln(J) I."""
+    return MU * (F @ F.T - np.eye(3)) + LAM * np.log(np.linalg.det(F)) * np.eye(3)
+
+
+def fixed_corotated(F: np.ndarray) -> np.ndarray:
+    """Kirchhoff stress 2 mu (F - R) F^T + lam (J - 1) J I (Stomakhin et al. 2012)."""
+    U, _, Vt = np.linalg.svd(F)
+    J = np.linalg.det(F)
+    return 2 * MU * (F - U @ Vt) @ F.T + LAM * (J - 1) * J * np.eye(3)
+
+
+@pytest.mark.parametrize(("model", "stress"), [("hencky", hencky), ("neo_hookean", neo_hookean),
+                                               ("fixed_corotated", fixed_corotated)])
+def test_stresses_are_those_of_the_law(model, stress):
+    rng = np.random.default_rng(3)
+    positions = rng.uniform(0.04, 0.16, (7, 3))
+    body = mpm.Body(Elastic(E=E, nu=NU, density=RHO, model=model), positions, volume=1e-6)
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], precision="f64") as solver:
+        F = np.eye(3) + 0.1 * rng.uniform(-1, 1, (7, 3, 3))
+        b = F @ F.transpose(0, 2, 1) - np.eye(3)
+        state = solver.state()
+        state["e"] = b.reshape(-1, 9)[:, [0, 4, 8, 1, 2, 5]]
+        solver.load(state)
+        J = np.linalg.det(F)
+        expected = np.array([stress(one) for one in F]) / J[:, None, None]
+        assert solver.stresses() == pytest.approx(expected, rel=1e-9, abs=1e-6)
+        assert np.abs(expected).max() > 1e3
+        assert solver.densities() == pytest.approx(RHO / J, rel=1e-12)
+        assert np.array_equal(solver.state()["e"], state["e"])
+
+
+def test_two_laws_in_a_scene_each_give_their_own():
+    """A fluid under pressure and sand at its yield surface: stress of the sand has the ratio of the cone."""
+    water = mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=0.0)
+    sand = mpm.DruckerPrager(E=E, nu=NU, density=RHO, friction_angle_deg=30.0)
+    places = np.array([[0.05, 0.05, 0.05], [0.06, 0.05, 0.05]])
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), precision="f64", bodies=[
+            mpm.Body(water, places, volume=1e-6), mpm.Body(sand, places + 0.08, volume=1e-6)]) as solver:
+        state = solver.state()
+        state["j"][:2] = -0.01
+        h = np.array([-0.01, -0.01, -0.02])
+        state["e"][2:, :3] = np.exp(2 * h) - 1
+        solver.load(state)
+        stresses = solver.stresses()
+        assert stresses[:2] == pytest.approx(np.tile(-1e5 * 0.01 * np.eye(3), (2, 1, 1)), rel=1e-9, abs=1e-9)
+        expected = np.diag(2 * MU * h + LAM * h.sum()) / np.exp(h.sum())
+        assert stresses[2:] == pytest.approx(np.tile(expected, (2, 1, 1)), rel=1e-9, abs=1e-6)
+        assert solver.densities() == pytest.approx([1000 / 0.99] * 2 + [RHO / np.exp(h.sum())] * 2)
+
+
+def test_the_impulses_of_the_walls_are_those_that_the_particles_lack():
+    """A block is thrown into a corner: six walls add up to the ledger's row, and momentum closes wall by wall."""
+    sand = mpm.DruckerPrager(E=E, nu=NU, density=RHO, friction_angle_deg=30.0)
+    positions = mpm.sample_box((0.0, 0.06, 0.0), (0.06, 0.14, 0.06), 0.01)
+    body = mpm.Body(sand, positions, volume=1e-6, velocities=np.tile([-0.5, 0.0, -0.5], (len(positions), 1)))
+    walls = mpm.Walls.all("slip")
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[body], walls=walls,
+                    precision="f64") as solver:
+        before, duration = solver.momentum(), 0.02
+        solver.advance(duration)
+        received = {side: solver.wall_impulse(side) for side in SIDES}
+        weight = duration * solver.masses().sum() * solver.gravity
+        lost = before.linear + weight - solver.momentum().linear
+        tolerance = 1e-12 * np.abs(lost).max()
+        assert received["x-"].force[0] == pytest.approx(lost[0], abs=tolerance) and lost[0] < -1e-3
+        assert received["z-"].force[2] == pytest.approx(lost[2], abs=tolerance) and lost[2] < -1e-3
+        for side in ("x+", "y-", "y+", "z+"):
+            assert not received[side].force.any() and not received[side].torque.any()
+        total = sum(np.concatenate(wrench) for wrench in received.values())
+        assert -total == pytest.approx(solver.ledger[1], abs=1e-15)
+        point = np.array([0.1, 0.2, 0.3])
+        about = solver.wall_impulse("z-", point)
+        assert about.torque == pytest.approx(received["z-"].torque - np.cross(point, received["z-"].force), abs=1e-15)
+        with pytest.raises(mpm.UnknownName, match="side 'floor'"):
+            solver.wall_impulse("floor")
