@@ -257,22 +257,23 @@ class Solver(Readings):
         self.substep = dt
         self.mobility.begin(self.paths.poses, duration)
         self.sums[:] = 0.0
+        rows, stamps = self.fields.rows, self.fields.stamps
         for first, n in split_launches(total, interval):
             self._out[:] = 0.0
             with default_precision(self.precision):
-                if not self.fields.stamps.is_listed:
-                    self.fields.stamps.restart()
-                    self.stepper.mark(self.fields.stamps.next)
-                self.fields.stamps.is_listed = False  # an interrupted launch leaves no list
+                if not stamps.is_listed:
+                    stamps.restart()
+                    self.stepper.mark(stamps.next)
+                stamps.is_listed = False  # an interrupted launch leaves no list
                 self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)
-                self.fields.stamps.is_listed = True
-            self.fields.stamps.pass_substeps(n)
-            squares, fastest, halted = self._out[self.fields.rows.status, :3]
+                stamps.is_listed = True
+            stamps.pass_substeps(n)
+            squares, fastest, halted = self._out[rows.status, :3]
             done = int(halted) or n
-            self.sums += self._out[: self.fields.rows.count]
+            self.sums += self._out[: rows.count]
             self.steps += done
             self.time += done * dt
-            self._momentum = Momentum(*self._out[self.fields.rows.momentum].reshape(2, 3).copy())
+            self._momentum = Momentum(*self._out[rows.momentum].reshape(2, 3).copy())
             if halted or not math.isfinite(squares + self.mobility.table.sum()) \
                     or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise diagnostics.describe_divergence(self, dt)
