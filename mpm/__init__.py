@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from mpm.errors import (
         BackendError,
         CoarseGrains,
+        ColliderJumped,
         ColliderTooFast,
+        ContactNotConverged,
         GradientDiverged,
         GrainsInSolid,
         InvalidValue,
@@ -54,7 +56,9 @@ __all__ = [
     "Body",
     "CoarseGrains",
     "Collider",
+    "ColliderJumped",
     "ColliderTooFast",
+    "ContactNotConverged",
     "Counts",
     "Diagnostics",
     "DruckerPrager",
@@ -95,9 +99,10 @@ __all__ = [
 
 MODULES = {
     "mpm.backend": ("init",),
-    "mpm.errors": ("BackendError", "CoarseGrains", "ColliderTooFast", "GradientDiverged", "GrainsInSolid",
-        "InvalidValue", "MpmError", "MpmWarning", "NarrowPassage", "OverlappingBodies", "SimulationDiverged",
-        "StrongCompression", "ThinSolid", "TimeStepTooLarge", "UnknownName", "VolumeMismatch"),
+    "mpm.errors": ("BackendError", "CoarseGrains", "ColliderJumped", "ColliderTooFast", "ContactNotConverged",
+        "GradientDiverged", "GrainsInSolid", "InvalidValue", "MpmError", "MpmWarning", "NarrowPassage",
+        "OverlappingBodies", "SimulationDiverged", "StrongCompression", "ThinSolid", "TimeStepTooLarge", "UnknownName",
+        "VolumeMismatch"),
     "mpm.geometry.region": ("Region",),
     "mpm.geometry.rigid_motion": ("Pose", "Twist", "Wrench"),
     "mpm.geometry.sdf": ("Sdf",),

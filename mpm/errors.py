@@ -84,6 +84,14 @@ class VolumeMismatch(MpmWarning):
     """The volumes of particles do not fit the distances between them; mass or pressure is wrong."""
 
 
+class ColliderJumped(MpmWarning):
+    """A motion begins where the collider is not; particles in between are not pushed."""
+
+
+class ContactNotConverged(MpmWarning):
+    """The solve for the twist of a mobile collider ended before it converged."""
+
+
 class SimulationDiverged(MpmError):
     """A value of the state is not finite, or a particle moves more than a cell in a substep.
 

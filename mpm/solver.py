@@ -190,9 +190,12 @@ class Solver(Readings):
         self.particles.write(self.particles.acceleration, values)
 
     # motion of colliders -------------------------------------------------------------------------------------------
-    def set_collider_motion(self, index: int, begin: Pose, *ends: Pose) -> None:
-        """Move a collider in the next advance by a screw motion from begin to end, or to ends at equal intervals."""
-        self.paths.set(index, begin, ends)
+    def set_collider_motion(self, index: int, begin: Pose, *ends: Pose, jump: bool = False) -> None:
+        """Move a collider in the next advance by a screw motion from begin to end, or to ends at equal intervals.
+
+        jump: whether it may begin elsewhere than at `collider_pose`; otherwise that is reported (ColliderJumped).
+        """
+        self.paths.set(index, begin, ends, jump)
 
     def set_collider_mobility(
         self, index: int, W: np.ndarray, free_twist: np.ndarray, *, twist: np.ndarray | None = None,

@@ -12,6 +12,7 @@ from mpm.backend import ti
 from mpm.boundaries.coulomb import coulomb, coulomb_slope
 from mpm.boundaries.mobile_motion import (
     CENTRE,
+    RESIDUAL,
     RESPONSE,
     TWIST,
     apply_impulse,
@@ -25,6 +26,8 @@ from mpm.state.nodes import in_first_layer
 
 MAX_PASSES = 12
 """Sweeps over the listed nodes in one solve; two or three are the rule."""
+SMALL_CHANGE = 1e-3
+"""Change of a twist [m/s] by contact below which the residual is taken relative to this, as it does not matter then."""
 
 
 @ti.func
@@ -140,11 +143,14 @@ def solve_contact(fields: ti.template(), mobile: ti.template(), corner, out: ti.
 
 @ti.func
 def solve_twist(fields: ti.template(), mobile: ti.template(), b: ti.template(), index: ti.template(), corner):
-    """Return the twist (6,) of a collider after contact, by Newton's method that halves steps which overshoot."""
+    """Return the twist (6,) of a collider after contact, by Newton's method that halves steps which overshoot.
+
+    Keeps the largest residual of the advance, relative to the change of the twist by contact, see SMALL_CHANGE.
+    """
     start = ti.Vector([mobile[b, TWIST + i] for i in ti.static(range(6))])
     radius = ti.static(min(fields.colliders[index].sdf.radius, 1.0))
     V, best, step = start, start, start * 0.0
-    least = ti.cast(1e30, ti.f64)
+    least, scale = ti.cast(1e30, ti.f64), ti.cast(0.0, ti.f64)
     passes = 0
     while passes < MAX_PASSES:
         force, torque = reaction(fields, mobile, b, index, V, corner)
@@ -154,6 +160,7 @@ def solve_twist(fields: ti.template(), mobile: ti.template(), b: ti.template(), 
         passes += 1
         if size < least:
             least = size
+            scale = scaled_norm(change, radius)
             best = V
             step = newton_step(fields, mobile, b, error)
         else:
@@ -161,6 +168,7 @@ def solve_twist(fields: ti.template(), mobile: ti.template(), b: ti.template(), 
         V = best + step
         if least <= ti.static(fields.mobile_nodes.tolerance) * scaled_norm(change, radius):
             passes = MAX_PASSES
+    mobile[b, RESIDUAL] = ti.max(mobile[b, RESIDUAL], least / ti.max(scale, SMALL_CHANGE))
     return best
 
 

@@ -3,10 +3,10 @@
 from mpm.backend import ti
 from mpm.geometry import rigid_motion
 
-CENTRE, AXES, LEVER, TWIST, RATE, IMPULSE, RESPONSE = 0, 3, 12, 15, 21, 27, 33
+CENTRE, AXES, LEVER, TWIST, RATE, IMPULSE, RESIDUAL, RESPONSE = 0, 3, 12, 15, 21, 27, 33, 34
 """Columns of the table of mobile colliders: centre; frame's axes; origin of the frame from the centre, in the frame;
-twist about the centre; its free rate of change; impulse received in this advance, about the centre as it moves; then
-the changes of the twist by impulses on every mobile collider."""
+twist about the centre; its free rate of change; impulse received in this advance, about the centre as it moves; largest
+relative residual of its contact solves; then the changes of the twist by impulses on every mobile collider."""
 
 
 @ti.func

@@ -1,11 +1,12 @@
 """Mobilities and twists of mobile colliders, in the table that a launch reads and writes."""
 
+import warnings
 from collections.abc import Mapping
 
 import numpy as np
 
-from mpm.boundaries.mobile_motion import AXES, CENTRE, IMPULSE, LEVER, RATE, RESPONSE, TWIST
-from mpm.errors import InvalidValue
+from mpm.boundaries.mobile_motion import AXES, CENTRE, IMPULSE, LEVER, RATE, RESIDUAL, RESPONSE, TWIST
+from mpm.errors import ContactNotConverged, InvalidValue
 from mpm.geometry.rigid_motion import Pose, Twist, Wrench
 from mpm.scene.validation import check_finite, read_array
 
@@ -13,14 +14,19 @@ SYMMETRY = 1e-6
 """Share of a mobility's norm by which it may lack symmetry, or an eigenvalue may be negative: rounding."""
 
 
+LARGE_RESIDUAL = 1e-2
+"""Residual of a contact solve, relative to the change of the twist by contact, from which the result may be wrong."""
+
+
 class MobilityTable:
-    """One row a mobile collider; a collider without a mobility is held where it is."""
+    """One row a mobile collider; each needs a mobility before the first advance."""
 
     def __init__(self, indices: tuple[int, ...]) -> None:
         self.indices = indices
         n = len(indices)
         self.twists = np.zeros((n, 6))
         """Twists about the centres at the end of the last advance."""
+        self._has_mobility, self._has_warned = [False] * n, False
         self._free = np.zeros((n, 6))
         self._levers = np.zeros((n, 3))
         """From the centre to the frame's origin, in the frame."""
@@ -48,6 +54,7 @@ class MobilityTable:
         else:
             lever = pose.position - check_finite(f"mobility of collider {index}: centre", centre, (3,))
             self._levers[b] = pose.matrix.T @ lever
+        self._has_mobility[b] = True
 
     def save(self) -> dict[str, np.ndarray]:
         """Return what the next advance depends on besides the poses."""
@@ -70,9 +77,13 @@ class MobilityTable:
                    for t in pairs)
 
     def begin(self, poses: list[Pose], duration: float) -> None:
-        """Fill the table for an advance."""
-        n = len(self.indices)
+        """Fill the table for an advance; raises InvalidValue for a collider that was given no mobility."""
+        n, self._has_warned = len(self.indices), False
         for b, index in enumerate(self.indices):
+            if not self._has_mobility[b] and not self._responses[b].any():  # a loaded state has responses of its own
+                raise InvalidValue(f"advance: collider {index} is mobile and has no mobility; call "
+                                   f"set_collider_mobility({index}, W, free_twist) first, with W = np.zeros((6, 6)) to "
+                                   f"hold it")
             row, R = self.table[b], poses[index].matrix
             row[CENTRE:AXES] = poses[index].position - R @ self._levers[b]
             row[AXES:LEVER] = R.ravel()
@@ -85,17 +96,30 @@ class MobilityTable:
     def end(self, poses: list[Pose]) -> None:
         """Read poses and twists from the table.
 
-        Free twists hold for one advance: after it a collider keeps its twist and its mobility.
+        Free twists hold for one advance: after it a collider keeps its twist and its mobility. Warns once an advance
+        where contact did not converge.
         """
+        worst = int(np.argmax(self.table[:, RESIDUAL]))
+        if self.residual > LARGE_RESIDUAL and not self._has_warned:
+            self._has_warned = True
+            warnings.warn(ContactNotConverged(
+                f"contact of collider {self.indices[worst]}: the solve for its twist ended with a residual of "
+                f"{self.residual:.2g} of the change by contact; give a shorter advance or dt, or check its mobility"),
+                stacklevel=4)
         for b, index in enumerate(self.indices):
             row = self.table[b]
             R = row[AXES:LEVER].reshape(3, 3)
             poses[index] = Pose.from_matrix(row[CENTRE:AXES] + R @ row[LEVER:TWIST], R)
             self.twists[b] = self._free[b] = row[TWIST:RATE]
 
+    @property
+    def residual(self) -> float:
+        """The largest relative residual of the contact solves of the last advance; 0 without mobile colliders."""
+        return float(self.table[:, RESIDUAL].max())
+
     def impulse(self, index: int) -> Wrench:
         """Return the impulse received in the last advance, about the centre as it moved."""
-        values = self.table[self.indices.index(index), IMPULSE:RESPONSE]
+        values = self.table[self.indices.index(index), IMPULSE:RESIDUAL]
         return Wrench(values[:3].copy(), values[3:].copy())
 
     def twist(self, index: int) -> Twist:

@@ -109,6 +109,14 @@ class Readings(AssemblyOwner):
         """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""
         return self._momentum
 
+    @property
+    def contact_residual(self) -> float:
+        """Largest residual of the contact solves of mobile colliders in the last advance; 0 without such colliders.
+
+        Relative to the change of the collider's twist by contact. Above 0.01 `advance` warns.
+        """
+        return self.mobility.residual
+
     def momentum(self) -> Momentum:
         """Return the momentum of all particles, summed in float64."""
         return diagnostics.compute_momentum(self)

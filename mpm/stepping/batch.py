@@ -158,9 +158,9 @@ class Batch:
         self._laws[e, body, : len(material.parameters)] = material.parameters
         self._laws[e, body, PARAMETERS] = material.density
 
-    def set_collider_motion(self, e: int, index: int, begin: Pose, *ends: Pose) -> None:
+    def set_collider_motion(self, e: int, index: int, begin: Pose, *ends: Pose, jump: bool = False) -> None:
         """Set a collider's motion in one environment, as `Solver.set_collider_motion` does."""
-        self._paths[e].set(index, begin, ends)
+        self._paths[e].set(index, begin, ends, jump)
 
     def collider_pose(self, e: int, index: int) -> Pose:
         """Return the pose of a collider at the end of an environment's last advance."""

@@ -1,15 +1,16 @@
 """Paths of colliders: where each is, and the motion that each was given for the next advance."""
 
 import math
+import warnings
 from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
 
 from mpm.boundaries.mobility_table import MobilityTable
-from mpm.errors import ColliderTooFast, InvalidValue
+from mpm.errors import ColliderJumped, ColliderTooFast, InvalidValue
 from mpm.geometry.rigid_motion import Pose, Twist, check_pose, logarithm, motion_table, screw
-from mpm.materials.stable_step import travel_bound
+from mpm.materials.stable_step import TRAVEL_FRACTION, travel_bound
 from mpm.scene.collider import Collider
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
@@ -30,9 +31,14 @@ class ColliderPaths:
         self._size = float(np.linalg.norm(grid.cells * grid.cell))
         self.poses = [collider.pose for collider in colliders]
         self.pending: dict[int, tuple[Pose, ...]] = {}
+        self._jumped: set[int] = set()
+        """Colliders of whose jump was warned."""
 
-    def set(self, index: int, begin: Pose, ends: tuple[Pose, ...]) -> None:
-        """Give a collider its path through the next advance; raises InvalidValue for one that cannot move."""
+    def set(self, index: int, begin: Pose, ends: tuple[Pose, ...], is_jump: bool = False) -> None:
+        """Give a collider its path through the next advance; raises InvalidValue for one that cannot move.
+
+        Warns, once a collider, of a path that begins elsewhere than the collider is; is_jump: that is meant.
+        """
         movable = tuple(i for i in self._features.moving_colliders if i not in self._features.mobile)
         if index not in movable or self._colliders[index].static:
             raise InvalidValue(f"collider {index} cannot be given a motion; it can: {movable}")
@@ -40,7 +46,20 @@ class ColliderPaths:
             raise InvalidValue(f"collider {index}: no end of the motion; give one pose or more")
         for pose in (begin, *ends):
             check_pose(f"collider {index}", pose)
+        if not is_jump and begin is not self.poses[index]:
+            self._warn_of_jump(index, begin)
         self.pending[index] = (begin, *ends)
+
+    def _warn_of_jump(self, index: int, begin: Pose) -> None:
+        """Warn of a surface that is elsewhere by more than it may travel in a substep."""
+        twist = logarithm(self.poses[index], begin)
+        travel = float(np.linalg.norm(twist.linear) + np.linalg.norm(twist.angular) * self._reach(index, begin))
+        if travel > TRAVEL_FRACTION * self._grid.cell and index not in self._jumped:
+            self._jumped.add(index)
+            warnings.warn(ColliderJumped(
+                f"set_collider_motion: the motion of collider {index} begins at {begin.position.tolist()} m, and it is "
+                f"at {self.poses[index].position.tolist()} m, {travel / self._grid.cell:.2g} cells away; particles in "
+                f"between are not pushed; begin at collider_pose({index}), or give jump=True"), stacklevel=4)
 
     def pose(self, index: int) -> Pose:
         """Return the pose of a collider; raises InvalidValue where there is none."""

@@ -141,7 +141,7 @@ class GranularPlugin:
         for name in self._bodies.driven:
             collider, end = self._bodies.colliders[name], self._bodies.pose(name)
             begin = end if has_jumped else self.solver.collider_pose(collider)
-            self.solver.set_collider_motion(collider, begin, end)
+            self.solver.set_collider_motion(collider, begin, end, jump=has_jumped)
         self._has_jumped, self._last_time = False, float(self.data.time)
 
     def _advance_grains(self) -> None:

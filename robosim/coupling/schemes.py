@@ -29,7 +29,8 @@ class ExplicitScheme:
     def hand_over(self) -> None:
         """Hand the predicted motion to the solver."""
         for name, end in zip(self._bodies.dynamic, self._ends):
-            self._solver.set_collider_motion(self._bodies.colliders[name], self._bodies.pose(name), end)
+            # MuJoCo's data say where the bodies are, also after a reset
+            self._solver.set_collider_motion(self._bodies.colliders[name], self._bodies.pose(name), end, jump=True)
 
     def is_accepted(self, wrenches: np.ndarray) -> bool:
         """Accept every step."""

@@ -66,6 +66,8 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
 def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
     """Settle the grains; those that fall off the tool within the time of an episode are put back on top."""
     interior = tool_shape(task.tool).interior
+    if TOOL in solver.features.mobile:  # held until an arm carries it
+        solver.set_collider_mobility(TOOL, np.zeros((6, 6)), np.zeros(6))
     fallen = np.zeros(0, bool)
     for _ in range(ATTEMPTS):
         settle(solver, solver.advance, SETTLING, WINDOW)

@@ -45,6 +45,7 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
     solver.set_collider_mobility(0, W, twist, twist=twist, centre=centre)
     for _ in range(30):
         solver.advance(2e-3)
+        assert solver.contact_residual <= 1e-11
         linear, angular = solver.collider_twist(0)
         frame = solver.collider_pose(0)
         centre = frame.position - frame.matrix @ lever
@@ -55,6 +56,24 @@ def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thi
         # a ball answers alike in every direction: W needs no turning
         solver.set_collider_mobility(0, W, np.concatenate([linear, angular]), centre=centre)
     assert linear[0] > -0.95 and abs(angular[2] - 8.0) > 0.01  # they met, with friction
+
+
+def test_a_contact_solve_that_does_not_converge_is_reported() -> None:
+    """A ball of a milligram that is driven into the sand: some of its solves end far from a solution."""
+    start = np.array([0.11, 0.01, 0.005])
+    sdf = mpm.Sdf.union([(mpm.Sdf.sphere(0.05), mpm.Pose(np.zeros(3), np.array([1.0, 0, 0, 0])))])
+    ball = mpm.Collider(sdf, friction=0.3, mobile=True, pose=mpm.Pose(start, np.array([1.0, 0, 0, 0])))
+    solver, W = ball_and_blob(ball, 1e-6)
+    twist, residuals = np.array([-1.0, 0, 0.3, 0, 0, 8.0]), []
+    solver.set_collider_mobility(0, W, twist, twist=twist, centre=start)
+    with pytest.warns(mpm.ContactNotConverged, match="contact of collider 0: .* with a residual of") as caught:
+        for _ in range(6):
+            solver.advance(2e-3)
+            residuals.append(solver.contact_residual)
+            linear, angular = solver.collider_twist(0)
+            solver.set_collider_mobility(0, W, np.concatenate([linear + [-0.05, 0, 0], angular]),
+                                         centre=solver.collider_pose(0).position)
+    assert len(caught) == np.sum(np.array(residuals) > 0.01) and caught[0].filename == __file__
 
 
 @pytest.mark.slow

@@ -88,6 +88,7 @@ def test_readings_of_a_step_that_is_rolled_back_are_not_counted_twice() -> None:
     """A tool that contact moves: flags of particles return with their state."""
     solver, counter, _ = scene(mobile=True, per_particle=True)
     solver.attach(counter)
+    solver.set_collider_mobility(0, np.zeros((6, 6)), np.zeros(6))
     state = solver.state()
     state["v"] = state["v"] + [2.0, 0.0, -1.0]
     solver.load(state)

@@ -185,7 +185,36 @@ def test_a_counter_of_the_fields_before_is_refused() -> None:
 def test_a_collider_that_is_lost_is_named() -> None:
     """Its grains are well: the message does not blame one of them alone."""
     field = solver([block()], [mpm.Collider(mpm.Sdf.sphere(0.03), mobile=True, pose=ball().pose)])
+    field.set_collider_mobility(0, np.zeros((6, 6)), np.zeros(6))
     field.mobility.twists[0, 0] = np.nan
     with pytest.raises(mpm.SimulationDiverged, match="the motion of collider 0 is not finite") as caught:
         field.advance(2e-3)
     assert caught.value.collider == 0
+
+
+def test_a_mobile_collider_needs_a_mobility() -> None:
+    """Without one it would stand still, which is what a mobility of zero is for; after an error nothing has changed."""
+    field = solver([block()], [mpm.Collider(mpm.Sdf.sphere(0.03), mobile=True, pose=ball().pose)])
+    for _ in range(2):
+        with pytest.raises(mpm.InvalidValue, match=r"collider 0 is mobile and has no mobility; .* W = np.zeros"):
+            field.advance(2e-3)
+    field.set_collider_mobility(0, np.zeros((6, 6)), np.zeros(6))
+    field.advance(2e-3)
+    assert (field.collider_pose(0).position == ball().pose.position).all()
+
+
+def test_a_motion_that_begins_elsewhere_is_reported() -> None:
+    """Once a collider; not within the travel of a substep, and not where it is meant."""
+    field = solver([block()], [ball()])
+    here = field.collider_pose(0)
+    there = mpm.Pose(here.position + [0.02, 0, 0], LEVEL)
+    turned = mpm.Pose(here.position, np.array([np.cos(0.2), 0, np.sin(0.2), 0]))
+    for begin in (here, mpm.Pose(here.position + [0.002, 0, 0], -LEVEL)):
+        field.set_collider_motion(0, begin, there)
+    field.set_collider_motion(0, there, there, jump=True)
+    with pytest.warns(mpm.ColliderJumped, match="collider 0 begins at .* 2 cells away; .* or give jump=True") as caught:
+        field.set_collider_motion(0, there, here)
+    assert len(caught) == 1 and caught[0].filename == __file__
+    field.set_collider_motion(0, there, here)
+    with pytest.warns(mpm.ColliderJumped, match="1.2 cells away"):
+        solver([block()], [ball()]).set_collider_motion(0, turned, here)

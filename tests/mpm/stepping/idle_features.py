@@ -37,6 +37,8 @@ def state(colliders: list[mpm.Collider], bodies: int = 1, transfer_interval: flo
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.5, 0.5, 0.5), CELL), bodies=listed, colliders=colliders, dt=DT,
                         transfer_interval=transfer_interval,
                         body_acceleration=np.zeros((sum(len(b.positions) for b in listed), 3)) if accelerated else None)
+    for index in solver.features.mobile:
+        solver.set_collider_mobility(index, np.zeros((6, 6)), np.zeros(6))
     solver.advance(0.03)
     return {name: solver.particles.read(fields)[: len(positions)] for name, fields in
             solver.particles.named_fields().items() if name not in ("j", "side")}
