@@ -37,8 +37,8 @@ with _environment(XDG_CACHE_HOME=str(user_cache_folder() or os.devnull)):
     import taichi as ti
 
 __all__ = ["PRECISIONS", "Group", "allocating", "check_owner", "default_precision", "free_later", "init",
-           "is_concurrent", "is_shared", "later", "once", "present_program", "put", "real_type", "session_precision",
-           "thread_count", "ti"]
+           "is_concurrent", "is_shared", "later", "numerics", "once", "present_program", "put", "real_type",
+           "session_precision", "thread_count", "ti"]
 
 ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
 PRECISIONS = ("f32", "f64")
@@ -152,6 +152,12 @@ def session_precision() -> str:
     check_owner()
     assert _session is not None
     return _session.precision
+
+
+def numerics() -> dict[str, Any]:
+    """Return the arguments of `init` that another process needs for the same bits: precision and fast_math."""
+    found = _session or DEFAULT
+    return {"precision": found.precision, "fast_math": found.fast_math}
 
 
 def thread_count() -> int:

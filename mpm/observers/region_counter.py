@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mpm.backend import put
 from mpm.errors import InvalidValue
 from mpm.geometry.region import Region
 from mpm.geometry.rigid_motion import Pose
@@ -17,6 +18,7 @@ from mpm.observers.counter_kernel import (
     NEWLY_EXITED,
     CounterKernel,
 )
+from mpm.scene.validation import read_array
 
 MAX_READINGS = 64
 """Readings in one advance."""
@@ -95,6 +97,18 @@ class RegionCounter:
         self._set_state_aside()
         self.kernel.flags.fill(0)
         self.read()
+
+    def state(self) -> np.ndarray:
+        """Return the flags (n_particles,), int8, that particles keep between readings."""
+        self.solver.check_open(self.tenure)
+        return self.kernel.flags.to_numpy()[self.particles.index]
+
+    def load(self, state: np.ndarray) -> None:
+        """Take over flags that `state` returned; raises InvalidValue for those of another scene."""
+        flags = np.zeros(self.particles.n_lanes, np.int8)
+        flags[self.particles.index] = read_array({"flags": state}, "flags", self.particles.index.shape)
+        self._set_state_aside()
+        put(self.kernel.flags, flags)
 
     def _set_state_aside(self) -> None:
         """Complete a pending checkpoint of the solver before the flags change; raise InvalidValue if it is closed."""

@@ -262,6 +262,18 @@ class Batch:
         return [self._counter.counts_from(self._results[e, begin + COUNTER_ROWS * k : begin + COUNTER_ROWS * (k + 1)],
                                           self._per_particle[e * self.readings + k]) for k in readings]
 
+    def adopt(self, e: int) -> None:
+        """Set an environment to the state, materials and counter's flags of the solver: the reverse of `select`."""
+        solver, paths = self.solver, self._paths[e]
+        solver.check_open()
+        for body, held in enumerate(solver.bodies):
+            self.set_material(e, body, held.material)
+        paths.poses = list(solver.paths.poses)
+        paths.pending.clear()
+        self.time[e], self.steps[e] = solver.time, solver.steps
+        with default_precision(solver.precision):
+            self._stepper.states.store_now(e)
+
     def select(self, e: int) -> None:
         """Set the solver to the state of an environment, to read or render it."""
         solver = self.solver

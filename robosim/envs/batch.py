@@ -11,7 +11,7 @@ from mpm.backend import check_owner
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode, Horizon, check_horizon
-from robosim.envs.world import Ranges, World, is_nominal_start
+from robosim.envs.world import Memory, Ranges, World, check_options, is_nominal_start
 from robosim.errors import ConfigError
 from robosim.tasks.actions import ActionScaling, check_action_repeat
 from robosim.tasks.counting import TOOL
@@ -47,7 +47,10 @@ class GrainBatch:
         self.episodes = [Episode(self.world.task, horizon) for _ in range(n)]
         self._carriers = [Carrier(self.world.task) for _ in range(n)]
         self._rngs: list[np.random.Generator | None] = [None] * n
+        self._seeds: list[int | None] = [None] * n
         self._observations: list[Any] = [None] * n
+        self._options = self.world.describe(arm=False, grasp=None, action_repeat=self.action_repeat, horizon=horizon,
+                                            clip_actions=clip_actions)
 
     def reset(self, seeds: list[int | None], options: dict[str, Any] | None,
               mask: np.ndarray) -> tuple[list[Any], list[Info]]:
@@ -62,7 +65,7 @@ class GrainBatch:
         infos: list[Info] = [{} for _ in self.episodes]
         for e in np.flatnonzero(mask):
             if seeds[e] is not None or self._rngs[e] is None:
-                self._rngs[e] = seeding.np_random(seeds[e])[0]
+                self._rngs[e], self._seeds[e] = seeding.np_random(seeds[e])
             infos[e] = self._start(int(e), nominal)
         return list(self._observations), infos
 
@@ -85,6 +88,28 @@ class GrainBatch:
         episode, observer = self.episodes[e], self.world.observer
         grains = self.batch.sampled(e)[: len(observer.grains)]
         self._observations[e] = observer.read(grains, episode.pose, episode.counts, episode.progress)
+
+    def state(self, e: int) -> dict[str, Any]:
+        """Return the state of environment e, as `GrainEnv.state` does."""
+        check_owner()
+        self.batch.select(e)
+        memory = Memory(self._rngs[e], self._seeds[e], self._observations[e])
+        return self.world.save(self._options, self.episodes[e], self._carriers[e], memory)
+
+    def load(self, e: int, state: dict[str, Any]) -> None:
+        """Continue environment e from a state of any environment with the same task and options.
+
+        Raises ConfigError, and changes nothing, for another one, and with SAME_STEP for a state without a running
+        episode.
+        """
+        check_owner()
+        check_options(state, self._options)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and not state["episode"]["running"]:
+            raise ConfigError("load: the state's episode has ended or never began; accepted with autoreset_mode "
+                              "SAME_STEP: one of a running episode")
+        memory = self.world.restore(state, self._options, self.episodes[e], self._carriers[e])
+        self._rngs[e], self._seeds[e], self._observations[e] = memory
+        self.batch.adopt(e)
 
     def step(self, actions: np.ndarray) -> BatchStep:
         """Apply actions (n, dimensions).

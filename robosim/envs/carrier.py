@@ -8,6 +8,7 @@ import numpy as np
 import mpm
 from mpm.geometry.rigid_motion import rotate
 from mpm.observers.region_counter import MAX_READINGS
+from robosim.envs.episode import read_pose
 from robosim.tasks.counting import TOOL, Reading
 from robosim.tasks.task import TaskConfig
 
@@ -43,6 +44,14 @@ class Carrier:
         """Begin an episode with the tool commanded to a pose; return the pose that it has."""
         self.commanded = pose
         return pose
+
+    def state(self) -> dict[str, Any]:
+        """Return what the next step depends on besides the field: arrays and plain values."""
+        return {"commanded": np.concatenate(self.commanded)}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        self.commanded = read_pose(state["commanded"])
 
     def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
         """Advance by steps under constant velocities [m/s], [rad/s] in world axes, and yield each step."""

@@ -1,8 +1,11 @@
-"""A running episode: its reward, its clock, its tool's pose, and the info of a step."""
+"""A running episode: its reward, its clock, its tool's pose, and the info of a step; what environments share."""
 
+import copy
 import dataclasses
 import math
 from typing import Any, Literal, get_args
+
+import numpy as np
 
 import mpm
 from robosim.errors import ConfigError, UnknownName
@@ -11,6 +14,15 @@ from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig
 
 Horizon = Literal["terminate", "truncate"]
+NOTHING_COUNTED = TaskCounts(0.0, 0, 0, 0, 0, 0, 0, 0, 0.0)
+
+
+def read_pose(numbers: np.ndarray) -> mpm.Pose:
+    """Return the pose of a position [m] and a quaternion in one array (7,)."""
+    position, quaternion = np.split(np.array(numbers, float), [3])
+    if quaternion.shape != (4,):
+        raise ValueError(f"a pose has shape {np.shape(numbers)}; accepted: (7,)")
+    return mpm.Pose(position, quaternion)
 
 
 def check_horizon(horizon: str) -> None:
@@ -40,6 +52,39 @@ class HasEpisodeLength:
         self._spec = None if spec is None else dataclasses.replace(spec, max_episode_steps=self.max_episode_steps)
 
 
+class HasCopies:
+    """An environment that `copy.deepcopy` and `pickle` make again from its arguments and then set to its state.
+
+    Fields, kernels and renderers stay behind. Subclasses return what travels from `_travelling` and take it over in
+    `_arrive`.
+    """
+
+    _arguments: tuple[tuple[Any, ...], dict[str, Any]]
+    """Arguments of the constructor."""
+
+    def __new__(cls, *arguments: Any, **options: Any) -> Any:
+        env = super().__new__(cls)
+        env._arguments = arguments, options
+        return env
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return make_again, (type(self), *self._arguments), self._travelling()
+
+    def __setstate__(self, state: Any) -> None:
+        self._arrive(state)
+
+    def _travelling(self) -> Any:
+        raise NotImplementedError
+
+    def _arrive(self, state: Any) -> None:
+        raise NotImplementedError
+
+
+def make_again(kind: type, arguments: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    """Make an environment from the arguments of another."""
+    return kind(*arguments, **options)
+
+
 class Episode:
     """Sums rewards over the steps of an action; independent of what moves the tool.
 
@@ -48,11 +93,12 @@ class Episode:
 
     def __init__(self, task: TaskConfig, horizon: Horizon) -> None:
         self.task, self.horizon, self.reward = task, horizon, Reward(task)
-        self.running, self.step_count = False, 0
+        self.running, self.step_count, self.counts = False, 0, NOTHING_COUNTED
         self.diverged: str | None = None
         """Why the simulation diverged; None while it has not."""
         self.pose: mpm.Pose = task.start.pose
         """Pose of the tool in the world; the quaternion is continuous, without jumps of sign."""
+        self._start = self.pose
 
     def restart(self, pose: mpm.Pose, counts: TaskCounts) -> dict[str, Any]:
         """Begin with the tool at a pose and the counts there; return the info."""
@@ -60,6 +106,19 @@ class Episode:
         self._start = self.pose = pose
         self.counts, self.step_count, self.running, self.diverged = counts, 0, True, None
         return self._info({})
+
+    def state(self) -> dict[str, Any]:
+        """Return the episode's state: arrays and plain values."""
+        return {"running": self.running, "step_count": self.step_count, "diverged": self.diverged,
+                "start": np.concatenate(self._start), "pose": np.concatenate(self.pose),
+                "counts": copy.deepcopy(self.counts._asdict()), "reward": self.reward.state()}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        self.running, self.step_count, self.diverged = state["running"], state["step_count"], state["diverged"]
+        self._start, self.pose = read_pose(state["start"]), read_pose(state["pose"])
+        self.counts = TaskCounts(**copy.deepcopy(state["counts"]))
+        self.reward.load(state["reward"])
 
     @property
     def progress(self) -> float:

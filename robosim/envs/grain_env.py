@@ -11,8 +11,8 @@ from mpm.backend import check_owner
 from robosim.config.robot import Grip
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
-from robosim.envs.episode import Episode, HasEpisodeLength, Horizon, check_horizon
-from robosim.envs.world import World, is_nominal_start
+from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon
+from robosim.envs.world import Memory, World, is_nominal_start
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.tasks.actions import ActionScaling, check_action_repeat
 from robosim.tasks.counting import TOOL
@@ -25,7 +25,7 @@ from robosim.tasks.task import TaskConfig, load_task
 CAMERAS = ("task", "side", "overview", "close")
 
 
-class GrainEnv(HasEpisodeLength, gymnasium.Env):
+class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
     """Environment with a tool, or the whole arm, and grains; base class of all sub-tasks.
 
     The pages of the sub-tasks describe spaces, rewards and arguments. Raises UnknownName or ConfigError for arguments
@@ -72,7 +72,9 @@ class GrainEnv(HasEpisodeLength, gymnasium.Env):
         self.observation_slices = self.world.observer.slices
         self.observation: Any = None
         """The last observation of `reset` or `step`."""
-        self._renderer = None
+        self._options = self.world.describe(arm=arm, grasp=grasp if arm else None, action_repeat=self.action_repeat,
+                                            horizon=horizon, clip_actions=clip_actions)
+        self._renderer, self._is_closed = None, False
 
     def _check_kind(self) -> None:
         """Raise ConfigError where a registered sub-task is given a task of another kind or tool."""
@@ -148,6 +150,39 @@ class GrainEnv(HasEpisodeLength, gymnasium.Env):
             self.render()
         return copy.deepcopy(self.observation), reward, terminated, truncated, info
 
+    # states ---------------------------------------------------------------------------------------------------------
+    def state(self) -> dict[str, Any]:
+        """Return the state, for a bitwise identical continuation: arrays and plain values, which `pickle` accepts.
+
+        Raises ConfigError after `close`.
+        """
+        check_owner()
+        self._check_open("state")
+        memory = Memory(self._np_random, self._np_random_seed, self.observation)
+        return self.world.save(self._options, self.episode, self.carrier, memory)
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Continue from a state of this environment, or of one with the same task and options.
+
+        Raises ConfigError, and changes nothing, for a state of another task or of other options, and after `close`.
+        """
+        check_owner()
+        self._check_open("load")
+        memory = self.world.restore(state, self._options, self.episode, self.carrier)
+        self._np_random, self._np_random_seed, self.observation = memory
+
+    def _check_open(self, method: str) -> None:
+        """Raise ConfigError after `close`."""
+        if self._is_closed:
+            raise ConfigError(f"{method}: the environment is closed; accepted: before close()")
+
+    def _travelling(self) -> tuple[Any, ...]:
+        return self.state(), self._spec, self.action_space, self.observation_space
+
+    def _arrive(self, state: tuple[Any, ...]) -> None:
+        own, self._spec, self.action_space, self.observation_space = state
+        self.load(own)
+
     # gradients ------------------------------------------------------------------------------------------------------
     def rollout(self, n_steps: int | None = None, **options: Any) -> mpm.Rollout:
         """Make a differentiable rollout from the current state.
@@ -183,6 +218,7 @@ class GrainEnv(HasEpisodeLength, gymnasium.Env):
 
     def close(self) -> None:
         """Free the renderer; give the field to the next environment of an equal task. This one is of no more use."""
+        self._is_closed = True
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

@@ -6,6 +6,8 @@ import traceback
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
+import mpm
+from mpm.backend import numerics
 from robosim.envs.batch import GrainBatch
 from robosim.errors import RobosimError
 
@@ -19,7 +21,7 @@ class BatchError(NamedTuple):
 
 
 class RemoteBatch:
-    """A `GrainBatch` in a spawned process.
+    """A `GrainBatch` in a spawned process, with the precision and fast_math of this one.
 
     first: number of its first environment, for messages. options: as of `GrainBatch`.
     """
@@ -27,8 +29,8 @@ class RemoteBatch:
     def __init__(self, name: str, n: int, *, first: int, **options: Any) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, other_end = context.Pipe()
-        self.process = context.Process(target=_serve, args=(other_end, name, n, options), daemon=True,
-                                       name=f"environments {first} to {first + n - 1}")
+        self.process = context.Process(target=_serve, args=(other_end, numerics(), name, n, options),
+                                       daemon=True, name=f"environments {first} to {first + n - 1}")
         self.process.start()
         other_end.close()
 
@@ -62,9 +64,10 @@ def call_batch(batch: GrainBatch, method: str, arguments: tuple) -> Any:
     return getattr(batch, method)(*arguments)
 
 
-def _serve(pipe: Connection, name: str, n: int, options: dict[str, Any]) -> None:
-    """Handle requests until the other end closes."""
+def _serve(pipe: Connection, session: dict[str, Any], name: str, n: int, options: dict[str, Any]) -> None:
+    """Handle requests until the other end closes; session: arguments of `mpm.init`."""
     try:
+        mpm.init(**session)
         batch = GrainBatch(name, n, **options)
     except Exception as error:
         batch, failure = None, BatchError(error, traceback.format_exc())

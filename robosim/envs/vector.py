@@ -18,8 +18,10 @@ import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
+import mpm
+from mpm.backend import numerics
 from robosim.envs.batch import GrainBatch, Info
-from robosim.envs.episode import HasEpisodeLength
+from robosim.envs.episode import HasCopies, HasEpisodeLength
 from robosim.envs.remote_batch import BatchError, RemoteBatch, call_batch
 from robosim.errors import ConfigError, RobosimError, UnknownName
 
@@ -42,7 +44,7 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
     if workers not in (None, num_envs):
         raise ConfigError(f"workers = {workers}; accepted with an arm or pictures: None, one for each environment")
     every_option = options | {"arm": arm, "render_mode": render_mode}
-    vector = ProcessVectorEnv([partial(_make_in_process, name, every_option)] * num_envs, context="spawn",
+    vector = ProcessVectorEnv([partial(_make_in_process, numerics(), name, every_option)] * num_envs, context="spawn",
                               autoreset_mode=check_autoreset_mode(autoreset_mode))
     vector.max_episode_steps = vector.get_attr("spec")[0].max_episode_steps
     return vector
@@ -56,8 +58,12 @@ def check_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     raise UnknownName("autoreset_mode", mode, [known.value for known in AutoresetMode])
 
 
-def _make_in_process(name: str, options: dict[str, Any]) -> gymnasium.Env:
-    """Make one environment in a spawned process; unpickling this function there has registered the ids."""
+def _make_in_process(session: dict[str, Any], name: str, options: dict[str, Any]) -> gymnasium.Env:
+    """Make one environment in a spawned process; unpickling this function there has registered the ids.
+
+    session: arguments of `mpm.init`.
+    """
+    mpm.init(**session)
     return gymnasium.make(f"robosim/{name}-v0", **options)
 
 
@@ -65,7 +71,7 @@ class ProcessVectorEnv(HasEpisodeLength, AsyncVectorEnv):
     """Environments with a process for each, as Gymnasium has them."""
 
 
-class GrainVectorEnv(HasEpisodeLength, gymnasium.vector.VectorEnv):
+class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
     """Environments of one sub-task that step together.
 
     autoreset_mode: SAME_STEP: an environment that ends starts again in the same step; its last observation and info are
@@ -148,20 +154,54 @@ class GrainVectorEnv(HasEpisodeLength, gymnasium.vector.VectorEnv):
         observations = self._stack([observation for result in results for observation in result[0]])
         return observations, rewards, terminated, truncated, infos
 
+    def state(self, index: int) -> dict[str, Any]:
+        """Return the state of one environment, as `GrainEnv.state` does; raises ConfigError after `close`."""
+        return self._call_one("state", index)
+
+    def load(self, index: int, state: dict[str, Any]) -> None:
+        """Continue one environment from a state of any, in this vector or alone, with the same task and options.
+
+        Raises ConfigError, and changes nothing, for another one, with SAME_STEP for a state without a running episode,
+        and after `close`.
+        """
+        self._call_one("load", index, state)
+        self._ended[index] = self.metadata["autoreset_mode"] is AutoresetMode.DISABLED and \
+            not state["episode"]["running"]
+
+    def _call_one(self, method: str, index: int, *arguments: Any) -> Any:
+        """Call a method of the batch that has an environment."""
+        if self.closed:
+            raise ConfigError(f"{method}: the environment is closed; accepted: before close()")
+        if not isinstance(index, int | np.integer) or not 0 <= index < self.num_envs:
+            raise ConfigError(f"{method}: index = {index!r}; accepted: 0 to {self.num_envs - 1}")
+        k, part = next((k, part) for k, part in enumerate(self._parts) if index < part.stop)
+        return self._call(method, (int(index) - part.start, *arguments), batches=[self.batches[k]])[0]
+
+    def _travelling(self) -> tuple[Any, ...]:
+        states = [self.state(e) for e in range(self.num_envs)]
+        return states, self._spec, self.action_space, self.observation_space
+
+    def _arrive(self, state: tuple[Any, ...]) -> None:
+        states, self._spec, self.action_space, self.observation_space = state
+        for e, one in enumerate(states):
+            if one["generator"] is not None:  # otherwise it never began, here as there
+                self.load(e, one)
+
     def _stack(self, observations: list[Any]) -> Any:
         """Stack observations into one array, or into one for each part."""
         return concatenate(self.single_observation_space, observations,
                            create_empty_array(self.single_observation_space, self.num_envs))
 
-    def _call(self, method: str, *arguments: tuple) -> list[Any]:
-        """Call a method of all batches at once, with arguments for each; return their results."""
-        per_batch = arguments or [()] * len(self.batches)
-        if len(self.batches) == 1 and isinstance(self.batches[0], GrainBatch):
-            return [call_batch(self.batches[0], method, per_batch[0])]
+    def _call(self, method: str, *arguments: tuple, batches: list[Any] | None = None) -> list[Any]:
+        """Call a method of batches (None: all) at once, with arguments for each; return their results."""
+        batches = self.batches if batches is None else batches
+        per_batch = arguments or [()] * len(batches)
+        if isinstance(batches[0], GrainBatch):
+            return [call_batch(batches[0], method, per_batch[0])]
         try:
-            for batch, these in zip(self.batches, per_batch):
+            for batch, these in zip(batches, per_batch):
                 batch.send(method, these)
-            results = [batch.receive() for batch in self.batches]
+            results = [batch.receive() for batch in batches]
         except BaseException:  # a result left in a pipe would be taken for that of a later request
             self.close()
             raise

@@ -1,14 +1,20 @@
 """The simulated world of a sub-task: field, counter and observer, and the random starts of episodes."""
 
+import copy
+import hashlib
 import itertools
 import math
-from typing import Any, get_args
+from dataclasses import asdict
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 import mpm
 from mpm.materials.stable_step import accepted_bound
+from mpm.observers.diagnostics import Momentum
 from robosim.config.materials import Law, law_of, load_material, overridden
+from robosim.envs.carrier import Carrier
+from robosim.envs.episode import Episode
 from robosim.envs.start import settled_state
 from robosim.errors import ConfigError, UnknownName
 from robosim.tasks.counting import TOOL, TaskCounter
@@ -19,6 +25,19 @@ from robosim.tasks.task import TaskConfig, load_task
 
 Ranges = dict[str, tuple[float, float]]
 """Number of a material -> its lowest and highest value."""
+STATE_FORMAT = 1
+"""Raised when a state has other entries."""
+
+
+class Memory(NamedTuple):
+    """What an environment keeps from step to step besides field, episode and carrier."""
+
+    generator: np.random.Generator | None
+    """None before the first reset."""
+    seed: int | None
+    """Of the generator; -1: a generator of the user's own."""
+    observation: Any
+    """The last one."""
 
 
 class World:
@@ -106,6 +125,83 @@ class World:
     def grains(self) -> np.ndarray:
         """Return position [m] and velocity [m/s] of the observed grains (n, 6) in the solver's present state."""
         return self.sample.read() if self.sample is not None else np.zeros((0, 6), np.float32)
+
+
+    # states ---------------------------------------------------------------------------------------------------------
+    def describe(self, **options: Any) -> dict[str, Any]:
+        """Return all that a state depends on: task, material, layout, precision, and options of the environment."""
+        load, numbers = self.load, self.material.numbers()
+        handed = None if load is None else hashlib.sha256(np.ascontiguousarray(load.positions).tobytes()).hexdigest()
+        return {
+            "format": STATE_FORMAT, **options,
+            **{f"task.{name}": value for name, value in self.task.model_dump(mode="json").items()},
+            "material": type(self.material).__name__,
+            **{f"material.{name}": getattr(self.material, name).value for name in numbers},
+            "randomize": {name: [float(value) for value in pair] for name, pair in self.randomize.items()},
+            "obs": self.observer.layout, "load": None if load is None else f"{load.count} grains, {handed}",
+            "precision": self.solver.precision,
+        }
+
+    def save(self, options: dict[str, Any], episode: Episode, carrier: Carrier, memory: Memory) -> dict[str, Any]:
+        """Return the state of the environment that the solver holds now: arrays and plain values.
+
+        options: what `describe` returned for it.
+        """
+        generator = None if memory.generator is None else memory.generator.bit_generator.state
+        return {
+            "options": dict(options), "solver": self.solver.state(), "material": asdict(self.solver.bodies[0].material),
+            "momentum": np.array(self.solver.momentum_after_advance()), "counter": self.counter.state(),
+            "episode": episode.state(), "carrier": carrier.state(), "generator": generator, "seed": memory.seed,
+            "observation": copy.deepcopy(memory.observation),
+        }
+
+    def restore(self, state: Any, options: dict[str, Any], episode: Episode, carrier: Carrier) -> Memory:
+        """Set solver, episode and carrier to a state that `save` returned; return the rest of it.
+
+        Raises ConfigError, and changes nothing, for a state of other options, and for one that lacks something.
+        """
+        check_options(state, options)
+        solver = self.solver
+        before = episode.state(), carrier.state(), self.counter.state(), solver.bodies[0].material
+        try:
+            memory = Memory(read_generator(state["generator"]), state["seed"], copy.deepcopy(state["observation"]))
+            linear, angular = np.array(state["momentum"], float)
+            episode.load(state["episode"])
+            carrier.load(state["carrier"])
+            self.counter.load(state["counter"])
+            solver.set_material(0, type(before[3])(**state["material"]))
+            solver.load(state["solver"])
+        except (KeyError, TypeError, ValueError) as error:
+            episode.load(before[0])
+            carrier.load(before[1])
+            self.counter.load(before[2])
+            solver.set_material(0, before[3])
+            what = f"it has no {error}" if isinstance(error, KeyError) else error
+            raise ConfigError(f"load: the state is incomplete or changed: {what}; accepted: what `state` returned") \
+                from error
+        solver.adopt_state(list(solver.paths.poses), solver.time, solver.steps, Momentum(linear, angular))
+        return memory
+
+
+def check_options(state: Any, own: dict[str, Any]) -> None:
+    """Raise ConfigError for what is no state of an environment, or one of another task or of other options."""
+    if not isinstance(state, dict) or not isinstance(state.get("options"), dict):
+        raise ConfigError(f"load: {state!r:.60}; accepted: what `state` of an environment returned")
+    given = state["options"]
+    names = [name for name in own | given if name not in given or name not in own or given[name] != own[name]]
+    if names:
+        differences = [", ".join(f"{name} = {values.get(name)!r:.60}" for name in names[:3]) for values in (given, own)]
+        raise ConfigError(f"load: the state is of an environment with {differences[0]}; accepted: one with "
+                          f"{differences[1]}")
+
+
+def read_generator(state: dict[str, Any] | None) -> np.random.Generator | None:
+    """Return a random generator in a state of its `bit_generator`."""
+    if state is None:
+        return None
+    bits = getattr(np.random, state["bit_generator"])(0)
+    bits.state = state
+    return np.random.Generator(bits)
 
 
 def is_nominal_start(options: dict[str, Any] | None) -> bool:

@@ -80,6 +80,14 @@ class TaskCounter:
         """Count the present state."""
         return self.translate(self._counter.read())
 
+    def state(self) -> np.ndarray:
+        """Return what each grain is remembered for (n,), int8: that it was lost, that it was on target."""
+        return self._counter.state()
+
+    def load(self, state: np.ndarray) -> None:
+        """Take over what `state` returned; raises mpm.InvalidValue for another number of grains."""
+        self._counter.load(state)
+
     def translate(self, reading: Reading) -> TaskCounts:
         """Convert a reading of the field, as `Solver.advance` returns it, to the task's counts."""
         ranks = reading.per_particle

@@ -4,7 +4,9 @@ Source: arXiv 2406.09178, section Problem Formulation, equations for pour, trans
 in `info["reward_terms"]` and in the task completion score (TCS), which leaves out distance and contact.
 """
 
+import copy
 import math
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from robosim.tasks.task import TaskConfig
 
 NOT_SCORED = ("distance", "contact")
 """Terms that guide learning and are no part of the task completion score."""
+SUMS = ("score", "collisions", "on_target", "poured_on_target", "turn_error")
+"""Attributes of a `Reward` that the steps of an episode change."""
 
 
 class Reward:
@@ -36,6 +40,15 @@ class Reward:
         turn = self.task.reward.turn
         self.turn_error = abs(math.radians(turn.angle_deg)) if turn is not None else 0.0
         """Difference [rad] between the tool's rotation and the one that the task asks for."""
+
+    def state(self) -> dict[str, Any]:
+        """Return the sums and numbers over the episode so far."""
+        return {name: copy.copy(getattr(self, name)) for name in SUMS}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        for name, value in {name: copy.copy(state[name]) for name in SUMS}.items():
+            setattr(self, name, value)
 
     @property
     def tcs(self) -> float:
