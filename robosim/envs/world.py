@@ -4,7 +4,6 @@ import copy
 import hashlib
 import itertools
 import math
-from dataclasses import asdict
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
@@ -147,11 +146,14 @@ class World:
 
         options: what `describe` returned for it.
         """
+        solver = self.solver
         generator = None if memory.generator is None else memory.generator.bit_generator.state
+        # an arm's ledger begins with the momentum of the grains, summed in the order of the last launch
+        momentum = np.array(solver.momentum_after_advance()) if solver.features.mobile else None
         return {
-            "options": dict(options), "solver": self.solver.state(), "material": asdict(self.solver.bodies[0].material),
-            "momentum": np.array(self.solver.momentum_after_advance()), "counter": self.counter.state(),
-            "episode": episode.state(), "carrier": carrier.state(), "generator": generator, "seed": memory.seed,
+            "options": dict(options), "solver": solver.state(), "material": dict(vars(solver.bodies[0].material)),
+            "momentum": momentum, "counter": self.counter.state(), "episode": episode.state(),
+            "carrier": carrier.state(), "generator": generator, "seed": memory.seed,
             "observation": copy.deepcopy(memory.observation),
         }
 
@@ -165,7 +167,7 @@ class World:
         before = episode.state(), carrier.state(), self.counter.state(), solver.bodies[0].material
         try:
             memory = Memory(read_generator(state["generator"]), state["seed"], copy.deepcopy(state["observation"]))
-            linear, angular = np.array(state["momentum"], float)
+            momentum = None if state["momentum"] is None else Momentum(*np.array(state["momentum"], float))
             episode.load(state["episode"])
             carrier.load(state["carrier"])
             self.counter.load(state["counter"])
@@ -179,7 +181,8 @@ class World:
             what = f"it has no {error}" if isinstance(error, KeyError) else error
             raise ConfigError(f"load: the state is incomplete or changed: {what}; accepted: what `state` returned") \
                 from error
-        solver.adopt_state(list(solver.paths.poses), solver.time, solver.steps, Momentum(linear, angular))
+        if momentum is not None:
+            solver.adopt_state(list(solver.paths.poses), solver.time, solver.steps, momentum)
         return memory
 
 
