@@ -55,7 +55,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished iterations are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

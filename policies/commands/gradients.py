@@ -24,7 +24,7 @@ def add_parser(commands: Any) -> None:
                         "that are finished there are not repeated")
     parser.add_argument("--jobs", type=int, default=1, help="number of rollouts at the same time (default: 1)")
     parser.add_settings("file of every task", "grains.count=100")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished tasks are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

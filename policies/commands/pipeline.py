@@ -42,7 +42,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--jobs", type=int, default=1, help="number of sub-tasks at the same time (default: 1)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished steps are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -29,7 +29,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--jobs", type=int, default=1, help="number of rollouts at the same time (default: 1)")
     parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished rollouts are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -26,7 +26,7 @@ def add_parser(commands: Any) -> None:
                         "`cluster`)")
     parser.add_argument("--dry-run", action="store_true", help="list the runs that are left, and start none")
     parser.add_settings("file", "seeds=[0,1]")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished runs are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

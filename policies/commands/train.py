@@ -33,6 +33,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")
     parser.add_argument("--obs", help="layout of the observation (default: the method's)")
+    parser.add_argument("--checkpoint-every", type=int, default=10, metavar="N", help="write a checkpoint after every "
+                        "N episodes; an interrupted run writes its last one (default: 10)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
     parser.add_renamed("--frames", "--rollouts")
     parser.add_settings("method's file", "options.gamma=0.95")
@@ -50,4 +52,4 @@ def run(options: argparse.Namespace) -> int:
     o = options
     return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
                  starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
-                 change=o.settings.apply)
+                 checkpoint_every=o.checkpoint_every, change=o.settings.apply)

@@ -1,8 +1,8 @@
 """`robosim demo`: demonstrations by descent through the field (arXiv 2406.09178, Algorithm 2), or by CMA-ES."""
 
+import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -10,13 +10,14 @@ from zipfile import BadZipFile
 import numpy as np
 
 import mpm
+from mpm.files import temporary_path
 from policies.demonstrations import RATE
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
-from policies.learning.files import lock_folder, make_pool
+from policies.learning.files import worker_pool, working_in
 
 SCRIPT = "script"
 
@@ -48,18 +49,15 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
         task=env.source, out=out, material=material or surrogate_material(env.task), first_actions=actions,
         fixed=count_fixed(until, env.task, action_repeat, len(actions)), method=method, iterations=iterations,
         rate=rate, action_repeat=action_repeat, limit=limit, arm_weight=arm_weight, seed=seed, nominal=nominal)
-    lock = lock_folder(out)
-    try:
+    with working_in(out):
         if jobs > 1:
             shares = [range(i, n, jobs) for i in range(min(jobs, n))]
-            with make_pool(len(shares)) as pool:
+            with worker_pool(len(shares)) as pool:
                 list(pool.map(make_demonstrations, [request] * len(shares), shares))
         write_table(request, n, env, arm=arm)
         draw_learning_curves(out, request.name, n)
         for k in range(n if film else 0):
             film_demonstration(request, k)
-    finally:
-        lock.release()
     print(out / "demonstrations.json")
     return 0
 
@@ -106,15 +104,20 @@ def film_demonstration(request: DemonstrationRequest, k: int) -> None:
     film = request.path(k).with_suffix(".mp4")
     if film.is_file() and film.stat().st_mtime >= request.path(k).stat().st_mtime:
         return
-    with tempfile.TemporaryDirectory(dir=request.out) as folder:
+    temporary = temporary_path(film.with_suffix(""))  # a folder, which is removed even after a kill
+    temporary.mkdir()
+    try:
         start = request.reset_arguments(k)
         arguments = ["evaluate", request.task, "--policy", str(request.path(k)), "--episodes", "1", "--seed",
-                     str(start["seed"]), "--out", folder, *(["--nominal"] if start["options"]["nominal"] else [])]
+                     str(start["seed"]), "--out", str(temporary),
+                     *(["--nominal"] if start["options"]["nominal"] else [])]
         process = subprocess.run([sys.executable, "-m", "robosim", *arguments], capture_output=True, text=True,
                                  check=False)
-        made = Path(folder) / "episode.mp4"
+        made = temporary / "episode.mp4"
         if process.returncode == 0 and made.is_file():
             made.replace(film)
         else:
             print(f"no film of {request.path(k).name}: {(process.stderr.strip().splitlines() or ['?'])[-1]}",
                   file=sys.stderr)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

@@ -14,10 +14,10 @@ from gymnasium.envs.registration import EnvSpec
 from tqdm import tqdm
 
 import mpm
+from mpm.files import write, write_json
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.learning.bundled import is_task_file
 from policies.learning.environments import Transition, make_environment, run_episode
-from policies.learning.files import write, write_json
 
 MINARI_VERSION = "0.5.3"
 """Of the format: Minari opens the datasets of the versions that it knows."""

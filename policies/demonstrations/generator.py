@@ -8,12 +8,12 @@ import numpy as np
 from tqdm import tqdm
 
 import mpm
+from mpm.files import write
 from policies.demonstrations.descent import Descent
 from policies.demonstrations.motion_loss import MotionLoss
 from policies.demonstrations.request import DemonstrationRequest, load_stored
 from policies.demonstrations.spline_search import SplineSearch
 from policies.learning.environments import score_motion
-from policies.learning.files import write
 
 CHANGE, PATIENCE = 0.05, 5
 """A loss has settled when it has changed by less than this fraction in more than so many iterations."""

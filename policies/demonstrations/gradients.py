@@ -7,6 +7,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,13 @@ import numpy as np
 from tqdm import tqdm
 
 import mpm
+from mpm.files import write, write_json
 from policies.demonstrations import TASKS
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.request import load_stored, surrogate_material
 from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import fingerprint, make_environment
-from policies.learning.files import lock_folder, make_pool, write, write_json
+from policies.learning.files import worker_pool, working_in
 
 ACTION_REPEAT = 10
 SURROGATE = "fluid or clay"
@@ -50,11 +52,14 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
             raise mpm.InvalidValue(f"unknown task {task!r}; valid: {', '.join(TASKS)}")
     if jobs < 1:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
-    lock = lock_folder(out)
-    try:
+    with working_in(out):
         results = _compute_all(tasks, out, jobs)
-    finally:
-        lock.release()
+        write_results(out, tasks, results)
+    return 0
+
+
+def write_results(out: Path, tasks: list[str], results: Results) -> None:
+    """Write gradients.json and gradients.png, and print the figures."""
     rows = [summarise(*key, arrays) for key, arrays in results.items()]
     write_json(out / "gradients.json", rows)
     draw_gradient_norms(out / "gradients.png", {
@@ -65,7 +70,6 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
               f"lost before step {row['lost_before']}  derivative, difference: "
               + "  ".join(f"{c['steps_before_the_end']}: {c['derivative']:.3g}, {c['difference']}"
                           for c in row["checks"]))
-    return 0
 
 
 def _compute_all(tasks: list[str], out: Path, jobs: int) -> Results:
@@ -75,14 +79,17 @@ def _compute_all(tasks: list[str], out: Path, jobs: int) -> Results:
         try:
             for future in tqdm(as_completed(futures), total=len(keys), unit="rollout", file=sys.stderr):
                 future.result()
-        finally:
-            threads.shutdown(cancel_futures=True)
+        except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
+            for process in active_children():  # or their threads would wait for them
+                process.terminate()
+            raise
     return {(Path(task).stem, variant): future.result() for (task, variant), future in zip(keys, futures)}
 
 
 def _compute_in_process(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
     """Compute in a new process: Taichi does not free a rollout's fields before its process ends."""
-    with make_pool(1) as pool:
+    with worker_pool(1) as pool:
         try:
             return pool.submit(_compute, out, task, variant).result()
         except BrokenProcessPool as error:

@@ -6,11 +6,11 @@ from typing import Any
 import matplotlib
 import numpy as np
 
+from mpm.files import write, write_json
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import DemonstrationGenerator
 from policies.demonstrations.request import DemonstrationRequest
 from policies.learning.environments import score_motion
-from policies.learning.files import write, write_json
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)

@@ -8,8 +8,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 import mpm
+from mpm.files import write_json
 from policies.learning.environments import fingerprint
-from policies.learning.files import write_json
 
 
 class Rollouts(NamedTuple):

@@ -9,11 +9,12 @@ import numpy as np
 from tqdm import tqdm
 
 import mpm
+from mpm.files import write
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
 from policies.learning.environments import continue_episode, make_environment
-from policies.learning.files import lock_folder, make_pool, write
+from policies.learning.files import worker_pool, working_in
 
 KNOTS, SPREAD = 8, 0.4
 """Of the random smooth motion that is added to the script: knots, and standard deviation of its actions."""
@@ -30,12 +31,9 @@ def make_rollouts(task: str, out: Path, *, episodes: int = 200, material: str | 
         raise mpm.InvalidValue(f"--episodes {episodes}, --action-repeat {action_repeat}, --jobs {jobs}, --seed {seed}; "
                                f"accepted: 1 or more, the seed 0 or more")
     env: Any = make_environment(task, material=material, action_repeat=action_repeat).unwrapped
-    lock = lock_folder(out)
-    try:
+    with working_in(out):
         write_description(out, env, seed)
         _make_missing(out, env, material, episodes=episodes, seed=seed, jobs=jobs)
-    finally:
-        lock.release()
     print(f"{out}: {episodes} rollouts of up to {-(-env.task.steps // action_repeat) + 1} frames")
     return 0
 
@@ -48,7 +46,7 @@ def _make_missing(out: Path, env: Any, material: str | None, *, episodes: int, s
             make_rollout(env, out, seed, k)
             progress.update()
     else:
-        with make_pool(jobs) as pool:
+        with worker_pool(jobs) as pool:
             work = partial(_make_in_worker, env.source, material, env.action_repeat, out, seed)
             for _ in pool.map(work, missing):
                 progress.update()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from torch import nn
 
-from policies.learning.files import write
+from mpm.files import write
 
 ACTIVATIONS = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 

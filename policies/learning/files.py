@@ -1,23 +1,22 @@
-"""Folders that several processes work in: atomic writes, locks, and pools of workers that end with their parent.
+"""Folders that several processes work in: locks, and pools of workers that end with their parent."""
 
-What lies under a file's name is always complete.
-"""
-
+import contextlib
 import ctypes
 import hashlib
 import json
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
 
 import mpm
+from mpm.files import keep_status, remove_temporary
 
 LOCK_NAME = ".lock"
 PR_SET_PDEATHSIG = 1
@@ -44,7 +43,19 @@ def lock_folder(folder: Path) -> FileLock:
             raise mpm.InvalidValue(f"--out {folder}: cannot be written: {error}; give another folder") from error
         raise mpm.InvalidValue(f"--out {folder}: another process is at work there; wait for it, or give another folder"
                                ) from None
+    remove_temporary(folder)
     return lock
+
+
+@contextlib.contextmanager
+def working_in(folder: Path) -> Iterator[None]:
+    """Lock a folder as `lock_folder` does, and keep its status.json as `mpm.files.keep_status` does."""
+    lock = lock_folder(folder)
+    try:
+        with keep_status(folder):
+            yield
+    finally:
+        lock.release()
 
 
 def is_locked(folder: Path) -> bool:
@@ -58,33 +69,30 @@ def is_locked(folder: Path) -> bool:
         return True
 
 
-def write(path: Path, writer: Callable[[Path], object]) -> None:
-    """Call `writer` with a temporary path in the same folder, then rename that file to `path`."""
-    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        writer(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+@contextlib.contextmanager
+def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of `jobs` processes, spawned because a forked one could not use a GPU.
 
-
-def write_json(path: Path, value: object) -> None:
-    """Write indented JSON. Raises ValueError for numbers that JSON does not have (NaN, infinity)."""
-    text = json.dumps(value, indent=2, allow_nan=False) + "\n"
-    write(path, lambda temporary: temporary.write_text(text))
-
-
-def make_pool(jobs: int) -> ProcessPoolExecutor:
-    """Return a pool of `jobs` processes, spawned because a forked one could not use a GPU."""
-    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent,
+    On an exception, such as Ctrl-C, the workers are stopped at once.
+    """
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=start_worker,
                                initargs=(os.getpid(),))
+    try:
+        yield pool
+    except BaseException:
+        for process in active_children():  # or the pool would wait for the end of their work
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
-def end_with_parent(parent: int) -> None:
-    """Have the kernel kill this process when its parent dies (Linux only).
+def start_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and have the kernel kill this process when the parent dies (Linux only).
 
     Otherwise the workers of a killed command would go on writing to a folder whose lock is free.
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != parent:  # the parent died before the call above

@@ -8,6 +8,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
 from policies.learning.environments import play
+from policies.runs import checkpoint
 from policies.runs.training import Training
 
 
@@ -15,7 +16,13 @@ def clone(training: Training) -> None:
     """Fit a policy by least squares, then play every episode of the run with it."""
     options = training.preset.options
     set_random_seed(training.seed)
-    policy = fit_policy(training, options)
+    if training.folder.checkpoint.is_file():
+        _, state = checkpoint.load(training.folder.checkpoint, None, None)
+        policy = make_policy(training, options)
+        policy.load_state_dict(state["policy"])
+        training.resume(state)
+    else:
+        policy = fit_policy(training, options)
     policy.set_training_mode(False)
 
     def act(observation: Any) -> np.ndarray:
@@ -24,6 +31,13 @@ def clone(training: Training) -> None:
     while not training.is_over:
         play(training.env, act)
         training.save_if_best(policy)
+        training.keep_checkpoint(policy=policy.state_dict())
+
+
+def make_policy(training: Training, options: dict[str, Any]) -> ActorCriticPolicy:
+    """Return a policy that is not fitted."""
+    return ActorCriticPolicy(training.env.observation_space, training.env.action_space,
+                             lambda _: options["learning_rate"], net_arch=options["net_arch"])
 
 
 def fit_policy(training: Training, options: dict[str, Any]) -> ActorCriticPolicy:
@@ -34,8 +48,7 @@ def fit_policy(training: Training, options: dict[str, Any]) -> ActorCriticPolicy
     transitions = list(training.demonstration_transitions())
     observations = torch.as_tensor(np.array([step.observation for step in transitions]))
     actions = torch.as_tensor(np.array([step.action for step in transitions]))
-    policy = ActorCriticPolicy(training.env.observation_space, training.env.action_space,
-                               lambda _: options["learning_rate"], net_arch=options["net_arch"])
+    policy = make_policy(training, options)
     for _ in range(options["updates"]):
         batch = torch.randint(len(observations), (options["batch_size"],))
         error = ((policy.get_distribution(observations[batch]).mode() - actions[batch]) ** 2).mean()

@@ -53,6 +53,8 @@ def to_motion(training: Training, point: np.ndarray) -> np.ndarray:
 
 def replay(training: Training) -> None:
     """Play the demonstrations, one after the other."""
-    for actions in training.demonstrations.motions.values():
-        if training.env.count < training.preset.episodes:
-            play(training.env, actions)
+    if training.folder.checkpoint.is_file():
+        training.resume(checkpoint.load(training.folder.checkpoint, None, None)[1])
+    for actions in list(training.demonstrations.motions.values())[training.env.count : training.preset.episodes]:
+        play(training.env, actions)
+        training.keep_checkpoint()

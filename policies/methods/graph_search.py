@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mpm.files import write, write_json
 from mpm.geometry.rigid_motion import rotation_matrix
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import FAILED
@@ -17,7 +18,6 @@ from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import get_weights, sample_solids
 from policies.dynamics.rollout_files import grain_positions
 from policies.learning.environments import play
-from policies.learning.files import write, write_json
 from policies.methods.evolution import make_search, to_motion
 from policies.runs import checkpoint
 from policies.runs.training import Training

@@ -1,6 +1,7 @@
 """`robosim train`: learn a sub-task, with or without demonstrations."""
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from policies.learning.presets import Preset
 
 def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | None = None, episodes: int | None = None,
           material: str | None = None, starts: str = "nominal", action_repeat: int = 10, obs: str | None = None,
-          force: bool = False, rollouts: Path | None = None, change: Change | None = None) -> int:
+          force: bool = False, rollouts: Path | None = None, checkpoint_every: int = 10,
+          change: Change | None = None) -> int:
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
     episodes, obs: instead of the preset's. change: of the method's table, before it is checked. Other arguments as in
@@ -24,7 +26,8 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
         mpm.InvalidValue: a package is missing, or arguments do not fit.
     """
     check_installed()
-    for name, number in (("--episodes", episodes), ("--action-repeat", action_repeat)):
+    for name, number in (("--episodes", episodes), ("--action-repeat", action_repeat),
+                         ("--checkpoint-every", checkpoint_every)):
         if number is not None and number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
     if seed < 0:
@@ -39,21 +42,17 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     torch.set_num_threads(1)
     options: dict[str, Any] = {"material": material} if material else {}
     training = Training(method, preset, task, out, seed=seed, demos=demos, starts=starts, action_repeat=action_repeat,
-                        force=force, rollouts=rollouts, **options)
+                        force=force, rollouts=rollouts, checkpoint_every=checkpoint_every, **options)
     try:
         if training.folder.is_finished and not force:
             print(f"{out}: finished already")
             return 0
-        training.folder.write_status("running")
+        training.folder.update_status("running")
         select_method(preset.learner)(training)
-    except KeyboardInterrupt:
-        training.folder.write_status("stopped", reason="Ctrl-C; the same command continues from the last checkpoint")
-        raise
-    except Exception as error:
-        training.folder.write_status("failed", reason=f"{type(error).__name__}: {error}")
-        raise
-    else:
         training.finish()
+    except BaseException as error:
+        print(f"{out}: {training.env.count} episodes finished; {training.stop(error)}", file=sys.stderr)
+        raise
     finally:
         training.folder.close()
     status = training.folder.read_json("status.json")

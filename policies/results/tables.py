@@ -8,8 +8,9 @@ from typing import Any
 import yaml
 
 import mpm
+from mpm.files import write, write_json, write_text
 from policies.learning.bundled import configs_folder
-from policies.learning.files import digest, write, write_json
+from policies.learning.files import digest
 from policies.learning.preset_files import migrate_manifest, migrate_row
 from policies.results.further_tables import make_further_tables
 from policies.results.page import align_columns, format_scores, make_page
@@ -115,7 +116,7 @@ def tables(sources: list[Path], out: Path) -> int:
     write(out / "tables.csv", lambda path: write_csv(path, rows))
     page = make_page(summaries, published, sources, further_tables,
                      {"Not finished": unfinished, "Means over different runs": notes})
-    write(out / "index.html", lambda path: path.write_text(page))
+    write_text(out / "index.html", page)
     print(format_scores(summaries, published))
     for table in further_tables:
         print(f"\n{table.title}:\n{align_columns([table.head, *table.rows])}")

@@ -14,27 +14,33 @@ from typing import Any
 import numpy as np
 import torch
 
-from policies.learning.files import write
+from mpm.files import write
 
 
-def save(path: Path, model: Any, **parts: Any) -> None:
-    """Write a model (or None) with its replay buffer, the states of all random numbers, and other parts."""
+def pack(model: Any, **parts: Any) -> bytes:
+    """Return the file of a model (or None) with its replay buffer, the states of all random numbers, and other parts.
+    """
     if model is not None:
         parts["actions"] = model.action_space.np_random.bit_generator.state
     state = {"python": random.getstate(), "numpy": np.random.get_state(),  # noqa: NPY002  (SB3 draws from it)
              "torch": torch.get_rng_state(), **parts}
 
-    def write_archive(temporary: Path) -> None:
-        with zipfile.ZipFile(temporary, "w") as archive:
-            if model is not None:
-                stored_model = io.BytesIO()
-                model.save(stored_model)
-                archive.writestr("model.zip", stored_model.getvalue())
-                if getattr(model, "replay_buffer", None) is not None:
-                    archive.writestr("buffer.pickle", pickle.dumps(model.replay_buffer, pickle.HIGHEST_PROTOCOL))
-            archive.writestr("state.pickle", pickle.dumps(state, pickle.HIGHEST_PROTOCOL))
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        if model is not None:
+            stored_model = io.BytesIO()
+            model.save(stored_model)
+            archive.writestr("model.zip", stored_model.getvalue())
+            if getattr(model, "replay_buffer", None) is not None:
+                archive.writestr("buffer.pickle", pickle.dumps(model.replay_buffer, pickle.HIGHEST_PROTOCOL))
+        archive.writestr("state.pickle", pickle.dumps(state, pickle.HIGHEST_PROTOCOL))
+    return packed.getvalue()
 
-    write(path, write_archive)
+
+def save(path: Path, model: Any, **parts: Any) -> None:
+    """Write what `pack` returns."""
+    packed = pack(model, **parts)
+    write(path, lambda temporary: temporary.write_bytes(packed))
 
 
 def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
@@ -58,3 +64,37 @@ def restore_random_state(state: dict[str, Any], model: Any = None) -> None:
     random.setstate(state["python"])
     np.random.set_state(state["numpy"])  # noqa: NPY002
     torch.set_rng_state(state["torch"])
+
+
+class Checkpoints:
+    """The last checkpoint of a run, kept in memory until it is due, so that an interrupt loses an episode at most.
+
+    every: episodes from one checkpoint on the disk to the next.
+    """
+
+    def __init__(self, every: int) -> None:
+        self.every, self.stored = every, 0
+        self._kept: tuple[int, bytes] | None = None
+
+    def keep(self, episodes: int, packed: bytes) -> None:
+        """Take a checkpoint after a number of episodes instead of the last one."""
+        self._kept = episodes, packed
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the last checkpoint is to be written now."""
+        return self._kept is not None and self._kept[0] >= self.stored + self.every
+
+    def write(self, path: Path) -> None:
+        """Write the last checkpoint, unless it is written."""
+        if self._kept is not None:
+            episodes, packed = self._kept
+            write(path, lambda temporary: temporary.write_bytes(packed))
+            self._kept, self.stored = None, episodes
+
+    def describe(self, path: Path) -> str:
+        """Return what the same command will do."""
+        if not path.is_file():
+            return "there is no checkpoint yet: the same command begins again"
+        return f"the same command continues after {self.stored} episodes" if self.stored else \
+            "the same command continues from the checkpoint"

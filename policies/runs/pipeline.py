@@ -8,7 +8,6 @@ import argparse
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import threading
@@ -21,8 +20,9 @@ import yaml
 from tqdm import tqdm
 
 import mpm
+from mpm.files import write, write_json
 from policies.learning.bundled import check_installed, configs_folder
-from policies.learning.files import lock_folder, write, write_json
+from policies.learning.files import is_locked, working_in
 from policies.learning.preset_files import load_preset
 from policies.runs.pipeline_table import collect_rows, format_rows
 
@@ -37,6 +37,8 @@ the default rate."""
 SEQUENCE, ARM = "sub-tasks in sequence", "whole arm"
 DEPENDENTS = {"demonstrations": ("training of {task}", SEQUENCE, ARM), "training": (SEQUENCE, ARM)}
 """Kind of stage -> the stages that use its result."""
+POLL = 0.5
+"""Time [s] between two looks at a folder's lock."""
 SHARED_OPTIONS = ("seed", "n", "iterations", "episodes", "material")
 """Options that all calls in one folder must share."""
 
@@ -98,10 +100,10 @@ class Pipeline:
 
     def run(self) -> int:
         """Run all stages; return 0, or 1 where one failed."""
-        for name in ("SIGTERM", "SIGHUP"):  # as on Ctrl-C: the processes of the stages are interrupted
-            if signal.getsignal(getattr(signal, name, signal.SIGTERM)) == signal.SIG_DFL:
-                signal.signal(getattr(signal, name), signal.default_int_handler)
-        lock = lock_folder(self.out)
+        with working_in(self.out):
+            return self._run_stages()
+
+    def _run_stages(self) -> int:
         self._progress = tqdm(total=2 * len(self.tasks) + 2, unit="command", file=sys.stderr)
         pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
         try:
@@ -111,7 +113,6 @@ class Pipeline:
             self._stop()
             pool.shutdown()
             self._progress.close()
-            lock.release()
         rows = collect_rows(self.out, self.tasks, {task: self._training_folder(task) for task in self.tasks})
         self._store(rows=rows)
         print(format_rows(rows))
@@ -127,7 +128,7 @@ class Pipeline:
         with self._lock:
             self._is_stopped = True
             for process in self._processes:
-                process.send_signal(signal.SIGINT)
+                process.terminate()  # not SIGINT, which the processes of a shell's background job ignore
 
     def _learn(self, task: str) -> bool:
         """Make a sub-task's demonstrations and train on them; return whether there is a learned motion."""
@@ -181,13 +182,16 @@ class Pipeline:
             self._store(name, state="running", arguments=arguments,
                         reason="interrupted; the same command continues")
             began = time.time()
+            while is_locked(Path(arguments[arguments.index("--out") + 1])) and not self._is_stopped:
+                time.sleep(POLL)  # a killed pipeline has left this stage's process
             with log.open("a") as file:
                 process = self._start(arguments, file)
                 is_finished = process is not None and process.wait() == 0
                 with self._lock:
                     self._processes.discard(process)
             last_line = (log.read_text().strip().splitlines() or ["no output"])[-1]
-            self._store(name, state="finished" if is_finished else "failed", arguments=arguments,
+            state = "finished" if is_finished else "interrupted" if self._is_stopped else "failed"
+            self._store(name, state=state, arguments=arguments,
                         reason="" if is_finished else last_line, seconds=time.time() - began)
         with self._lock:
             self._progress.update()

@@ -6,7 +6,6 @@ of the best one, checkpoint.zip its last checkpoint.
 
 import csv
 import json
-import os
 import platform
 import subprocess
 from functools import partial
@@ -17,7 +16,8 @@ from typing import Any
 import numpy as np
 
 import mpm
-from policies.learning.files import lock_folder, write, write_json
+from mpm.files import write, write_json, write_status
+from policies.learning.files import lock_folder
 from policies.learning.preset_files import migrate_manifest
 from policies.runs.episodes import Episode
 
@@ -58,17 +58,18 @@ class RunFolder:
     """
 
     def __init__(self, path: Path, manifest: dict[str, Any], force: bool = False) -> None:
-        self.path, self.rows, self.best_return = path, [], -np.inf
+        self.path, self.best_return = path, -np.inf
+        self.rows: list[dict[str, Any]] = []
         self.manifest = {**manifest, "versions": {name: version(name) for name in (
             "robosim", "numpy", "torch", "stable_baselines3", "gymnasium", "taichi")}, "machine": platform.machine()}
         self._lock = lock_folder(path)
         try:
             self._check_identity(force)
-        except mpm.InvalidValue:
+            if not self.is_finished or force:
+                write_json(path / "manifest.json", self.manifest)
+        except BaseException:
             self.close()
             raise
-        if not self.is_finished or force:
-            write_json(path / "manifest.json", self.manifest)
 
     def _check_identity(self, force: bool) -> None:
         stored = self.read_json("manifest.json")
@@ -97,6 +98,11 @@ class RunFolder:
         return self.path / "checkpoint.zip"
 
     @property
+    def event_log(self) -> Path:
+        """Path of TensorBoard's events."""
+        return self.path / "events.out.tfevents"
+
+    @property
     def is_finished(self) -> bool:
         """Whether the run has come to its end."""
         status = self.read_json("status.json")
@@ -105,19 +111,21 @@ class RunFolder:
     def add(self, episode: Episode, action_repeat: int) -> bool:
         """Add an episode; return whether it is the best so far, whose actions are then written to best.npz."""
         self.rows.append(episode.row)
-        self._write_episodes()
+        self.write_episodes()
         if not episode.total > self.best_return or episode.row["diverged"]:
             return False
         self.best_return = episode.total
         figures = {key: np.array(episode.row[key]) for key in ("episode", "start", "return", "tcs", "needed")
                    if key in episode.row}
-        origin = {key: np.array(self.manifest[key]) for key in ("task", "material", "method", "seed", "fingerprint")}
+        origin = {key: np.array(self.manifest[key]) for key in ("task", "material", "method", "seed", "fingerprint")
+                  if self.manifest[key] is not None}  # it would be pickled
         write(self.path / "best.npz", partial(np.savez, actions=episode.actions.astype(np.float32),
                                               action_repeat=np.array(action_repeat), **figures, **origin,
                                               nominal=np.array(self.manifest.get("starts") == "nominal")))
         return True
 
-    def _write_episodes(self) -> None:
+    def write_episodes(self) -> None:
+        """Write episodes.csv."""
         def write_rows(path: Path) -> None:
             with path.open("w", newline="") as file:
                 names = dict.fromkeys(name for row in self.rows for name in row)  # earlier versions had fewer columns
@@ -138,7 +146,7 @@ class RunFolder:
 
     def write_status(self, state: str, **more: Any) -> None:
         """Write status.json: the state, figures of the episodes so far, and more."""
-        status: dict[str, Any] = {"state": state, "process": os.getpid(), "episodes": len(self.rows)}
+        status: dict[str, Any] = {"episodes": len(self.rows)}
         if self.rows:
             last = self.rows[-LAST:]
             keys = [key for key in ("return", "tcs", "delivered", "spilled", "collisions") if key in self.rows[0]]
@@ -146,4 +154,10 @@ class RunFolder:
             status["last"] = {key: float(np.mean([row[key] for row in last])) for key in keys}
             status["seconds"] = sum(row["seconds"] for row in self.rows)
             status["simulating_s"] = sum(row["simulating"] for row in self.rows)
-        write_json(self.path / "status.json", {**status, **more})
+        write_status(self.path, state, **status, **more)
+
+    def update_status(self, state: str, **more: Any) -> None:
+        """Write status.json with the figures that it has."""
+        stored = self.read_json("status.json") or {}
+        write_status(self.path, state, **{key: value for key, value in stored.items()
+                                          if key not in ("state", "process", "reason")} | more)

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -12,7 +11,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 import mpm
-from policies.learning.files import is_locked, write_json
+from mpm.files import keep_status, write_json
+from policies.learning.files import is_locked
 from policies.learning.preset_files import Change
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
 
@@ -46,10 +46,14 @@ def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry_run: bool 
         return 0
     if slurm is not None:
         return submit(unfinished, slurm, path)
-    failed = run_queue(unfinished, jobs, len(runs))
+    file.out.mkdir(parents=True, exist_ok=True)
+    try:
+        with keep_status(file.out):
+            failed = run_queue(unfinished, jobs, len(runs))
+    finally:
+        write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
     for run, reason in failed:
         print(f"failed: {run.out}: {reason}", file=sys.stderr)
-    write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
     return 1 if failed else 0
 
 
@@ -95,9 +99,12 @@ def start_process(run: SweepRun) -> subprocess.Popen:
 
 
 def interrupt(processes: list[subprocess.Popen]) -> None:
-    """Interrupt processes as Ctrl-C does, so that each stores that it was stopped; kill them after GRACE."""
+    """Interrupt processes, so that each writes its checkpoint; kill them after GRACE.
+
+    Not with SIGINT, which the processes of a shell's background job ignore.
+    """
     for process in processes:
-        process.send_signal(signal.SIGINT)
+        process.terminate()
     for process in processes:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(GRACE)

@@ -8,11 +8,12 @@ from typing import Any, Protocol
 import gymnasium
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
 from tqdm import tqdm
 
 import mpm
+from mpm.files import describe_end, end_state
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
@@ -29,21 +30,24 @@ from policies.learning.environments import (
 from policies.learning.files import digest
 from policies.learning.presets import Preset
 from policies.runs import checkpoint
+from policies.runs.checkpoint import Checkpoints
 from policies.runs.demonstration_set import load_demonstrations, select_replayable
 from policies.runs.episodes import Episode, Episodes
+from policies.runs.event_log import EventLog
 from policies.runs.run_folder import RunFolder, current_commit
 
 CHECKPOINT_EVERY = 10
-"""Episodes between checkpoints, which are written between two episodes."""
+"""Episodes between checkpoints on the disk, if no other number is given."""
 CHECKPOINT_LATEST = 30
-"""Episodes after which a checkpoint is written within an episode."""
+"""Episodes after which a checkpoint is made within an episode."""
 
 
 class Training:
     """One run in one folder. A method (`policies.methods.method.Method`) brings it to its end.
 
     starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos:
-    folder of demonstrations, or one file. rollouts: folder of `robosim rollouts`. options: of the environment.
+    folder of demonstrations, or one file. rollouts: folder of `robosim rollouts`. checkpoint_every: episodes between
+    checkpoints. options: of the environment.
 
     Raises:
         mpm.InvalidValue: arguments that do not fit each other, or a folder that holds another run.
@@ -51,8 +55,9 @@ class Training:
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
                  starts: str = "nominal", action_repeat: int = 10, force: bool = False, rollouts: Path | None = None,
-                 **options: Any) -> None:
+                 checkpoint_every: int = CHECKPOINT_EVERY, **options: Any) -> None:
         self.preset, self.seed, self.action_repeat = preset, seed, action_repeat
+        self.checkpoints = Checkpoints(checkpoint_every)
         self.base: Any = make_training_environment(task, preset.obs, action_repeat, **options)
         """The environment, with scaled observations where the preset asks for them."""
         raw = self.base.unwrapped
@@ -124,14 +129,42 @@ class Training:
     def resume(self, state: dict[str, Any]) -> None:
         """Restore episodes and random numbers from the parts of a checkpoint."""
         self.folder.rows, self.folder.best_return = state["rows"], state["best"]
-        self.env.count = len(state["rows"])
+        self.env.count = self.checkpoints.stored = len(state["rows"])
         self.progress.update(self.env.count)
+        self.folder.write_episodes()  # a run that was killed has written more of them
+        self.folder.write_status("running")
         checkpoint.restore_random_state(state, self.model)
 
     def save_checkpoint(self, **parts: Any) -> None:
         """Write a checkpoint of the model, the episodes and a method's own parts."""
-        checkpoint.save(self.folder.checkpoint, self.model, rows=self.folder.rows, best=self.folder.best_return,
-                        **parts)
+        self.keep_checkpoint(**parts)
+        self.checkpoints.write(self.folder.checkpoint)
+
+    def keep_checkpoint(self, **parts: Any) -> None:
+        """Make a checkpoint, to be written when it is due or when the run is interrupted."""
+        self.checkpoints.keep(self.env.count, checkpoint.pack(
+            self.model, rows=self.folder.rows, best=self.folder.best_return, **parts))
+        if self.checkpoints.is_due:
+            self.checkpoints.write(self.folder.checkpoint)
+
+    def stop(self, error: BaseException) -> str:
+        """Write the last checkpoint and the status after what ended the run; return what the same command will do.
+
+        What a full disk does not take is reported on stderr.
+        """
+        self.progress.close()
+        for write in (lambda: self.checkpoints.write(self.folder.checkpoint), lambda: self._write_end(error)):
+            try:
+                write()
+            except OSError as failure:
+                print(f"{self.folder.path}: {failure}", file=sys.stderr)
+        return self.checkpoints.describe(self.folder.checkpoint)
+
+    def _write_end(self, error: BaseException) -> None:
+        reason = f"{describe_end(error)}; {self.checkpoints.describe(self.folder.checkpoint)}"
+        is_resumed = self.env.count > 0 or not self.folder.checkpoint.is_file()
+        write = self.folder.write_status if is_resumed else self.folder.update_status
+        write(end_state(error), reason=reason)
 
     def save_if_best(self, policy: Any) -> None:
         """Write the policy to best_policy.npz if an episode since the last call was the best so far."""
@@ -154,10 +187,9 @@ class Training:
         checkpoints.
         """
         venv = venv or DummyVecEnv([lambda: self.agent_env])
-        logger = configure(str(self.folder.path), ["tensorboard"])
         if self.folder.checkpoint.is_file():
             self.model, state = checkpoint.load(self.folder.checkpoint, learner_class(self.preset), venv)
-            self.model.set_logger(logger)
+            self.model.set_logger(EventLog.resume(self.folder.event_log, state.get("log")))
             if callback is not None:
                 callback.load(state["callback"])
             self.resume(state)
@@ -165,7 +197,7 @@ class Training:
         else:
             self.model = build_learner(self.preset, venv, self.seed,
                                        getattr(self.base.unwrapped, "observation_slices", None))
-            self.model.set_logger(logger)
+            self.model.set_logger(Logger(str(self.folder.path), [EventLog(self.folder.event_log, 0)]))
             if self.preset.demonstrations is not None:
                 prefill_demo_buffer(self.model, self.demonstration_transitions(), self.preset.demonstrations.updates)
         is_first = self.env.count == 0
@@ -208,16 +240,18 @@ class CheckpointCallback(BaseCallback):
 
     def __init__(self, training: Training, callback: StatefulCallback | None) -> None:
         super().__init__()
-        self.training, self._callback, self._saved_at = training, callback, training.env.count
+        self.training, self._callback, self._kept_at = training, callback, training.env.count
 
     def _on_rollout_start(self) -> None:
         count = self.training.env.count
         # Once an episode has ended early, PPO's batches may never again end between episodes: then the checkpoint is
-        # written within an episode, which a resumed run starts again.
-        is_late = count >= self._saved_at + CHECKPOINT_LATEST
-        if count >= self._saved_at + CHECKPOINT_EVERY and (not self.training.env.is_under_way or is_late):
-            self.training.save_checkpoint(callback=self._callback.state() if self._callback else None)
-            self._saved_at = count
+        # made within an episode, which a resumed run starts again.
+        is_late = count >= self._kept_at + CHECKPOINT_LATEST
+        if count > self._kept_at and (not self.training.env.is_under_way or is_late):
+            log: Any = self.logger.output_formats[0]
+            self.training.keep_checkpoint(callback=self._callback.state() if self._callback else None,
+                                          log=log.state(self.logger))
+            self._kept_at = count
 
     def _on_step(self) -> bool:
         self.training.save_if_best(self.model.policy)

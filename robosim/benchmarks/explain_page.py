@@ -43,7 +43,7 @@ def write_page(scene: str, own: dict[str, Any], rows: list[dict[str, Any]] | Non
     page.add_table(["reading", "value"], own["readings"].items())
     if rows is not None:
         _add_settings(page, scene, rows, list(own["readings"]))
-    folder.write("index.html", lambda path: path.write_text(page.html()))
+    folder.write_text("index.html", page.html())
     print(folder.path / "index.html")
 
 

@@ -25,7 +25,8 @@ def add_parser(commands: Any) -> None:
                         "bundled motions)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="chain.json has the finished sub-tasks; the same command "
+                        "begins again")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,12 +1,17 @@
 """The command line: `robosim COMMAND`, with the commands of other packages from the entry points of a group."""
 
 import argparse
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import entry_points, version
 from typing import Any
 
 import mpm
+from mpm.files import describe_end
 from robosim.commands.arguments import CommandParser
 from robosim.errors import RobosimError, RobotDiverged
 
@@ -16,6 +21,8 @@ RENAMED = {"frames": "rollouts"}
 """Commands of earlier versions -> their names now."""
 GROUP = "robosim.commands"
 """Entry points of other packages' commands: functions that are given the parsers and add their own."""
+SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}
+"""Signals that interrupt a command, as messages call them."""
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --out out/sugar
   robosim evaluate SpoonPour --policy scripted
@@ -54,7 +61,40 @@ class Version(argparse.Action):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; 0 when all is well, 1 for a run that failed, 2 for wrong input, 130 for Ctrl-C."""
+    """Run a command; 0 when all is well, 1 for a run that failed, 2 for wrong input, 128 + n for signal n.
+
+    Ctrl-C, SIGTERM and SIGHUP end a command alike: it raises KeyboardInterrupt, whose argument is the signal's name.
+    """
+    with interrupts() as received:
+        try:
+            return run_command(arguments)
+        except KeyboardInterrupt:
+            return 128 + (received[0] if received else signal.SIGINT)
+
+
+@contextmanager
+def interrupts() -> Iterator[list[int]]:
+    """Raise KeyboardInterrupt on each of SIGNALS that is not ignored or handled by others; give those received."""
+    received: list[int] = []
+
+    def interrupt(number: int, frame: object) -> None:
+        received.append(number)
+        raise KeyboardInterrupt(SIGNALS[signal.Signals(number).name])
+
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():  # no other thread may set handlers
+        for number in (getattr(signal, name) for name in SIGNALS if hasattr(signal, name)):
+            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
+                handlers[number] = signal.signal(number, interrupt)
+    try:
+        yield received
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def run_command(arguments: list[str] | None) -> int:
+    """Run a command; an error becomes a line on stderr and an exit status, a KeyboardInterrupt a line alone."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments and arguments[0] in RENAMED:
         parser().error(f"the command {arguments[0]} is now called {RENAMED[arguments[0]]}")
@@ -64,12 +104,13 @@ def main(arguments: list[str] | None = None) -> int:
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1 if isinstance(error, (mpm.SimulationDiverged, mpm.GradientDiverged, RobotDiverged)) else 2
-    except OSError as error:  # a full disk, a folder that was removed: files renamed into their place are complete
+    except OSError as error:  # a full disk, a folder that was removed: files under their names are whole
         print(f"robosim {options.command}: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print(f"robosim {options.command}: stopped by Ctrl-C; finished files are in --out", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as error:
+        after = getattr(options, "after_interrupt", "")
+        print(f"robosim {options.command}: {describe_end(error)}{'; ' if after else ''}{after}", file=sys.stderr)
+        raise
 
 
 if __name__ == "__main__":

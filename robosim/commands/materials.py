@@ -27,7 +27,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for materials.json, .csv and .png; episodes "
                         "that are finished there are not repeated")
     parser.add_settings("tasks' files", "success.delivered=0.9")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished episodes are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mpm.files import write_text
 from robosim.config.resources import config_names, config_path
 from robosim.errors import ConfigError
 
@@ -52,8 +53,7 @@ def run(options: argparse.Namespace) -> int:
     heading = (f"A {kind}, made by `robosim new {kind} {path.stem} --from {basis}`; used by "
                f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "
                f"A key after a # has its default; to change it, remove the #.")
-    with path.open("x") as file:
-        file.write(template(schema, table, heading))
+    write_text(path, template(schema, table, heading))
     print(path)
     return 0
 

@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> None:
                         "times of other codes to this machine")
     parser.add_argument("--compare", type=Path, help="report.json of another run, to list what improved and what "
                         "became worse")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished runs are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

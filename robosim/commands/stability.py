@@ -21,7 +21,7 @@ def add_parser(commands: Any) -> None:
                         f"compare couplings: {', '.join(COMPARISONS)}")
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
     parser.add_argument("--jobs", type=positive, default=1, help="number of cases at the same time (default: 1)")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, after_interrupt="finished cells are kept; the same command continues")
 
 
 def run(options: argparse.Namespace) -> int:

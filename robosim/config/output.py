@@ -1,13 +1,14 @@
-"""Files of a run: written beside and renamed, so that what is there is always whole."""
+"""The folder of a command's results: kept from other processes, with files that are always whole and a status."""
 
-import json
-import os
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
+from types import TracebackType
 
 import yaml
 from filelock import FileLock, Timeout
 
+from mpm.files import keep_status, remove_temporary, write, write_json, write_text
 from robosim.errors import ConfigError
 
 
@@ -17,22 +18,15 @@ def aligned(lines: list[list[str]]) -> str:
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 
 
-def replaced(final: Path, writer: Callable[[Path], object]) -> None:
-    """Let `writer` write a file beside its place, then rename it; a failure leaves the old file as it was."""
-    beside = final.with_name(f".{final.stem}.part{final.suffix}")
-    try:
-        writer(beside)
-        os.replace(beside, final)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
 class OutputFolder:
-    """The folder given as `--out`, checked before any work and kept from other processes as long as this lives; raises
-    ConfigError where it cannot be written or one is at work there."""
+    """The folder given as `--out`, checked before any work and kept from other processes as long as this lives.
+
+    In a `with` statement status.json says how far the work has come: "running", then "finished", "interrupted" or
+    "failed". Raises ConfigError where the folder cannot be written or another process is at work there.
+    """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self._status = path, contextlib.ExitStack()
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._lock = FileLock(path / ".lock", is_singleton=True)  # a notebook may come back after an error
@@ -42,28 +36,41 @@ class OutputFolder:
                               ) from None
         except OSError as error:
             raise ConfigError(f"--out {path}: cannot be written ({error.strerror}); give another folder") from None
+        remove_temporary(path)
 
-    def release(self) -> None:
-        """Let others work in the folder."""
-        self._lock.release()
+    def __enter__(self) -> "OutputFolder":
+        self._status.enter_context(keep_status(self.path))
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        try:
+            self._status.__exit__(kind, error, trace)
+        finally:
+            self.release()
 
     def write(self, name: str, writer: Callable[[Path], object]) -> Path:
-        """As `replaced` does; returns where it lies."""
+        """Write a file as `mpm.files.write` does; return its path."""
         final = self.path / name
-        replaced(final, writer)
+        write(final, writer)
         return final
 
     def clear(self, names: tuple[str, ...]) -> None:
-        """Take away what an earlier run left."""
+        """Remove what an earlier run left, also what it did not finish."""
         for name in names:
             (self.path / name).unlink(missing_ok=True)
+            (self.path / f"{name}.part").unlink(missing_ok=True)
+
+    def write_text(self, name: str, text: str) -> Path:
+        """Write a text."""
+        write_text(self.path / name, text)
+        return self.path / name
 
     def write_yaml(self, name: str, value: dict) -> Path:
-        """A table in the order given."""
-        text = yaml.safe_dump(value, sort_keys=False)
-        return self.write(name, lambda path: path.write_text(text))
+        """Write a table in the order given."""
+        return self.write_text(name, yaml.safe_dump(value, sort_keys=False))
 
     def write_json(self, name: str, value: object) -> Path:
-        """Indented JSON; refuses numbers that JSON does not know."""
-        text = json.dumps(value, indent=2, allow_nan=False)
-        return self.write(name, lambda path: path.write_text(text + "\n"))
+        """Write indented JSON; refuses numbers that JSON does not know."""
+        write_json(self.path / name, value)
+        return self.path / name

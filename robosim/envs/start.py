@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import sys
-import tempfile
 import zipfile
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import platformdirs
 
 import mpm
 from mpm.cache_folder import writable_folder
+from mpm.files import write
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.config.materials import MaterialConfig
 from robosim.scene.settle import settle
@@ -128,22 +128,16 @@ def _read_state(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.nda
 
 
 def _write_state(path: Path, digest: str, state: dict[str, np.ndarray]) -> None:
-    """Write a state under a temporary name and rename it.
+    """Write a state, which other processes may write at the same time.
 
     A folder that cannot be written to is reported on stderr; the next start then settles again.
     """
-    temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # several processes may write the same state at once, so that each needs a name of its own
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
-            temporary = Path(file.name)
-            np.savez(file, made_for=digest, checksum=_checksum(state), **state)  # pyright: ignore[reportArgumentType]
-        os.replace(temporary, path)
+        write(path, lambda temporary: np.savez(temporary, made_for=digest, checksum=_checksum(state),
+                                               **state))  # pyright: ignore[reportArgumentType]
     except OSError as error:
         print(f"robosim: cannot write the cache file {path}: {error}", file=sys.stderr)
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
 
 
 def _checksum(state: dict[str, np.ndarray]) -> str:

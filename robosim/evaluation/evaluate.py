@@ -1,5 +1,6 @@
 """`robosim evaluate`: episodes of a policy on a sub-task, their scores as text and JSON, and a film of the first."""
 
+import contextlib
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,9 @@ from robosim.envs.grain_env import GrainEnv
 from robosim.evaluation.policies import make_policy, training_options
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
+
+RESULTS = ("evaluation.json", "episode.mp4")
+"""Files that a run writes."""
 
 
 def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = None, seed: int = 0, film: bool = True,
@@ -30,33 +34,35 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
     make_policy(name, env, seed)  # raises for a policy that does not fit
-    folder = OutputFolder(out) if out else None
-    if folder:
-        folder.clear(("episode.mp4",))
-    rows = []
-    try:
+    rows: list[dict[str, Any]] = []
+    with contextlib.ExitStack() as stack:
+        stack.callback(made.close)
+        folder = stack.enter_context(OutputFolder(out)) if out else None
+        if folder:
+            folder.clear(RESULTS)
         for k in tqdm(range(episodes), desc=f"{task}, {name}", file=sys.stderr):
-            writer = _open_film(folder, env) if k == 0 and film else None
-            rows.append(_run_episode(env, name, seed + k, writer, nominal))
+            with _open_film(folder if k == 0 and film else None, env) as writer:
+                rows.append(_run_episode(env, name, seed + k, writer, nominal))
             if folder:
-                folder.write_json("evaluation.json", summarize(task, name, rows))
-    finally:
-        made.close()
-    values = summarize(task, name, rows)
+                folder.write_json("evaluation.json", summarize(task, name, rows, episodes))
+    values = summarize(task, name, rows, episodes)
     for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):
         print(f"{key:28s} {values[key]:.4g}{' deg' if key.endswith('_deg') else ''}")
     return 0
 
 
-def _open_film(folder: OutputFolder | None, env: GrainEnv) -> Mp4Writer | None:
-    """Open the film's file; None, and the reason on stderr, where pictures cannot be drawn."""
+def _open_film(folder: OutputFolder | None, env: GrainEnv) -> contextlib.AbstractContextManager[Mp4Writer | None]:
+    """Open the film's file; None, and the reason on stderr, where pictures cannot be drawn.
+
+    The film is removed if its episode is interrupted.
+    """
     if folder is None:
-        return None
+        return contextlib.nullcontext()
     try:
         env.render()
     except RenderingUnavailable as error:
         print(f"no film: {error}", file=sys.stderr)
-        return None
+        return contextlib.nullcontext()
     return Mp4Writer(folder.path / "episode.mp4", fps=env.metadata["render_fps"])
 
 
@@ -64,26 +70,23 @@ def _run_episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, 
     """Run one episode and return its figures; the film takes a frame after each action."""
     env.reset(seed=seed, options={"nominal": nominal})
     policy, total, over, info = make_policy(name, env, seed), 0.0, False, {}
-    try:
-        while not over:
-            _, reward, terminated, truncated, info = env.step(policy())
-            total, over = total + reward, terminated or truncated
-            if writer is not None and (frame := env.render()) is not None:
-                writer.add(frame)
-    finally:
-        if writer is not None:
-            writer.close()
+    while not over:
+        _, reward, terminated, truncated, info = env.step(policy())
+        total, over = total + reward, terminated or truncated
+        if writer is not None and (frame := env.render()) is not None:
+            writer.add(frame)
     return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],
             "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged"),
             **({"arm": info["arm"]} if "arm" in info else {})}
 
 
-def summarize(task: str, name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def summarize(task: str, name: str, rows: list[dict[str, Any]], planned: int) -> dict[str, Any]:
     """Return means and standard deviations over episodes, and the episodes' own figures.
 
+    planned: number of episodes; the summary says whether it is of all of them.
     Readings of the arm are the largest of all episodes, because a single one may exceed a limit.
     """
-    values: dict[str, Any] = {"task": task, "policy": name, "episodes": rows}
+    values: dict[str, Any] = {"task": task, "policy": name, "is_complete": len(rows) == planned, "episodes": rows}
     for key in ("return", "tcs"):
         numbers = [row[key] for row in rows]
         values[key], values[f"{key}_std"] = float(np.mean(numbers)), float(np.std(numbers))

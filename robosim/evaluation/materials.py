@@ -39,24 +39,25 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
         check_policy(task, name)
     if len({task_name(task) for task in tasks}) < len(tasks):
         raise ConfigError(f"tasks {', '.join(tasks)}: two have the same name; accepted: files of different names")
-    folder, keys = OutputFolder(out), {task: fingerprint(task, name) for task in tasks}
-    episodes = {task: read_episodes(out / f"{task_name(task)}.json", keys[task]) for task in tasks}
-    waiting = [(task, label) for task in tasks for label in [OWN, *MATERIALS] if label not in episodes[task]]
-    progress = tqdm(total=len(tasks) * (1 + len(MATERIALS)), unit="episode", file=sys.stderr)
-    progress.update(progress.total - len(waiting))
-    failed = []
-    for index, episode, reason in run_jobs([(EPISODE, [task, name, label]) for task, label in waiting], jobs):
-        task, label = waiting[index]
-        if episode is None:
-            failed.append(f"{task} in {label}: {reason}")
-        else:
-            episodes[task][label] = episode
-            folder.write_json(f"{task_name(task)}.json", {"key": keys[task], "episodes": episodes[task]})
-        progress.update()
-    progress.close()
-    complete = [task for task in tasks if len(episodes[task]) == 1 + len(MATERIALS)]
-    if complete:
-        write_tables(folder, name, {task_name(task): make_rows(episodes[task]) for task in complete})
+    keys = {task: fingerprint(task, name) for task in tasks}
+    with OutputFolder(out) as folder:
+        episodes = {task: read_episodes(out / f"{task_name(task)}.json", keys[task]) for task in tasks}
+        waiting = [(task, label) for task in tasks for label in [OWN, *MATERIALS] if label not in episodes[task]]
+        progress = tqdm(total=len(tasks) * (1 + len(MATERIALS)), unit="episode", file=sys.stderr)
+        progress.update(progress.total - len(waiting))
+        failed = []
+        for index, episode, reason in run_jobs([(EPISODE, [task, name, label]) for task, label in waiting], jobs):
+            task, label = waiting[index]
+            if episode is None:
+                failed.append(f"{task} in {label}: {reason}")
+            else:
+                episodes[task][label] = episode
+                folder.write_json(f"{task_name(task)}.json", {"key": keys[task], "episodes": episodes[task]})
+            progress.update()
+        progress.close()
+        complete = [task for task in tasks if len(episodes[task]) == 1 + len(MATERIALS)]
+        if complete:
+            write_tables(folder, name, {task_name(task): make_rows(episodes[task]) for task in complete})
     for failure in failed:
         print(f"failed: {failure}; finished episodes are kept, run the same command again to continue", file=sys.stderr)
     return 1 if failed else 0

@@ -65,10 +65,12 @@ class Film:
 
     def close(self) -> None:
         """Finish film and sheet, with the frames so far where the run stopped early."""
-        self._writer.close()
-        if self._sheet:
-            self._out.write("frames.png", lambda path: write_contact_sheet(self._sheet, self._captions, path))
-        self._renderer.close()
+        try:
+            self._writer.close()
+            if self._sheet:
+                self._out.write("frames.png", lambda path: write_contact_sheet(self._sheet, self._captions, path))
+        finally:
+            self._renderer.close()
 
 
 def _compile_drawn_model(run: RehearsalRun) -> mujoco.MjModel:

@@ -4,6 +4,7 @@ Each sub-task begins at its own start pose with what the one before left in the 
 replayed from the sub-task's own settled start.
 """
 
+import contextlib
 import math
 import sys
 from pathlib import Path
@@ -43,25 +44,22 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
     chosen = {"trajectory": "learned", "material": material, "motions": motions and str(motions)}
     config = load_rehearsal(name, {key: value for key, value in chosen.items() if value})
     paths = {task: find_motion(config, task) for task in config.learned}
-    folder = OutputFolder(out)
-    folder.clear(RESULTS)
-    writer = Mp4Writer(out / "chain.mp4", fps=FRAME_RATE) if film else None
     rows: list[dict[str, Any]] = []
     load: Load | None = None
     broken = ""
-    try:
-        for task, path in tqdm(paths.items(), unit="sub-task", file=sys.stderr):
-            row, load, broken = _replay_sub_task(task, path, config.material, load, writer)
-            rows.append(row)
-            if not broken and load is None and len(rows) < len(paths):
-                broken = f"{task} leaves nothing in its tool"
-            folder.write_json("chain.json", {"rehearsal": name, "material": config.material, "broken": broken,
-                                             "sub_tasks": rows})
-            if broken:
-                break
-    finally:
-        if writer is not None:
-            writer.close()
+    with OutputFolder(out) as folder:
+        folder.clear(RESULTS)
+        with Mp4Writer(out / "chain.mp4", fps=FRAME_RATE) if film else contextlib.nullcontext() as writer:
+            for task, path in tqdm(paths.items(), unit="sub-task", file=sys.stderr):
+                row, load, broken = _replay_sub_task(task, path, config.material, load, writer)
+                rows.append(row)
+                if not broken and load is None and len(rows) < len(paths):
+                    broken = f"{task} leaves nothing in its tool"
+                folder.write_json("chain.json", {"rehearsal": name, "material": config.material, "broken": broken,
+                                                 "is_complete": bool(broken) or len(rows) == len(paths),
+                                                 "sub_tasks": rows})
+                if broken:
+                    break
     print(format_rows(rows))
     if broken:
         print(f"the chain broke: {broken}", file=sys.stderr)

@@ -1,5 +1,6 @@
 """A rehearsal from its file to its results: check everything, run, write everything."""
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -53,33 +54,38 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     name_joints(config.joint_trajectory)  # raises for names that cannot be used
     if camera is not None:
         check_camera(camera)
-    folder = OutputFolder(out)
-    folder.clear(RESULTS)
-    folder.write_yaml("config.yaml", config.model_dump(mode="json"))
-    folder.write_yaml("material.yaml", material_config.model_dump(mode="json"))
-    print("planning the motion ...", file=sys.stderr)
-    plan = plan_motion(config)
-    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
-        plan.motion, config.joint_trajectory, start=config.grasp_time))
-    print("preparing grains and robot ...", file=sys.stderr)
-    run = RehearsalRun(config, plan, seed=seed)
-    film = _open_film(run, folder, camera)
-    try:
-        _simulate(run, film)
-    except (mpm.SimulationDiverged, RobotDiverged):
-        folder.write("last_good_state.npz", run.save_last_good_state)
-        raise
-    finally:
-        if film is not None:
-            film.close()
-        if run.recording.steps:
-            folder.write("trajectory.csv", run.recording.write_csv)
-    figures = compute_figures(run)
-    missed = find_missed(figures, config)
-    folder.write_json("report.json", figures | {"missed": missed})
-    folder.write("report.png", lambda path: plot_report(run, path))
-    _print(figures, missed, folder)
-    return int(bool(missed))
+    with OutputFolder(out) as folder:
+        folder.clear(RESULTS)
+        folder.write_yaml("config.yaml", config.model_dump(mode="json"))
+        folder.write_yaml("material.yaml", material_config.model_dump(mode="json"))
+        print("planning the motion ...", file=sys.stderr)
+        plan = plan_motion(config)
+        folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
+            plan.motion, config.joint_trajectory, start=config.grasp_time))
+        print("preparing grains and robot ...", file=sys.stderr)
+        run = RehearsalRun(config, plan, seed=seed)
+        with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
+            stack.callback(_write_trajectory, run, folder)
+            film = _open_film(run, folder, camera)
+            if film is not None:
+                stack.callback(film.close)
+            try:
+                _simulate(run, film)
+            except (mpm.SimulationDiverged, RobotDiverged):
+                folder.write("last_good_state.npz", run.save_last_good_state)
+                raise
+        figures = compute_figures(run)
+        missed = find_missed(figures, config)
+        folder.write_json("report.json", figures | {"missed": missed})
+        folder.write("report.png", lambda path: plot_report(run, path))
+        _print(figures, missed, folder)
+        return int(bool(missed))
+
+
+def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:
+    """Write the steps that were simulated."""
+    if run.recording.steps:
+        folder.write("trajectory.csv", run.recording.write_csv)
 
 
 def _open_film(run: RehearsalRun, folder: OutputFolder, camera: str | None) -> Film | None:

@@ -1,5 +1,6 @@
 """Films in H.264 and contact sheets, written under a temporary name and renamed when complete."""
 
+import contextlib
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -8,6 +9,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+
+from mpm.files import write
 
 Frame = NDArray[np.uint8]
 """Picture (height, width, 3), RGB."""
@@ -19,26 +22,23 @@ PICTURE_WIDTH = 640
 """Width [pixels] of one picture on the sheet."""
 
 
-def partial_path(path: Path) -> Path:
-    """Return the name of a file until it is complete; make its folder."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path.with_name(path.name + ".part")
-
-
 class Mp4Writer:
     """Writes frames to an H.264 film in yuv420p, which every player opens.
 
     Until close() the film is called `path`.part. It is written in fragments, one per key frame, so that the
     .part of a killed run plays up to its last seconds; close() rewrites it with its index first
-    (faststart), without encoding again. Raises ValueError for frames of another size or an odd one.
+    (faststart), without encoding again. A film that cannot be finished is removed. Raises ValueError for frames of
+    another size or an odd one, OSError for a full disk.
     """
 
     def __init__(self, path: str | Path, fps: int = 30) -> None:
         if fps < 1:
             raise ValueError(f"film {path}: fps is {fps}; accepted: 1 or more")
         self.path = Path(path)
-        self._part = partial_path(self.path)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._part = self.path.with_name(self.path.name + ".part")
         self._fps = fps
+        self._is_closed = False
         self._stream: av.VideoStream | None = None
         self._file = av.open(str(self._part), "w", format="mp4", options=FRAGMENTED)
 
@@ -69,14 +69,23 @@ class Mp4Writer:
 
         May be called twice.
         """
-        if not self._part.exists():
+        if self._is_closed:
             return
-        if self._stream is not None:
-            self._file.mux(self._stream.encode())
-        self._file.close()
-        if self._stream is not None:
-            move_index_to_front(self._part, self.path)
-        self._part.unlink()
+        try:
+            if self._stream is not None:
+                self._file.mux(self._stream.encode())
+            self._file.close()
+            if self._stream is not None:
+                write(self.path, lambda path: copy_with_index_first(self._part, path))
+        finally:
+            self.discard()
+
+    def discard(self) -> None:
+        """Remove the film, unless it is finished."""
+        self._is_closed = True
+        with contextlib.suppress(OSError):  # of a full disk
+            self._file.close()
+        self._part.unlink(missing_ok=True)
 
     def __enter__(self) -> "Mp4Writer":
         return self
@@ -84,28 +93,23 @@ class Mp4Writer:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Finish the film; after an error keep it as .part, because it is incomplete."""
+        """Finish the film; after an error remove it, because it is incomplete."""
         if fault is None:
             self.close()
         else:
-            self._file.close()
+            self.discard()
 
 
-def move_index_to_front(source: Path, target: Path) -> None:
-    """Copy a fragmented film into one whose index comes first.
-
-    The copy has the final name; packets are not encoded again.
-    """
-    finished = target.with_name(target.name + ".done")
+def copy_with_index_first(source: Path, target: Path) -> None:
+    """Copy a fragmented film into one whose index comes first, without encoding again."""
     with av.open(str(source)) as old, av.open(
-        str(finished), "w", format="mp4", options={"movflags": "faststart"}
+        str(target), "w", format="mp4", options={"movflags": "faststart"}
     ) as new:
         stream = new.add_stream_from_template(old.streams.video[0])
         for packet in old.demux(video=0):
             if packet.dts is not None:  # the last packet is empty and only ends the stream
                 packet.stream = stream
                 new.mux(packet)
-    finished.replace(target)
 
 
 def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
@@ -124,10 +128,7 @@ def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Pa
         picture = Image.fromarray(frame).resize((PICTURE_WIDTH, height), Image.Resampling.LANCZOS)
         write_caption(picture, caption)
         sheet.paste(picture, (k % SHEET_COLUMNS * PICTURE_WIDTH, k // SHEET_COLUMNS * height))
-    target = Path(path)
-    part = partial_path(target)
-    sheet.save(part, format="PNG")
-    part.replace(target)
+    write(Path(path), lambda temporary: sheet.save(temporary, format="PNG"))
 
 
 def write_caption(picture: Image.Image, caption: str) -> None:

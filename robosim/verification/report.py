@@ -35,18 +35,18 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
         raise ConfigError(f"--jobs {jobs}; accepted: 1 or more")
     peers = read_peers(points) if points else None
     earlier = read_json(compare) if compare else None
-    folder = OutputFolder(out)
-    runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path / "report.jsonl", jobs)
-    speed = measure_yardstick(yardsticks) if yardsticks else None
-    results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names or NAMES}
-    content = replace_non_finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,
-                                  "runs": [asdict(run) for run in runs]})
-    folder.write_json("report.json", content)
-    page = make_page(results, runs, peers, speed)
-    if earlier is not None:
-        add_comparison(page, earlier, content)
-    folder.write("index.html", lambda path: path.write_text(page.html()))
-    return print_summary(results, folder.path, quick)
+    with OutputFolder(out) as folder:
+        runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path / "report.jsonl", jobs)
+        speed = measure_yardstick(yardsticks) if yardsticks else None
+        results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names or NAMES}
+        content = replace_non_finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,
+                                      "runs": [asdict(run) for run in runs]})
+        folder.write_json("report.json", content)
+        page = make_page(results, runs, peers, speed)
+        if earlier is not None:
+            add_comparison(page, earlier, content)
+        folder.write_text("index.html", page.html())
+        return print_summary(results, folder.path, quick)
 
 
 def print_summary(results: dict[str, Any], path: Path, quick: bool) -> int:

@@ -5,7 +5,6 @@ of the stability report. CHOICES and VALUE are JSON.
 """
 
 import json
-import os
 import sys
 import warnings
 from dataclasses import asdict, dataclass, replace
@@ -15,6 +14,7 @@ from typing import Any
 from tqdm import tqdm
 
 import mpm
+from mpm.files import append, write_text
 from robosim.errors import ConfigError
 from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import code_digest
@@ -62,8 +62,9 @@ def read_runs(path: Path) -> list[Run]:
     runs = []
     text = path.read_text() if path.is_file() else ""
     complete = text[: text.rfind("\n") + 1]
-    if text != complete and text[len(complete) :].startswith(BEGIN):
-        path.write_text(complete)
+    rest = text[len(complete) :]
+    if rest.startswith(BEGIN) or (complete and rest and BEGIN.startswith(rest)):
+        write_text(path, complete)
         text = complete
     for k, line in enumerate(text.splitlines(), 1):
         try:
@@ -78,11 +79,7 @@ def read_runs(path: Path) -> list[Run]:
 
 def append_run(path: Path, run: Run) -> None:
     """Append a run to a file and flush it to the disk."""
-    line = json.dumps(asdict(run), sort_keys=True) + "\n"
-    with path.open("a") as file:
-        file.write(line)
-        file.flush()
-        os.fsync(file.fileno())
+    append(path, (json.dumps(asdict(run), sort_keys=True) + "\n").encode())
 
 
 def execute_runs(runs: list[Run], path: Path, jobs: int) -> list[Run]:

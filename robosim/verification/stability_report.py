@@ -42,24 +42,24 @@ def stability(axes: list[str], out: Path, jobs: int = 1) -> int:
     stability.json that is no stability report.
     """
     cells = [(axis, value) for axis in axes or AXES for value in find_axis(axis)[1]]
-    folder = OutputFolder(out)
-    code = code_digest(CELLS)
-    known = {cell_key(r["axis"], r["value"]): r for r in read_results(folder.path / "stability.json", code)}
-    waiting = [(axis, value) for axis, value in cells if cell_key(axis, value) not in known]
-    work = [(WORKER, ("--cell", axis, json.dumps(value))) for axis, value in waiting]
-    progress = tqdm(initial=len(cells) - len(waiting), total=len(cells), unit="cell", file=sys.stderr)
-    for index, result, reason in run_jobs(work, jobs):
-        axis, value = waiting[index]
-        ended = CellResult(axis, value, "unstable", f"{ENDED}{reason}")
-        known[cell_key(axis, value)] = replace_non_finite(result) or asdict(ended)
-        folder.write_json("stability.json", {"made_by": provenance(), "code": code, "cells": list(known.values())})
-        progress.update()
-    progress.close()
-    results = [known[cell_key(*cell)] for cell in cells]
-    folder.write("index.html", lambda path: path.write_text(make_page(results).html()))
+    with OutputFolder(out) as folder:
+        code = code_digest(CELLS)
+        known = {cell_key(r["axis"], r["value"]): r for r in read_results(folder.path / "stability.json", code)}
+        waiting = [(axis, value) for axis, value in cells if cell_key(axis, value) not in known]
+        work = [(WORKER, ("--cell", axis, json.dumps(value))) for axis, value in waiting]
+        progress = tqdm(initial=len(cells) - len(waiting), total=len(cells), unit="cell", file=sys.stderr)
+        for index, result, reason in run_jobs(work, jobs):
+            axis, value = waiting[index]
+            ended = CellResult(axis, value, "unstable", f"{ENDED}{reason}")
+            known[cell_key(axis, value)] = replace_non_finite(result) or asdict(ended)
+            folder.write_json("stability.json", {"made_by": provenance(), "code": code, "cells": list(known.values())})
+            progress.update()
+        progress.close()
+        results = [known[cell_key(*cell)] for cell in cells]
+        folder.write_text("index.html", make_page(results).html())
     for result in results:
         print(f"{result['axis']:20} {result['value']!s:16} {result['verdict']:9} {result['reason']}")
-    print(folder.path / "index.html")
+    print(out / "index.html")
     return int(any(result["verdict"] == "unstable" for result in results))
 
 

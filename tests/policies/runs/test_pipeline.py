@@ -127,7 +127,7 @@ def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
 
 
 def test_ctrl_c_interrupts_the_running_stage_and_starts_no_other(tmp_path):
-    """The running command receives SIGINT and ends; so does the pipeline."""
+    """The running command is interrupted and ends; so does the pipeline."""
     arguments = ["pipeline", "shovel", "--no-video", "--out", str(tmp_path)]
     # a background job of a shell ignores SIGINT
     code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
@@ -144,9 +144,10 @@ def test_ctrl_c_interrupts_the_running_stage_and_starts_no_other(tmp_path):
         process.send_signal(signal.SIGINT)
         status = process.wait(100)
     assert status == 130
-    assert "stopped by Ctrl-C" in log.read_text()
+    assert "robosim demo: stopped by SIGTERM; finished iterations are kept" in log.read_text()
+    assert json.loads((tmp_path / "status.json").read_text())["state"] == "interrupted"
     stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
-    assert set(stages) == {"demonstrations of ShovelMove"} and stages[min(stages)]["state"] == "failed"
+    assert set(stages) == {"demonstrations of ShovelMove"} and stages[min(stages)]["state"] == "interrupted"
 
 
 def test_wrong_input_is_named(tmp_path):

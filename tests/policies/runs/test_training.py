@@ -14,7 +14,6 @@ from policies.demonstrations.reading import read_demonstrations, read_start  # n
 from policies.learning.preset_files import load_preset  # noqa: E402
 from policies.learning.presets import Preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
-from policies.runs import training as module  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 
 torch.set_num_threads(1)
@@ -30,21 +29,19 @@ def make_preset(**changes) -> Preset:
 def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner):
     """Interrupted after two of four episodes, where its checkpoint is; continued with other global random states."""
     options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "CHECKPOINT_EVERY", 2)
-        preset = make_preset(learner=learner, options=options)
-        whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole", seed=1)
-        whole.learn()
-        interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1)
-        interrupted.preset = preset.model_copy(update={"episodes": 3})
-        interrupted.learn()
-        with pytest.raises(mpm.InvalidValue, match="another process"):
-            Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1)
-        interrupted.folder.close()
-        np.random.seed(99)  # noqa: NPY002  (the process that continues has another state)
-        torch.manual_seed(99)
-        again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1)
-        again.learn()
+    preset = make_preset(learner=learner, options=options)
+    whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole", seed=1, checkpoint_every=2)
+    whole.learn()
+    interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
+    interrupted.preset = preset.model_copy(update={"episodes": 3})
+    interrupted.learn()
+    with pytest.raises(mpm.InvalidValue, match="another process"):
+        Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
+    interrupted.folder.close()
+    np.random.seed(99)  # noqa: NPY002  (the process that continues has another state)
+    torch.manual_seed(99)
+    again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
+    again.learn()
     assert again.env.count == whole.env.count == 4
     for one, other in zip(again.model.policy.parameters(), whole.model.policy.parameters(), strict=True):
         assert torch.equal(one, other)
