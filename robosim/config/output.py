@@ -49,6 +49,10 @@ class OutputFolder:
         finally:
             self.release()
 
+    def release(self) -> None:
+        """Let others work in the folder."""
+        self._lock.release()
+
     def write(self, name: str, writer: Callable[[Path], object]) -> Path:
         """Write a file as `mpm.files.write` does; return its path."""
         final = self.path / name

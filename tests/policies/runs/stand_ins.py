@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import sys
+import threading
 import time
 import traceback
 from pathlib import Path
@@ -14,6 +15,7 @@ from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
+from tqdm import tqdm
 
 STEP, DECISIONS = 2e-3, 20
 """Time [s] of a step; steps of an episode."""
@@ -52,6 +54,22 @@ class PointTask(PointEnv):
 
     def objective(self):
         return None
+
+
+def make_filmed_task():
+    """Return the point in the place of a sub-task, with pictures of noise."""
+    from robosim.envs.grain_env import GrainEnv
+
+    class FilmedTask(PointTask, GrainEnv):
+        metadata = {"render_fps": 50}  # noqa: RUF012
+
+        def render(self):
+            return np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
+
+        def close(self):
+            pass
+
+    return FilmedTask()
 
 
 class Valley:
@@ -120,6 +138,7 @@ def run_forked(arguments, log):
         for stream in (1, 2):
             os.dup2(log.fileno(), stream)
         sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w", 1)
+        tqdm.set_lock(threading.RLock())  # tqdm's own is shared by forks, and one that is killed may hold it
         from robosim.commands.main import main
 
         code = main(arguments)
@@ -147,7 +166,6 @@ def install():
     import robosim.verification.report
     from policies.demonstrations import generator
     from policies.runs import pipeline, sweep, training
-    from robosim.envs.grain_env import GrainEnv
     from robosim.verification import runs
 
     gymnasium.register("Point-v0", PointEnv, max_episode_steps=DECISIONS)
@@ -158,18 +176,7 @@ def install():
         module.make_environment = lambda task, **options: PointTask()
     generator.MotionLoss = Valley
 
-    class FilmedTask(PointTask, GrainEnv):
-        """The point in the place of a sub-task, with pictures of noise."""
-
-        metadata = {"render_fps": 50}  # noqa: RUF012
-
-        def render(self):
-            return self.np_random.integers(0, 255, (64, 64, 3), np.uint8)
-
-        def close(self):
-            pass
-
-    robosim.evaluation.evaluate.make = lambda task, **options: FilmedTask()
+    robosim.evaluation.evaluate.make = lambda task, **options: make_filmed_task()
     runs.WORKER = "stand_in_job"
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     pipeline.subprocess = sweep.subprocess = SimpleNamespace(Popen=ForkedProcess, TimeoutExpired=TimeoutError)
