@@ -172,7 +172,8 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
     assert len(whole_arrays["losses"]) == 3
     assert whole_arrays["losses"][2] < whole_arrays["losses"][0]
     assert np.isfinite(whole_arrays["check"]).all()
-    assert {p.name for p in whole.glob("[!.]*")} == {"demonstration_0.npz", "demonstrations.json", "learning_curve.png"}
+    assert {p.name for p in whole.glob("[!.]*")} == {
+        "demonstration_0.npz", "demonstrations.json", "learning_curve.png", "status.json"}
     row = json.loads((whole / "demonstrations.json").read_text())["demonstrations"][0]
     file = str(whole / "demonstration_0.npz")
     assert evaluate("SpoonTranslate", file, tmp_path / "again", episodes=1, film=False) == 0

@@ -65,7 +65,7 @@ def test_training_continues_from_its_first_episodes(tmp_path: Path, point: str, 
     whole = tmp_path / "whole"
     assert [row[:4] for row in read_rows(out / "episodes.csv")] == [row[:4] for row in
                                                                    read_rows(whole / "episodes.csv")]
-    assert read_events(out) == read_events(whole) and len(read_events(out)) == 3
+    assert read_events(out) == read_events(whole) and len(read_events(out)) == 2
     assert read_status(out) == "finished" and not find_unfinished(out)
     check_files(out)
 
