@@ -19,10 +19,10 @@ class Method(Protocol):
     - end when `training.is_over` is True, or earlier;
     - read its settings from `training.preset` (its own are in `options`), and draw random numbers from generators with
       the seed `training.seed`, or from the global ones of torch, numpy and random;
-    - call `training.keep_checkpoint(**parts)` between two episodes, which writes a checkpoint when one is due or when the
-      run is interrupted, or `training.save_checkpoint(**parts)`, which writes it at once. If `training.folder.checkpoint` is a file at the
-      start, it must call `checkpoint.load` and `training.resume`, so that results are bitwise identical to those of a
-      run without interruption;
+    - call `training.keep_checkpoint(**parts)` between two episodes, which writes a checkpoint when one is due or the
+      run is interrupted, or `training.save_checkpoint(**parts)`, which writes it at once. If
+      `training.folder.checkpoint` is a file at the start, it must call `checkpoint.load` and `training.resume`, so that
+      results are bitwise identical to those of a run without interruption;
     - call `training.save_if_best(policy)` after an episode, if it has a policy of Stable-Baselines3.
 
     It can use `training.demonstrations` (motions and their starts), `training.demonstration_transitions()` and

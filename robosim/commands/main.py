@@ -23,6 +23,8 @@ GROUP = "robosim.commands"
 """Entry points of other packages' commands: functions that are given the parsers and add their own."""
 SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}
 """Signals that interrupt a command, as messages call them."""
+REPEAT = 1.0
+"""Time [s] after which an interrupt that was discarded is raised again."""
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --out out/sugar
   robosim evaluate SpoonPour --policy scripted
@@ -74,21 +76,39 @@ def main(arguments: list[str] | None = None) -> int:
 
 @contextmanager
 def interrupts() -> Iterator[list[int]]:
-    """Raise KeyboardInterrupt on each of SIGNALS that is not ignored or handled by others; give those received."""
+    """Raise KeyboardInterrupt on each of SIGNALS that is not ignored or handled by others; give those received.
+
+    It is raised again every REPEAT seconds unless it is being handled: a bare `except` of a library, or a finalizer,
+    may have discarded it.
+    """
     received: list[int] = []
 
     def interrupt(number: int, frame: object) -> None:
         received.append(number)
+        repeat(number, frame)
         raise KeyboardInterrupt(SIGNALS[signal.Signals(number).name])
 
-    handlers = {}
+    def repeat(number: int, frame: object) -> None:
+        error = sys.exc_info()[1]
+        while error is not None and not isinstance(error, KeyboardInterrupt):
+            error = error.__context__
+        if alarm in handlers:
+            signal.setitimer(signal.ITIMER_REAL, REPEAT)
+            if number == alarm and error is None:
+                raise KeyboardInterrupt(SIGNALS[signal.Signals(received[-1]).name])
+
+    alarm, handlers = getattr(signal, "SIGALRM", None), {}
     if threading.current_thread() is threading.main_thread():  # no other thread may set handlers
         for number in (getattr(signal, name) for name in SIGNALS if hasattr(signal, name)):
             if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
                 handlers[number] = signal.signal(number, interrupt)
+        if alarm is not None and signal.getsignal(alarm) == signal.SIG_DFL:
+            handlers[alarm] = signal.signal(alarm, repeat)
     try:
         yield received
     finally:
+        if alarm in handlers:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in handlers.items():
             signal.signal(number, handler)
 

@@ -1,15 +1,19 @@
 """The command line: help, version, wrong names, and what it does not import."""
 
+import contextlib
+import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+import time
 from importlib.metadata import EntryPoint, version
 
 import pytest
 
 from robosim.commands import main as module
-from robosim.commands.main import COMMANDS, main, parser
+from robosim.commands.main import COMMANDS, interrupts, main, parser
 
 EVERY = sorted([*COMMANDS, "demo", "export", "gradients", "pipeline", "rollouts", "sweep", "tables", "train"])
 HEAVY = {"taichi", "mujoco", "pinocchio", "torch", "matplotlib", "gymnasium", "numpy", "scipy", "pydantic", "yaml"}
@@ -122,3 +126,25 @@ def test_earlier_names_are_refused_with_the_new_one(arguments: list[str], messag
     with pytest.raises(SystemExit) as end:
         main(arguments)
     assert end.value.code == 2 and capsys.readouterr().err.startswith(message)
+
+
+def test_an_interrupt_that_was_discarded_is_raised_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by a bare `except` of a library while it is imported; one that is being handled is left alone."""
+    monkeypatch.setattr("robosim.commands.main.REPEAT", 0.05)
+    steps = []
+    with interrupts() as received, pytest.raises(KeyboardInterrupt, match="SIGTERM"):
+        with contextlib.suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(60)
+        steps.append("discarded")
+        try:
+            time.sleep(60)
+        finally:
+            try:
+                time.sleep(0.2)
+                raise OSError
+            except OSError:
+                time.sleep(0.2)
+            steps.append("handled")
+    assert steps == ["discarded", "handled"] and received == [signal.SIGTERM]
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
