@@ -30,8 +30,8 @@ class StateBank:
     @ti.func
     def store(self, slot):
         """Copy the present state into a slot."""
-        for q in range(self.count[None]):
-            for i in ti.static(range(len(self.fields))):
+        for i in ti.static(range(len(self.fields))):
+            for q in range(self.count[None]):
                 self.states[slot, i, q] = self.fields[i][q]
         for i in ti.static(range(len(self.flags))):
             for lane in range(self.lanes):
@@ -40,8 +40,8 @@ class StateBank:
     @ti.func
     def restore(self, slot):
         """Make a slot's state the present one."""
-        for q in range(self.count[None]):
-            for i in ti.static(range(len(self.fields))):
+        for i in ti.static(range(len(self.fields))):
+            for q in range(self.count[None]):
                 self.fields[i][q] = self.states[slot, i, q]
         for i in ti.static(range(len(self.flags))):
             for lane in range(self.lanes):

@@ -16,7 +16,7 @@ def make(mobile: bool = False) -> mpm.Solver:
     """Sand with a ball above it, after a first advance."""
     sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
     positions = mpm.sample_box((0.04, 0.04, 0.0), (0.16, 0.16, 0.06), 0.01)
-    ball = mpm.Collider(mpm.Sdf.sphere(0.03), mobile=mobile, pose=mpm.Pose(np.array([0.1, 0.1, 0.08]), UPRIGHT))
+    ball = mpm.Collider(mpm.Sdf.sphere(0.03), mobile=mobile, pose=mpm.Pose(np.array([0.1, 0.1, 0.092]), UPRIGHT))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), CELL), colliders=[ball],
                         bodies=[mpm.Body(sand, positions, volume=1e-6)])
     drive(solver)
