@@ -1,5 +1,6 @@
 """The momentum balance of one coupled step."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +63,17 @@ def close_ledger(solver: mpm.Solver, before: Momentum, bodies: dict[str, int]) -
     residual = grains - rows[GRAVITY_ROW] - rows[WALL_ROW] - rest - sum(on_grains.values(), np.zeros(6))
     return Ledger(_impulse(grains), _impulse(rows[GRAVITY_ROW]), _impulse(rows[WALL_ROW]),
                   {name: _impulse(row) for name, row in on_grains.items()}, _impulse(rest), _impulse(residual))
+
+
+def ledger_to_rows(ledger: Ledger) -> np.ndarray:
+    """Return a ledger as rows (5 + bodies, 6), for `ledger_from_rows`."""
+    return np.array([np.concatenate(part) for part in (*ledger[:3], *ledger[4:], *ledger.bodies.values())])
+
+
+def ledger_from_rows(rows: np.ndarray, bodies: Iterable[str]) -> Ledger:
+    """Return the ledger of these rows; bodies: their names, in its order."""
+    grains, gravity, walls, static, residual, *rest = (_impulse(row) for row in rows)
+    return Ledger(grains, gravity, walls, dict(zip(bodies, rest, strict=True)), static, residual)
 
 
 def empty_ledger(bodies: dict[str, int]) -> Ledger:

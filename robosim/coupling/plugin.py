@@ -1,15 +1,16 @@
 """The coupling of a MuJoCo scene and a field of grains."""
 
+import copy
 import warnings
 import weakref
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import mujoco
 import numpy as np
 
 import mpm
 from robosim.coupling.coupled_bodies import CoupledBodies, check_bodies
-from robosim.coupling.ledger import Impulse, Ledger, close_ledger, empty_ledger
+from robosim.coupling.ledger import Impulse, Ledger, close_ledger, empty_ledger, ledger_from_rows, ledger_to_rows
 from robosim.coupling.schemes import ExplicitScheme, MobilityScheme
 from robosim.coupling.trial_step import TrialStep
 from robosim.errors import BodyLeftGrid, ConfigError, RobotDiverged, UnknownName
@@ -119,6 +120,21 @@ class GranularPlugin:
         for bad in BAD_STATES:
             self.data.warning[bad].number = 0
         self.outside_grid, self.ledger = set(), empty_ledger(self._bodies.colliders)
+
+    def state(self) -> dict[str, Any]:
+        """Return what the next step depends on besides MuJoCo's integration state and `Solver.state`."""
+        return {"wrenches": self._wrenches.copy(), "has_jumped": self._has_jumped, "last_time": self._last_time,
+                "error": self._scheme.error.copy(), "repeats": self.repeats, "ledger": ledger_to_rows(self.ledger),
+                "outside_grid": sorted(self.outside_grid), "counts": [copy.deepcopy(c._asdict()) for c in self.counts]}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned; MuJoCo's and the solver's states are loaded before or afterwards."""
+        ledger = ledger_from_rows(state["ledger"], self._bodies.colliders)
+        self.restart()
+        self._wrenches[:], self._scheme.error[:] = state["wrenches"], state["error"]
+        self._has_jumped, self._last_time = state["has_jumped"], state["last_time"]
+        self.repeats, self.ledger, self.outside_grid = state["repeats"], ledger, set(state["outside_grid"])
+        self.counts = [mpm.Counts(**copy.deepcopy(counts)) for counts in state["counts"]]
 
     def wrench(self, body: str) -> mpm.Wrench:
         """Return the mean wrench [N], [N m] of the grains on a body in the last step.

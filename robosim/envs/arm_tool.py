@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -110,6 +111,31 @@ class ArmTool(Carrier):
         self.plugin.restart()
         super().restart(pose)
         return body_pose(self.data, self.scene.tool)
+
+    def state(self) -> dict[str, Any]:
+        """Return what the next step depends on besides the field: arrays and plain values."""
+        integration = np.empty_like(self._grasped)
+        mujoco.mj_getState(self.model, self.data, integration, STATE)
+        return super().state() | {
+            "integration": integration, "q": self._q.copy(), "torque_ratio": self._torque_ratio, "lag": self._lag,
+            "smoother": self._smoother.state(), "saturations": self.servo.saturations, "grasp": self.grasp.state(),
+            "demanded_torque": self.servo.demanded_torque.copy(), "contacts": self._contacts.state(),
+            "plugin": self.plugin.state(),
+        }
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        super().load(state)
+        mujoco.mj_setState(self.model, self.data, state["integration"], STATE)
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_comVel(self.model, self.data)
+        self._q, self._torque_ratio, self._lag = np.array(state["q"]), state["torque_ratio"], state["lag"]
+        self._smoother.load(state["smoother"])
+        self.servo.saturations, self.servo.demanded_torque = state["saturations"], np.array(state["demanded_torque"])
+        self._contacts.load(state["contacts"])
+        self.grasp.load(state["grasp"])
+        self.plugin.load(state["plugin"])
 
     def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
         """Advance by steps under commanded velocities; the arm follows within its limits."""

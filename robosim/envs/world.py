@@ -173,11 +173,13 @@ class World:
             self.counter.load(state["counter"])
             solver.set_material(0, type(before[3])(**state["material"]))
             solver.load(state["solver"])
-        except (KeyError, TypeError, ValueError) as error:
+        except BaseException as error:
             episode.load(before[0])
             carrier.load(before[1])
             self.counter.load(before[2])
             solver.set_material(0, before[3])
+            if not isinstance(error, Exception):
+                raise
             what = f"it has no {error}" if isinstance(error, KeyError) else error
             raise ConfigError(f"load: the state is incomplete or changed: {what}; accepted: what `state` returned") \
                 from error

@@ -1,5 +1,7 @@
 """Control of the joints step by step: smoothed commands, an impedance servo, and torque sensors."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
@@ -17,7 +19,8 @@ class JointSmoother:
     """Follows moving joint angles within the limits of speed, acceleration and jerk.
 
     Ruckig is given target velocities: the goal's, plus what closes the gap to it. With target positions that move
-    from step to step it takes long ways around a goal that is near.
+    from step to step it takes long ways around a goal that is near. Every step plans anew: Ruckig would otherwise
+    follow its last plan where the request is unchanged, and round otherwise than one that begins in the same state.
     """
 
     def __init__(self, robot: RobotConfig, dt: float, arm: Arm) -> None:
@@ -29,12 +32,26 @@ class JointSmoother:
         self._request.max_velocity = list(self._speed)
         self._request.max_acceleration = list(robot.limits.acceleration)
         self._request.max_jerk = list(robot.limits.jerk)
+        self.restart(np.zeros(7))
 
     def restart(self, q: np.ndarray) -> None:
         """Begin at rest at joint angles q [rad] (7,)."""
         self._q, self._time = np.array(q), 0.0
         self._request.current_position = list(q)
         self._request.current_velocity = self._request.current_acceleration = [0.0] * 7
+
+    def state(self) -> dict[str, Any]:
+        """Return angles, speeds, accelerations of the smoothed motion, and its time."""
+        request = self._request
+        return {"motion": np.array([self._q, request.current_velocity, request.current_acceleration]),
+                "time": self._time}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        q, qd, qdd = state["motion"]
+        self.restart(q)
+        self._request.current_velocity, self._request.current_acceleration = list(qd), list(qdd)
+        self._time = state["time"]
 
     def step(self, q: np.ndarray, qd: np.ndarray) -> JointState:
         """Advance by one step towards moving joint angles.
@@ -45,6 +62,7 @@ class JointSmoother:
         velocity = qd + CATCH_UP * (np.clip(q, self._lower, self._upper) - self._q)
         self._request.target_velocity = list(np.clip(velocity, -self._speed, self._speed))
         self._time += self._otg.delta_time
+        self._otg.reset()
         if self._otg.update(self._request, self._output) not in (Result.Working, Result.Finished):
             raise RobotDiverged(self._time, ["the smoother found no motion within the joints' limits"])
         self._output.pass_to_input(self._request)

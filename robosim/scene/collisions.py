@@ -35,6 +35,14 @@ class ContactCounter:
         """Set both sums to zero."""
         self.tool_container_contacts = self.robot_surroundings_contacts = 0
 
+    def state(self) -> dict[str, int]:
+        """Return both sums."""
+        return {"tool_container": self.tool_container_contacts, "surroundings": self.robot_surroundings_contacts}
+
+    def load(self, state: dict[str, int]) -> None:
+        """Take over what `state` returned."""
+        self.tool_container_contacts, self.robot_surroundings_contacts = state["tool_container"], state["surroundings"]
+
     def count(self) -> None:
         """Add the contacts of the present step."""
         bodies = self._model.geom_bodyid[self._data.contact.geom]

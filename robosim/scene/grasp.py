@@ -1,5 +1,7 @@
 """How the hand holds a tool: fixed in the palm, or by the friction of its fingers."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -80,6 +82,18 @@ class Grasp:
         self.slip = self.slip_angle = 0.0
         if self._pose_at_release is not None:
             self._pose_at_release = self._grip_in_palm()
+
+    def state(self) -> dict[str, Any]:
+        """Return the pose at the release, None before it, and the slip since."""
+        pose = self._pose_at_release
+        return {"pose_at_release": None if pose is None else np.concatenate(pose), "slip": self.slip,
+                "slip_angle": self.slip_angle}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        pose = state["pose_at_release"]
+        self._pose_at_release = None if pose is None else mpm.Pose(*np.split(np.array(pose, float), [3]))
+        self.slip, self.slip_angle = state["slip"], state["slip_angle"]
 
     def measure_slip(self) -> None:
         """Update `slip` and `slip_angle` with the present pose."""

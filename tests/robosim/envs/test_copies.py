@@ -72,6 +72,32 @@ def test_a_loaded_state_continues_to_the_bit(name: str, options: dict[str, Any])
     env.close()
 
 
+@pytest.mark.parametrize(("name", "options", "n"), [
+    ("SpoonTranslate", {}, 3),
+    pytest.param("SpoonPour", {"grasp": "friction", **SOFT}, 30, marks=pytest.mark.slow),
+])
+def test_an_arm_continues_to_the_bit(name: str, options: dict[str, Any], n: int) -> None:
+    """All that it keeps between steps, the ledger of the coupling included; a copy has built an arm of its own."""
+    env, own = make(name, arm=True, **options)
+    with pytest.raises(ConfigError, match=r"integration|state"):
+        own.load({**own.state(), "carrier": {**own.state()["carrier"], "integration": np.zeros(3)}})
+    env.reset(seed=3)
+    go_on(env, n)
+    state = own.state()
+    twin = copy.deepcopy(env)
+    first = go_on(env, n), own.state(), own.carrier.arm_readings
+    assert any(wrench.any() for wrench in state["carrier"]["plugin"]["wrenches"])
+    own.load(state)
+    assert same(own.state(), state)
+    for one in (env, twin):
+        assert isinstance(one.unwrapped, GrainEnv)
+        assert same((go_on(one, n), one.unwrapped.state(), one.unwrapped.carrier.arm_readings), first)
+        one.reset(seed=9)
+    assert same(own.state(), twin.unwrapped.state())  # pyright: ignore[reportAttributeAccessIssue]
+    env.close()
+    twin.close()
+
+
 def test_a_copy_and_its_original_go_their_own_ways() -> None:
     """Both continue equally, wrappers included, and neither moves the other; spaces draw on as the original's do."""
     env, own = make("SpoonTranslate", **SOFT)

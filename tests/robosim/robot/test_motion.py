@@ -6,9 +6,11 @@ from scipy.spatial.transform import Rotation
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
 from robosim.config.rehearsal import load_rehearsal
+from robosim.config.robot import load_robot
 from robosim.rehearsal.plan import Plan, plan_motion
-from robosim.robot.inverse_kinematics import solve_pose
-from robosim.robot.model import SPEED_LIMITS
+from robosim.robot.inverse_kinematics import HOME, solve_pose
+from robosim.robot.joint_control import JointSmoother
+from robosim.robot.model import SPEED_LIMITS, Arm
 from robosim.robot.timing import compute_time_scale
 
 
@@ -105,3 +107,17 @@ def test_a_motion_scaled_by_its_time_scale_is_at_its_limits():
         q = np.tile(amplitude * np.sin(2.0 * np.pi * frequency * times)[:, None], (1, 7))
         scale = compute_time_scale(times, q, limits).max()
         assert compute_time_scale(scale * times, q, limits).max() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_smoother_in_a_loaded_state_continues_to_the_bit() -> None:
+    """Also where the goal stands still or speed is saturated, so that the request of a step is that of the last one."""
+    arm = Arm("spoon")
+    one, other = (JointSmoother(load_robot("iiwa14"), 0.002, arm) for _ in range(2))
+    one.restart(HOME)
+    for goal in (HOME + 0.05, arm.upper + 1.0):
+        for _ in range(12):
+            for _ in range(40):
+                one.step(goal, np.zeros(7))
+            other.load(one.state())
+            for _ in range(10):
+                assert np.array_equal(one.step(goal, np.zeros(7)), other.step(goal, np.zeros(7)))
