@@ -72,6 +72,12 @@ def main(arguments: list[str] | None = None) -> int:
             return run_command(arguments)
         except KeyboardInterrupt:
             return 128 + (received[0] if received else signal.SIGINT)
+        except Exception as error:  # an import that was cut off may leave half a module
+            if not received:
+                raise
+            name = SIGNALS[signal.Signals(received[0]).name]
+            print(f"robosim: stopped by {name} ({type(error).__name__}: {error})", file=sys.stderr)
+            return 128 + received[0]
 
 
 @contextmanager

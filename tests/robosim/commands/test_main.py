@@ -148,3 +148,20 @@ def test_an_interrupt_that_was_discarded_is_raised_again(monkeypatch: pytest.Mon
             steps.append("handled")
     assert steps == ["discarded", "handled"] and received == [signal.SIGTERM]
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_an_error_that_an_interrupt_causes_is_called_one(monkeypatch: pytest.MonkeyPatch,
+                                                         capsys: pytest.CaptureFixture) -> None:
+    """As of a module whose import was cut off; the same error without an interrupt is raised."""
+    def fail(arguments: list[str], is_interrupted: bool = True) -> int:
+        if is_interrupted:
+            with contextlib.suppress(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGTERM)
+        raise NameError("name '_ndimage_api' is not defined")
+
+    monkeypatch.setattr(module, "run_command", fail)
+    assert main([]) == 143
+    assert capsys.readouterr().err == "robosim: stopped by SIGTERM (NameError: name '_ndimage_api' is not defined)\n"
+    monkeypatch.setattr(module, "run_command", lambda arguments: fail(arguments, is_interrupted=False))
+    with pytest.raises(NameError):
+        main([])
