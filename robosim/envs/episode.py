@@ -31,6 +31,12 @@ def check_horizon(horizon: str) -> None:
         raise UnknownName("horizon", horizon, get_args(Horizon))
 
 
+def check_open(method: str, is_closed: bool) -> None:
+    """Raise ConfigError for a call of a method of an environment that is closed."""
+    if is_closed:
+        raise ConfigError(f"{method}: the environment is closed; make a new one, or call close after the last {method}")
+
+
 class HasEpisodeLength:
     """An environment whose `spec` has the largest number of actions of an episode.
 

@@ -11,7 +11,7 @@ from mpm.backend import check_owner
 from robosim.config.robot import Grip
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
-from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon
+from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon, check_open
 from robosim.envs.world import Memory, World, is_nominal_start
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.tasks.actions import ActionScaling, check_action_repeat
@@ -107,9 +107,10 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         """Start an episode; return observation and info.
 
         options: {"nominal": True} for the start without its random displacement.
-        Raises UnknownName for another option.
+        Raises UnknownName for another option, ConfigError once the environment is closed.
         """
         check_owner()
+        check_open("reset", self._is_closed)
         super().reset(seed=seed)
         nominal, world = is_nominal_start(options), self.world
         law = world.draw_law(self.np_random)
@@ -130,9 +131,10 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
         Returns observation, reward, terminated, truncated and info. Where the simulation diverges, the observation is
         the last finite one and info["diverged"] has the reason.
-        Raises ConfigError for an action that cannot be used, and where no episode is running.
+        Raises ConfigError for an action that cannot be used, where no episode is running, and once it is closed.
         """
         check_owner()
+        check_open("step", self._is_closed)
         episode, world = self.episode, self.world
         steps = episode.begin_action(self.action_repeat)
         try:
@@ -190,6 +192,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         n_steps: of `step_dt`; None: a whole episode. options: as of `mpm.Rollout`.
         Raises mpm.InvalidValue with an arm, because the rollout prescribes the tool's motion.
         """
+        check_open("rollout", self._is_closed)
         steps = self.task.steps if n_steps is None else n_steps
         return mpm.Rollout(self.solver, steps, step_dt=self.task.step_dt, **options)
 
@@ -209,6 +212,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         if self.render_mode is None:
             gymnasium.logger.warn("render: the environment was made without a render_mode")
             return None
+        check_open("render", self._is_closed)
         if self._renderer is None:
             from robosim.envs.picture import Picture  # opens an OpenGL context
 

@@ -21,7 +21,7 @@ from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 import mpm
 from mpm.backend import numerics
 from robosim.envs.batch import GrainBatch, Info
-from robosim.envs.episode import HasCopies, HasEpisodeLength
+from robosim.envs.episode import HasCopies, HasEpisodeLength, check_open
 from robosim.envs.remote_batch import BatchError, RemoteBatch, call_batch
 from robosim.errors import ConfigError, RobosimError, UnknownName
 
@@ -115,6 +115,7 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
         start without random displacement, "reset_mask" (n,) for the environments that start again.
         Raises ConfigError, UnknownName for a seed or options that cannot be used.
         """
+        check_open("reset", self.closed)
         seeds = [None if seed is None else seed + e for e in range(self.num_envs)] if not isinstance(seed, list) \
             else seed
         if len(seeds) != self.num_envs:
@@ -136,6 +137,7 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
         Raises ConfigError for an action that cannot be used, and for an environment that waits for `reset`, before any
         environment moves.
         """
+        check_open("step", self.closed)
         if self._ended.any():  # checked here like the actions, or one process would step while another refuses
             raise ConfigError(f"environments {', '.join(map(str, np.flatnonzero(self._ended)))} have ended; with "
                               f"autoreset_mode DISABLED call reset(options={{\"reset_mask\": ...}}) first")

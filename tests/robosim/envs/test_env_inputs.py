@@ -50,6 +50,7 @@ def test_actions_are_checked(env: GrainEnv) -> None:
     for action, words in (
         (np.zeros(6, np.float32), r"shape \(6,\); accepted: \(3,\)"), (np.zeros(3, int), "dtype int64"),
         (np.array([0, np.nan, 0]), r"action\[1\] \(y\) = nan"), (np.array([0, 0, 1.5]), r"action\[2\] \(z\) = 1.5"),
+        (np.full(3, 0.1 + 0.2j), "dtype complex128; accepted: floating-point numbers"),
     ):
         with pytest.raises(robosim.ConfigError, match=words):
             env.step(action)
@@ -141,6 +142,21 @@ def test_a_stiffer_material_gets_a_smaller_step() -> None:
     env.reset(seed=0)
     _, _, _, _, info = env.step(np.zeros(6, np.float32))
     assert np.isfinite(info["tcs"]) and not info.get("diverged") and info["readings"]["retained"] > 0.9
+
+
+def test_a_closed_environment_says_so() -> None:
+    """Alone and among others, whatever is called; closing it twice is accepted."""
+    env = gymnasium.make(ID, render_mode="rgb_array").unwrapped
+    vector = gymnasium.make_vec(ID, num_envs=2, workers=1)
+    assert isinstance(env, GrainEnv)
+    for _ in range(2):
+        env.close()
+        vector.close()
+    for method, call in (("step", lambda: env.step(np.zeros(3, np.float32))), ("reset", env.reset),
+                         ("render", env.render), ("rollout", env.rollout), ("reset", vector.reset),
+                         ("step", lambda: vector.step(np.zeros((2, 3), np.float32)))):
+        with pytest.raises(robosim.ConfigError, match=f"{method}: the environment is closed; make a new one"):
+            call()
 
 
 @pytest.mark.slow
