@@ -21,7 +21,7 @@ from mpm.observers.sample import Sample
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.features import check_colliders, check_scene, choose_numerics, features_of
-from mpm.scene.grid import Grid
+from mpm.scene.grid import ROUNDING, Grid
 from mpm.scene.validation import check_finite, read_array
 from mpm.scene.walls import Walls
 from mpm.scene.warnings import warn_of_colliders, warn_of_scene
@@ -323,6 +323,7 @@ class Solver(Readings):
         """
         named, poses = self.particles.named_fields(), self.paths.read_snapshot(state)
         arrays = [self.particles.read_snapshot(state, name) for name in named]
+        self.grid.check_inside(arrays[0] + self.grid.origin, "load: ", ROUNDING)
         time, steps = float(read_array(state, "time", ())), int(read_array(state, "steps", ()))
         self.mobility.restore(state)
         self.rollback.store_pending()

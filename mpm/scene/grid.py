@@ -10,6 +10,8 @@ GHOST = 2
 """Nodes outside each wall: one is reached by the quadratic spline, one more keeps every stencil inside the array."""
 BLOCK = 4
 """Nodes along the edge of a block of the active list."""
+ROUNDING = 1e-3
+"""Cells by which the position of a particle at a wall may be outside in single precision."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,16 @@ class Grid:
         """Position [m] (3,) of node (0, 0, 0)."""
         return np.asarray(self.lower, float) - GHOST * self.cell
 
-    def check_inside(self, positions: np.ndarray) -> None:
-        """Raise InvalidValue when a position [m] (n, 3) lies outside the walls."""
-        upper = np.asarray(self.lower) + self.cells * self.cell
-        outside = np.flatnonzero(np.any((positions < self.lower) | (positions > upper), axis=1))
+    def check_inside(self, positions: np.ndarray, what: str = "", tolerance: float = 0.0) -> None:
+        """Raise InvalidValue when a position [m] (n, 3) lies outside the walls, by more than `tolerance` cells.
+
+        what: where the positions were given, for the message.
+        """
+        lower, slack = np.asarray(self.lower), tolerance * self.cell
+        upper = lower + self.cells * self.cell
+        outside = np.flatnonzero(np.any((positions < lower - slack) | (positions > upper + slack), axis=1))
         if len(outside):
             raise InvalidValue(
-                f"{len(outside)} particles lie outside the grid {self.lower} .. {tuple(upper)} m, "
+                f"{what}{len(outside)} particles lie outside the grid {self.lower} .. {tuple(upper)} m, "
                 f"first: particle {outside[0]} at {tuple(positions[outside[0]])}"
             )

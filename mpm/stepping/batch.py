@@ -17,6 +17,7 @@ from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.diagnostics import describe_divergence
 from mpm.observers.region_counter import MAX_READINGS, Counts
 from mpm.observers.sample import SampleKernel
+from mpm.scene.grid import ROUNDING
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.particles import SPEED_LIMIT
@@ -172,7 +173,9 @@ class Batch:
         Particles out of bounds in the state do not count as newly exited.
         """
         particles = self.solver.particles
-        packed = [particles.pack(particles.read_snapshot(state, name)) for name in particles.named_fields()]
+        arrays = [particles.read_snapshot(state, name) for name in particles.named_fields()]
+        self.solver.grid.check_inside(arrays[0] + self.solver.grid.origin, "load: ", ROUNDING)
+        packed = [particles.pack(values) for values in arrays]
         self._paths[e].poses = self._paths[e].read_snapshot(state)
         self._paths[e].pending.clear()
         self.time[e], self.steps[e] = float(state["time"]), int(state["steps"])

@@ -159,7 +159,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         Raises ConfigError after `close`.
         """
         check_owner()
-        self._check_open("state")
+        check_open("state", self._is_closed)
         memory = Memory(self._np_random, self._np_random_seed, self.observation)
         return self.world.save(self._options, self.episode, self.carrier, memory)
 
@@ -169,14 +169,9 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         Raises ConfigError, and changes nothing, for a state of another task or of other options, and after `close`.
         """
         check_owner()
-        self._check_open("load")
+        check_open("load", self._is_closed)
         memory = self.world.restore(state, self._options, self.episode, self.carrier)
         self._np_random, self._np_random_seed, self.observation = memory
-
-    def _check_open(self, method: str) -> None:
-        """Raise ConfigError after `close`."""
-        if self._is_closed:
-            raise ConfigError(f"{method}: the environment is closed; accepted: before close()")
 
     def _travelling(self) -> tuple[Any, ...]:
         return self.state(), self._spec, self.action_space, self.observation_space

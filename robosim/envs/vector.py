@@ -172,8 +172,7 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
 
     def _call_one(self, method: str, index: int, *arguments: Any) -> Any:
         """Call a method of the batch that has an environment."""
-        if self.closed:
-            raise ConfigError(f"{method}: the environment is closed; accepted: before close()")
+        check_open(method, self.closed)
         if not isinstance(index, int | np.integer) or not 0 <= index < self.num_envs:
             raise ConfigError(f"{method}: index = {index!r}; accepted: 0 to {self.num_envs - 1}")
         k, part = next((k, part) for k, part in enumerate(self._parts) if index < part.stop)

@@ -171,6 +171,21 @@ def test_a_state_of_another_scene_changes_nothing() -> None:
         assert all((after[name] == before[name]).all() for name in before)
 
 
+def test_a_state_with_grains_outside_the_grid_is_refused() -> None:
+    """They would be written to nodes that do not exist; a grain on the plane of a wall is inside."""
+    field = solver([block()], [ball()])
+    before = field.state()
+    for place, words in ((-0.001, r"load: 1 particles lie outside the grid"), (0.3, "first: particle 7 at"),
+                         (np.inf, "outside the grid")):
+        state = {name: values.copy() for name, values in before.items()}
+        state["x"][7, 1] = place - field.grid.origin[1]
+        with pytest.raises(mpm.InvalidValue, match=words):
+            field.load(state)
+        assert (field.state()["x"] == before["x"]).all()
+    state["x"][7, 1] = np.float32(-field.grid.origin[1])
+    field.load(state)
+
+
 def test_a_counter_of_the_fields_before_is_refused() -> None:
     field = solver([block()], [ball()])
     counter = mpm.RegionCounter(field, np.arange(5), **SAMPLED)

@@ -36,7 +36,7 @@ def push(solver: mpm.Solver) -> dict[str, np.ndarray]:
     """Let the ball press into the sand; return the state."""
     for k in range(5):
         ends = [mpm.Pose(np.array([0.1, 0.1, 0.12 - 2e-3 * (k + e)]), UPRIGHT) for e in (0, 1)]
-        solver.set_collider_motion(0, *ends)
+        solver.set_collider_motion(0, *ends, jump=True)  # pushed again, it begins anew
         solver.advance(2e-3)
     return solver.state()
 

@@ -166,7 +166,7 @@ def test_the_ledger_is_all_that_grains_are_given() -> None:
     another gravity and another density than the solver was built with."""
     sand = {"E": 1e5, "nu": 0.2, "friction_angle_deg": 30.0}
     grains = mpm.sample_box((0.04, 0.04, 0.0), (0.12, 0.12, 0.06), 0.01)
-    above = mpm.Pose(np.array([0.08, 0.08, 0.07]), mpm.Pose.identity().quaternion)
+    above = mpm.Pose(np.array([0.08, 0.08, 0.09]), mpm.Pose.identity().quaternion)
     ball = mpm.Collider(mpm.Sdf.sphere(0.03), pose=above)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16,) * 3, 0.02), colliders=[ball], precision="f64",
                         bodies=[mpm.Body(mpm.DruckerPrager(density=1500.0, **sand), grains, volume=1e-6)])
