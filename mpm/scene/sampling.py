@@ -8,6 +8,8 @@ from mpm.errors import InvalidValue
 
 JITTER = 0.25
 """Largest displacement of a particle from its lattice site, in spacings: breaks the lattice without making gaps."""
+MAX_SITES = 20_000_000
+"""Positions of a lattice: with 100 bytes each while they are made, 2 GB."""
 
 
 def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.Generator | None) -> np.ndarray:
@@ -15,7 +17,11 @@ def _lattice(lower: ArrayLike, upper: ArrayLike, spacing: float, rng: np.random.
     if not 0 < spacing < np.inf or not np.all(upper - lower >= spacing):
         raise InvalidValue(f"spacing {spacing} m does not fit into the box {lower} .. {upper} m")
     # the spacing per axis that fills the box exactly: no half-empty layer at the upper faces
-    counts = np.maximum(np.round((upper - lower) / spacing).astype(int), 1)
+    sizes = np.maximum(np.round((upper - lower) / spacing), 1)
+    if not np.prod(sizes) <= MAX_SITES:
+        raise InvalidValue(f"spacing {spacing} m gives {np.prod(sizes):.3g} positions in the box {lower} .. {upper} m; "
+                           f"accepted: up to {MAX_SITES}")
+    counts = sizes.astype(int)
     axes = [low + (np.arange(n) + 0.5) * (high - low) / n for low, high, n in zip(lower, upper, counts)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     if rng is not None:

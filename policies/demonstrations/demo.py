@@ -5,12 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 import mpm
 from mpm.files import temporary_path
+from mpm.input_files import read_arrays
 from policies.demonstrations import RATE
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations
@@ -75,9 +75,8 @@ def first_actions(start: str | Path | None, until: float | None, task: Any, moti
 def load_actions(path: Path, motion: ActionRepeat) -> np.ndarray:
     """Load actions to begin with from a file; raises mpm.InvalidValue for what does not fit the task."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            actions = np.asarray(stored["actions"], float)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        actions = np.asarray(read_arrays(path, names=["actions"])["actions"], float)
+    except (OSError, ValueError, KeyError) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
     if actions.shape != motion.shape or not np.all(np.abs(actions) <= 1.0):
         raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {motion.shape}, from -1 to 1")

@@ -1,12 +1,16 @@
 """Reading demonstrations: their files, actions and starts, checked against the task."""
 
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 import mpm
+from mpm.input_files import StoredArrays, read_arrays
+
+MAX_REPEAT = 10_000
+"""Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
+MAX_SEED = 2**63 - 1
+"""Largest seed: files hold them as 64-bit integers."""
 
 
 def read_demonstrations(folder: Path, decisions: int, action_repeat: int, dimensions: int,
@@ -33,16 +37,16 @@ def demonstration_paths(folder: Path) -> list[Path]:
 def read_start(path: Path) -> tuple[int, dict[str, bool]]:
     """Return seed and options of the reset that a demonstration begins with.
 
-    Files without a start begin at the task's own.
+    Files without a start begin at the task's own. Raises mpm.InvalidValue for a file that cannot be read.
     """
-    with np.load(path, allow_pickle=False) as stored:
-        seed = int(stored.get("start", stored.get("seed", 0)))
-        return seed, {"nominal": bool(stored.get("nominal", True))}
+    stored = read_arrays(path, names=["start", "seed", "nominal"])
+    seed = stored.integer("start" if "start" in stored else "seed", 0, 0, MAX_SEED)
+    return seed, {"nominal": bool(stored.integer("nominal", 1, 0, 1))}
 
 
-def read_action_repeat(stored: Any, default: int) -> int:
+def read_action_repeat(stored: StoredArrays, default: int) -> int:
     """Return the action_repeat of a stored motion; up to release 0.1 the key was `hold`."""
-    return int(stored.get("action_repeat", stored.get("hold", default)))
+    return stored.integer("action_repeat" if "action_repeat" in stored else "hold", default, 1, MAX_REPEAT)
 
 
 def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int, task: str = "") -> np.ndarray:
@@ -52,11 +56,10 @@ def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int
         mpm.InvalidValue: the file is no motion, or does not fit the task.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            actions = np.asarray(stored["actions"], np.float32)
-            stored_repeat = read_action_repeat(stored, action_repeat)
-            stored_task = str(stored["task"]) if "task" in stored else task
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        stored = read_arrays(path)
+        actions = np.asarray(stored["actions"], np.float32)
+        stored_repeat, stored_task = read_action_repeat(stored, action_repeat), stored.text("task", task)
+    except (OSError, ValueError, KeyError) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
     if task and stored_task != task:
         raise mpm.InvalidValue(f"{path}: made for {stored_task}; accepted: one for {task}")
@@ -65,7 +68,7 @@ def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int
     if actions.ndim != 2 or actions.shape[1] != dimensions or not np.all(np.abs(actions) <= 1.0):
         raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions}), from -1 to "
                                f"1, as this task has them")
-    actions = np.repeat(actions, stored_repeat // action_repeat, axis=0)
+    actions = np.repeat(actions[:decisions], stored_repeat // action_repeat, axis=0)
     if len(actions) < decisions:
         raise mpm.InvalidValue(f"{path}: {len(actions)} actions with action_repeat {action_repeat}; accepted: "
                                f"{decisions}, as this task has them")

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 
 import mpm
+from mpm.input_files import StoredArrays, read_arrays
 from policies.learning.environments import fingerprint, make_environment
 
 SURROGATE_MATERIALS = {"move": "clay", "scoop": "clay"}
@@ -77,7 +77,7 @@ class DemonstrationRequest(NamedTuple):
         return make_environment(self.task, action_repeat=self.action_repeat, **options).unwrapped
 
 
-def load_stored(path: Path, expected: str) -> dict[str, np.ndarray] | None:
+def load_stored(path: Path, expected: str) -> StoredArrays | None:
     """Return the arrays that an earlier call stored with the fingerprint `expected`, or None without a file.
 
     Raises:
@@ -86,11 +86,11 @@ def load_stored(path: Path, expected: str) -> dict[str, np.ndarray] | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = dict(stored)
-    except (ValueError, EOFError, BadZipFile) as error:
-        raise mpm.InvalidValue(f"{path}: cannot be read: {error}; give another --out, or remove it") from error
-    if str(arrays.get("fingerprint")) != expected:
+        arrays = read_arrays(path)
+    except ValueError as error:
+        raise mpm.InvalidValue(f"{error}; give another --out, or remove it") from None
+    if arrays.text("fingerprint", "none") != expected or "losses" not in arrays:
         raise mpm.InvalidValue(f"{path}: made for another scene, task, material, method, seed or start (fingerprint "
-                               f"{arrays.get('fingerprint')}, now {expected}); give another --out, or remove it")
+                               f"{arrays.text('fingerprint', 'none')}, now {expected}); give another --out, or remove "
+                               f"it")
     return arrays

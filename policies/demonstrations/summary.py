@@ -7,6 +7,7 @@ import matplotlib
 import numpy as np
 
 from mpm.files import write, write_json
+from mpm.input_files import read_arrays
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import DemonstrationGenerator
 from policies.demonstrations.request import DemonstrationRequest
@@ -22,10 +23,10 @@ def draw_learning_curves(out: Path, task: str, n: int) -> None:
     """Write learning_curve.png from demonstrations 0 to n - 1 of a folder."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.5), constrained_layout=True)
     for k in range(n):
-        with np.load(out / f"demonstration_{k}.npz", allow_pickle=False) as stored:
-            left.plot(stored["losses"], label=f"{k}, seed {int(stored['seed'])}")
-            norms = stored["norms"]
-            right.semilogy(np.arange(len(norms)), np.maximum(norms[:, 0], 1e-30), lw=0.8)
+        stored = read_arrays(out / f"demonstration_{k}.npz")
+        left.plot(stored["losses"], label=f"{k}, seed {int(stored['seed'])}")
+        norms = stored["norms"]
+        right.semilogy(np.arange(len(norms)), np.maximum(norms[:, 0], 1e-30), lw=0.8)
     left.set(xlabel="iteration", ylabel="loss", title=task)
     left.legend(fontsize=7)
     right.set(xlabel="step of the rollout", ylabel=NORM_LABEL, title="derivatives before each step, best iterate")

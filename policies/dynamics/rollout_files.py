@@ -3,12 +3,12 @@
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 
 import mpm
 from mpm.files import write_json
+from mpm.input_files import MAX_STATE, read_arrays, read_json
 from policies.learning.environments import fingerprint
 
 
@@ -56,16 +56,21 @@ def read_rollouts(folder: Path, env: Any) -> Rollouts:
     """
     now = describe_environment(env)
     try:
-        stored = json.loads((folder / "rollouts.json").read_text())
+        stored = read_json(folder / "rollouts.json")
         differences = [f"{name} {stored[name]}, now {value}" for name, value in now.items() if stored[name] != value]
         if differences:
             raise mpm.InvalidValue(f"--rollouts {folder}: of another environment: {'; '.join(differences)}")
         pairs = []
         for path in sorted(folder.glob("rollout_*.npz")):
-            with np.load(path, allow_pickle=False) as arrays:
-                if len(arrays["grains"]) > 1:  # one that diverged in its first step has a single frame
-                    pairs.append((arrays["grains"], arrays["tool"]))
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+            arrays = read_arrays(path, MAX_STATE)
+            frames = len(arrays["grains"])
+            if arrays["grains"].shape[1:] != (now["grains"], 3) or arrays["tool"].shape != (frames, 7):
+                raise mpm.InvalidValue(f"{path.name}: grains have shape {arrays['grains'].shape}, tool has "
+                                       f"{arrays['tool'].shape}; accepted: (n, {now['grains']}, 3) and (n, 7)")
+            arrays.check_finite()
+            if frames > 1:  # one that diverged in its first step has a single frame
+                pairs.append((arrays["grains"], arrays["tool"]))
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise mpm.InvalidValue(f"--rollouts {folder}: {error}; `robosim rollouts {env.source} --out {folder}` makes "
                                f"them") from error
     if len(pairs) < 2:

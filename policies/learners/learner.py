@@ -61,8 +61,8 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
         policy = "MultiInputPolicy"
     try:
         model = kind(policy, env, seed=seed, policy_kwargs=policy_options, device="cpu", **options)
-    except TypeError as error:
-        raise mpm.InvalidValue(f"options of {preset.learner}: {error}") from error
+    except (TypeError, ValueError, AssertionError, LookupError) as error:  # as Stable-Baselines3 refuses them
+        raise mpm.InvalidValue(f"options of {preset.learner}: {type(error).__name__}: {error}") from error
     if preset.residual is not None:
         zero_residual(model, preset.learner)
     if preset.actor is not None:

@@ -8,6 +8,7 @@ import pydantic
 import yaml
 
 import mpm
+from mpm.input_files import StrictComposer, quote, read_text
 from policies.learning.bundled import check_method
 from policies.learning.presets import OFF_POLICY, Preset
 
@@ -17,6 +18,8 @@ Change = Callable[[dict[str, Any]], dict[str, Any]]
 MANIFEST_KEYS = {"hold": "action_repeat"}
 ROW_KEYS = {"hold": "action_repeat", "wanted": "max_episodes", "best": "tcs_of_best_return", "tcs": "tcs_last10"}
 """Old key -> new key."""
+SHOWN = 10
+"""Errors of a file that are described."""
 
 
 def load_preset(name: str, change: Change | None = None) -> Preset:
@@ -39,18 +42,36 @@ def load_model(path: Path, kind: type[Model], change: Change | None = None) -> M
     Raises:
         mpm.InvalidValue: the file cannot be read or does not fit the model.
     """
+    table = read_yaml(path)
+    if not isinstance(table, dict):
+        raise mpm.InvalidValue(f"{path}: holds {quote(table)}; accepted: a table of {', '.join(kind.model_fields)}")
+    return validate(change(table) if change else table, path, kind)
+
+
+def validate(table: dict[str, Any], path: Path, kind: type[Model]) -> Model:
+    """Make a model of the content of a file; raises mpm.InvalidValue for what does not fit it."""
     try:
-        table = yaml.safe_load(path.read_text())
-        return kind(**(change(table) if change else table))
-    except (OSError, pydantic.ValidationError, yaml.YAMLError, TypeError) as error:
-        raise mpm.InvalidValue(f"{path}: {describe_error(error, kind)}") from error
+        return kind.model_validate(table)
+    except pydantic.ValidationError as error:
+        raise mpm.InvalidValue(f"{path}: {describe_error(error, kind)}") from None
 
 
-def describe_error(error: Exception, kind: type[pydantic.BaseModel]) -> str:
+class _Loader(StrictComposer, yaml.SafeLoader):
+    """Reads YAML within bounds, without duplicate keys."""
+
+
+def read_yaml(path: Path) -> Any:
+    """Read a YAML file; raises mpm.InvalidValue for one that cannot be read, is too large, or gives a key twice."""
+    try:
+        return yaml.load(read_text(path), _Loader)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise mpm.InvalidValue(f"{path}: cannot be read as YAML: {str(error).removeprefix(f'{path}: ')}") from None
+
+
+def describe_error(error: pydantic.ValidationError, kind: type[pydantic.BaseModel]) -> str:
     """Return what is wrong with a file, in one line: key, reason, value; for an unknown key, those that exist."""
-    if not isinstance(error, pydantic.ValidationError):
-        return str(error)
-    return "; ".join(_describe_item(item, kind) for item in error.errors())
+    texts = [_describe_item(item, kind) for item in error.errors()]
+    return "; ".join(texts[:SHOWN]) + (f"; and {len(texts) - SHOWN} more" if len(texts) > SHOWN else "")
 
 
 def _describe_item(item: Any, kind: type[pydantic.BaseModel]) -> str:
@@ -60,7 +81,7 @@ def _describe_item(item: Any, kind: type[pydantic.BaseModel]) -> str:
         renamed = getattr(table, "RENAMED", {}).get(item["loc"][-1])
         return f"key {key!r} is now called {renamed!r}; rename it" if renamed else \
             f"unknown key {key!r}; accepted: {', '.join(table.model_fields)}"
-    given = f" (given: {item['input']!r})" if item["type"] not in ("missing", "value_error") else ""
+    given = f" (given: {quote(item['input'])})" if item["type"] not in ("missing", "value_error") else ""
     return f"{key or 'file'}: {item['msg'].removeprefix('Value error, ')}{given}"
 
 

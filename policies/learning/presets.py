@@ -1,9 +1,11 @@
 """Presets: the settings of a method, as files of configs/training hold them."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
-from pydantic import ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import ConfigDict, Field
+
+from mpm.input_files import quote
 
 Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "GNN-CMA-ES", "replay"]
 OFF_POLICY = ("SAC", "TD3", "DDPG", "TQC", "CrossQ")
@@ -12,49 +14,80 @@ IMITATION = ("BC", "GAIL", "replay")
 """Learners that learn from demonstrations alone."""
 SEARCH = ("CMA-ES", "GNN-CMA-ES")
 """Learners that search for one motion; they may begin at a demonstration."""
+Text = Annotated[str, Field(max_length=2000)]
+# A million episodes of 100 actions take two years at 0.6 s each.
+Episodes = Annotated[int, Field(ge=1, le=1_000_000)]
+# Ten million updates of a small network take 3 hours on one core, and none of the methods needs more.
+Updates = Annotated[int, Field(ge=1, le=10_000_000)]
+# Ten million transitions of 100 numbers take 8 GB.
+Transitions = Annotated[int, Field(ge=1, le=10_000_000)]
+# Adam diverges above 1; below 1e-8 single-precision weights do not change any more.
+Rate = Annotated[float, Field(ge=1e-8, le=1.0)]
+
+MAX_OPTIONS = 1000
+"""Values of `options`, in tables and lists, too."""
+MAX_UNITS = 8192
+"""Units of a layer: two such layers have 270 MB of weights."""
+OPTION_BOUNDS: dict[str, tuple[float, float]] = {
+    "learning_rate": (1e-8, 1.0), "gamma": (0.0, 1.0), "tau": (0.0, 1.0), "gae_lambda": (0.0, 1.0),
+    "sigma": (1e-6, 100.0),  # of actions of -1 to 1
+    "batch_size": (1, 1_000_000), "buffer_size": (1, 10_000_000), "learning_starts": (0, 10_000_000),
+    "n_steps": (1, 1_000_000), "updates": (1, 10_000_000), "gradient_steps": (-1, 10_000), "n_epochs": (1, 10_000),
+    "train_freq": (1, 1_000_000), "policy_delay": (1, 10_000), "target_update_interval": (1, 1_000_000),
+    "knots": (2, 1000), "population": (2, 10_000), "net_arch": (1, MAX_UNITS), "n_critics": (1, 100),
+    "n_quantiles": (1, 1000), "top_quantiles_to_drop_per_net": (0, 1000)}
+"""Options of learners that decide on memory or time, or have a range by definition: least and largest value."""
+WHOLE = {name for name, (least, most) in OPTION_BOUNDS.items() if isinstance(most, int)}
+WITH_TEXT = ("train_freq",)
+"""Options of these that take a unit, as in [1, episode]."""
+REQUIRED = {"CMA-ES": ("population", "knots", "sigma"), "GNN-CMA-ES": ("population", "knots", "sigma"),
+            "BC": ("learning_rate", "updates", "batch_size", "net_arch")}
+"""Learner -> options that it needs."""
+ANY_OPTION = (-1e9, 1e9)
+"""The same for every other number."""
 
 
 class Demonstrations(pydantic.BaseModel):
     """How demonstrations are mixed into batches."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
-    size: PositiveInt = 50_000
+    size: Transitions = 50_000
     """Capacity of the demonstration buffer, in transitions."""
     fraction: float = Field(0.5, ge=0.0, le=1.0)
     """Fraction of a batch, once the agent has transitions of its own."""
-    updates: NonNegativeInt = 1
+    updates: int = Field(1, ge=0, le=10_000)
     """Gradient updates after each demonstrated transition, as it enters the buffer."""
 
 
 class Actor(pydantic.BaseModel):
     """How the actor of an actor-critic method learns, compared with its critics."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
-    waits: NonNegativeInt = 0
+    waits: int = Field(0, ge=0, le=10_000_000)
     """Number of actions before the actor's first update."""
-    rate: float = Field(1.0, gt=0.0)
+    rate: float = Field(1.0, ge=1e-6, le=1e3)
     """The actor's learning rate divided by the critics'."""
 
 
 class GraphSizes(pydantic.BaseModel):
     """Size and training of a graph network."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
-    hidden: PositiveInt = 32
-    message_steps: PositiveInt = 2
-    history: PositiveInt = 3
+    hidden: int = Field(32, ge=1, le=MAX_UNITS)
+    message_steps: int = Field(2, ge=1, le=100)
+    history: int = Field(3, ge=1, le=100)
     """Past frames whose displacements are features of a node."""
-    neighbours: PositiveInt = 10
+    neighbours: int = Field(10, ge=1, le=1000)
     """Largest number of nearest nodes within the connectivity radius that send to a grain."""
-    updates: PositiveInt = 3000
-    batch_size: PositiveInt = 8
-    learning_rate: PositiveFloat = 1e-3
-    decay: PositiveFloat = 0.1
+    updates: Updates = 3000
+    batch_size: int = Field(8, ge=1, le=10_000)
+    learning_rate: Rate = 1e-3
+    decay: float = Field(0.1, ge=1e-6, le=1.0)
     """Learning rate at the end divided by that at the start."""
-    noise: NonNegativeFloat = 0.2
+    noise: float = Field(0.2, ge=0.0, le=100.0)
     """Standard deviation of the noise on training positions, in units of the targets' standard deviation: the network
     learns to correct errors of its own."""
 
@@ -65,22 +98,22 @@ class Preset(pydantic.BaseModel):
     Raises pydantic.ValidationError for settings that do not fit each other.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
-    description: str
+    description: Text
     learner: Learner
     demonstrations: Demonstrations | None = None
     """How demonstrations are mixed into batches; null: not at all."""
-    obs: str = "flat"
+    obs: Annotated[str, Field(max_length=100)] = "flat"
     """Layout of the observation."""
     scaled: bool = True
     """Whether observations are scaled to about 1 (positions from the goal in decimetres, ...); false: SI units."""
-    episodes: PositiveInt = 150
+    episodes: Episodes = 150
     """Largest number of episodes."""
-    residual: float | None = Field(None, gt=0.0, le=1.0)
+    residual: float | None = Field(None, ge=1e-6, le=1.0)
     """Largest correction of the first demonstration by the policy, as a fraction of the action range; null: the policy
     does not correct a demonstration but gives the action."""
-    correction_cost: float = Field(0.0, ge=0.0)
+    correction_cost: float = Field(0.0, ge=0.0, le=1e6)
     """Penalty per mean square of the correction, in units of `residual`; it is not part of reported returns."""
     actor: Actor | None = None
     """How the actor learns; null: like its critics."""
@@ -90,7 +123,7 @@ class Preset(pydantic.BaseModel):
     """Permutation-invariant encoder of the grains; null: no encoder."""
     graph: GraphSizes | None = None
     """Graph network that predicts the motion of the grains, trained on rollouts; null: none."""
-    discriminator_updates: PositiveInt = 1
+    discriminator_updates: int = Field(1, ge=1, le=100_000)
     """Updates of GAIL's discriminator for each batch of the policy's transitions."""
     options: dict[str, Any] = {}  # noqa: RUF012
     """Arguments of the learner's class."""
@@ -115,6 +148,26 @@ class Preset(pydantic.BaseModel):
         """Whether the method learns from rollouts of the simulator."""
         return self.graph is not None
 
+    @pydantic.field_validator("options")
+    @classmethod
+    def _check_options(cls, options: dict[str, Any]) -> dict[str, Any]:
+        pending: list[tuple[str, Any]] = [("", options)]
+        for place, value in pending:  # grows while it is read
+            if isinstance(value, dict):
+                pending += [(f"{place}.{name}" if place else str(name), inner) for name, inner in value.items()]
+            elif isinstance(value, list | tuple):
+                pending += [(place, inner) for inner in value]
+            elif isinstance(value, int | float) and not isinstance(value, bool):
+                name = "net_arch" if place.startswith("policy_kwargs.net_arch") else place.rsplit(".", 1)[-1]
+                least, most = OPTION_BOUNDS.get(name, ANY_OPTION)
+                if not least <= value <= most or (name in WHOLE and value != int(value)):
+                    raise ValueError(f"{place} = {quote(value)}; accepted: {least:g} to {most:g}")
+            elif isinstance(value, str) and (len(value) > 1000 or (place in OPTION_BOUNDS and place not in WITH_TEXT)):
+                raise ValueError(f"{place} = {quote(value)}; accepted: a number, or a text of up to 1000 characters")
+            if len(pending) > MAX_OPTIONS:
+                raise ValueError(f"more than {MAX_OPTIONS} values")
+        return options
+
     @pydantic.model_validator(mode="after")
     def _check(self) -> "Preset":
         if self.encoder is not None and self.obs not in ("flat", "all"):
@@ -128,8 +181,8 @@ class Preset(pydantic.BaseModel):
         if self.critic_layer_norm and (self.obs == "dict" or self.learner != "SAC"):
             raise ValueError(f"critic_layer_norm with learner {self.learner} and obs {self.obs}; accepted: SAC, "
                              f"any obs but dict")
-        required = {"CMA-ES": ("population", "knots", "sigma")}.get(self.learner, ())
-        missing = [name for name in required if name not in self.options]
+        required = REQUIRED.get(self.learner, ())
+        missing = [name for name in required if self.options.get(name) is None]
         if missing:
             raise ValueError(f"learner {self.learner} without options {', '.join(missing)}")
         if (self.graph is not None) != (self.learner == "GNN-CMA-ES"):

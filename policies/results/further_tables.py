@@ -1,11 +1,11 @@
 """Tables besides those of scores: gain of down-sampling, turn of the tools, other materials."""
 
-import json
 from collections import defaultdict
 from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
+from mpm.input_files import read_json
 from policies.results.page import TextTable
 from policies.results.summary import Summaries
 
@@ -89,7 +89,7 @@ def read_materials(sources: list[Path]) -> list[dict[str, Any]]:
     rows = []
     for path in sorted(path for source in sources if source.is_dir() for path in source.rglob("materials.json")):
         try:
-            stored = json.loads(path.read_text())
+            stored = read_json(path)
             rows += [{"policy": stored["policy"], **{key: row[key] for key in MATERIAL_COLUMNS}}
                      for row in stored["rows"]]
         except (OSError, ValueError, KeyError, TypeError):

@@ -1,7 +1,6 @@
 """`robosim tables`: the figures of finished runs, from run folders and earlier tables, beside published numbers."""
 
 import csv
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ import yaml
 
 import mpm
 from mpm.files import write, write_json, write_text
+from mpm.input_files import read_json
 from policies.learning.bundled import configs_folder
 from policies.learning.files import digest
 from policies.learning.preset_files import migrate_manifest, migrate_row
@@ -45,13 +45,13 @@ def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
                                    f"tables.json")
         for path in sorted(source.rglob("manifest.json")):
             try:
-                manifest = migrate_manifest(json.loads(path.read_text()))
-                status = json.loads(path.with_name("status.json").read_text())
+                manifest = migrate_manifest(read_json(path))
+                status = read_json(path.with_name("status.json"))
                 if status["state"] != "finished":
                     unfinished.append(f"{path.parent}: {status['state']} {status.get('reason', '')}".strip())
                     continue
                 rows.append(make_row(manifest, status))
-            except (OSError, ValueError, KeyError) as error:
+            except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
                 unfinished.append(f"{path.parent}: cannot be read: {type(error).__name__}: {error}")
     return [row for k, row in enumerate(rows) if not any(is_same_run(row, other) for other in rows[:k])], unfinished
 
@@ -64,7 +64,7 @@ def is_same_run(row: dict[str, Any], other: dict[str, Any]) -> bool:
 def read_table(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a tables.json, with today's column names; raises mpm.InvalidValue for another file."""
     try:
-        rows = [migrate_row(row) for row in json.loads(path.read_text())["runs"]]
+        rows = [migrate_row(row) for row in read_json(path)["runs"]]
         missing = sorted({key for row in rows for key in COLUMNS if key not in row and key not in OPTIONAL})
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error

@@ -14,7 +14,12 @@ from typing import Any
 import numpy as np
 import torch
 
+import mpm
 from mpm.files import write
+from mpm.input_files import BROKEN
+
+MAX_CHECKPOINT = 16 * 2**30
+"""Bytes of a checkpoint: a replay buffer of 1 million observations of 1700 numbers, twice."""
 
 
 def pack(model: Any, **parts: Any) -> bytes:
@@ -47,14 +52,30 @@ def load(path: Path, kind: Any, env: Any) -> tuple[Any, dict[str, Any]]:
     """Return the model, of class `kind` (None: no model was stored), in an environment, and the other parts.
 
     Random numbers continue only once `restore_random_state` is called with the parts.
+
+    Raises:
+        mpm.InvalidValue: the file is damaged, too large, or of other versions of its packages.
     """
-    with zipfile.ZipFile(path) as archive:
+    try:
+        parts = _read_parts(path)
         model = None
         if kind is not None:
-            model = kind.load(io.BytesIO(archive.read("model.zip")), env=env, device="cpu", force_reset=False)
-            if "buffer.pickle" in archive.namelist():
-                model.replay_buffer = pickle.loads(archive.read("buffer.pickle"))
-        return model, pickle.loads(archive.read("state.pickle"))
+            model = kind.load(io.BytesIO(parts["model.zip"]), env=env, device="cpu", force_reset=False)
+            if "buffer.pickle" in parts:
+                model.replay_buffer = pickle.loads(parts["buffer.pickle"])
+        return model, pickle.loads(parts["state.pickle"])
+    except (*BROKEN, pickle.UnpicklingError, AttributeError, ImportError, IndexError) as error:
+        raise mpm.InvalidValue(f"{path}: cannot be read: {type(error).__name__}: {error}; remove it to begin the run "
+                               f"anew") from error
+
+
+def _read_parts(path: Path) -> dict[str, bytes]:
+    """Return the files of a checkpoint by name; what their directory promises is checked before they are read."""
+    with zipfile.ZipFile(path) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+        if size > MAX_CHECKPOINT or any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
+            raise ValueError(f"{size} bytes when unpacked; accepted: up to {MAX_CHECKPOINT}, not compressed")
+        return {member.filename: archive.read(member) for member in archive.infolist()}
 
 
 def restore_random_state(state: dict[str, Any], model: Any = None) -> None:

@@ -5,7 +5,6 @@ its own. Source: arXiv 2406.09178, Algorithm 1.
 """
 
 import argparse
-import json
 import os
 import shutil
 import subprocess
@@ -21,6 +20,7 @@ from tqdm import tqdm
 
 import mpm
 from mpm.files import write, write_json
+from mpm.input_files import read_json
 from policies.learning.bundled import check_installed, configs_folder
 from policies.learning.files import is_locked, working_in
 from policies.learning.preset_files import load_preset
@@ -86,7 +86,7 @@ class Pipeline:
     def _load_finished(self) -> dict[str, dict[str, Any]]:
         """Return the stages that earlier calls have finished; none where their file cannot be read."""
         try:
-            stored = json.loads(self._file.read_text())
+            stored = read_json(self._file)
             stages = {name: stage for name, stage in stored["stages"].items() if stage["state"] == "finished"}
             earlier, now = stored["options"], self._shared_options
             differences = [f"--{name} {earlier.get(name)}, now {now.get(name)}" for name in {**earlier, **now}

@@ -1,10 +1,10 @@
 """The table of a pipeline: each sub-task's scores from demonstration to sequence, and the whole arm's result."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 import mpm
+from mpm import input_files
 from policies.results.page import align_columns
 
 ARM_COLUMNS = ("scooped_mass_kg", "delivered_fraction", "spilled_fraction")
@@ -52,8 +52,11 @@ def read_arm_report(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the content of a JSON file, {} without a file."""
-    return json.loads(path.read_text()) if path.is_file() else {}
+    """Return the table of a JSON file, {} without a file; raises mpm.InvalidValue for a file that holds none."""
+    stored = input_files.read_json(path) if path.is_file() else {}
+    if not isinstance(stored, dict):
+        raise mpm.InvalidValue(f"{path}: holds no table; remove it")
+    return stored
 
 
 def format_rows(rows: list[dict[str, Any]]) -> str:

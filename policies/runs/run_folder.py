@@ -17,6 +17,7 @@ import numpy as np
 
 import mpm
 from mpm.files import write, write_json, write_status
+from mpm.input_files import read_json
 from policies.learning.files import lock_folder
 from policies.learning.preset_files import migrate_manifest
 from policies.runs.episodes import Episode
@@ -85,12 +86,14 @@ class RunFolder:
     def read_json(self, name: str) -> Any:
         """Return a .json file's content, None without a file; raises mpm.InvalidValue where it is not JSON."""
         try:
-            return json.loads((self.path / name).read_text())
+            stored = read_json(self.path / name)
         except FileNotFoundError:
             return None
         except ValueError as error:
-            raise mpm.InvalidValue(f"{self.path / name}: not JSON: {error}; remove it, or give another --out"
-                                   ) from error
+            raise mpm.InvalidValue(f"{error}; remove it, or give another --out") from None
+        if not isinstance(stored, dict):
+            raise mpm.InvalidValue(f"{self.path / name}: holds no table; remove it, or give another --out")
+        return stored
 
     @property
     def checkpoint(self) -> Path:
@@ -106,7 +109,7 @@ class RunFolder:
     def is_finished(self) -> bool:
         """Whether the run has come to its end."""
         status = self.read_json("status.json")
-        return status is not None and status["state"] == "finished"
+        return status is not None and status.get("state") == "finished"
 
     def add(self, episode: Episode, action_repeat: int) -> bool:
         """Add an episode; return whether it is the best so far, whose actions are then written to best.npz."""

@@ -1,17 +1,22 @@
 """Sweep files: tasks x methods x seeds, and the runs that they stand for."""
 
-import json
 from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import pydantic
-from pydantic import ConfigDict, Field, PositiveInt
+from pydantic import ConfigDict, Field
 
 import mpm
+from mpm.input_files import read_json
 from policies.learning.bundled import bundled_names, is_task_file, is_unknown_task
 from policies.learning.preset_files import Change, load_model, load_preset, migrate_preset
-from policies.learning.presets import Preset
+from policies.learning.presets import Episodes, Preset
+
+Short = Annotated[str, Field(max_length=4096)]
+"""A name, an argument or a path; Linux takes paths of up to 4096 characters."""
+MAX_RUNS = 10_000
+"""Runs of a sweep: at an hour each, a year of one core."""
 
 
 class SweepFile(pydantic.BaseModel):
@@ -21,19 +26,27 @@ class SweepFile(pydantic.BaseModel):
     RENAMED: ClassVar[dict[str, str]] = {"frames": "rollouts"}
     """Keys of earlier versions -> their names now."""
 
-    tasks: list[str] = Field(min_length=1)
-    methods: list[str] = Field(min_length=1)
-    seeds: list[int] = Field(min_length=1)
-    demos: str | None = None
+    tasks: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
+    methods: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
+    seeds: list[Annotated[int, Field(ge=0, le=2**32 - 1)]] = Field(min_length=1, max_length=MAX_RUNS)
+    """Seeds, which numpy takes up to 2^32 - 1."""
+    demos: Short | None = None
     """Folder of the demonstrations; {task} stands for the task's name."""
-    rollouts: str | None = None
+    rollouts: Short | None = None
     """Folder of the rollouts that a graph network learns from; {task} as above."""
-    episodes: PositiveInt | None = None
+    episodes: Episodes | None = None
     """Largest number of episodes; null: the method's own."""
-    options: list[str] = []  # noqa: RUF012
+    options: list[Short] = Field([], max_length=1000)
     """Further arguments of `robosim train`."""
     out: Path
     """Runs are written to out/task/method/seed_k."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_count(self) -> "SweepFile":
+        count = len(self.tasks) * len(self.methods) * len(self.seeds)
+        if count > MAX_RUNS:
+            raise ValueError(f"tasks, methods and seeds make {count} runs; accepted: up to {MAX_RUNS}")
+        return self
 
 
 class SweepRun(NamedTuple):
@@ -48,7 +61,7 @@ class SweepRun(NamedTuple):
     def state(self) -> str:
         """State of the run's folder: "new", "another" (of another run), or that of its status.json."""
         try:
-            manifest = json.loads((self.out / "manifest.json").read_text())
+            manifest = read_json(self.out / "manifest.json")
             stored = migrate_preset(manifest["preset"])
             # What arguments may change is compared by the command below: with --set, everything.
             from_arguments = stored if "--set" in self.arguments else {
@@ -56,8 +69,8 @@ class SweepRun(NamedTuple):
             has_same_command = manifest["command"].split(" ", 1)[-1] == " ".join(self.arguments)
             if not has_same_command or {**self.preset, **from_arguments} != stored:
                 return "another"  # `robosim train` refuses it and names the difference
-            return str(json.loads((self.out / "status.json").read_text())["state"])
-        except (OSError, ValueError, KeyError):
+            return str(read_json(self.out / "status.json")["state"])
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return "new"
 
 

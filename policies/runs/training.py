@@ -1,12 +1,12 @@
 """A training run: its environment, its folder, and what is stored at the end of every episode."""
 
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
 import gymnasium
-import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 import mpm
 from mpm.files import describe_end, end_state
+from mpm.input_files import read_arrays
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
@@ -40,6 +41,9 @@ CHECKPOINT_EVERY = 10
 """Episodes between checkpoints on the disk, if no other number is given."""
 CHECKPOINT_LATEST = 30
 """Episodes after which a checkpoint is made within an episode."""
+
+MAX_BUFFER = 16 * 2**30
+"""Bytes of the transitions that a run collects: what a workstation has."""
 
 
 class Training:
@@ -105,6 +109,19 @@ class Training:
     def is_over(self) -> bool:
         """Whether all episodes are done, or the last ones all reached the highest score."""
         return self.env.count >= self.preset.episodes or self.folder.has_reached(self.highest_score)
+
+    def _check_buffer(self) -> None:
+        """Refuse a replay buffer that would fill more memory in this run's episodes than a computer has."""
+        space = self.agent_env.observation_space
+        parts = list(space.values()) if isinstance(space, gymnasium.spaces.Dict) else [space]
+        size = sum(4 * math.prod(part.shape or ()) for part in parts)
+        count = min(self.preset.options.get("buffer_size", 0), self.preset.episodes * self.decisions)
+        demonstrated = len(self.demonstrations.motions) * self.decisions
+        count += min(self.preset.demonstrations.size if self.preset.demonstrations else 0, demonstrated)
+        if 2 * size * count > MAX_BUFFER:
+            raise mpm.InvalidValue(f"buffer of {count} transitions with two observations of {size} bytes: "
+                                   f"{2 * size * count:.3g} bytes; accepted: up to {MAX_BUFFER}; lower "
+                                   f"options.buffer_size or episodes, or observe fewer grains")
 
     def _load_rollouts(self, folder: Path | None) -> Rollouts | None:
         if self.preset.needs_rollouts != (folder is not None):
@@ -195,6 +212,7 @@ class Training:
             self.resume(state)
             self.model._last_obs = venv.reset()
         else:
+            self._check_buffer()
             self.model = build_learner(self.preset, venv, self.seed,
                                        getattr(self.base.unwrapped, "observation_slices", None))
             self.model.set_logger(Logger(str(self.folder.path), [EventLog(self.folder.event_log, 0)]))
@@ -213,8 +231,8 @@ class Training:
         path = self.folder.path / "best.npz"
         if not path.is_file():
             return {}
-        with np.load(path, allow_pickle=False) as stored:
-            actions, start = stored["actions"], int(stored["start"])
+        stored = read_arrays(path)
+        actions, start = stored["actions"], int(stored["start"])
         total, info = play(self.base, actions, seed=start, options=self.reset_options)
         return {"return": total, **read_scores(info)}
 

@@ -6,13 +6,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import yaml
 from tqdm import tqdm
 
+from mpm.input_files import read_json
 from robosim.benchmarks.explain_page import describe_setting, format_parts, write_page
 from robosim.benchmarks.scene_run import FRACTIONS
 from robosim.config.output import OutputFolder
 from robosim.config.resources import config_names, config_path
+from robosim.config.table import read
 from robosim.envs import TASKS
 from robosim.errors import ConfigError, UnknownName
 from robosim.reports.jobs import run_jobs
@@ -98,7 +99,7 @@ def run_settings(scene: str, settings: list[dict[str, float]], folder: OutputFol
     known: dict[str, dict[str, Any]] = {}
     if folder is not None and (folder.path / "explain.json").is_file():
         try:
-            content = json.loads((folder.path / "explain.json").read_text())
+            content = read_json(folder.path / "explain.json")
             if (content["scene"], content["code"]) == (scene, code):
                 known = {json.dumps(r["setting"]): r for r in content["results"] if r["result"] is not None}
         except (ValueError, KeyError, TypeError) as error:
@@ -145,7 +146,7 @@ def reading_error(name: str, value: float, reference: float) -> float:
 
 def write_scene_file(scene: str, kind: str, setting: dict[str, float], folder: OutputFolder) -> Path:
     """Write the scene's file with a setting applied."""
-    config = yaml.safe_load(config_path("tasks" if kind == "task" else "rehearsals", scene, "scene").read_text())
+    config: Any = read(config_path("tasks" if kind == "task" else "rehearsals", scene, "scene"))
     field = config["field"]
     for key in ("cell", "grains_per_cell"):
         if key in setting and key in field:

@@ -10,7 +10,8 @@ import yaml
 from robosim.config.table import Table
 
 WORDS = {"string": "text", "number": "number", "integer": "whole number", "boolean": "true | false", "null": "null"}
-BOUNDS = {"minimum": "from {}", "exclusiveMinimum": "above {}", "maximum": "up to {}", "exclusiveMaximum": "below {}"}
+BOUNDS = {"minimum": "from {}", "exclusiveMinimum": "above {}", "maximum": "up to {}", "exclusiveMaximum": "below {}",
+          "maxLength": "up to {} characters"}
 Schema = dict[str, Any]
 WIDTH = 110
 """Longest line of a comment."""
@@ -55,8 +56,9 @@ def tables(field: Schema, top: Schema, mark: str = "") -> list[tuple[str, Schema
 
 def accepted(field: Schema) -> str:
     """Describe the values that a key accepts: type, bounds and choices."""
+    bounds = [words.format(f"{field[key]:g}") for key, words in BOUNDS.items() if key in field]
     if "$ref" in field:
-        return "table"
+        return " ".join(["table, value", *bounds]) if bounds else "table"
     if "anyOf" in field:
         return " | ".join(map(accepted, field["anyOf"]))
     if "enum" in field or "const" in field:
@@ -64,14 +66,14 @@ def accepted(field: Schema) -> str:
     if field.get("type") == "array":
         inner = field.get("items") or (field.get("prefixItems") or [{}])[0]
         least, most = field.get("minItems", 0), field.get("maxItems")
-        count = f" of {least}" if least == most else f" of {least} or more" if least else ""
+        span = f"{least} to {most}" if least else f"up to {most}"
+        count = f" of {least}" if least == most else f" of {span}" if most else f" of {least} or more" if least else ""
         return f"list{count}: {accepted(inner)}"
     if field.get("type") == "object":
         extra = field.get("additionalProperties")
         return f"table of NAME: {accepted(extra)}" if isinstance(extra, dict) else "table with free names"
     if "type" not in field:
         return "any value"
-    bounds = [words.format(f"{field[key]:g}") for key, words in BOUNDS.items() if key in field]
     return " ".join([WORDS[field["type"]], *bounds])
 
 

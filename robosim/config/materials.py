@@ -1,10 +1,11 @@
 """Materials: configurations with unit and source of every number, and the laws that they stand for."""
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import pydantic
 
 import mpm
+from robosim.config.bounds import Intensity, Text, Within
 from robosim.config.resources import config_path
 from robosim.config.table import Quantity, Table, load, read
 from robosim.errors import ConfigError, UnknownName
@@ -17,11 +18,11 @@ Law = mpm.DruckerPrager | mpm.NewtonianFluid | mpm.VonMises
 class MaterialConfig(Table):
     """What every material has."""
 
-    description: str
+    description: Text
     """What it is."""
-    density: Quantity
+    density: Annotated[Quantity, Within(1.0, 25_000.0)]  # aerogel to osmium
     """Bulk density [kg/m^3]."""
-    colour: tuple[float, float, float, float] = (0.95, 0.95, 0.93, 1.0)
+    colour: tuple[Intensity, Intensity, Intensity, Intensity] = (0.95, 0.95, 0.93, 1.0)
     """Red, green, blue and opacity, 0 to 1."""
 
     UNITS: ClassVar[dict[str, str]] = {
@@ -47,13 +48,13 @@ class GranularConfig(MaterialConfig):
 
     law: Literal["granular"]
     """Drucker-Prager."""
-    E: Quantity
+    E: Annotated[Quantity, Within(1e2, 1e12)]  # a heap of 1 cm weighs 1e2 Pa; diamond has 1.1e12 Pa
     """Young's modulus [Pa]."""
-    nu: Quantity
+    nu: Annotated[Quantity, Within(0.0, 0.49)]  # the wave speed grows without bound towards 0.5
     """Poisson's ratio."""
-    friction_angle: Quantity
+    friction_angle: Annotated[Quantity, Within(0.0, 89.0)]  # the cone of 90 deg is no cone any more
     """Internal friction angle [deg]."""
-    cohesion: Quantity
+    cohesion: Annotated[Quantity, Within(0.0, 1e9)]  # concrete has 1e7 Pa
     """Cohesion [Pa]."""
 
 
@@ -62,9 +63,9 @@ class FluidConfig(MaterialConfig):
 
     law: Literal["fluid"]
     """Newtonian fluid."""
-    bulk_modulus: Quantity
+    bulk_modulus: Annotated[Quantity, Within(1e2, 1e12)]  # 1 cm of water on 1e2 Pa; diamond has 4e11 Pa
     """Bulk modulus [Pa]."""
-    viscosity: Quantity
+    viscosity: Annotated[Quantity, Within(0.0, 1e6)]  # glass at its working point has 1e3, pitch 1e8 Pa s
     """Dynamic viscosity [Pa s]."""
 
 
@@ -73,11 +74,11 @@ class ClayConfig(MaterialConfig):
 
     law: Literal["clay"]
     """von Mises."""
-    E: Quantity
+    E: Annotated[Quantity, Within(1e2, 1e12)]  # a heap of 1 cm weighs 1e2 Pa; diamond has 1.1e12 Pa
     """Young's modulus [Pa]."""
-    nu: Quantity
+    nu: Annotated[Quantity, Within(0.0, 0.49)]  # the wave speed grows without bound towards 0.5
     """Poisson's ratio."""
-    yield_stress: Quantity
+    yield_stress: Annotated[Quantity, Within(1e-3, 1e11)]  # diamond has 1e11 Pa
     """Yield stress of von Mises [Pa]."""
 
 
@@ -102,6 +103,11 @@ def overridden(config: MaterialConfig, numbers: dict[str, float],
     for name, value in numbers.items():
         if name not in known:
             raise UnknownName(what, name, known)
+        for bounds in (one for one in type(config).model_fields[known[name]].metadata if isinstance(one, Within)):
+            try:
+                bounds.check(float(value))
+            except ValueError as error:
+                raise ConfigError(f"{what} {name}: {error}") from None
         quantity = getattr(config, known[name])
         changed[known[name]] = quantity.model_copy(update={"value": float(value), "source": "given by the user"})
     return config.model_copy(update=changed)

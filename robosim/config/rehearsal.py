@@ -4,8 +4,24 @@ from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import pydantic
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
+from robosim.config.bounds import (
+    MAX_ENTRIES,
+    Acceleration,
+    Angle,
+    AngularAcceleration,
+    AngularSpeed,
+    Duration,
+    FilePath,
+    GraspTime,
+    Length,
+    Mass,
+    Name,
+    Speed,
+    Text,
+    Tolerance,
+)
 from robosim.config.resources import config_path, container_names
 from robosim.config.robot import Grip, JointTrajectoryConfig, LimitsConfig, ServoConfig
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
@@ -16,66 +32,66 @@ from robosim.config.table import Table, Vector3, load
 class PathConfig(Table):
     """How the tool rounds the corners between waypoints."""
 
-    acceleration: PositiveFloat
+    acceleration: Acceleration
     """Acceleration of the tool along the path [m/s^2]."""
-    angular_acceleration: PositiveFloat
+    angular_acceleration: AngularAcceleration
     """Angular acceleration of the tool along the path [rad/s^2]."""
-    corner_tolerance: PositiveFloat = 1.5e-3
+    corner_tolerance: Tolerance = 1.5e-3
     """Largest distance [m] between the rounded path and the screw motions inside a container."""
 
 
 class WaypointConfig(Table):
     """A pose of the tool, reached by a screw motion from the waypoint before."""
 
-    name: str
+    name: Name
     """Its name in reports and errors."""
-    frame: str
+    frame: Name
     """Frame of position and rotation: "world", or the name of a container."""
     position: Vector3
     """Position of the tool's frame [m]."""
-    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
+    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     """Rotations about the frame's x, then y, then z axis [deg]."""
-    speed: PositiveFloat
+    speed: Speed
     """Speed of the tool on the way to this waypoint [m/s]."""
-    angular_speed: PositiveFloat = 1.5
+    angular_speed: AngularSpeed = 1.5
     """Angular speed on the way to this waypoint [rad/s]; the slower of the two decides."""
     stop: bool = False
     """Whether the tool stops there."""
-    dwell: float = Field(0.0, ge=0.0)
+    dwell: Duration = 0.0
     """Duration [s] of the stop."""
-    acceleration: PositiveFloat | None = None
+    acceleration: Acceleration | None = None
     """Acceleration [m/s^2] in the rounded corner, or before and after the stop; null: path.acceleration."""
 
 
 class RehearsalConfig(Table):
     """A whole-arm rehearsal."""
 
-    description: str
+    description: Text
     """Title of its reports."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
     """Name of a tool of models/tools."""
-    material: str
+    material: FilePath
     """Name of a material of configs/materials, or the path of a .yaml file."""
     grasp: Grip
     """weld: fixed in the hand; friction: held by the fingers alone."""
-    tool_container: list[Literal["contact", "sdf"]] = ["contact", "sdf"]  # noqa: RUF012
+    tool_container: Annotated[list[Literal["contact", "sdf"]], Field(max_length=2)] = ["contact", "sdf"]  # noqa: RUF012
     """How collisions of tool and containers are detected. contact: MuJoCo contacts, which exert forces; sdf: points of
     the container with a negative signed distance to the tool."""
-    host_dt: float = Field(gt=0.0, le=1e-3)
+    host_dt: float = Field(ge=1e-5, le=1e-3)
     """MuJoCo step [s]."""
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
     """one_way: grains exert no force on the arm; lagged: their force acts one step later; mobility: contact and motion
     of the arm are solved together."""
-    collision_thickness: PositiveFloat
+    collision_thickness: Length
     """Wall thickness [m] of the tool in the simulation of the grains; thickened outward, the inner volume is kept."""
-    grasp_time: PositiveFloat
+    grasp_time: GraspTime
     """Time [s] for the fingers to close before the arm moves."""
-    containers: dict[str, ContainerConfig] = {}  # noqa: RUF012
+    containers: dict[Name, ContainerConfig] = {}  # noqa: RUF012
     """Containers by their names in models/containers. A filled one is the source of the material, an empty one the
     target."""
     pile: RegionConfig | None = None
     """Region of material on the table at the start, before it settles; instead of a filled container."""
-    tool_fill_height: PositiveFloat | None = None
+    tool_fill_height: Length | None = None
     """Height [m] of material in the tool at the start, above its inner bottom; instead of a filled container."""
     area: RegionConfig | None = None
     """Target region of the material, if the target is not a container."""
@@ -84,18 +100,18 @@ class RehearsalConfig(Table):
     servo: ServoConfig
     path: PathConfig
     joint_trajectory: JointTrajectoryConfig = JointTrajectoryConfig()
-    waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2)]
+    waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2, max_length=MAX_ENTRIES)]
     """Poses of the tool, in order."""
-    weigh_at: str | None = None
+    weigh_at: Name | None = None
     """Waypoint with a dwell, where the wrist sensor weighs the load; the grains in the tool count as scooped. null: no
     weighing, all grains count."""
-    least_load: float = Field(0.0, ge=0.0)
+    least_load: Mass = 0.0
     """Smallest accepted mass [kg] of the load."""
     trajectory: Literal["script", "learned"] = "script"
     """script: follow the waypoints; learned: follow the learned motions of the sub-tasks in `learned`."""
-    learned: tuple[str, ...] = ()
+    learned: Annotated[tuple[Name, ...], Field(max_length=MAX_ENTRIES)] = ()
     """Sub-tasks whose learned motions are joined, in order."""
-    motions: str | None = None
+    motions: FilePath | None = None
     """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
     @property

@@ -1,11 +1,12 @@
 """Configuration of the robot: joint limits, servo, gripper."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import pydantic
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
+from robosim.config.bounds import MAX_ENTRIES, GraspTime, Name, Share, Text
 from robosim.config.resources import config_path
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector7, load
@@ -16,7 +17,7 @@ Grip = Literal["weld", "friction"]
 class LimitsConfig(Table):
     """Joint limits of the time-scaled motion."""
 
-    velocity_fraction: float = Field(gt=0.0, le=1.0)
+    velocity_fraction: Share
     """Largest joint speed as a fraction of the data sheet's."""
     acceleration: Vector7
     """Largest acceleration of each joint [rad/s^2]."""
@@ -36,11 +37,11 @@ class ServoConfig(Table):
 class JointTrajectoryConfig(Table):
     """Names in joint_trajectory.yaml, for the controller that is to play it."""
 
-    frame_id: str = ""
+    frame_id: Name = ""
     """`header.frame_id` of the message."""
-    joint_prefix: str = ""
+    joint_prefix: Name = ""
     """Put before each joint's name: lbr_ gives lbr_A1 to lbr_A7."""
-    joint_names: dict[str, str] = {}  # noqa: RUF012
+    joint_names: Annotated[dict[Name, Name], Field(max_length=MAX_ENTRIES)] = {}  # noqa: RUF012
     """Names by the model's joint names, instead of a prefix; a joint that is left out keeps its name."""
 
     @pydantic.model_validator(mode="after")
@@ -53,11 +54,11 @@ class JointTrajectoryConfig(Table):
 class RobotConfig(Table):
     """Limits and controller of the arm, for a tool that is commanded step by step."""
 
-    description: str
+    description: Text
     """What it is."""
     limits: LimitsConfig
     servo: ServoConfig
-    grasp_time: PositiveFloat
+    grasp_time: GraspTime
     """Time [s] for the fingers to close before an episode."""
 
 

@@ -1,10 +1,13 @@
 """Configuration of a scene's places and of the grains' numerics."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+import numpy as np
+import pydantic
+from pydantic import Field
 
 import mpm
+from robosim.config.bounds import MAX_NODES, Angle, Friction, GrainsPerCell, HalfSize, Height, Length, TimeStep
 from robosim.config.table import Table, Vector3
 
 
@@ -13,7 +16,7 @@ class RegionConfig(Table):
 
     centre: Vector3
     """Centre [m]."""
-    half: Vector3
+    half: tuple[HalfSize, HalfSize, HalfSize]
     """Half sizes [m]."""
     round: bool = False
     """Whether it is an upright cylinder."""
@@ -29,31 +32,40 @@ class ContainerConfig(Table):
 
     position: Vector3
     """Centre of the inner floor [m]."""
-    yaw_deg: float = 0.0
+    yaw_deg: Angle = 0.0
     """Rotation about the vertical [deg]."""
-    fill_height: float = Field(0.0, ge=0.0)
+    fill_height: Height = 0.0
     """Height of the material in it at the start [m]."""
 
 
 class FieldConfig(Table):
     """Numerics of the grains."""
 
-    cell: PositiveFloat
+    cell: Length
     """Edge of a grid cell [m]."""
-    grains_per_cell: PositiveFloat
+    grains_per_cell: GrainsPerCell
     """Number of grains in a filled cell at the start."""
-    tool_friction: float = Field(ge=0.0)
+    tool_friction: Friction
     """Friction coefficient between grains and tool."""
-    container_friction: float = Field(ge=0.0)
+    container_friction: Friction
     """Friction coefficient between grains and containers."""
-    floor_friction: float = Field(ge=0.0)
+    floor_friction: Friction
     """Friction coefficient between grains and table."""
     region_lower: Vector3
     """Lower corner of the region that the material can reach [m]."""
     region_upper: Vector3
     """Upper corner of that region [m]."""
-    dt: PositiveFloat | None = None
+    dt: TimeStep | None = None
     """Substep [s]; null: from the stability bound."""
-    transfer_interval: NonNegativeFloat | Literal["strides"] | None = "strides"
+    transfer_interval: Annotated[float, Field(ge=0.0, le=0.1)] | Literal["strides"] | None = "strides"
     """Longest stride [s]: time between two transfers of velocities to the particles; 0: a transfer in every substep;
     "strides": chosen from the bound of the time step."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_size(self) -> "FieldConfig":
+        nodes = int(np.prod(mpm.Grid(self.region_lower, self.region_upper, self.cell).shape, dtype=float))
+        if nodes > MAX_NODES:
+            raise ValueError(f"region_lower {self.region_lower} to region_upper {self.region_upper} m with cell = "
+                             f"{self.cell} m: {nodes:.3g} grid nodes; accepted: up to {MAX_NODES:.3g}; make the region "
+                             f"smaller, or the cell larger")
+        return self

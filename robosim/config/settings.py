@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 
 from robosim.errors import ConfigError
 
+MAX_KEYS = 20
+"""Keys of a setting's path: as deep as files are read."""
+
 
 class Setting(NamedTuple):
     """A value for a key of a configuration: `--set waypoints.2.speed=0.1`."""
@@ -29,18 +32,32 @@ class Setting(NamedTuple):
 
 def read_setting(text: str) -> Setting:
     """Read KEY=VALUE, the value as YAML; raises ConfigError for anything else."""
-    import yaml  # here, so that `--help` does without
-
     key, equals, value = text.partition("=")
     path = tuple(key.strip().split("."))
-    if not equals or not all(path):
-        raise ConfigError(f"--set {text}; accepted: KEY=VALUE with a dotted key, such as field.cell=0.005")
+    if not equals or not all(path) or len(path) > MAX_KEYS:
+        raise ConfigError(f"--set {text[:200]}; accepted: KEY=VALUE with a dotted key, such as field.cell=0.005")
     if re.fullmatch(r"\s*[-+]?\d+(\.\d*)?[eE][-+]?\d+\s*", value):  # YAML 1.1 takes 3e-4 for a text
         return Setting(path, float(value))
     try:
-        return Setting(path, yaml.safe_load(value))
+        return Setting(path, parse_yaml(value))
+    except ValueError as error:
+        raise ConfigError(f"--set {text[:200]}: the value cannot be read as YAML: {error}") from None
+
+
+def parse_yaml(text: str) -> Any:
+    """Parse YAML; raises mpm.InvalidValue, with the line, for what is none, duplicate keys, or deep nesting."""
+    import yaml  # here, so that `--help` does without
+
+    from mpm.errors import InvalidValue
+    from mpm.input_files import StrictComposer
+
+    class Loader(StrictComposer, yaml.SafeLoader):
+        pass
+
+    try:
+        return yaml.load(text, Loader)
     except yaml.YAMLError as error:
-        raise ConfigError(f"--set {text}: the value cannot be read as YAML: {error}") from error
+        raise InvalidValue(f"{error}") from None
 
 
 def with_settings(table: dict[str, Any], settings: Iterable[Setting]) -> dict[str, Any]:

@@ -8,16 +8,20 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
 import pydantic
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+from pydantic import BaseModel, ConfigDict, Field
 
-from robosim.config.settings import Setting, with_settings
+from mpm.input_files import quote, read_text
+from robosim.config.bounds import Coordinate, JointValue, Name, Text
+from robosim.config.settings import Setting, parse_yaml, with_settings
 from robosim.errors import ConfigError
 
-Vector3 = tuple[float, float, float]
-Vector7 = Annotated[tuple[PositiveFloat, ...], Field(min_length=7, max_length=7)]
+Vector3 = tuple[Coordinate, Coordinate, Coordinate]
+"""Along x, y and z."""
+Vector7 = Annotated[tuple[JointValue, ...], Field(min_length=7, max_length=7)]
 """A value for each joint of the arm."""
 Kind = TypeVar("Kind", bound="Table")
+SHOWN = 10
+"""Errors of a file that are described; a list of 10 000 wrong values has as many."""
 
 
 class Table(BaseModel):
@@ -34,18 +38,18 @@ class Quantity(Table):
 
     value: float
     """The number itself, in this unit."""
-    unit: str
+    unit: Name
     """The unit that the material's law takes: kg/m^3, Pa, Pa s, deg or 1."""
-    source: str
+    source: Text
     """Literature, or "assumed: ..." with the reason."""
 
 
 def read(path: Path) -> object:
-    """Read a YAML file; raises ConfigError for one that cannot be read."""
+    """Read a YAML file; raises ConfigError for one that cannot be read, is too large, or gives a key twice."""
     try:
-        return yaml.safe_load(path.read_text())
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read as YAML: {error}") from error
+        return parse_yaml(read_text(path))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read as YAML: {str(error).removeprefix(f'{path}: ')}") from None
 
 
 def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: Sequence[Setting] = ()) -> Kind:
@@ -56,10 +60,22 @@ def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: 
     data = read(path)
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of {', '.join(kind.model_fields)}")
+    return validate(data, path, kind, overrides, settings)
+
+
+def validate(data: dict[str, Any], path: Path, kind: type[Kind], overrides: dict | None = None,
+             settings: Sequence[Setting] = ()) -> Kind:
+    """Make a configuration of the content of a file; arguments and errors as of `load`."""
     try:
         return kind.model_validate(with_settings(data, settings) | (overrides or {}))
     except pydantic.ValidationError as error:
-        raise ConfigError("; ".join(_located(e, kind, path, settings) for e in error.errors())) from None
+        raise ConfigError(list_errors([_located(e, kind, path, settings) for e in error.errors()])) from None
+
+
+def list_errors(texts: list[str]) -> str:
+    """Join the descriptions of errors, the first SHOWN of them."""
+    more = f"; and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
+    return "; ".join(texts[:SHOWN]) + more
 
 
 def describe(error: Any, kind: type[Any]) -> str:
@@ -75,7 +91,7 @@ def describe(error: Any, kind: type[Any]) -> str:
         return f"unknown key {place!r}; valid: {', '.join(table.model_fields)}"
     if error["type"] == "value_error":
         return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])
-    value = "" if error["type"] == "missing" else f" (given: {error['input']!r})"
+    value = "" if error["type"] == "missing" else f" (given: {quote(error['input'])})"
     return f"{place or 'file'}: {error['msg']}{value}"
 
 

@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import sys
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ import mpm
 from mpm.cache_folder import writable_folder
 from mpm.files import write
 from mpm.geometry.sampled_sdf import Lattice
+from mpm.input_files import MAX_STATE, read_arrays
 from robosim.config.materials import MaterialConfig
 from robosim.scene.settle import settle
 from robosim.shapes import tool_shape
@@ -112,15 +112,13 @@ def _read_state(path: Path, digest: str, solver: mpm.Solver) -> dict[str, np.nda
     if not path.is_file():
         return None
     try:
-        # numpy leaves a corrupt file open when it is given a path
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            state = {key: stored[key] for key in stored.files}
+        state = dict(read_arrays(path, MAX_STATE))
         made_for, checksum = str(state.pop("made_for")), str(state.pop("checksum"))
         is_whole = made_for == digest and checksum == _checksum(state)
         state |= solver.mobility.save()
         if is_whole:
             solver.load(state)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except (OSError, ValueError, KeyError):
         is_whole, state = False, {}
     if not is_whole:
         print(f"robosim: cache file {path} is corrupt; rebuilding", file=sys.stderr)

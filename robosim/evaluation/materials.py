@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
+from mpm.input_files import read_json
 from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
 from robosim.config.resources import trained
@@ -17,7 +17,7 @@ from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
 from robosim.evaluation.material_episode import MATERIALS, OWN
 from robosim.evaluation.material_tables import Rows, draw_map, format_table, make_rows, write_csv
-from robosim.evaluation.policies import training_options
+from robosim.evaluation.policies import load_policy
 from robosim.reports.jobs import run_jobs
 from robosim.reports.provenance import code_digest
 from robosim.tasks.task import load_task
@@ -71,11 +71,9 @@ def check_policy(task: str, name: str) -> None:
         return
     if not Path(name).is_file():
         raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with `actions`, or with a network")
-    training_options(name)  # raises for a file that cannot be read
-    dimensions = load_task(task).action.dimensions
-    with np.load(name, allow_pickle=False) as stored:
-        layers = [key for key in stored if key.startswith("bias_")]
-        shape = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()
+    stored, dimensions = load_policy(Path(name)), load_task(task).action.dimensions
+    layers = [key for key in stored if key.startswith("bias_")]
+    shape = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()
     if shape != (dimensions,):
         raise ConfigError(f"policy {name}: gives {shape} numbers; accepted: {dimensions}, as {task} takes")
 
@@ -92,9 +90,9 @@ def fingerprint(task: str, name: str) -> str:
 def read_episodes(path: Path, key: str) -> Rows:
     """Read the episodes of an earlier run with the same fingerprint; none where the file cannot be read."""
     try:
-        stored = json.loads(path.read_text())
+        stored = read_json(path)
         return dict(stored["episodes"]) if stored["key"] == key else {}
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return {}
 
 

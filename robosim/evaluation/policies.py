@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
-from zipfile import BadZipFile
 
 import numpy as np
 
+import mpm
 from mpm.geometry.rigid_motion import relative_rotation
+from mpm.input_files import StoredArrays, read_arrays
 from robosim.config.resources import trained
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, UnknownName
@@ -15,6 +16,8 @@ from robosim.evaluation import POLICIES
 
 Policy = Callable[[], np.ndarray]
 """Returns the next action (dimensions,) of the episode."""
+MAX_REPEAT = 10_000
+"""Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
 
 
 def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
@@ -36,9 +39,9 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
         if bundled is None:
             raise ConfigError(f"policy 'learned': there is no bundled motion for {env.TASK or 'this task'}; "
                               f"`robosim train` learns one, give its .npz file")
-        return ReplayPolicy(bundled, _load(bundled), env)
+        return ReplayPolicy(bundled, load_policy(bundled), env)
     if Path(name).is_file():
-        arrays = _load(Path(name))
+        arrays = load_policy(Path(name))
         return NetworkPolicy(Path(name), arrays, env) if "weight_0" in arrays else \
             ReplayPolicy(Path(name), arrays, env)
     raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions`, or with a network")
@@ -51,21 +54,27 @@ def training_options(name: str) -> dict[str, Any]:
     """
     if not Path(name).is_file():
         return {}
-    arrays = _load(Path(name))
-    options: dict[str, tuple[str, type]] = {"action_repeat": ("action_repeat", int)}
-    if "weight_0" in arrays:
-        options["obs"] = ("obs", str)
-    return {option: kind(arrays[key]) for key, (option, kind) in options.items() if key in arrays}
+    arrays, options = load_policy(Path(name)), {}
+    if "action_repeat" in arrays:
+        options["action_repeat"] = arrays.integer("action_repeat", None, 1, MAX_REPEAT)
+    if "weight_0" in arrays and "obs" in arrays:
+        options["obs"] = arrays.text("obs", "")
+    return options
 
 
-def _load(path: Path) -> dict[str, np.ndarray]:
-    """Load the arrays of a .npz file; raise ConfigError for one that cannot be read."""
+def load_policy(path: Path) -> StoredArrays:
+    """Load the arrays of a policy's .npz file; raises ConfigError for one that cannot be read or used."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            # until release 0.1 action_repeat was called hold
-            return {"action_repeat" if key == "hold" else key: array for key, array in stored.items()}
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
-        raise ConfigError(f"{path}: cannot be read as a .npz file: {error}") from error
+        stored = read_arrays(path)
+        stored.check_finite()
+        # until release 0.1 action_repeat was called hold
+        arrays = StoredArrays(path, {"action_repeat" if key == "hold" else key: array for key, array in stored.items()})
+        arrays.integer("action_repeat", 1, 1, MAX_REPEAT)
+        for name in ("task", "obs", "bound"):
+            arrays.text(name, "")
+    except (OSError, mpm.InvalidValue) as error:
+        raise ConfigError(f"{error}") from None
+    return arrays
 
 
 class ScriptedPolicy:
@@ -93,21 +102,23 @@ class ReplayPolicy:
     Raises ConfigError for actions of another shape, task or action_repeat.
     """
 
-    def __init__(self, path: Path, arrays: dict[str, np.ndarray], env: GrainEnv) -> None:
+    def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
         if "actions" not in arrays:
             raise ConfigError(f"{path}: holds {', '.join(arrays)}; accepted: an array `actions`, or `weight_0`, "
                               f"`bias_0` and so on")
         dimensions, actions = env.task.action.dimensions, arrays["actions"]
-        steps = int(arrays.get("action_repeat", env.action_repeat))
-        if actions.ndim != 2 or actions.shape[1] != dimensions:
-            raise ConfigError(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions})")
-        recorded_for = str(arrays.get("task", env.TASK))
+        steps = arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT)
+        if actions.ndim != 2 or actions.shape[1] != dimensions or actions.dtype.kind not in "iuf":
+            raise ConfigError(f"{path}: actions of type {actions.dtype} have shape {actions.shape}; accepted: (n, "
+                              f"{dimensions}), numbers")
+        recorded_for = arrays.text("task", env.TASK)
         if type(env).TASK and recorded_for != env.TASK:  # a task file takes any motion that fits
             raise ConfigError(f"{path}: actions for {recorded_for}; accepted: for {env.TASK}")
         if steps % env.action_repeat:
             raise ConfigError(f"{path}: its actions are for {steps} steps each; the environment acts every "
                               f"{env.action_repeat}; accepted: an action_repeat that divides {steps}")
-        self._actions = iter(np.repeat(np.asarray(actions, np.float32), steps // env.action_repeat, axis=0))
+        repeat = steps // env.action_repeat
+        self._actions = (action for action in np.asarray(actions, np.float32) for _ in range(repeat))
         self._zero = np.zeros(dimensions, np.float32)
 
     def __call__(self) -> np.ndarray:
@@ -124,20 +135,20 @@ class NetworkPolicy:
     FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
         "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
 
-    def __init__(self, path: Path, arrays: dict[str, np.ndarray], env: GrainEnv) -> None:
-        names = [str(name) for name in arrays.get("activations", [])]
+    def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
+        names = [str(name) for name in arrays.get("activations", np.zeros(0)).ravel()]
         try:
             self._layers = [(arrays[f"weight_{k}"], arrays[f"bias_{k}"], self.FUNCTIONS[name])
                             for k, name in enumerate(names)]
             self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
         except KeyError as error:
             raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
-        inputs, outputs = self._layers[0][0].shape[1], self._layers[-1][0].shape[0]
+        inputs, outputs = _check_chain(path, [(W, b) for W, b, _ in self._layers])
         if env.observation_space.shape != (inputs,) or outputs != env.task.action.dimensions:
             raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes "
                               f"{env.observation_space.shape} and takes {env.task.action.dimensions}; the network was "
                               f"learned with obs={arrays.get('obs', '?')} for {arrays.get('task', '?')}")
-        if int(arrays.get("action_repeat", env.action_repeat)) != env.action_repeat:
+        if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
                               f"{env.action_repeat}")
         self._env = env
@@ -147,3 +158,17 @@ class NetworkPolicy:
         for W, b, function in self._layers:
             x = function(W @ x + b)
         return self._bound(x).astype(np.float32)
+
+
+def _check_chain(path: Path, layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[int, int]:
+    """Return the numbers of inputs and outputs of layers; raise ConfigError where one does not fit the one before."""
+    width = layers[0][0].shape[-1] if layers and layers[0][0].ndim else 0
+    inputs = width
+    for k, (W, b) in enumerate(layers):
+        if W.ndim != 2 or W.shape[1] != width or b.shape != W.shape[:1] or {W.dtype.kind, b.dtype.kind} != {"f"}:
+            raise ConfigError(f"{path}: weight_{k} and bias_{k} have shapes {W.shape} and {b.shape}, types {W.dtype} "
+                              f"and {b.dtype}; accepted: floating-point numbers of shapes (n, {width}) and (n,)")
+        width = W.shape[0]
+    if not layers:
+        raise ConfigError(f"{path}: not a policy: no activations; accepted: one for each layer")
+    return inputs, width

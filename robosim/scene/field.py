@@ -6,7 +6,8 @@ import numpy as np
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.materials.stable_step import check_step
+from mpm.materials.stable_step import accepted_bound, check_step
+from robosim.config.bounds import MAX_GRAINS, MAX_SUBSTEPS
 from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
@@ -71,13 +72,37 @@ def build_container_colliders(containers: dict[str, ContainerConfig], field: Fie
 def check_field(config: RehearsalConfig, law: Law) -> None:
     """Refuse numbers that the field cannot work with, before any work.
 
-    Raises mpm.TimeStepTooLarge for field.dt, ConfigError for fill heights that exceed container or tool, and for a
-    region that does not hold the containers or the pile.
+    Raises mpm.TimeStepTooLarge for field.dt, ConfigError for fill heights that exceed container or tool, for too
+    many grains or substeps, and for a region that does not hold the containers or the pile.
     """
     if config.field.dt is not None:
         check_step(config.field.dt, config.field.cell, [law], "field.dt")
+    check_substeps("host_dt", config.host_dt, config.field.dt or accepted_bound(config.field.cell, law))
     _check_fill_heights(config)
+    _check_count(config)
     _check_region(config)
+
+
+def check_substeps(name: str, step: float, substep: float) -> None:
+    """Raise ConfigError where a step [s] takes too many substeps [s]; name: of the step."""
+    if step > MAX_SUBSTEPS * substep:
+        raise ConfigError(f"{name} = {step} s takes {step / substep:.3g} substeps of {substep:.3g} s (field.dt, or the "
+                          f"stability bound of field.cell and the material); accepted: up to {MAX_SUBSTEPS}")
+
+
+def _check_count(config: RehearsalConfig) -> None:
+    """Refuse more grains than a scene can have, before any is placed."""
+    if config.source is not None:
+        size = read_inner_size(config.source)
+        where, volume = f"container {config.source!r}", size[0] * size[1] * config.containers[config.source].fill_height
+    elif config.pile is not None:
+        where, volume = "pile", 8.0 * float(np.prod(config.pile.half))
+    else:  # as `sample_in_tool` does, with as much height again
+        where, volume = f"{config.tool}", 12.0 * float(np.prod(tool_shape(config.tool).interior.half))
+    count = volume * config.field.grains_per_cell / config.field.cell**3
+    if count > MAX_GRAINS:
+        raise ConfigError(f"field.grains_per_cell = {config.field.grains_per_cell} with field.cell = "
+                          f"{config.field.cell} m: {count:.3g} grains in the {where}; accepted: up to {MAX_GRAINS}")
 
 
 def _check_fill_heights(config: RehearsalConfig) -> None:

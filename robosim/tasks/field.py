@@ -8,7 +8,7 @@ import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import accepted_bound, choose_step
 from robosim.config.materials import Law
-from robosim.scene.field import build_container_colliders
+from robosim.scene.field import build_container_colliders, check_substeps
 from robosim.scene.frames import container_pose
 from robosim.scene.grains import sample_in_tool
 from robosim.scene.models import read_inner_size
@@ -81,6 +81,7 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
     mobile: contact moves the tool, too. positions [m] (n, 3) and volume [m^3] of a grain: in place of the task's own.
     """
     field = task.field
+    check_substeps("step_dt", task.step_dt, largest_step(task, law))
     sdf = tool_distance(task.tool, task.tool_wall, field.cell / TOOL_SDF_POINTS)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
     colliders += build_container_colliders(task.containers, field)

@@ -3,10 +3,22 @@
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat, PositiveInt
+import pydantic
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 import mpm
+from robosim.config.bounds import (
+    Angle,
+    AngularSpeed,
+    Count,
+    Duration,
+    HalfSize,
+    PositiveWeight,
+    Share,
+    Speed,
+    Weight,
+)
 from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3
 
@@ -14,12 +26,19 @@ from robosim.config.table import Table, Vector3
 class GrainsConfig(Table):
     """Number of grains, and which of them are observed and counted."""
 
-    count: PositiveInt
+    count: Count
     """Number of grains; N_p in arXiv 2406.09178."""
-    observe_every: PositiveInt = 1
+    observe_every: Count = 1
     """n, if every n-th grain is observed; delta_d in arXiv 2406.09178."""
-    elites: PositiveInt | None = None
+    elites: Count | None = None
     """Number of grains closest to the goal that the reward counts, for scooping; null: the observed grains count."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_counts(self) -> "GrainsConfig":
+        for name, number in (("observe_every", self.observe_every), ("elites", self.elites or 1)):
+            if number > self.count:
+                raise ValueError(f"{name} = {number}; accepted: up to count = {self.count}")
+        return self
 
     @property
     def counted(self) -> int:
@@ -32,15 +51,15 @@ class StartConfig(Table):
 
     position: Vector3
     """Origin of the tool's frame in the world [m]."""
-    yaw_deg: float
+    yaw_deg: Angle
     """Rotation about the vertical [deg]."""
-    pitch_deg: float = 0.0
+    pitch_deg: Angle = 0.0
     """Rotation about the tool's lateral axis [deg]."""
-    spread: Vector3 = (0.0, 0.0, 0.0)
+    spread: tuple[HalfSize, HalfSize, HalfSize] = (0.0, 0.0, 0.0)
     """Largest random displacement [m] along each axis; grains in the tool are displaced with it."""
     pile: RegionConfig | None = None
     """Region that the grains fill if neither the tool nor a container holds them."""
-    pile_spread: Vector3 = (0.0, 0.0, 0.0)
+    pile_spread: tuple[HalfSize, HalfSize, HalfSize] = (0.0, 0.0, 0.0)
     """Largest random displacement [m] of that pile along each axis."""
 
     @property
@@ -55,9 +74,9 @@ class ActionConfig(Table):
 
     dimensions: Literal[3, 6]
     """3: linear velocity; 6: linear and angular velocity; in world axes."""
-    speed: PositiveFloat
+    speed: Speed
     """Linear velocity of an action of 1 [m/s]."""
-    angular_speed: PositiveFloat = 1.0
+    angular_speed: AngularSpeed = 1.0
     """Angular velocity of an action of 1 [rad/s]."""
     lower: Vector3
     """Lower corner [m] of the box in which the origin of the tool's frame stays."""
@@ -72,22 +91,22 @@ class DistanceConfig(Table):
     beta = total / (steps gamma). An episode in which nothing moves earns total (1 - start distance / reference).
     """
 
-    weights: Vector3
+    weights: tuple[Weight, Weight, Weight]
     """Weights of the distances along x, y and z."""
-    total: PositiveFloat
+    total: PositiveWeight
     """Reward of an episode in which all grains are at the goal in every step."""
-    reference: PositiveFloat
+    reference: PositiveWeight
     """Weighted distance [m] at which the reward is zero."""
 
 
 class TurnConfig(Table):
     """Rotation term of the reward: scale (margin - |rotation - angle|), in rad, about the tool's lateral axis."""
 
-    scale: PositiveFloat
+    scale: PositiveWeight
     """Reward per rad."""
-    margin: PositiveFloat
+    margin: PositiveWeight
     """Error [rad] at which the reward is zero."""
-    angle_deg: float
+    angle_deg: Angle
     """Required rotation [deg] from the orientation at the start."""
 
 
@@ -96,15 +115,15 @@ class RewardConfig(Table):
 
     distance: DistanceConfig
     """Distance of the counted grains to the goal, every step."""
-    target: PositiveFloat
+    target: PositiveWeight
     """Per grain: + on the target, - elsewhere; beta^t in arXiv 2406.09178."""
-    poured: float = Field(0.0, ge=0.0)
+    poured: float = Field(0.0, ge=0.0, le=1e6)
     """Per grain in the last step: + poured out, - not; beta^p in arXiv 2406.09178."""
-    lost: float = Field(0.0, le=0.0)
+    lost: float = Field(0.0, ge=-1e6, le=0.0)
     """Per grain that leaves the bounds; beta^n in arXiv 2406.09178."""
-    contact: float = Field(0.0, ge=0.0)
+    contact: float = Field(0.0, ge=0.0, le=1e6)
     """Per grain in contact with the tool, in every step; beta^c in arXiv 2406.09178."""
-    collision: float = Field(0.0, le=0.0)
+    collision: float = Field(0.0, ge=-1e6, le=0.0)
     """Per step in which the tool touches the container; beta^i in arXiv 2406.09178."""
     turn: TurnConfig | None = None
     """Rotation of the tool, in the last step."""
@@ -113,18 +132,18 @@ class RewardConfig(Table):
 class SuccessConfig(Table):
     """What counts as success at the end of an episode."""
 
-    delivered: float = Field(gt=0.0, le=1.0)
+    delivered: Share
     """Smallest fraction of the counted grains on the target."""
-    turn_error_deg: PositiveFloat | None = None
+    turn_error_deg: float | None = Field(None, gt=0.0, le=180.0)
     """Largest error of the tool's rotation [deg]; null: any."""
 
 
 class ScriptConfig(Table):
     """A waypoint of the scripted policy."""
 
-    time: float = Field(ge=0.0)
+    time: Duration
     """When it is reached [s]."""
     position: Vector3
     """Origin of the tool's frame in the world [m]."""
-    pitch_deg: float = 0.0
+    pitch_deg: Angle = 0.0
     """Rotation about the tool's lateral axis [deg]."""

@@ -7,17 +7,22 @@ from typing import Annotated, Literal
 
 import numpy as np
 import pydantic
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.config.resources import config_names, config_path
+from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, Text, TimeStep
+from robosim.config.resources import config_names, config_path, container_names
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, load, read
 from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
 
 Kind = Literal["scoop", "translate", "pour", "move"]
+MAX_EPISODE = 100_000
+"""Steps of an episode: a hundred times those of arXiv 2406.09178."""
+MAX_TIME = 600.0
+"""Duration [s] of an episode, as of a path; robosim.config.bounds has the reason."""
 
 
 class ScriptedPath:
@@ -44,25 +49,25 @@ class ScriptedPath:
 class TaskConfig(Table):
     """A sub-task."""
 
-    description: str
+    description: Text
     """What the agent has to do; first line of the environment's page."""
     kind: Kind
     """Kind of task; it determines the reward terms."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
     """Name of a tool of models/tools."""
-    material: str
+    material: FilePath
     """Name of a material of configs/materials, or the path of a .yaml file."""
     grains: GrainsConfig
     """Number of grains, and which are observed and counted."""
-    steps: PositiveInt
+    steps: int = Field(ge=1, le=MAX_EPISODE)
     """Steps of an episode; T_s in arXiv 2406.09178."""
-    step_dt: PositiveFloat
+    step_dt: TimeStep
     """Duration of a step [s]."""
     field: FieldConfig
     """Numerics of the grains."""
-    tool_wall: PositiveFloat
+    tool_wall: Length
     """Wall thickness [m] of the tool in the simulation of the grains; thickened outward."""
-    container: str | None = None
+    container: Name | None = None
     """Container that the tool scoops from; name of a model in models/containers."""
     container_place: ContainerConfig | None = None
     """Position, yaw and fill height of that container."""
@@ -82,7 +87,7 @@ class TaskConfig(Table):
     """Weights of the reward terms."""
     success: SuccessConfig
     """Criterion of success."""
-    script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1)]
+    script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
     """Waypoints of the scripted policy; the first segment begins at the start pose, and speeds are smooth."""
 
     @property
@@ -106,6 +111,11 @@ class TaskConfig(Table):
     def _check(self) -> "TaskConfig":
         """Refuse sections that do not fit each other."""
         scoops = self.kind == "scoop"
+        if self.container is not None and self.container not in container_names():
+            raise ValueError(f"container: unknown {self.container!r}; valid: {', '.join(container_names())}")
+        if self.steps * self.step_dt > MAX_TIME:
+            raise ValueError(f"steps = {self.steps} of step_dt = {self.step_dt} s are {self.steps * self.step_dt:.3g} "
+                             f"s; accepted: up to {MAX_TIME} s")
         times = [s.time for s in self.script]
         if times[0] <= 0 or any(b <= a for a, b in pairwise(times)):
             raise ValueError(f"script: times {times} s; accepted: positive and rising")

@@ -1,6 +1,5 @@
 """`robosim report`: verification cases, error against run time, as a page, JSON and JSON lines."""
 
-import json
 import re
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from mpm import input_files
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError
 from robosim.reports.provenance import provenance
@@ -81,9 +81,10 @@ def read_peers(path: Path) -> dict[str, Any]:
 def read_json(path: Path) -> Any:
     """Read a JSON file. Raises ConfigError for one that cannot be read."""
     try:
-        return json.loads(path.read_text())
+        return input_files.read_json(path)
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: cannot be read as JSON: {error}; it is left as it is") from error
+        raise ConfigError(f"{path}: cannot be read as JSON: {str(error).removeprefix(f'{path}: ')}; it is left as "
+                          f"it is") from None
 
 
 def measure_yardstick(folder: Path) -> float:

@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 import mpm
 from mpm.files import append, write_text
+from mpm.input_files import MAX_JSON, read_text
 from robosim.errors import ConfigError
 from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import code_digest
@@ -60,7 +61,10 @@ def read_runs(path: Path) -> list[Run]:
     Raises ConfigError for a file that holds anything else, and leaves it unchanged.
     """
     runs = []
-    text = path.read_text() if path.is_file() else ""
+    try:
+        text = read_text(path, MAX_JSON) if path.is_file() else ""
+    except ValueError as error:
+        raise ConfigError(f"{error}; it is left as it is: give another --out, or move the file away") from None
     complete = text[: text.rfind("\n") + 1]
     rest = text[len(complete) :]
     if rest.startswith(BEGIN) or (complete and rest and BEGIN.startswith(rest)):
@@ -71,7 +75,7 @@ def read_runs(path: Path) -> list[Run]:
             row = json.loads(line)
             record = Record(**row["record"]) if row["record"] else None
             runs.append(Run(**{**{key: row[key] for key in FIELDS}, "record": record}))
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise ConfigError(f"{path}, line {k}: not a run of a report ({type(error).__name__}: {error}); it is left "
                               f"as it is: give another --out, or move the file away") from error
     return runs

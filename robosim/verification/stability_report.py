@@ -8,6 +8,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from mpm.input_files import read_json
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError
 from robosim.reports.jobs import run_jobs
@@ -76,7 +77,7 @@ def read_results(path: Path, code: str) -> list[dict[str, Any]]:
     if not path.is_file():
         return []
     try:
-        content = json.loads(path.read_text())
+        content = read_json(path)
         cells = [cell for cell in content["cells"] if {"axis", "value", "verdict", "reason", "readings"} <= set(cell)]
         return [cell for cell in cells if not cell["reason"].startswith(ENDED)] if content["code"] == code else []
     except (ValueError, KeyError, TypeError) as error:

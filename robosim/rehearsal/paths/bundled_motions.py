@@ -1,11 +1,11 @@
 """Learned motions of sub-tasks, from their files: bundled with the package, or from the user's folder."""
 
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from mpm.input_files import read_arrays
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.resources import trained
 from robosim.envs.carrier import Carrier
@@ -56,15 +56,17 @@ def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
     scaling, carrier = ActionScaling(task), Carrier(task)
     poses = [carrier.restart(task.start.pose)]
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            actions = stored["actions"]
-            # until release 0.1 action_repeat was called hold
-            action_repeat = int(stored["action_repeat" if "action_repeat" in stored else "hold"])
-            count = -(-task.steps // action_repeat)
-            if "needed" in stored and task.kind == "pour":
-                count = int(stored["needed"])
+        stored = read_arrays(path)
+        actions = np.atleast_1d(stored["actions"])
+        # until release 0.1 action_repeat was called hold
+        repeat = stored.integer("action_repeat" if "action_repeat" in stored else "hold", None, 1, task.steps)
+        count = -(-task.steps // repeat)
+        if task.kind == "pour":
+            count = stored.integer("needed", count, 1, count)
         for action in actions[:count]:
-            poses += [carrier.command(*scaling.velocities(action)) for _ in range(action_repeat)]
-    except (ValueError, KeyError, EOFError, BadZipFile, ConfigError) as error:
-        raise ConfigError(f"{path}: not a motion of {name}: {error}") from error
+            poses += [carrier.command(*scaling.velocities(action)) for _ in range(repeat)]
+        if len(poses) < 2:
+            raise ConfigError("holds no action; accepted: one or more")
+    except (OSError, ValueError, KeyError) as error:
+        raise ConfigError(f"{path}: not a motion of {name}: {str(error).removeprefix(f'{path}: ')}") from None
     return poses

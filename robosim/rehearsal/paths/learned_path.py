@@ -17,6 +17,7 @@ from robosim.rehearsal.paths.pose_sequences import (
     SMOOTHING,
     PoseSequence,
     align_signs,
+    check_duration,
     connect,
     restore_clearance,
     smooth,
@@ -35,7 +36,7 @@ class LearnedPath:
     """Tool poses over time along the learned motions of a rehearsal, in world axes."""
 
     def __init__(self, config: RehearsalConfig) -> None:
-        raw = _RawPath(config)
+        raw, self._host_dt = _RawPath(config), config.host_dt
         self._marks, self._rest_samples = raw.marks, raw.rests
         self._raw = raw.join()
         self.clearance_shift = 0.0
@@ -51,6 +52,8 @@ class LearnedPath:
     def _resample(self) -> None:
         """Sample the path again with the present step times, and smooth it."""
         raw_times = np.concatenate([[0.0], np.cumsum(self._step_times)])
+        check_duration(float(raw_times[-1]), self._host_dt, f"{len(raw_times)} poses of learned motions, slowed down "
+                       f"to the arm's limits")
         times = np.linspace(0.0, raw_times[-1], round(raw_times[-1] / SAMPLING) + 1)
         positions, quaternions = [
             np.column_stack([np.interp(times, raw_times, column) for column in values.T]) for values in self._raw]

@@ -10,6 +10,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.geometry.rigid_motion import Pose
+from robosim.config.bounds import MAX_STEPS
+from robosim.errors import ConfigError
 from robosim.scene.container_clearance import ContainerSurface
 
 SAMPLING = 0.002
@@ -28,6 +30,8 @@ MAX_ITERATIONS = 8
 """Shifts of a path at most."""
 CHECK_STRIDE = 10
 """Samples of the path from one check of the clearance to the next."""
+MAX_DURATION = 600.0
+"""Duration [s] of a path: 60 000 poses, for each of which the joint angles are solved in a millisecond."""
 SHIFT_TOLERANCE = 1e-4
 """Missing clearance [m] that is accepted at the end."""
 
@@ -39,6 +43,14 @@ class PoseSequence(NamedTuple):
     """(n, 3) [m]"""
     quaternions: np.ndarray
     """(n, 4), (w, x, y, z)"""
+
+
+def check_duration(duration: float, host_dt: float, reason: str) -> None:
+    """Raise ConfigError for a path of a duration [s] whose points or steps of host_dt [s] are too many to be kept."""
+    most = min(MAX_DURATION, MAX_STEPS * host_dt)
+    if not duration <= most:
+        raise ConfigError(f"the path takes {duration:.4g} s, {duration / host_dt:.3g} steps of host_dt = {host_dt} s: "
+                          f"{reason}; accepted: up to {most:g} s in all")
 
 
 def connect(last: PoseSequence, following: PoseSequence) -> PoseSequence:

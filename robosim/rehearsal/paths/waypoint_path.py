@@ -7,6 +7,7 @@ import numpy as np
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import ConfigError
+from robosim.rehearsal.paths.pose_sequences import check_duration
 from robosim.rehearsal.paths.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.models import read_inner_size
@@ -40,6 +41,9 @@ class WaypointPath:
         """[s]"""
         self._check_overlaps()
         self._check_cuts(config)
+        slowest = max(range(len(self._legs)), key=lambda k: self._legs[k].duration)
+        check_duration(self.duration, config.host_dt, f"the leg to waypoint {self.names[slowest + 1]!r} alone takes "
+                       f"{self._legs[slowest].duration:.4g} s (its speed = {config.waypoints[slowest + 1].speed} m/s)")
 
     def pose(self, time: float) -> Pose:
         """Return the tool's world pose at a time [s]."""

@@ -47,7 +47,7 @@ def test_presets_and_sweeps_are_changed_too(tmp_path: Path, capsys: pytest.Captu
     words = ["train", "sac", "SpoonPour", "--out", str(tmp_path / "out"), "--set"]
     for setting, message in (("learnr=PPO", "unknown key 'learnr'; accepted: description, learner"),
                              ("actor.rat=1", "unknown key 'actor.rat'; accepted: waits, rate"),
-                             ("actor.rate=0", "actor.rate: Input should be greater than 0")):
+                             ("actor.rate=0", "actor.rate: Input should be greater than or equal to 0.000001")):
         assert main([*words, setting]) == 2
         assert message in capsys.readouterr().err
     file = tmp_path / "sweep.yaml"

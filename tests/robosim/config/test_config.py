@@ -9,12 +9,15 @@ import yaml
 
 import mpm
 from robosim.commands.main import main
-from robosim.config.materials import load_material
+from robosim.config.materials import law_of, load_material, overridden
 from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_names, config_path
+from robosim.config.settings import read_setting
 from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
+from robosim.rehearsal.paths.waypoint_path import WaypointPath
 from robosim.rehearsal.plan import plan_motion
+from robosim.scene.field import check_field
 
 
 @pytest.fixture
@@ -58,6 +61,69 @@ def test_unknown_key_lists_the_valid_ones(tmp_path: Path, spoon: dict) -> None:
 def test_wrong_value_is_named_with_its_place(tmp_path: Path, spoon: dict) -> None:
     spoon["host_dt"] = 0.01
     with pytest.raises(ConfigError, match=r"host_dt.*0\.001.*given: 0\.01"):
+        load_rehearsal(written(tmp_path, spoon))
+
+
+@pytest.mark.parametrize(("setting", "message"), [
+    ("waypoints.2.speed=1e-9", r"--set waypoints.2.speed: .* greater than or equal to 0.0001 \(given: 1e-09\)"),
+    ("waypoints.6.dwell=1e7", "--set waypoints.6.dwell: .* less than or equal to 600"),
+    ("field.grains_per_cell=1e6", "--set field.grains_per_cell: .* less than or equal to 64"),
+    ("field.region_upper=[1e6, 1, 1]", "--set field.region_upper: field.region_upper.0: .* less than or equal to 100"),
+    ("field.region_upper=[90, 90, 90]", "field: region_lower .* grid nodes; accepted: up to 1e[+]08"),
+    ("field.cell=1e-300", "--set field.cell: .* greater than or equal to 0.0001"),
+    ("host_dt=1e-9", "--set host_dt: .* greater than or equal to 0.00001"),
+    ("field.tool_friction=1e300", "--set field.tool_friction: .* less than or equal to 10"),
+    ("servo.stiffness=[1, 1, 1, 1, 1, 1, .inf]", "--set servo.stiffness: servo.stiffness.6: .* finite number"),
+    ("limits.jerk=[1e99, 1, 1, 1, 1, 1, 1]", "--set limits.jerk: limits.jerk.0: .* less than or equal to 1000000"),
+    (f"description={'x' * 3000}", "--set description: .* at most 2000 characters"),
+    ("learned=[a, b, c" + ", d" * 200 + "]", "--set learned: .* at most 200 items"),
+])
+def test_extreme_numbers_are_refused_by_name(setting: str, message: str) -> None:
+    """Before any work, with the bound that is accepted."""
+    with pytest.raises(ConfigError, match=message) as error:
+        load_rehearsal("spoon", settings=[read_setting(setting)])
+    assert len(str(error.value)) < 1500
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    (["field.cell=0.0006", "collision_thickness=0.0006", "field.grains_per_cell=64", "field.region_lower=[0.6,-0.35,0]",
+      "field.region_upper=[0.84,0.35,0.1]"],
+     "field.grains_per_cell = 64.0 with field.cell = 0.0006 m: .* grains in the container 'source'; accepted: up to 4"),
+])
+def test_products_are_bounded_before_any_work(settings: list[str], message: str) -> None:
+    config = load_rehearsal("spoon", settings=[read_setting(text) for text in settings])
+    with pytest.raises(ConfigError, match=message):
+        check_field(config, law_of(load_material("salt")))
+
+
+def test_a_stiff_material_takes_too_many_substeps() -> None:
+    stiff = overridden(load_material("salt"), {"E": 1e12, "density": 1.0})
+    with pytest.raises(ConfigError, match="host_dt = 0.001 s takes .* substeps of .*; accepted: up to 10000"):
+        check_field(load_rehearsal("spoon"), law_of(stiff))
+    with pytest.raises(ConfigError, match="E: value = 1e[+]300; accepted: 100 to 1e[+]12"):
+        overridden(load_material("salt"), {"E": 1e300})
+
+
+def test_a_path_that_takes_hours_names_its_slowest_leg() -> None:
+    config = load_rehearsal("spoon", settings=[read_setting("waypoints.7.speed=1e-4")])
+    with pytest.raises(ConfigError, match=r"the path takes .* steps of host_dt = 0.001 s: the leg to waypoint 'across' "
+                                          r"alone takes .*\(its speed = 0.0001 m/s\); accepted: up to 300 s in all"):
+        WaypointPath(config)
+
+
+def test_a_key_that_is_given_twice_is_refused(tmp_path: Path) -> None:
+    """YAML's last one would win, without a word."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(config_path("rehearsals", "spoon", "rehearsal").read_text() + "host_dt: 0.0005\n")
+    with pytest.raises(ConfigError, match=r"mine.yaml: cannot be read as YAML: line \d+: key 'host_dt' is given twice"):
+        load_rehearsal(str(path))
+    with pytest.raises(ConfigError, match=r"--set field=.*: key 'cell' is given twice"):
+        read_setting("field={cell: 1, cell: 2}")
+
+
+def test_many_errors_are_counted(tmp_path: Path, spoon: dict) -> None:
+    spoon["waypoints"] = [{"speed": -1}] * 150
+    with pytest.raises(ConfigError, match=r"and 59\d more$"):
         load_rehearsal(written(tmp_path, spoon))
 
 
