@@ -206,7 +206,6 @@ def test_one_of_a_vector_is_restored_alone(workers: int) -> None:
     for index in (3, -1, 0.5):
         with pytest.raises(ConfigError, match="accepted: 0 to 2"):
             vector.state(index)
-    go_on(env, 20, push=0.2)
     while own.episode.running:
         env.step(actions[0][0])
     with pytest.raises(ConfigError, match="SAME_STEP"):
