@@ -28,10 +28,11 @@ def tray(mass: float, coupling: str = "lagged") -> GranularPlugin:
     mujoco.mj_forward(model, data)
     sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
     positions = mpm.sample_box((0, 0, 0), (0.12, 0.12, 0.032), CELL / 2, np.random.default_rng(0))
+    pose = mpm.Pose(data.xpos[1].copy(), data.xquat[1].copy())
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (0.12, 0.12, 0.12), CELL),
         bodies=[mpm.Body(sand, positions, volume=0.12 * 0.12 * 0.032 / len(positions))],
-        colliders=[mpm.Collider(mpm.Sdf.box((0.02, 0.02, 0.02)), friction=0.3)],
+        colliders=[mpm.Collider(mpm.Sdf.box((0.02, 0.02, 0.02)), friction=0.3, pose=pose)],
         walls=mpm.Walls(friction=0.5),
     )
     return GranularPlugin(model, data, solver, bodies={"box": 0}, coupling=coupling)

@@ -78,6 +78,7 @@ EVERY_GEOM = """
 """
 
 
+@pytest.mark.filterwarnings("ignore::mpm.errors.GrainsInSolid")  # it is the colliders that count
 def test_every_kind_of_geom_becomes_a_collider() -> None:
     """Distances of the union equal those of its parts: visual geoms are left out, bodies fixed to it are included."""
     model = mujoco.MjModel.from_xml_string(EVERY_GEOM)
