@@ -117,9 +117,9 @@ def run_make(*words: str) -> subprocess.CompletedProcess:
 
 
 def test_make_uses_the_interpreter_that_it_is_told() -> None:
-    told = run_make("--dry-run", "test", "PYTHON=/somewhere/python3.12")
-    assert "/somewhere/python3.12 -m venv .venv-python3.12" in told.stdout
-    assert ".venv-python3.12/bin/python -m pytest" in told.stdout
+    commands = run_make("--dry-run", "test", "PYTHON=/somewhere/python3.12")
+    assert "/somewhere/python3.12 -m venv .venv-python3.12" in commands.stdout
+    assert ".venv-python3.12/bin/python -m pytest" in commands.stdout
 
 
 def test_make_refuses_an_environment_of_another_version(tmp_path: Path) -> None:

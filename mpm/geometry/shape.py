@@ -79,7 +79,7 @@ class Shape:
     """Its fields, which stay as long as the shape does, whatever solvers come and go."""
 
     def allocate(self) -> None:
-        """Copy what kernels look up to fields, where they are not usable yet; needs a running backend."""
+        """Copy what kernels look up to fields; `lay_out` calls it, once in a process."""
 
     def lay_out(self) -> None:
         """Allocate once; outside `backend.allocating`, so that the fields are no solver's."""

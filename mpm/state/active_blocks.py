@@ -1,6 +1,7 @@
 """The list of blocks of nodes that hold material.
 
-A block is active in a substep when it carries the number of that substep as its stamp."""
+A block is active in a substep when it carries the number of that substep as its stamp.
+"""
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK

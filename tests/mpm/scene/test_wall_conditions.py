@@ -117,8 +117,8 @@ def test_a_scene_compiles_the_conditions_of_its_walls() -> None:
 
 
 def test_momentum_closes_against_conditions_of_ones_own() -> None:
-    """What the grains gain is gravity and wall impulses and nothing else, linear and angular; a plate that is told to
-    move along its normal stays where it is, and other walls stand beside it."""
+    """What the grains gain is gravity and wall impulses and nothing else, linear and angular; a plate with a
+    speed along its normal stays where it is, and other walls stand beside it."""
     solver = corner(mpm.Walls(lower=(Plate(speed=-0.7), Drag(rate=20.0), Plate(speed=0.7)),
                               upper=("friction", "stick", "roller")))
     assert len(solver.fields.wall_conditions) == 5

@@ -84,7 +84,7 @@ def test_stages_run_once_and_failed_ones_again(tmp_path, monkeypatch, capsys):
 
 
 def test_a_report_of_an_earlier_version_is_refused_with_the_new_name(tmp_path):
-    """Without the refusal the table would have no mass of the whole arm, and nobody would be told."""
+    """Without the refusal the table would have no mass of the whole arm, without a word about it."""
     report = make_folder(tmp_path, "arm") / "report.json"
     pipeline.write_json(report, {"scooped_mass": 0.04, "delivered_fraction": 1.0, "spilled_fraction": 0.0})
     with pytest.raises(mpm.InvalidValue, match="key 'scooped_mass' is now called 'scooped_mass_kg'"):

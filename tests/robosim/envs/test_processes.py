@@ -18,14 +18,14 @@ def step(env, shape=()):
     action = np.full((*shape, *env.action_space.shape[-1:]), 0.1, np.float32)
     return env.reset(seed=3)[0], env.step(action)[0]
 
-def told(*observations):
+def print_observations(*observations):
     print(json.dumps([np.asarray(observation).tolist() for observation in observations]))
 """
 GYMNASIUM = MAKE + """
 vector = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="async", **OPTIONS)
 first, second = step(vector, (2,))
 vector.close()
-told(first[0], second[0], *step(make()))
+print_observations(first[0], second[0], *step(make()))
 """
 BASELINES = MAKE + """
 import sys
@@ -35,7 +35,7 @@ vector = SubprocVecEnv([make] * 2, start_method=None if sys.argv[1] == "default"
 vector.seed(3)
 first, second = vector.reset(), vector.step(np.full((2, len(vector.action_space.low)), 0.1, np.float32))[0]
 vector.close()
-told(first[0], second[0], *alone)
+print_observations(first[0], second[0], *alone)
 """
 TORCH = MAKE + """
 from torch.utils.data import DataLoader, Dataset
@@ -60,7 +60,7 @@ except Exception as error:
     assert type(error).__name__ == "BackendError" and 'context="spawn"' in str(error), error
 else:
     raise SystemExit("the parent's environment was accepted")
-told(first, second, *alone)
+print_observations(first, second, *alone)
 """
 
 
