@@ -230,10 +230,15 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray
         if dtype.itemsize == 0 or len(shape) > 8 or count * dtype.itemsize != member.file_size - file.tell():
             raise ValueError(f"the header of {name} promises shape {quote(shape)} of {dtype}, {count * dtype.itemsize} "
                              f"bytes; the file has {member.file_size - file.tell()}")
-        content = file.read(count * dtype.itemsize)
-        if file.read(1) or len(content) < count * dtype.itemsize:
+        content, filled = bytearray(count * dtype.itemsize), 0
+        while chunk := file.read(2**20):  # all at once would take the memory twice
+            content[filled : filled + len(chunk)] = chunk
+            filled += len(chunk)
+            if filled > count * dtype.itemsize:
+                break
+        if filled != count * dtype.itemsize:
             raise ValueError(f"{name} is shorter or longer than its header promises")
-    return np.frombuffer(bytearray(content), dtype).reshape(shape, order="F" if fortran_order else "C")
+    return np.frombuffer(content, dtype).reshape(shape, order="F" if fortran_order else "C")
 
 
 def _read_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:

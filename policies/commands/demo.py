@@ -21,36 +21,36 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
     parser.add_argument("--out", type=Path, required=True, help="folder for demonstrations, plots and the table; an "
                         "interrupted run continues with the same command")
-    parser.add_argument("--n", type=int, default=10, help="number of demonstrations, from different starts (default: "
+    parser.add_number("--n", default=10, help="number of demonstrations, from different starts (default: "
                         "10)")
-    parser.add_argument("--jobs", type=int, default=1, help="number of demonstrations at the same time (default: 1)")
+    parser.add_number("--jobs", default=1, help="number of demonstrations at the same time (default: 1)")
     parser.add_argument("--method", choices=METHODS, default="descent", help="gradient descent, or CMA-ES on a spline "
                         "of the same motion, without gradients (default: descent)")
     parser.add_argument("--material", help=f"material of the optimisation: one of "
                         f"{', '.join(bundled_names('materials'))}; or the path of a .yaml file (default: glycerol; "
                         "clay for scooping and for the shovel)")
-    parser.add_argument("--iterations", type=int, default=150,
+    parser.add_number("--iterations", default=150,
                         help="largest number of iterations for each demonstration "
                         "(default: 150)")
-    parser.add_argument("--rate", type=float, default=RATE, help=f"largest change of an action (range -1 to 1) in an "
+    parser.add_number("--rate", default=RATE, help=f"largest change of an action (range -1 to 1) in an "
                         f"iteration (default: {RATE})")
-    parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
+    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")
     parser.add_argument("--from", dest="start", help="initial motion: a .npz file with actions, or `script`, the "
                         "task's scripted motion, for a tool that must touch its material first (default: at rest)")
-    parser.add_argument("--until", type=float,
+    parser.add_number("--until",
                         help="with --from script: keep the scripted motion fixed up to this time "
                         "[s]; after it the tool is initially at rest (default: start with the whole script, keep "
                         "nothing fixed)")
-    parser.add_argument("--limit", type=float, help="clip each entry of the state's adjoint to this in every substep; "
+    parser.add_number("--limit", help="clip each entry of the state's adjoint to this in every substep; "
                         "sand may need it (default: no clipping)")
-    parser.add_argument("--seed", type=int, default=0, help="random seed of the first start, as in the environment's "
+    parser.add_number("--seed", default=0, help="random seed of the first start, as in the environment's "
                         "reset (default: 0)")
     parser.add_argument("--nominal", action="store_true", help="start the first demonstration at the task's nominal "
                         "pose, as training does by default; the others start at random poses")
     parser.add_argument("--arm", action="store_true", help="report joint speeds and angles that the motion needs, and "
                         "replay it with the arm")
-    parser.add_argument("--arm-weight", type=float, default=0.0, help="weight of a penalty on joint speeds and angles "
+    parser.add_number("--arm-weight", default=0.0, help="weight of a penalty on joint speeds and angles "
                         "beyond the arm's limits (default: 0)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_renamed("--hold", "--action-repeat")

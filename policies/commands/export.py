@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the dataset, or a file that ends "
                         "in .hdf5")
     parser.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
-    parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
+    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")
     parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")

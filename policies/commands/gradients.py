@@ -22,7 +22,7 @@ def add_parser(commands: Any) -> None:
                         help=f"of {', '.join(bundled_names('tasks'))} (default: all)")
     parser.add_argument("--out", type=Path, required=True, help="folder for gradients.json and gradients.png; rollouts "
                         "that are finished there are not repeated")
-    parser.add_argument("--jobs", type=int, default=1, help="number of rollouts at the same time (default: 1)")
+    parser.add_number("--jobs", default=1, help="number of rollouts at the same time (default: 1)")
     parser.add_settings("file of every task", "grains.count=100")
     parser.set_defaults(run=run, after_interrupt="finished tasks are kept; the same command continues")
 

@@ -27,19 +27,19 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--method", default=METHOD,
                         help=f"training method: one of {', '.join(bundled_names('training'))}; "
                         f"or the path of a .yaml file (default: {METHOD})")
-    parser.add_argument("--seed", type=int, default=0, help="random seed (default: 0)")
-    parser.add_argument("--n", type=int, default=1, help="demonstrations of each sub-task (default: 1; arXiv "
+    parser.add_number("--seed", default=0, help="random seed (default: 0)")
+    parser.add_number("--n", default=1, help="demonstrations of each sub-task (default: 1; arXiv "
                         "2406.09178: 10)")
-    parser.add_argument("--iterations", type=int, default=150,
+    parser.add_number("--iterations", default=150,
                         help="largest number of iterations for each demonstration "
                         "(default: 150)")
-    parser.add_argument("--episodes", type=int, help="largest number of training episodes (default: the method's)")
+    parser.add_number("--episodes", help="largest number of training episodes (default: the method's)")
     parser.add_argument("--material",
                         help=f"material of the grains: one of {', '.join(bundled_names('materials'))}; or the "
                         "path of a .yaml file (default: the rehearsal's)")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="friction", help="tool welded to the hand, or "
                         "held by the fingers alone (default: friction)")
-    parser.add_argument("--jobs", type=int, default=1, help="number of sub-tasks at the same time (default: 1)")
+    parser.add_number("--jobs", default=1, help="number of sub-tasks at the same time (default: 1)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
     parser.set_defaults(run=run, after_interrupt="finished steps are kept; the same command continues")

@@ -19,14 +19,14 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
     parser.add_argument("--out", type=Path, required=True, help="folder of the rollouts; those that are there are not "
                         "repeated")
-    parser.add_argument("--episodes", type=int, default=200, help="number of rollouts (default: 200)")
+    parser.add_number("--episodes", default=200, help="number of rollouts (default: 200)")
     parser.add_argument("--material",
                         help=f"material of the grains: one of {', '.join(bundled_names('materials'))}; or the "
                         "path of a .yaml file (default: the task's)")
-    parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated; "
+    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated; "
                         "one frame each (default: 10)")
-    parser.add_argument("--seed", type=int, default=0, help="random seed of starts and motions (default: 0)")
-    parser.add_argument("--jobs", type=int, default=1, help="number of rollouts at the same time (default: 1)")
+    parser.add_number("--seed", default=0, help="random seed of starts and motions (default: 0)")
+    parser.add_number("--jobs", default=1, help="number of rollouts at the same time (default: 1)")
     parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
     parser.set_defaults(run=run, after_interrupt="finished rollouts are kept; the same command continues")

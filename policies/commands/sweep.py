@@ -21,7 +21,7 @@ def add_parser(commands: Any) -> None:
                                  description="Train every combination of the tasks, methods and seeds of a file. Exit "
                                  "status 0 only if every run finished.")
     parser.add_argument("file", type=Path, help="a .yaml file, as below")
-    parser.add_argument("--jobs", type=int, default=1, help="processes at a time, one core each (default: 1)")
+    parser.add_number("--jobs", default=1, help="processes at a time, one core each (default: 1)")
     parser.add_argument("--slurm", metavar="PARTITION", help="submit the runs to SLURM instead (needs the extra "
                         "`cluster`)")
     parser.add_argument("--dry-run", action="store_true", help="list the runs that are left, and start none")

@@ -21,19 +21,19 @@ def add_parser(commands: Any) -> None:
                         "Gymnasium, such as Pendulum-v1")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run; an interrupted run continues with "
                         "the same command")
-    parser.add_argument("--seed", type=int, default=0, help="random seed (default: 0)")
+    parser.add_number("--seed", default=0, help="random seed (default: 0)")
     parser.add_argument("--demos", type=Path, help="folder with demonstration_*.npz, or one .npz file with `actions`")
     parser.add_argument("--rollouts", type=Path, help="folder of `robosim rollouts`, for methods with a graph network")
-    parser.add_argument("--episodes", type=int, help="largest number of episodes (default: the method's)")
+    parser.add_number("--episodes", help="largest number of episodes (default: the method's)")
     parser.add_argument("--material",
                         help=f"material of the grains: one of {', '.join(bundled_names('materials'))}; or the "
                         "path of a .yaml file (default: the task's)")
     parser.add_argument("--starts", choices=["nominal", "random"], default="nominal", help="start of the episodes: the "
                         "task's nominal start, or random within its ranges (default: nominal)")
-    parser.add_argument("--action-repeat", type=int, default=10, help="steps of 2 ms for which an action is repeated "
+    parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")
     parser.add_argument("--obs", help="layout of the observation (default: the method's)")
-    parser.add_argument("--checkpoint-every", type=int, default=10, metavar="N", help="write a checkpoint after every "
+    parser.add_number("--checkpoint-every", default=10, metavar="N", help="write a checkpoint after every "
                         "N episodes; an interrupted run writes its last one (default: 10)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
     parser.add_renamed("--frames", "--rollouts")

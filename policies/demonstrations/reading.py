@@ -68,7 +68,8 @@ def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int
     if actions.ndim != 2 or actions.shape[1] != dimensions or not np.all(np.abs(actions) <= 1.0):
         raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions}), from -1 to "
                                f"1, as this task has them")
-    actions = np.repeat(actions[:decisions], stored_repeat // action_repeat, axis=0)
+    repeat = stored_repeat // action_repeat
+    actions = np.repeat(actions[:-(-decisions // repeat)], repeat, axis=0)
     if len(actions) < decisions:
         raise mpm.InvalidValue(f"{path}: {len(actions)} actions with action_repeat {action_repeat}; accepted: "
                                f"{decisions}, as this task has them")

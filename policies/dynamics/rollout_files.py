@@ -8,7 +8,7 @@ import numpy as np
 
 import mpm
 from mpm.files import write_json
-from mpm.input_files import MAX_STATE, read_arrays, read_json
+from mpm.input_files import MAX_STATE, read_arrays, read_json, read_text
 from policies.learning.environments import fingerprint
 
 
@@ -42,8 +42,9 @@ def write_description(folder: Path, env: Any, seed: int) -> None:
     path, description = folder / "rollouts.json", {**describe_environment(env), "seed": seed}
     if (folder / "frames.json").is_file():
         raise mpm.InvalidValue(f"--out {folder}: made by `robosim frames` of an earlier version; give another folder")
-    if path.is_file() and path.read_text() != json.dumps(description, indent=2) + "\n":
-        raise mpm.InvalidValue(f"--out {folder}: holds rollouts of {' '.join(path.read_text().split())}; give another "
+    stored = read_text(path) if path.is_file() else None
+    if stored is not None and stored != json.dumps(description, indent=2) + "\n":
+        raise mpm.InvalidValue(f"--out {folder}: holds rollouts of {' '.join(stored.split())[:2000]}; give another "
                                f"folder")
     write_json(path, description)
 
@@ -60,7 +61,7 @@ def read_rollouts(folder: Path, env: Any) -> Rollouts:
         differences = [f"{name} {stored[name]}, now {value}" for name, value in now.items() if stored[name] != value]
         if differences:
             raise mpm.InvalidValue(f"--rollouts {folder}: of another environment: {'; '.join(differences)}")
-        pairs = []
+        pairs, size = [], 0
         for path in sorted(folder.glob("rollout_*.npz")):
             arrays = read_arrays(path, MAX_STATE)
             frames = len(arrays["grains"])
@@ -68,6 +69,10 @@ def read_rollouts(folder: Path, env: Any) -> Rollouts:
                 raise mpm.InvalidValue(f"{path.name}: grains have shape {arrays['grains'].shape}, tool has "
                                        f"{arrays['tool'].shape}; accepted: (n, {now['grains']}, 3) and (n, 7)")
             arrays.check_finite()
+            size += arrays["grains"].nbytes + arrays["tool"].nbytes
+            if size > MAX_STATE:
+                raise mpm.InvalidValue(f"{path.name}: with those before it {size} bytes; accepted: up to {MAX_STATE} "
+                                       f"in all rollouts together")
             if frames > 1:  # one that diverged in its first step has a single frame
                 pairs.append((arrays["grains"], arrays["tool"]))
     except (OSError, ValueError, KeyError, TypeError) as error:

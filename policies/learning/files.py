@@ -19,6 +19,8 @@ import mpm
 from mpm.files import keep_status, remove_temporary
 
 LOCK_NAME = ".lock"
+LOG_END = 2**16
+"""Bytes at the end of a log in which its last line is looked for; progress bars make logs long."""
 PR_SET_PDEATHSIG = 1
 """Option of prctl(2): the signal that a process gets when its parent dies."""
 
@@ -67,6 +69,14 @@ def is_locked(folder: Path) -> bool:
             return False
     except Timeout:
         return True
+
+
+def read_last_line(path: Path) -> str:
+    """Return the last line of a log that is not empty, from its last LOG_END bytes; "" where there is none."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - LOG_END))
+        lines = file.read(LOG_END).decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else ""
 
 
 @contextlib.contextmanager

@@ -4,14 +4,12 @@ import csv
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 import mpm
 from mpm.files import write, write_json, write_text
 from mpm.input_files import read_json
 from policies.learning.bundled import configs_folder
 from policies.learning.files import digest
-from policies.learning.preset_files import migrate_manifest, migrate_row
+from policies.learning.preset_files import migrate_manifest, migrate_row, read_yaml
 from policies.results.further_tables import make_further_tables
 from policies.results.page import align_columns, format_scores, make_page
 from policies.results.summary import summarise_runs
@@ -108,7 +106,7 @@ def tables(sources: list[Path], out: Path) -> int:
         raise mpm.InvalidValue(f"{', '.join(map(str, sources))}: no finished run; "
                                f"{'; '.join(unfinished) or 'no runs at all'}")
     out.mkdir(parents=True, exist_ok=True)
-    published = yaml.safe_load((configs_folder() / "published" / PUBLISHED).read_text())
+    published = read_yaml(configs_folder() / "published" / PUBLISHED)
     summaries, notes = summarise_runs(rows, published)
     numbers, further_tables = make_further_tables(summaries, rows, sources, published)
     write_json(out / "tables.json", {"tables": summaries, "runs": rows, "mixed": notes, "not_finished": unfinished,

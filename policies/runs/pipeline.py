@@ -15,15 +15,14 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import yaml
 from tqdm import tqdm
 
 import mpm
 from mpm.files import write, write_json
 from mpm.input_files import read_json
 from policies.learning.bundled import check_installed, configs_folder
-from policies.learning.files import is_locked, working_in
-from policies.learning.preset_files import load_preset
+from policies.learning.files import is_locked, read_last_line, working_in
+from policies.learning.preset_files import load_preset, read_yaml
 from policies.runs.pipeline_table import collect_rows, format_rows
 
 DEMO_ARGUMENTS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate", "0.03"),
@@ -46,7 +45,7 @@ SHARED_OPTIONS = ("seed", "n", "iterations", "episodes", "material")
 def learned_rehearsals() -> dict[str, list[str]]:
     """Return the sub-tasks of every bundled rehearsal that has learned ones."""
     paths = sorted((configs_folder() / "rehearsals").glob("*.yaml"))
-    tasks = {path.stem: yaml.safe_load(path.read_text()).get("learned", []) for path in paths}
+    tasks = {path.stem: read_yaml(path).get("learned", []) for path in paths}
     return {name: names for name, names in tasks.items() if names}
 
 
@@ -189,7 +188,7 @@ class Pipeline:
                 is_finished = process is not None and process.wait() == 0
                 with self._lock:
                     self._processes.discard(process)
-            last_line = (log.read_text().strip().splitlines() or ["no output"])[-1]
+            last_line = read_last_line(log) or "no output"
             state = "finished" if is_finished else "interrupted" if self._is_stopped else "failed"
             self._store(name, state=state, arguments=arguments,
                         reason="" if is_finished else last_line, seconds=time.time() - began)

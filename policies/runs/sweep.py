@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 import mpm
 from mpm.files import keep_status, write_json
-from policies.learning.files import is_locked
+from policies.learning.files import is_locked, read_last_line
 from policies.learning.preset_files import Change
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
 
@@ -115,8 +115,7 @@ def failure_reason(run: SweepRun, code: int) -> str:
     """Return why a process ended: the signal that killed it, or the last line of its log."""
     if code < 0:
         return f"killed by signal {-code}"
-    lines = (run.out / "log.txt").read_text().strip().splitlines()
-    return lines[-1] if lines else f"exit status {code}"
+    return read_last_line(run.out / "log.txt") or f"exit status {code}"
 
 
 def submit(runs: list[SweepRun], partition: str, sweep_file: Path) -> int:

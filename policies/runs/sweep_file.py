@@ -28,8 +28,8 @@ class SweepFile(pydantic.BaseModel):
 
     tasks: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
     methods: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
-    seeds: list[Annotated[int, Field(ge=0, le=2**32 - 1)]] = Field(min_length=1, max_length=MAX_RUNS)
-    """Seeds, which numpy takes up to 2^32 - 1."""
+    seeds: list[Annotated[int, Field(ge=0, le=2**31 - 1)]] = Field(min_length=1, max_length=MAX_RUNS)
+    """Seeds; numpy takes up to 2^32 - 1, and later episodes have larger ones."""
     demos: Short | None = None
     """Folder of the demonstrations; {task} stands for the task's name."""
     rollouts: Short | None = None

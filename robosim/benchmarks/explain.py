@@ -8,7 +8,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from mpm.input_files import read_json
+from mpm.input_files import MAX_TEXT, read_bytes, read_json
 from robosim.benchmarks.explain_page import describe_setting, format_parts, write_page
 from robosim.benchmarks.scene_run import FRACTIONS
 from robosim.config.output import OutputFolder
@@ -95,7 +95,7 @@ def run_settings(scene: str, settings: list[dict[str, float]], folder: OutputFol
     """
     code = code_digest(SCENE_RUN)
     if Path(scene).is_file():
-        code += hashlib.sha256(Path(scene).read_bytes()).hexdigest()[:12]
+        code += hashlib.sha256(read_bytes(Path(scene), MAX_TEXT)).hexdigest()[:12]
     known: dict[str, dict[str, Any]] = {}
     if folder is not None and (folder.path / "explain.json").is_file():
         try:

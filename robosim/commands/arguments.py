@@ -1,15 +1,56 @@
-"""What the parsers of all commands share: layout of help, form of errors, types of arguments, the option `--set`."""
+"""What the parsers of all commands share: layout of help, form of errors, bounds of numbers, the option `--set`."""
 
 import argparse
 import contextlib
+import os
+import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from robosim.config.settings import Setting, read_setting, with_settings
 from robosim.errors import ConfigError
+
+
+class Number(NamedTuple):
+    """The numbers that an option accepts; argparse calls it with the text that is given."""
+
+    least: float
+    most: float
+    is_whole: bool = True
+
+    def __call__(self, text: str) -> float:
+        """Read a number; raises ArgumentTypeError, which argparse reports with the option, for all others."""
+        with contextlib.suppress(ValueError):
+            value = int(text) if self.is_whole and re.fullmatch(r"-?[0-9]{1,20}", text) else float(text)
+            if self.least <= value <= self.most and (isinstance(value, int) or not self.is_whole):
+                return value
+        given = text if len(text) < 40 else f"{text[:40]}..."
+        raise argparse.ArgumentTypeError(f"{given!r}; accepted: {'a whole number' if self.is_whole else 'a number'} "
+                                         f"from {self.least:.10g} to {self.most:.10g}")
+
+
+CORES = os.cpu_count() or 1
+NUMBERS = {
+    "--episodes": Number(1, 1_000_000),  # of 100 actions at 0.6 s each: two years
+    "--n": Number(1, 10_000),  # at 5 minutes each, a month
+    "--iterations": Number(1, 100_000),  # a day for each demonstration, at 1 s each
+    "--checkpoint-every": Number(1, 1_000_000),  # as episodes
+    "--action-repeat": Number(1, 10_000),  # 20 s at steps of 2 ms, ten episodes
+    "--seed": Number(0, 2**31 - 1),  # numpy takes up to 2^32 - 1; later episodes have larger seeds
+    "--sizes": Number(1, 4_000_000),  # grains; with 250 bytes each, 1 GB
+    # a process has 0.5 GB; more of them than cores do not finish earlier
+    "--jobs": Number(1, max(16, 4 * CORES)),
+    "--threads": Number(1, max(16, 4 * CORES)),
+    "--rate": Number(1e-6, 1.0, False),  # actions reach from -1 to 1; below, single precision does not change them
+    "--until": Number(1e-4, 600.0, False),  # [s], as the episode of a task
+    "--limit": Number(1e-30, 1e30, False),  # numbers of single precision reach from 1e-38 to 1e38
+    "--arm-weight": Number(0.0, 1e6, False),  # as the weights of a task's reward
+    "--tolerance": Number(1e-6, 1.0, False),  # relative; results are in single precision
+}
+"""Option -> the numbers that it accepts in every command, with the reason."""
 
 
 class Settings(tuple[Setting, ...]):
@@ -85,6 +126,10 @@ class CommandParser(argparse.ArgumentParser):
         layout = partial(argparse.RawDescriptionHelpFormatter, max_help_position=28)
         super().__init__(**{"formatter_class": layout, **options})
 
+    def add_number(self, option: str, **more: Any) -> None:
+        """Add an option that takes a number within the bounds of NUMBERS; more: as of `add_argument`."""
+        self.add_argument(option, type=NUMBERS[option], **more)
+
     def add_settings(self, what: str, example: str) -> None:
         """Add the option `--set` for the keys of a file; `options.settings` are those given, see `Settings`."""
         self.add_argument("--set", dest="settings", metavar="KEY=VALUE", action=AddSetting, default=Settings(),
@@ -115,17 +160,3 @@ class RenamedOption(argparse.Action):
 def one_of(names: Iterable[str], also: str = "or the path of a .yaml file") -> str:
     """The help of an argument that takes a name."""
     return f"one of {', '.join(names)}; {also}" if also else f"one of {', '.join(names)}"
-
-
-def positive(text: str) -> int:
-    """Read a whole number from 1 on."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a whole number from 1 on")
-    return int(text)
-
-
-def seed(text: str) -> int:
-    """Read a whole number from 0 on."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r}; accepted: a whole number from 0 on")
-    return int(text)

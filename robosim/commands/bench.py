@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from robosim.benchmarks import FIELD_SCENES, FIELD_SIZES
-from robosim.commands.arguments import positive
 
 EXAMPLE = """examples:
   robosim bench coupling kinematics --out out/bench
@@ -21,14 +20,14 @@ def add_parser(commands: Any) -> None:
                         help="field alone, or any of coupling, kinematics, rendering, "
                         "side_by_side (several environments at the same time), a sub-task such as SpoonPour, "
                         "arm_SpoonPour with the whole arm (default: all but field)")
-    parser.add_argument("--sizes", type=positive, nargs="+", default=list(FIELD_SIZES), metavar="N",
+    parser.add_number("--sizes", nargs="+", default=list(FIELD_SIZES), metavar="N",
                         help="field: number of grains (default: %(default)s)")
     parser.add_argument("--scenes", nargs="+", default=list(FIELD_SCENES), metavar="SCENE",
                         help=f"field: scenes, of {', '.join(FIELD_SCENES)} (default: all)")
     parser.add_argument("--yardsticks", type=Path,
                         help="field: folder with reference scripts that are timed in the same "
                         "run")
-    parser.add_argument("--threads", type=positive, default=1, help="field: number of CPU threads (default: 1)")
+    parser.add_number("--threads", default=1, help="field: number of CPU threads (default: 1)")
     parser.add_argument("--arch", choices=("cpu", "cuda"), default="cpu", help="field: processor (default: cpu)")
     parser.add_argument("--out", type=Path, help="folder for bench.json, or bench_field.json")
     parser.set_defaults(run=run)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.commands.arguments import one_of, positive, seed
+from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path
 from robosim.envs import TASKS, is_task_file
 from robosim.errors import UnknownName
@@ -22,10 +22,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
     parser.add_argument("--policy", default="scripted", help=one_of(POLICIES, "or a .npz file with an array `actions` "
                         "or a network (default: scripted)"))
-    parser.add_argument("--episodes", type=positive,
+    parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
                         "--nominal)")
-    parser.add_argument("--seed", type=seed, default=0, help="random seed of the first episode (default: 0)")
+    parser.add_number("--seed", default=0, help="random seed of the first episode (default: 0)")
     parser.add_argument("--material", help="material: " + one_of(config_names("materials")) + " (default: the task's)")
     parser.add_argument("--nominal", action="store_true", help="start at the task's nominal start, without its random "
                         "displacement")

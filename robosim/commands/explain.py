@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.commands.arguments import one_of, positive
+from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names
 from robosim.envs import TASKS
 from robosim.errors import UnknownName
@@ -22,12 +22,12 @@ def add_parser(commands: Any) -> None:
                                  "cheaper than the scene's own.", epilog=EXAMPLE)
     parser.add_argument("scene", help=one_of([*TASKS, *config_names("rehearsals")],
                                              "or the .yaml file of a task or a rehearsal"))
-    parser.add_argument("--tolerance", type=float,
+    parser.add_number("--tolerance",
                         help="also run the scene with settings from coarse to fine, and find "
                         "the cheapest one whose results differ from those of the finest by at most this: absolute for "
                         "fractions, relative for masses and forces")
     parser.add_argument("--apply", action="store_true", help="write the scene's file with that setting to --out")
-    parser.add_argument("--jobs", type=positive, default=1,
+    parser.add_number("--jobs", default=1,
                         help="number of settings that run at the same time (default: 1)")
     parser.add_argument("--out", type=Path, help="folder for index.html and explain.json; settings that are finished "
                         "there are not repeated")

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.commands.arguments import one_of, seed
+from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS
@@ -34,7 +34,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--camera", default="close",
                         help=f"camera of the video: {one_of(CAMERAS, '')} (default: close)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
-    parser.add_argument("--seed", type=seed, default=0,
+    parser.add_number("--seed", default=0,
                         help="random seed of the grains' initial positions (default: 0)")
     parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
     parser.set_defaults(run=run, after_interrupt="--out has what was simulated so far; the same command "

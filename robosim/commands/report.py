@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.commands.arguments import positive
 from robosim.verification.cases import NAMES, module_name
 
 EXAMPLE = """example:
@@ -20,7 +19,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html, report.json and report.jsonl "
                         "(a line per run); runs that are finished there are not repeated")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller runs of every case")
-    parser.add_argument("--jobs", type=positive, default=1,
+    parser.add_number("--jobs", default=1,
                         help="number of runs at the same time, each on its own core; "
                         "measured run times are reliable with 1 only (default: 1)")
     parser.add_argument("--points", type=Path, help="JSON file with results of other codes for the column collapse")

@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.commands.arguments import positive
 from robosim.errors import UnknownName
 from robosim.verification.stability import AXES, COMPARISONS
 
@@ -20,7 +19,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)} (default: all of these); to "
                         f"compare couplings: {', '.join(COMPARISONS)}")
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
-    parser.add_argument("--jobs", type=positive, default=1, help="number of cases at the same time (default: 1)")
+    parser.add_number("--jobs", default=1, help="number of cases at the same time (default: 1)")
     parser.set_defaults(run=run, after_interrupt="finished cells are kept; the same command continues")
 
 

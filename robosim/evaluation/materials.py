@@ -8,7 +8,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from mpm.input_files import read_json
+from mpm.input_files import MAX_ARRAYS, read_bytes, read_json
 from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
 from robosim.config.resources import trained
@@ -81,7 +81,7 @@ def check_policy(task: str, name: str) -> None:
 def fingerprint(task: str, name: str) -> str:
     """Return twelve hexadecimal digits that change with the task, the materials, the motion and the code."""
     path = trained(task_name(task)) if name == "learned" else Path(name)
-    motion = path.read_bytes().hex() if path is not None and name not in POLICIES[:-1] else name
+    motion = read_bytes(path, MAX_ARRAYS).hex() if path is not None and name not in POLICIES[:-1] else name
     laws = [[load_material(base).model_dump(), numbers] for base, numbers in MATERIALS.values()]
     text = json.dumps([load_task(task).model_dump(), laws, motion, code_digest(EPISODE)], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:12]

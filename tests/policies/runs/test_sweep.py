@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 import mpm
+from policies.learning.files import read_last_line
 from policies.learning.preset_files import load_preset
 from policies.runs.sweep import sweep
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
@@ -113,3 +114,16 @@ def test_a_sweep_that_is_killed_twice_finishes(tmp_path):
     before = {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}
     assert subprocess.run(arguments, capture_output=True, check=False).returncode == 0
     assert before == {path: path.stat().st_mtime_ns for path in out.rglob("status.json")}
+
+
+def test_the_last_line_of_a_log_is_read_from_its_end(tmp_path: Path) -> None:
+    """Of a log of gigabytes, too, whose bytes need not be text."""
+    log = tmp_path / "log.txt"
+    for content, line in ((b"", ""), (b" \n\n", ""), (b"one\ntwo\n \n", "two"), (b"\xff\xfe", "\ufffd\ufffd")):
+        log.write_bytes(content)
+        assert read_last_line(log) == line
+    with log.open("wb") as file:
+        file.truncate(2**34)
+        file.seek(2**34)
+        file.write(b"\nstopped\n")
+    assert read_last_line(log) == "stopped"

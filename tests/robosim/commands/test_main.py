@@ -9,10 +9,12 @@ import subprocess
 import sys
 import time
 from importlib.metadata import EntryPoint, version
+from pathlib import Path
 
 import pytest
 
 from robosim.commands import main as module
+from robosim.commands.arguments import NUMBERS
 from robosim.commands.main import COMMANDS, interrupts, main, parser
 
 EVERY = sorted([*COMMANDS, "demo", "export", "gradients", "pipeline", "rollouts", "sweep", "tables", "train"])
@@ -108,12 +110,26 @@ def test_a_command_that_cannot_be_loaded_leaves_the_others(monkeypatch: pytest.M
     assert "the command fork (no_such_package.fork:add_parser) cannot be loaded" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("option", "words"), [("--episodes", "whole number from 1 on"),
-                                               ("--seed", "whole number from 0 on")])
-def test_numbers_are_checked(option: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(["evaluate", "SpoonPour", option, "0.5"])
-    assert end.value.code == 2 and words in capsys.readouterr().err
+@pytest.mark.parametrize("name", EVERY)
+def test_numbers_have_bounds(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """In every command, and before its modules are loaded: an error names the option, the text and what is accepted."""
+    command = next(action for action in parser()._actions if action.dest == "command").choices[name]
+    options = {option: action.type for action in command._actions for option in action.option_strings
+               if action.type not in (None, Path)}
+    assert set(options) <= set(NUMBERS)
+    before = set(sys.modules)
+    for option, number in options.items():
+        assert number is NUMBERS[option] and number.least < number.most < float("inf")
+        for text in ("nan", "inf", "1e308", "-1", "9" * 5000, "0x10", "", "ten", *(["0.5"] if number.is_whole else [])):
+            with pytest.raises(SystemExit) as end:
+                main([name, f"{option}={text}"])
+            words = capsys.readouterr().err
+            assert end.value.code == 2 and len(words) < 300
+            assert words.startswith(f"robosim {name}: argument {option}: '{text[:40]}"), words
+            assert f"number from {number.least:.10g} to {number.most:.10g}; see" in words, words
+        for bound in (number.least, number.most):
+            assert number(f"{bound!r}") == bound
+    assert set(sys.modules) == before
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
