@@ -63,8 +63,6 @@ class Pipeline:
         rehearsals = learned_rehearsals()
         if options.rehearsal not in rehearsals:
             raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(rehearsals)}")
-        if min(options.jobs, options.n) < 1:
-            raise mpm.InvalidValue(f"--jobs {options.jobs}, --n {options.n}; accepted: 1 or more")
         preset = load_preset(options.method)
         if preset.needs_rollouts:
             raise mpm.InvalidValue(f"--method {options.method}: learns from rollouts; accepted: one that learns from "
