@@ -38,6 +38,10 @@ HEADER = re.compile(rb"\{'descr': '([<>|=]?[biufUS]\d{1,9})', 'fortran_order': (
 """Header of an array of truth values, numbers or text, as numpy writes it; no objects, which would execute code."""
 MAX_HEADER = 1000
 """Bytes of a header; those of numpy have 118."""
+MAX_NUMBER = 1e100
+"""Size of a number of a JSON file: sums of squares of a million of them are finite."""
+FORMS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", list: "a list",
+         dict: "a table"}
 BROKEN = (OSError, ValueError, KeyError, EOFError, TypeError, RuntimeError, OverflowError,
           zipfile.BadZipFile, zlib.error, struct.error)
 """What numpy and zipfile raise for damaged files; RuntimeError: for encrypted ones, among others."""
@@ -76,7 +80,8 @@ def read_text(path: Path, most: int = MAX_TEXT) -> str:
 def read_json(path: Path, most: int = MAX_JSON) -> Any:
     """Read a JSON file. Raises InvalidValue for what is not JSON, OSError where it cannot be read."""
     try:
-        return json.loads(read_text(path, most), parse_constant=_refuse_constant, object_pairs_hook=_unique)
+        return json.loads(read_text(path, most), parse_constant=_refuse_constant, parse_float=_finite,
+                          object_pairs_hook=_unique)
     except RecursionError:
         raise InvalidValue(f"{path}: not JSON that can be read: lists or tables nested too deeply") from None
     except ValueError as error:
@@ -88,12 +93,51 @@ def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is not part of JSON")
 
 
+def _finite(text: str) -> float:
+    value = float(text)
+    if math.isinf(value):
+        raise ValueError(f"{quote(text)} is too large")
+    return value
+
+
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
         names = [name for name, _ in pairs]
         raise ValueError(f"key {quote(next(n for n in names if names.count(n) > 1))} is given twice")
     return table
+
+
+def check_form(value: Any, form: Any, name: str = "file") -> None:
+    """Raise InvalidValue unless a value of a JSON file has a form.
+
+    form: float, int, str, bool or object (anything); [form] of a list; {key: form} of a table that has at least these
+    keys, {str: form} of one with any keys; (form, None) of what may be null, (form, ...) of what may be missing.
+    """
+    if isinstance(form, tuple):
+        if value is not None or None not in form:
+            check_form(value, form[0], name)
+    elif isinstance(form, dict) and isinstance(value, dict):
+        for key, part in form.items():
+            if key is not str and (key in value or not (isinstance(part, tuple) and ... in part)):
+                if key not in value:
+                    raise InvalidValue(f"{name}: key {key!r} is missing")
+                check_form(value[key], part, f"{name}.{key}")
+        for key, part in value.items() if str in form else ():
+            check_form(part, form[str], f"{name}.{quote(key)}")
+    elif isinstance(form, list) and isinstance(value, list):
+        for k, part in enumerate(value):
+            check_form(part, form[0], f"{name}.{k}")
+    elif form is not object and not _has_type(value, form):
+        raise InvalidValue(f"{name}: {quote(value)}; accepted: {FORMS[form if isinstance(form, type) else type(form)]}")
+
+
+def _has_type(value: Any, kind: Any) -> bool:
+    """Return whether a value has a type of JSON; numbers whose squares a float does not hold have none."""
+    if kind in (int, float):
+        is_number = isinstance(value, int if kind is int else int | float) and not isinstance(value, bool)
+        return is_number and abs(value) <= MAX_NUMBER
+    return kind in (str, bool) and isinstance(value, kind)
 
 
 class StrictComposer:

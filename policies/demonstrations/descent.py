@@ -11,6 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 
+import mpm
+from mpm.input_files import MAX_NUMBER
 from policies.demonstrations.spline_search import sample_spline
 
 DECAY, DECAY_SQUARES, SMALL = 0.9, 0.95, 1e-12
@@ -19,6 +21,9 @@ FAILURES, SHRINK, GROW, LEAST = 4, 0.7, 1.1, 0.1
 step as a share of the rate."""
 KNOTS = 8
 """Knots of the random smooth motion, whose actions are as large as the largest step."""
+BOUNDS = {"now": (-1.0, 1.0), "best": (-1.0, 1.0), "lowest": (-np.inf, np.inf), "share": (0.0, 1.0),
+          **dict.fromkeys(("failures", "returns", "count"), (0, 10**9)), "square": (0.0, MAX_NUMBER)}
+"""Attributes -> their least and largest numbers; of the others, those whose squares a float holds."""
 STATE = ("now", "best", "best_gradient", "lowest", "share", "failures", "returns", "count", "mean", "square")
 """Attributes that the next steps depend on."""
 
@@ -91,7 +96,12 @@ class Descent:
         return {name: np.asarray(getattr(self, name)) for name in STATE}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
-        """Restore a state."""
+        """Restore a state; raises mpm.InvalidValue for one of another search, or with numbers that no search has."""
         for name in STATE:
             value = state.get(name, np.zeros((), int))  # the first files have no `returns`
-            setattr(self, name, value.copy() if value.ndim else value.item())
+            least, most = BOUNDS.get(name, (-MAX_NUMBER, MAX_NUMBER))
+            if value.shape != np.shape(getattr(self, name)) or value.dtype.kind not in "iuf" \
+                    or not ((least <= value) & (value <= most)).all():
+                raise mpm.InvalidValue(f"{name} has shape {value.shape} of type {value.dtype}; accepted: shape "
+                                       f"{np.shape(getattr(self, name))}, numbers from {least:g} to {most:g}")
+            setattr(self, name, value.astype(float) if value.ndim else value.item())

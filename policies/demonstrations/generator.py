@@ -87,7 +87,10 @@ class DemonstrationGenerator:
         search, losses, norms = self._make_search(start["seed"]), [], np.zeros((0, 2))
         stored = load_stored(r.unfinished_path(k), mark)
         if stored is not None:
-            search.load(stored)
+            try:
+                search.load(stored)
+            except ValueError as error:
+                raise mpm.InvalidValue(f"{r.unfinished_path(k)}: {error}; remove it to begin anew") from None
             losses, norms = list(stored["losses"]), stored["norms"]
         progress = tqdm(initial=len(losses), total=r.iterations, desc=r.path(k).stem, file=sys.stderr)
         while len(losses) < r.iterations and not self._has_converged(losses, search, start):

@@ -57,7 +57,7 @@ def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int
     """
     try:
         stored = read_arrays(path)
-        actions = np.asarray(stored["actions"], np.float32)
+        actions = stored["actions"]
         stored_repeat, stored_task = read_action_repeat(stored, action_repeat), stored.text("task", task)
     except (OSError, ValueError, KeyError) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
@@ -65,11 +65,12 @@ def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int
         raise mpm.InvalidValue(f"{path}: made for {stored_task}; accepted: one for {task}")
     if stored_repeat % action_repeat:
         raise mpm.InvalidValue(f"{path}: action_repeat {stored_repeat}; accepted: a multiple of {action_repeat}")
-    if actions.ndim != 2 or actions.shape[1] != dimensions or not np.all(np.abs(actions) <= 1.0):
+    if actions.ndim != 2 or actions.shape[1] != dimensions or actions.dtype.kind not in "iuf" \
+            or not np.all((actions >= -1.0) & (actions <= 1.0)):
         raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: (n, {dimensions}), from -1 to "
                                f"1, as this task has them")
     repeat = stored_repeat // action_repeat
-    actions = np.repeat(actions[:-(-decisions // repeat)], repeat, axis=0)
+    actions = np.repeat(actions[:-(-decisions // repeat)].astype(np.float32), repeat, axis=0)
     if len(actions) < decisions:
         raise mpm.InvalidValue(f"{path}: {len(actions)} actions with action_repeat {action_repeat}; accepted: "
                                f"{decisions}, as this task has them")

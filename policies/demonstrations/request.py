@@ -93,4 +93,8 @@ def load_stored(path: Path, expected: str) -> StoredArrays | None:
         raise mpm.InvalidValue(f"{path}: made for another scene, task, material, method, seed or start (fingerprint "
                                f"{arrays.text('fingerprint', 'none')}, now {expected}); give another --out, or remove "
                                f"it")
+    losses, norms = arrays["losses"], arrays.get("norms", np.zeros((0, 2)))
+    if losses.ndim != 1 or losses.dtype.kind not in "iuf" or norms.shape[1:] != (2,) or norms.dtype.kind not in "iuf":
+        raise mpm.InvalidValue(f"{path}: losses have shape {losses.shape}, norms {norms.shape}; accepted: numbers of "
+                               f"shapes (n,) and (n, 2); remove it")
     return arrays

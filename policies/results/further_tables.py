@@ -5,12 +5,14 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from mpm.input_files import read_json
+from mpm.input_files import check_form, read_json
 from policies.results.page import TextTable
 from policies.results.summary import Summaries
 
 MATERIAL_COLUMNS = ("task", "material", "score", "td_mm", "delivered")
 """Columns that are taken from materials.json."""
+MATERIALS = {"policy": str, "rows": [{"task": str, "material": str, "score": float, "td_mm": (float, None)}]}
+"""Form of materials.json."""
 TIMED_SETTINGS = ("material", "starts", "action_repeat", "max_episodes")
 """Columns that two runs must share for their seconds to be compared."""
 
@@ -64,7 +66,7 @@ def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
         seconds[row["method"], row["task"], tuple(row[key] for key in TIMED_SETTINGS)].append(row["seconds"])
     for (method, task, settings), values in seconds.items():
         of_some = seconds.get(("dg_sac", task, settings))
-        if method == "all" and of_some:
+        if method == "all" and of_some and fmean(of_some) > 0.0:
             ratios[task].append(fmean(values) / fmean(of_some))
     return {task: fmean(values) for task, values in ratios.items()}
 
@@ -90,6 +92,7 @@ def read_materials(sources: list[Path]) -> list[dict[str, Any]]:
     for path in sorted(path for source in sources if source.is_dir() for path in source.rglob("materials.json")):
         try:
             stored = read_json(path)
+            check_form(stored, MATERIALS)
             rows += [{"policy": stored["policy"], **{key: row[key] for key in MATERIAL_COLUMNS}}
                      for row in stored["rows"]]
         except (OSError, ValueError, KeyError, TypeError):

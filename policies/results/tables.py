@@ -6,7 +6,7 @@ from typing import Any
 
 import mpm
 from mpm.files import write, write_json, write_text
-from mpm.input_files import read_json
+from mpm.input_files import check_form, read_json
 from policies.learning.bundled import configs_folder
 from policies.learning.files import digest
 from policies.learning.preset_files import migrate_manifest, migrate_row, read_yaml
@@ -22,6 +22,13 @@ turn_error_deg; tcs_last10, return: means of the last ten episodes; seconds: of 
 digests, that of the preset over all its keys but obs and episodes."""
 OPTIONAL = ("turn_error_deg", "preset", "demonstrations")
 """Columns that the files of earlier versions lack."""
+ROW: dict[str, Any] = {
+    **dict.fromkeys(("task", "method", "starts", "obs", "commit"), str),
+    **dict.fromkeys(("seed", "action_repeat", "max_episodes", "episodes"), int), "return": float, "seconds": float,
+    **dict.fromkeys(("preset", "demonstrations"), (str, None, ...)), "material": (str, None),
+    **dict.fromkeys(("tcs_of_best_return", "tcs_last10", "delivered", "spilled", "collisions"), (float, None)),
+    "turn_error_deg": (float, None, ...)}
+"""Form of a row."""
 PUBLISHED = "arxiv_2406_09178.yaml"
 
 
@@ -48,7 +55,9 @@ def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
                 if status["state"] != "finished":
                     unfinished.append(f"{path.parent}: {status['state']} {status.get('reason', '')}".strip())
                     continue
-                rows.append(make_row(manifest, status))
+                row = make_row(manifest, status)
+                check_form(row, ROW, "row")
+                rows.append(row)
             except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
                 unfinished.append(f"{path.parent}: cannot be read: {type(error).__name__}: {error}")
     return [row for k, row in enumerate(rows) if not any(is_same_run(row, other) for other in rows[:k])], unfinished
@@ -64,10 +73,11 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     try:
         rows = [migrate_row(row) for row in read_json(path)["runs"]]
         missing = sorted({key for row in rows for key in COLUMNS if key not in row and key not in OPTIONAL})
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        if missing:
+            raise mpm.InvalidValue(f"its runs lack {', '.join(missing)}")
+        check_form(rows, [ROW], "runs")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error
-    if missing:
-        raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: its runs lack {', '.join(missing)}")
     return [{key: row.get(key) for key in COLUMNS} for row in rows]
 
 

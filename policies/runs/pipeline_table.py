@@ -5,9 +5,16 @@ from typing import Any
 
 import mpm
 from mpm import input_files
+from mpm.input_files import check_form
 from policies.results.page import align_columns
 
 ARM_COLUMNS = ("scooped_mass_kg", "delivered_fraction", "spilled_fraction")
+RESULT = dict.fromkeys(("grains", "delivered", "rotation_deg", "rotation_relative_error"), (float, None, ...))
+EITHER = dict.fromkeys(("from_previous", "from_settled_start"), (RESULT, None, ...))
+CHAIN = {"sub_tasks": ([{"task": str, **EITHER}], ...)}
+STATUS = {"replayed": ({"tcs": (float, None, ...)}, None, ...)}
+DEMONSTRATIONS = {"demonstrations": ([{str: object}], ...)}
+"""Forms of chain.json, status.json and demonstrations.json, as far as they are read."""
 RENAMED = {"scooped_mass": "scooped_mass_kg"}
 """Key of an earlier report.json -> its name now."""
 
@@ -21,12 +28,13 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
     Raises:
         mpm.InvalidValue: a report.json of an earlier version.
     """
-    sequence = {row["task"]: row for row in read_json(out / "chain" / "chain.json").get("sub_tasks", [])}
+    chain = read_json(out / "chain" / "chain.json", CHAIN)
+    sequence = {row["task"]: row for row in chain.get("sub_tasks", [])}
     rows = []
     for task in tasks:
-        replayed = read_json(training_folders[task] / "status.json").get("replayed", {})
+        replayed = read_json(training_folders[task] / "status.json", STATUS).get("replayed") or {}
         result = sequence.get(task, {})
-        result = result.get("from_previous", result.get("from_settled_start", {}))
+        result = result.get("from_previous") or result.get("from_settled_start") or {}
         rows.append({"task": task, "demonstration": _best_demonstration(out / "demonstrations" / task),
                      "learned": replayed.get("tcs"), "grains": result.get("grains"),
                      "delivered": result.get("delivered"), "turned_deg": result.get("rotation_deg"),
@@ -36,14 +44,15 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
 
 
 def _best_demonstration(folder: Path) -> float | None:
-    demonstrations = read_json(folder / "demonstrations.json").get("demonstrations", [])
-    return max((values["tcs"] for row in demonstrations for condition, values in row.items()
-                if condition.startswith("among")), default=None)
+    rows = read_json(folder / "demonstrations.json", DEMONSTRATIONS).get("demonstrations", [])
+    among = [values for row in rows for condition, values in row.items() if condition.startswith("among")]
+    check_form(among, [{"tcs": float}], str(folder / "demonstrations.json"))
+    return max((values["tcs"] for values in among), default=None)
 
 
 def read_arm_report(path: Path) -> dict[str, Any]:
     """Return the whole arm's figures, {} without a file; raises mpm.InvalidValue for keys of an earlier version."""
-    report = read_json(path)
+    report = read_json(path, dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
     for old, new in RENAMED.items():
         if old in report:
             raise mpm.InvalidValue(f"{path}: key {old!r} is now called {new!r}; rename it, or remove the folder to run "
@@ -51,11 +60,10 @@ def read_arm_report(path: Path) -> dict[str, Any]:
     return report
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """Return the table of a JSON file, {} without a file; raises mpm.InvalidValue for a file that holds none."""
+def read_json(path: Path, form: dict[Any, Any]) -> dict[str, Any]:
+    """Return the table of a JSON file, {} without a file; raises mpm.InvalidValue for a file of another form."""
     stored = input_files.read_json(path) if path.is_file() else {}
-    if not isinstance(stored, dict):
-        raise mpm.InvalidValue(f"{path}: holds no table; remove it")
+    check_form(stored, form, str(path))
     return stored
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from mpm.input_files import MAX_TEXT, read_bytes, read_json
+from mpm.input_files import MAX_TEXT, check_form, read_bytes, read_json
 from robosim.benchmarks.explain_page import describe_setting, format_parts, write_page
 from robosim.benchmarks.scene_run import FRACTIONS
 from robosim.config.output import OutputFolder
@@ -22,6 +22,10 @@ from robosim.tasks.task import is_task
 
 SCENE_RUN = "robosim.benchmarks.scene_run"
 """Module that runs a scene at a setting."""
+REPORT = {"scene": str, "code": str, "results": [{"setting": {str: float}, "failed": str, "result": ({
+    "readings": {str: float}, "seconds": float, "simulated_s": float, "grains": int, "cell_m": float, "dt_s": float,
+    "costs": {str: float}, "parts": [{"name": str, "present": bool, "reason": str, "bytes": (float, None)}]}, None)}]}
+"""Form of explain.json."""
 OWN: dict[str, float] = {}
 """The scene's own setting."""
 FINEST = {"task": {"cell": 0.8, "dt": 0.8}, "rehearsal": {"cell": 0.8}}
@@ -96,15 +100,7 @@ def run_settings(scene: str, settings: list[dict[str, float]], folder: OutputFol
     code = code_digest(SCENE_RUN)
     if Path(scene).is_file():
         code += hashlib.sha256(read_bytes(Path(scene), MAX_TEXT)).hexdigest()[:12]
-    known: dict[str, dict[str, Any]] = {}
-    if folder is not None and (folder.path / "explain.json").is_file():
-        try:
-            content = read_json(folder.path / "explain.json")
-            if (content["scene"], content["code"]) == (scene, code):
-                known = {json.dumps(r["setting"]): r for r in content["results"] if r["result"] is not None}
-        except (ValueError, KeyError, TypeError) as error:
-            raise ConfigError(f"{folder.path / 'explain.json'}: not a report of `robosim explain` ({error}); it is "
-                              f"left as it is: give another --out") from error
+    known = {} if folder is None else read_known(folder.path / "explain.json", scene, code)
     waiting = [setting for setting in settings if json.dumps(setting) not in known]
     work = [(SCENE_RUN, (scene, json.dumps(setting))) for setting in waiting]
     progress = tqdm(total=len(waiting), unit="setting", file=sys.stderr)
@@ -115,6 +111,27 @@ def run_settings(scene: str, settings: list[dict[str, float]], folder: OutputFol
             folder.write_json("explain.json", {"scene": scene, "code": code, "results": list(known.values())})
     progress.close()
     return [known[json.dumps(setting)] for setting in settings]
+
+
+def read_known(path: Path, scene: str, code: str) -> dict[str, dict[str, Any]]:
+    """Read the finished settings of a scene, by their JSON; none without a file, or where code or scene are others.
+
+    Raises ConfigError for a file that holds anything else.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        content = read_json(path)
+        check_form(content, REPORT)
+        results = [r["result"] for r in content["results"] if r["result"] is not None]
+        if len({tuple(sorted(result["readings"])) for result in results}) > 1 or \
+                not all(result["seconds"] > 0.0 and result["readings"] for result in results):
+            raise ValueError("settings without seconds or with other readings")
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: not a report of `robosim explain` ({error}); it is left as it is: give another "
+                          f"--out") from error
+    is_same = (content["scene"], content["code"]) == (scene, code)
+    return {json.dumps(r["setting"]): r for r in content["results"] if is_same and r["result"] is not None}
 
 
 def reference(results: list[dict[str, Any]]) -> dict[str, Any]:

@@ -8,20 +8,23 @@ from typing import Any
 
 from tqdm import tqdm
 
-from mpm.input_files import MAX_ARRAYS, read_bytes, read_json
+from mpm.input_files import MAX_ARRAYS, check_form, read_bytes, read_json
 from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
 from robosim.config.resources import trained
 from robosim.envs import is_task_file, task_name
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
-from robosim.evaluation.material_episode import MATERIALS, OWN
+from robosim.evaluation.material_episode import MATERIALS, OWN, READINGS
 from robosim.evaluation.material_tables import Rows, draw_map, format_table, make_rows, write_csv
 from robosim.evaluation.policies import load_policy
 from robosim.reports.jobs import run_jobs
 from robosim.reports.provenance import code_digest
 from robosim.tasks.task import load_task
 
+EPISODES = {"key": str, "episodes": {str: {"score": float, "trajectory": [[float]], "diverged": (str, None),
+                                           **dict.fromkeys(READINGS, (float, None))}}}
+"""Form of a file of episodes."""
 EPISODE = "robosim.evaluation.material_episode"
 """Module that runs one episode."""
 
@@ -91,6 +94,7 @@ def read_episodes(path: Path, key: str) -> Rows:
     """Read the episodes of an earlier run with the same fingerprint; none where the file cannot be read."""
     try:
         stored = read_json(path)
+        check_form(stored, EPISODES)
         return dict(stored["episodes"]) if stored["key"] == key else {}
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return {}

@@ -16,6 +16,8 @@ from robosim.evaluation import POLICIES
 
 Policy = Callable[[], np.ndarray]
 """Returns the next action (dimensions,) of the episode."""
+LARGEST = 1e30
+"""Largest number of an action, which the environment clips; single precision has numbers of up to 3e38."""
 MAX_REPEAT = 10_000
 """Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
 
@@ -108,9 +110,10 @@ class ReplayPolicy:
                               f"`bias_0` and so on")
         dimensions, actions = env.task.action.dimensions, arrays["actions"]
         steps = arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT)
-        if actions.ndim != 2 or actions.shape[1] != dimensions or actions.dtype.kind not in "iuf":
+        if actions.ndim != 2 or actions.shape[1] != dimensions or actions.dtype.kind not in "iuf" \
+                or not np.all((actions >= -LARGEST) & (actions <= LARGEST)):
             raise ConfigError(f"{path}: actions of type {actions.dtype} have shape {actions.shape}; accepted: (n, "
-                              f"{dimensions}), numbers")
+                              f"{dimensions}), numbers of up to {LARGEST:g}")
         recorded_for = arrays.text("task", env.TASK)
         if type(env).TASK and recorded_for != env.TASK:  # a task file takes any motion that fits
             raise ConfigError(f"{path}: actions for {recorded_for}; accepted: for {env.TASK}")

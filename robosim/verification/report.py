@@ -17,6 +17,9 @@ from robosim.verification.cases.claims import describe
 from robosim.verification.report_page import add_comparison, make_page
 from robosim.verification.runs import execute_runs, plan_runs
 
+POINTS = {"machine": (str, ...), "reference": {"r_final_m": float},
+          "points": [{"code": str, "cell_m": float, "seconds": float, "r99_m": float, "particles": float}]}
+"""Form of the file of other codes' results."""
 YARDSTICK = "reference_layout.py"
 """Script that prints the nanoseconds per particle and substep of a reference implementation."""
 
@@ -70,11 +73,13 @@ def read_peers(path: Path) -> dict[str, Any]:
     """Read other codes' results on the column collapse. Raises ConfigError for a file that holds anything else."""
     content = read_json(path)
     try:
-        float(content["reference"]["r_final_m"])
-        assert all({"code", "cell_m", "seconds", "r99_m", "particles"} <= set(p) for p in content["points"])
-    except (KeyError, TypeError, ValueError, AssertionError) as error:
-        raise ConfigError(f"--points {path}: accepted: reference.r_final_m, and points with code, cell_m, particles, "
-                          f"seconds, r99_m") from error
+        input_files.check_form(content, POINTS)
+        positive = [p[key] for p in content["points"] for key in ("cell_m", "seconds")]
+        if min([content["reference"]["r_final_m"], *positive]) <= 0.0:
+            raise ValueError("a length or a time is not positive")
+    except ValueError as error:
+        raise ConfigError(f"--points {path}: {error}; accepted: reference.r_final_m, and points with code, cell_m, "
+                          f"particles, seconds, r99_m") from error
     return content
 
 

@@ -5,6 +5,7 @@ import math
 import re
 from typing import Any
 
+from mpm.input_files import check_form
 from robosim.errors import ConfigError
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
@@ -14,6 +15,10 @@ from robosim.verification.cases.claims import Within, describe, value_of
 from robosim.verification.cases.record import Record
 from robosim.verification.runs import Run
 
+REPORT = {"made_by": {"commit": object, "machine": object}, "runs": [{
+    "case": str, "choices": {str: object}, "failed": (str, None, ...), "record": ({
+        "seconds": (float, None), "errors": {str: (float, None)}}, None)}]}
+"""Form of report.json, as far as reports are compared."""
 NOTABLE = 1.05
 """Ratio of errors or seconds from which a change is listed."""
 
@@ -82,7 +87,7 @@ def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, sp
 
 def draw_peers(plot: Plot, peers: dict[str, Any], speed: float | None) -> None:
     """Draw other codes' results on the column collapse, with their seconds converted to this machine's."""
-    yardstick = re.search(r"=\s*([0-9.]+) ns", peers.get("machine", ""))
+    yardstick = re.search(r"=\s*([0-9]+(\.[0-9]+)?) ns", peers.get("machine", ""))
     factor = speed / float(yardstick[1]) if speed and yardstick else 1.0
     rim = float(peers["reference"]["r_final_m"])
     by_code: dict[str, list] = {}
@@ -102,10 +107,11 @@ def add_comparison(page: Page, old: dict[str, Any], new: dict[str, Any]) -> list
     old, new: contents of report.json. Raises ConfigError where the old one is no report.
     """
     try:
+        check_form(old, REPORT)
         before = {run_key(run): (run["record"], run.get("failed")) for run in old["runs"]}
         origin = f"{old['made_by']['commit']} on {old['made_by']['machine']}"
-    except (KeyError, TypeError) as error:
-        raise ConfigError("--compare: not a report; accepted: a report.json of `robosim report`") from error
+    except (ValueError, KeyError) as error:
+        raise ConfigError(f"--compare: not a report ({error}); accepted: a report.json of `robosim report`") from error
     rows: list[list[object]] = []
     for run in new["runs"]:
         (earlier, reason), now = before.get(run_key(run), (None, None)), run["record"]

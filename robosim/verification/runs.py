@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 import mpm
 from mpm.files import append, write_text
-from mpm.input_files import MAX_JSON, read_text
+from mpm.input_files import MAX_JSON, check_form, read_text
 from robosim.errors import ConfigError
 from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import code_digest
@@ -26,6 +26,11 @@ WORKER = "robosim.verification.runs"
 """This module, as a process of its own runs it: there `__name__` is another."""
 BEGIN = '{"case": "'
 """Beginning of every line of the file."""
+ROW = {"case": str, "choices": {str: object}, "code": str, "failed": str, "record": ({
+    "case": str, "choices": {str: object}, "particles": int, "steps": int, "seconds": (float, None),
+    "compile_seconds": (float, None), "errors": {str: (float, None)}, "readings": ({str: (float, None)}, ...),
+    "peak_bytes": (int, ...)}, None)}
+"""Form of a line."""
 FIELDS = ("case", "choices", "code", "record", "failed")
 
 
@@ -73,6 +78,7 @@ def read_runs(path: Path) -> list[Run]:
     for k, line in enumerate(text.splitlines(), 1):
         try:
             row = json.loads(line)
+            check_form(json.loads(line, parse_constant=lambda name: None), ROW, "run")  # a run may have diverged
             record = Record(**row["record"]) if row["record"] else None
             runs.append(Run(**{**{key: row[key] for key in FIELDS}, "record": record}))
         except (ValueError, KeyError, TypeError, RecursionError) as error:

@@ -8,7 +8,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from mpm.input_files import read_json
+from mpm.input_files import check_form, read_json
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError
 from robosim.reports.jobs import run_jobs
@@ -19,6 +19,9 @@ from robosim.verification.runs import WORKER
 from robosim.verification.stability.cell import CellResult
 from robosim.verification.stability.field import AXES, find_axis
 
+REPORT = {"code": str, "cells": [{"axis": str, "value": object, "verdict": str, "reason": str,
+                                  "readings": {str: (float, None)}}]}
+"""Form of stability.json."""
 CELLS = "robosim.verification.stability.field"
 """Module whose code the cells exercise."""
 ENDED = "the process ended: "
@@ -78,7 +81,8 @@ def read_results(path: Path, code: str) -> list[dict[str, Any]]:
         return []
     try:
         content = read_json(path)
-        cells = [cell for cell in content["cells"] if {"axis", "value", "verdict", "reason", "readings"} <= set(cell)]
+        check_form(content, REPORT)
+        cells = content["cells"]
         return [cell for cell in cells if not cell["reason"].startswith(ENDED)] if content["code"] == code else []
     except (ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: not a stability report ({type(error).__name__}: {error}); it is left as it is: "

@@ -11,7 +11,7 @@ import yaml
 from numpy.lib import format as npy
 
 from mpm.errors import InvalidValue
-from mpm.input_files import MAX_DEPTH, MAX_TEXT, StrictComposer, quote, read_arrays, read_json, read_text
+from mpm.input_files import MAX_DEPTH, MAX_TEXT, StrictComposer, check_form, quote, read_arrays, read_json, read_text
 
 
 class Loader(StrictComposer, yaml.SafeLoader):
@@ -115,11 +115,32 @@ def test_yaml_keeps_aliases_and_merged_tables() -> None:
 @pytest.mark.parametrize(("text", "message"), [
     ('{"a": 1, "a": 2}', "key 'a' is given twice"), ("[NaN]", "NaN is not part of JSON"),
     ("[" * 100_000, "nested too deeply"),
-    ("9" * 5000, "not JSON"), ("", "not JSON")])
+    ("9" * 5000, "not JSON"), ("1e999", "'1e999' is too large"), ("", "not JSON")])
 def test_json_is_checked(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "x.json").write_text(text)
     with pytest.raises(InvalidValue, match=rf"x.json: .*{message}"):
         read_json(tmp_path / "x.json")
+
+
+FORM = {"name": str, "runs": [{"seconds": float, "count": int, "is_done": bool, "score": (float, None),
+                               "more": ({str: float}, ...)}]}
+RUN = {"seconds": 1, "count": 2, "is_done": True, "score": None, "other": []}
+
+
+@pytest.mark.parametrize(("run", "message"), [
+    (RUN, ""), ({**RUN, "score": 0.5, "more": {"a": 1.0}}, ""),
+    ({**RUN, "seconds": None}, "runs.0.seconds: None; accepted: a number"),
+    ({**RUN, "seconds": True}, "runs.0.seconds: True; accepted: a number"), ({**RUN, "seconds": 1e300}, "a number"),
+    ({**RUN, "count": 1.5}, "a whole number"), ({**RUN, "count": 10**400}, "a whole number"),
+    ({**RUN, "is_done": 1}, "true or false"), ({**RUN, "more": None}, "runs.0.more: None; accepted: a table"),
+    ({**RUN, "more": {"a": "b"}}, "runs.0.more.'a': 'b'; accepted: a number"), ({}, "runs.0: key 'seconds' is missing"),
+    ([], r"runs.0: \[\]; accepted: a table")])
+def test_a_table_has_a_form(run: object, message: str) -> None:
+    if message:
+        with pytest.raises(InvalidValue, match=message):
+            check_form({"name": "x", "runs": [run]}, FORM)
+    else:
+        check_form({"name": "x", "runs": [run]}, FORM)
 
 
 def test_texts_are_small_and_utf8(tmp_path: Path) -> None:

@@ -1,0 +1,282 @@
+"""Files that are damaged, or that lie: every reader raises the project's own errors alone, within 2 GB and 10 s."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from extreme_values import array_files, fuzzing, handle, json_files
+from hypothesis import given
+
+from policies.demonstrations.action_repeat import ActionRepeat
+from policies.demonstrations.demo import load_actions
+from policies.demonstrations.descent import STATE, Descent
+from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
+from policies.demonstrations.request import load_stored
+from policies.dynamics.rollout_files import describe_environment, read_rollouts
+from policies.learning.bundled import configs_folder
+from policies.learning.preset_files import load_preset, read_yaml
+from policies.results.further_tables import make_further_tables
+from policies.results.tables import COLUMNS, PUBLISHED, collect_rows, make_page, read_table, summarise_runs, write_csv
+from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
+from policies.runs.pipeline_table import format_rows
+from policies.runs.run_folder import RunFolder
+from policies.runs.sweep_file import SweepRun
+from robosim.benchmarks.explain import compare_settings, print_comparison, read_known
+from robosim.benchmarks.explain_page import format_parts
+from robosim.benchmarks.scene_run import FRACTIONS
+from robosim.config.materials import load_material
+from robosim.envs.start import _read_state
+from robosim.evaluation.materials import read_episodes
+from robosim.evaluation.policies import make_policy, training_options
+from robosim.rehearsal.paths.bundled_motions import load_motion
+from robosim.reports.page import Page
+from robosim.reports.plot import Plot
+from robosim.tasks.task import load_task
+from robosim.verification.report import read_json, read_peers
+from robosim.verification.report_page import add_comparison, draw_peers
+from robosim.verification.runs import read_runs
+from robosim.verification.stability_report import make_page as make_stability_page
+from robosim.verification.stability_report import read_results
+
+TASK = load_task("SpoonTranslate")
+STEPS = -(-TASK.steps // 10)
+ENV: Any = type("Env", (SimpleNamespace,), {"TASK": "SpoonTranslate"})(
+    source="SpoonTranslate", task=TASK, material=load_material("salt"), action_repeat=10,
+    observation=np.zeros(5), observation_space=SimpleNamespace(shape=(5,)), solver=SimpleNamespace(),
+    world=SimpleNamespace(grains=lambda: np.zeros((4, 6))), step_count=0)
+"""What readers ask an environment for."""
+FEW_AND_MANY = [20, pytest.param(300, marks=pytest.mark.slow)]
+"""Examples of a fuzz test."""
+ACTIONS = {"actions": np.zeros((STEPS, 3), np.float32), "action_repeat": np.array(10), "seed": np.array(3),
+           "task": np.array("SpoonTranslate"), "nominal": np.array(True), "start": np.array(2),
+           "needed": np.array(STEPS), "fingerprint": np.array("f"), "losses": np.zeros(3), "norms": np.zeros((5, 2))}
+NETWORK = {"weight_0": np.zeros((8, 5)), "bias_0": np.zeros(8), "weight_1": np.zeros((3, 8)), "bias_1": np.zeros(3),
+           "activations": np.array(["relu", "none"]), "bound": np.array("tanh"), "obs": np.array("flat"),
+           "task": np.array("SpoonTranslate"), "action_repeat": np.array(10)}
+
+
+def follow(path: Path) -> None:
+    """Read a policy, and take an action."""
+    training_options(str(path))
+    assert make_policy(str(path), ENV, 0)().shape == (3,)
+
+
+def read_demonstration(path: Path) -> None:
+    """Read a file as each command reads demonstrations."""
+    demonstration_paths(path)
+    read_start(path)
+    assert read_actions(path, STEPS, 10, 3, "SpoonTranslate").shape == (STEPS, 3)
+
+
+def continue_search(path: Path) -> None:
+    """Read an unfinished demonstration, and take a step."""
+    stored = load_stored(path, "f")
+    assert stored is not None
+    search = Descent(np.zeros((STEPS, 3)), 0.05, 0)
+    search.load(stored)
+    search.step(1.0, np.ones((STEPS, 3)))
+
+
+def search_state() -> dict[str, np.ndarray]:
+    """The state of an unfinished demonstration."""
+    search = Descent(np.zeros((STEPS, 3)), 0.05, 0)
+    search.step(1.0, np.ones((STEPS, 3)))
+    assert set(search.state()) == set(STATE)
+    return {**search.state(), **{key: ACTIONS[key] for key in ("fingerprint", "losses", "norms")}}
+
+
+def read_rollout(path: Path) -> None:
+    """Read a folder with two copies of a rollout."""
+    for k in range(2):
+        (path.parent / f"rollout_0000{k}.npz").write_bytes(path.read_bytes())
+    (path.parent / "rollouts.json").write_text(json.dumps(describe_environment(ENV)))
+    assert len(read_rollouts(path.parent, ENV).grains) == 2
+
+
+def read_start_state(path: Path) -> None:
+    """Read a settled start, which is made again where it is damaged."""
+    solver: Any = SimpleNamespace(mobility=SimpleNamespace(save=dict), load=lambda state: None)
+    _read_state(path, "digest", solver)
+
+
+class Reader(NamedTuple):
+    """A reader of files."""
+
+    read: Callable[[Path], object]
+    content: dict[str, Any]
+    """Arrays, or a table, of a file that it accepts."""
+    name: str = "file.json"
+
+
+ARRAYS = {
+    "motion of a policy": Reader(follow, ACTIONS), "network": Reader(follow, NETWORK),
+    "motion of a rehearsal": Reader(lambda path: load_motion(path, "SpoonTranslate", TASK), ACTIONS),
+    "demonstration": Reader(read_demonstration, ACTIONS),
+    "begin of a search": Reader(lambda path: load_actions(path, ActionRepeat(TASK, 10)), ACTIONS),
+    "unfinished search": Reader(continue_search, search_state()),
+    "rollout": Reader(read_rollout, {"grains": np.zeros((3, 4, 3)), "tool": np.zeros((3, 7))}),
+    "settled start": Reader(read_start_state, {"x": np.zeros((4, 3)), "made_for": np.array("digest"),
+                                               "checksum": np.array("c")}),
+}
+
+
+def tabulate(path: Path) -> None:
+    """Make the tables of runs, and of materials.json beside them."""
+    rows, _ = collect_rows([path if path.name == "tables.json" else path.parent])
+    if path.name == "tables.json":
+        assert rows == read_table(path)
+    published = read_yaml(configs_folder() / "published" / PUBLISHED)
+    summaries, notes = summarise_runs(rows, published)
+    numbers, tables = make_further_tables(summaries, rows, [path.parent], published)
+    json.dumps([summaries, numbers], allow_nan=False)
+    make_page(summaries, published, [path], tables, {"notes": notes})
+    if rows:
+        write_csv(path.parent / "tables.csv", rows)
+
+
+def continue_run(path: Path) -> None:
+    """Look at a run's folder as `robosim sweep` and `robosim train` do."""
+    assert isinstance(SweepRun(path.parent, ["train", "sac"], PRESET).state, str)
+    run = RunFolder(path.parent, MANIFEST)
+    run.update_status("running")
+    run.close()
+
+
+def compare(path: Path) -> None:
+    """Compare a report with another one."""
+    page = Page("report")
+    add_comparison(page, read_json(path), REPORT)
+    page.html()
+
+
+def draw_points(path: Path, *, as_svg: bool = False) -> None:
+    """Add other codes' results to a plot."""
+    peers, plot = read_peers(path), Plot("collapse", "seconds", "error")
+    try:
+        draw_peers(plot, peers, 5.0)
+        if as_svg:  # takes half a second
+            plot.svg()
+    finally:
+        plt.close("all")
+
+
+def continue_explaining(path: Path) -> None:
+    """Read finished settings, and compare them."""
+    results = list(read_known(path, "SpoonPour", "d").values())
+    if results:
+        format_parts(results[0]["result"])
+        print_comparison(compare_settings(results, 0.1), results, "task", 0.1)
+
+
+PRESET = load_preset("sac").model_dump()
+EPISODE = {"score": 1.0, "trajectory": [[0.0, 0.1, 0.2]], "diverged": None, "delivered": 0.5, "spilled": 0.1,
+           "collisions": None}
+SETTINGS: list[dict[str, float]] = [{}, {"cell": 0.8, "dt": 0.8}]
+RESULT = {"readings": {FRACTIONS[0]: 0.5, "mass": 1.0}, "seconds": 2.0, "simulated_s": 1.0, "grains": 10,
+          "cell_m": 0.01, "dt_s": 1e-4, "costs": {"grid": 1.0},
+          "parts": [{"name": "walls", "present": True, "reason": "there are some", "bytes": 10.0}]}
+EXPLAINED = {"scene": "SpoonPour", "code": "d", "results": [{"setting": setting, "result": RESULT, "failed": ""}
+                                                           for setting in SETTINGS]}
+ROW: dict[str, Any] = {
+    **dict.fromkeys(COLUMNS, 1.5), "task": "SpoonPour", "method": "dg_sac", "material": "salt", "seed": 0,
+    "starts": "nominal", "action_repeat": 10, "obs": "flat", "max_episodes": 5, "commit": "c", "episodes": 5,
+    "preset": "p", "demonstrations": None}
+REPORT: dict[str, Any] = {
+    "made_by": {"commit": "c", "machine": "m"}, "runs": [
+        {"case": "vortex", "choices": {"cells": 8}, "failed": "", "record": {
+            "case": "vortex", "choices": {"cells": 8}, "particles": 10, "steps": 5, "seconds": 1.0,
+            "compile_seconds": 2.0, "errors": {"velocity": 0.01}, "readings": {}, "peak_bytes": 100}}]}
+MANIFEST = {"method": "sac", "preset": PRESET, "task": "SpoonPour", "seed": 0, "material": "salt", "starts": "nominal",
+            "action_repeat": 10, "commit": "c", "command": "robosim train sac"}
+STATUS = {"state": "finished", "replayed": {"tcs": 5.0, "delivered": 0.5}, "last": {"tcs": 4.0, "return": 1.0},
+          "seconds": 10.0, "episodes": 5, "best_return": 1.0}
+CHAIN = {"sub_tasks": [{"task": "SpoonPour", "from_previous": {"grains": 100, "delivered": 0.9, "rotation_deg": 1.0,
+                                                               "rotation_relative_error": 0.1}}]}
+DEMONSTRATIONS = {"demonstrations": [{"among salt": {"tcs": 4.0}, "alone": {"tcs": 5.0}}]}
+ARM = {"scooped_mass_kg": 0.01, "delivered_fraction": 0.9, "spilled_fraction": 0.1}
+
+
+def tabulate_pipeline(path: Path) -> None:
+    """Make the table of a pipeline."""
+    format_rows(collect_pipeline_rows(path.parents[1], ["SpoonPour"], {"SpoonPour": path.parents[1] / "training"}))
+
+
+TABLES = {
+    "tables of runs": Reader(tabulate, {"runs": [ROW]}, "tables.json"),
+    "materials": Reader(tabulate, {"policy": "learned", "rows": [
+        {"task": "SpoonPour", "material": "salt", "score": 1.0, "td_mm": None}]}, "materials.json"),
+    "status of a run": Reader(tabulate, STATUS, "status.json"),
+    "manifest of a run": Reader(tabulate, MANIFEST, "manifest.json"),
+    "status to continue": Reader(continue_run, {**STATUS, "state": "running"}, "status.json"),
+    "manifest to continue": Reader(continue_run, MANIFEST, "manifest.json"),
+    "episodes in materials": Reader(lambda path: read_episodes(path, "k"), {"key": "k", "episodes": {"salt": EPISODE}}),
+    "earlier report": Reader(compare, REPORT),
+    "points of other codes": Reader(draw_points, {"machine": "x = 12.5 ns", "reference": {"r_final_m": 0.1}, "points": [
+        {"code": "other", "cell_m": 0.01, "seconds": 1.0, "r99_m": 0.2, "particles": 10}]}),
+    "runs of a report": Reader(read_runs, {**REPORT["runs"][0], "code": "d"}),
+    "stability": Reader(lambda path: make_stability_page(read_results(path, "d")), {"code": "d", "cells": [
+        {"axis": "courant", "value": 1.0, "verdict": "stable", "reason": "", "readings": {"energy": 1.0}}]}),
+    "settings of a scene": Reader(continue_explaining, EXPLAINED, "explain.json"),
+    "chain of a pipeline": Reader(tabulate_pipeline, CHAIN, "chain/chain.json"),
+    "training of a pipeline": Reader(tabulate_pipeline, STATUS, "training/status.json"),
+    "arm of a pipeline": Reader(tabulate_pipeline, ARM, "arm/report.json"),
+    "demonstrations of a pipeline": Reader(tabulate_pipeline, DEMONSTRATIONS,
+                                           "demonstrations/SpoonPour/demonstrations.json"),
+}
+BESIDE = {"status.json": ("manifest.json", MANIFEST), "manifest.json": ("status.json", STATUS)}
+"""File of a run's folder -> the other one."""
+
+
+@pytest.mark.slow
+def test_points_of_other_codes_can_be_drawn(tmp_path: Path) -> None:
+    path, reader = tmp_path / "points.json", TABLES["points of other codes"]
+
+    @fuzzing(100)
+    @given(json_files(reader.content))
+    def attempt(content: bytes) -> None:
+        path.write_bytes(content)
+        handle(lambda: draw_points(path, as_svg=True))
+
+    attempt()
+
+
+@pytest.mark.parametrize("examples", FEW_AND_MANY)
+@pytest.mark.parametrize("name", ARRAYS)
+def test_arrays_are_refused_or_borne(name: str, examples: int, tmp_path: Path) -> None:
+    path, reader = tmp_path / "file.npz", ARRAYS[name]
+
+    @fuzzing(examples)
+    @given(array_files(reader.content))
+    def attempt(content: bytes) -> None:
+        path.write_bytes(content)
+        handle(lambda: reader.read(path))
+
+    np.savez(path, **reader.content)  # pyright: ignore[reportArgumentType]
+    assert not handle(lambda: reader.read(path))[1]
+    attempt()
+
+
+@pytest.mark.parametrize("examples", FEW_AND_MANY)
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_are_refused_or_borne(name: str, examples: int, tmp_path: Path) -> None:
+    reader = TABLES[name]
+    path = tmp_path / reader.name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if reader.name in BESIDE:
+        other, table = BESIDE[reader.name]
+        (tmp_path / other).write_text(json.dumps(table))
+
+    @fuzzing(examples)
+    @given(json_files(reader.content))
+    def attempt(content: bytes) -> None:
+        path.write_bytes(content)
+        handle(lambda: reader.read(path))
+
+    path.write_text(json.dumps(reader.content))
+    assert not handle(lambda: reader.read(path))[1]
+    attempt()
