@@ -5,6 +5,7 @@ solver gives its fields back when it is closed or no longer used, and the next s
 nobody has taken over is freed once it exceeds `IDLE_BYTES`, the longest unused first.
 """
 
+import gc
 import weakref
 from collections.abc import Callable, Hashable
 from typing import Any
@@ -29,6 +30,7 @@ class Assembly:
         self._taken: list[tuple[Hashable, Any]] = []
         self.shared: dict[Hashable, Any] = {}
         """What was made once for all who ask, by key."""
+        _all.add(self)
 
     def take(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return what was made under a key and is not in use, or make it; it is the caller's until `release`."""
@@ -74,6 +76,8 @@ class Assembly:
         self.shared.clear()
 
 
+_all: "weakref.WeakSet[Assembly]" = weakref.WeakSet()
+"""Assemblies in use or idle."""
 _idle: list[Assembly] = []
 """Assemblies that nobody uses, the longest unused first."""
 
@@ -82,10 +86,20 @@ def take_assembly(key: Hashable, precision: str) -> Assembly:
     """Return an assembly that nobody uses for a scene's key, or a new, empty one."""
     _idle[:] = [assembly for assembly in _idle if assembly.is_present]
     limit_idle()
+    found = _take_idle(key)
+    if found is None and any(assembly.key == key and assembly.is_present for assembly in list(_all)):
+        # solvers refer to themselves; to collect takes a tenth of a second, to compile takes seconds
+        gc.collect()
+        found = _take_idle(key)
+    return found or Assembly(key, precision)
+
+
+def _take_idle(key: Hashable) -> Assembly | None:
+    """Return an idle assembly for a scene's key, the last one given back, or None."""
     for place in reversed(range(len(_idle))):
         if _idle[place].key == key:
             return _idle.pop(place)
-    return Assembly(key, precision)
+    return None
 
 
 def give_back(assembly: Assembly) -> None:

@@ -54,13 +54,13 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
             raise ConfigError(f"task {task!r}; accepted: a task's .yaml file, or a TaskConfig")
         self.source = task if isinstance(task, str) else self.TASK
         """Name or file of the task, as commands accept it; empty for a TaskConfig."""
+        if type(self).TASK and task is not None:
+            self._check_kind(task if isinstance(task, TaskConfig) else load_task(task))
         self.TASK = self.TASK or task_name(self.source)
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
                            randomize=randomize, mobile=arm, load=load)
         self.task, self.material = self.world.task, self.world.material
         self.max_episode_steps = -(-self.task.steps // self.action_repeat)
-        if type(self).TASK and task is not None:
-            self._check_kind()
         self.solver, self.counter = self.world.solver, self.world.counter
         self.render_mode, self.camera, self.arm = render_mode, camera, arm
         rate = max(1, round(1.0 / (action_repeat * self.task.step_dt)))
@@ -76,10 +76,9 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
                                             horizon=horizon, clip_actions=clip_actions)
         self._renderer, self._is_closed = None, False
 
-    def _check_kind(self) -> None:
+    def _check_kind(self, task: TaskConfig) -> None:
         """Raise ConfigError where a registered sub-task is given a task of another kind or tool."""
-        own = load_task(self.TASK)
-        given, accepted = (f"{task.kind} with the {task.tool}" for task in (self.task, own))
+        given, accepted = (f"{one.kind} with the {one.tool}" for one in (task, load_task(self.TASK)))
         if given != accepted:
             raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other as "
                               f"robosim.envs.GrainEnv(task=...)")

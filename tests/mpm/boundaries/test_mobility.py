@@ -26,7 +26,8 @@ def ball_and_blob(collider: mpm.Collider, mass: float, **choices: Any) -> tuple[
 
 
 @pytest.mark.parametrize(("off_centre", "thin", "interval"), [
-    (False, False, None), (True, False, None), (True, True, None), (True, False, "strides"),
+    (False, False, None), (True, True, None), (True, False, "strides"),
+    pytest.param(True, False, None, marks=pytest.mark.slow),
     pytest.param(True, True, "strides", marks=pytest.mark.slow)])
 def test_collider_and_grains_share_momentum_without_mujoco(off_centre: bool, thin: bool, interval: Any) -> None:
     """The frame's origin may lie anywhere: the mass is where `centre` says. A hollow ball is a shell."""

@@ -71,6 +71,7 @@ def test_readings_agree_with_numpy_and_with_those_of_an_advance() -> None:
         assert read[-1].near == (phi < 0.03).sum() > 0
     assert sum(r.newly_exited for r in read) == read[-1].exited > 5 and sum(r.exited_from_region for r in read) > 0
     places = solver.positions()
+    solver.close()  # the next one takes its fields
 
     solver, counter, chosen = scene(per_particle=True, reach=0.03)
     sample = mpm.Sample(solver, chosen)

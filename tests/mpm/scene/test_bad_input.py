@@ -81,7 +81,7 @@ def test_walls_refuse() -> None:
 
 
 def test_divergence_says_everything() -> None:
-    field = solver([block()])
+    field = solver([block()], [ball()])
     state = field.state()
     state["v"][7] = 1e6
     field.load(state)

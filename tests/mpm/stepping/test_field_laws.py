@@ -15,7 +15,7 @@ def cube(precision: str, velocity=(0.0, 0.0, 0.0), n: int = 8) -> mpm.Solver:
     positions = mpm.sample_box(low, low + n * cell / 2, cell / 2)
     body = mpm.Body(mpm.Elastic(E=1e5, nu=0.3, density=1000.0), positions, volume=(cell / 2) ** 3,
                     velocities=np.tile(velocity, (len(positions), 1)))
-    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.6, 1, 1), cell), bodies=[body], dt=1e-3, precision=precision)
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), cell), bodies=[body], dt=1e-3, precision=precision)
 
 
 def test_mass_is_exact() -> None:
@@ -26,17 +26,18 @@ def test_mass_is_exact() -> None:
     assert solver.ledger[0, 2] == pytest.approx(-G * 0.02 * solver.masses().sum(), rel=1e-13)
 
 
-@pytest.mark.parametrize(("condition", "precision", "bound"),
-                         [("friction", "f64", 1e-12), ("roller", "f64", 1e-12), ("stick", "f64", 1e-12),
-                          ("friction", "f32", 1e-5)])
-def test_ledger_closes_against_walls(condition: str, precision: str, bound: float) -> None:
+@pytest.mark.parametrize(("conditions", "precision", "bound"), [
+    (("stick", "roller", "friction"), "f64", 1e-12), (("friction",) * 3, "f32", 1e-5),
+    *(pytest.param((condition,) * 3, "f64", 1e-12, marks=pytest.mark.slow)
+      for condition in ("friction", "roller", "stick"))])
+def test_ledger_closes_against_walls(conditions: tuple[str, str, str], precision: str, bound: float) -> None:
     """What the grains gain is gravity and wall impulses and nothing else, linear and angular."""
     cell = 0.02
     positions = mpm.sample_box((0, 0, 0), (0.1, 0.14, 0.1), cell / 2, np.random.default_rng(1))
     material = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
     body = mpm.Body(material, positions, volume=(cell / 2) ** 3,
-                    velocities=np.tile([-1.0, 0.5, -0.5], (len(positions), 1)))
-    walls = mpm.Walls.all(condition)
+                    velocities=np.tile([-1.0, -0.5, -0.5], (len(positions), 1)))
+    walls = mpm.Walls(lower=conditions, upper=conditions)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), cell), bodies=[body], walls=walls,
                         precision=precision)
     before, total, exchanged = solver.momentum(), np.zeros(6), np.zeros(2)
@@ -86,10 +87,11 @@ def test_periodic_axis_shifts_nothing() -> None:
         moved = solver.positions()
         moved[:, 0] = np.mod(moved[:, 0] - shift + 0.1, 0.32)
         ends.append(moved)
+        solver.close()  # the next one compiles nothing
     assert np.abs(ends[0] - ends[1]).max() <= 1e-9
 
 
-@pytest.mark.parametrize("axes", [1, 2, 3])
+@pytest.mark.parametrize("axes", [3, pytest.param(2, marks=pytest.mark.slow), pytest.param(1, marks=pytest.mark.slow)])
 def test_block_across_a_periodic_corner_keeps_its_momentum(axes: int) -> None:
     """A lone block that drifts over the seam of one, two or three axes."""
     cell = 0.02
@@ -143,7 +145,7 @@ def test_what_was_near_a_shell_before_is_forgotten() -> None:
     corners = [[0, -0.03, -0.03], [0, 0.03, -0.03], [0, 0.03, 0.03], [0, -0.03, 0.03]]
     sheet = mpm.Shell.from_mesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]), 1e-3)
     grains = mpm.sample_box((0.225, 0.05, 0.05), (0.235, 0.07, 0.07), cell / 2)
-    for there_before in (True, False):
+    for there_before in (False, True):
         place = mpm.Pose(np.array([0.232 if there_before else 0.12, 0.06, 0.06]), mpm.Pose.identity().quaternion)
         solver = mpm.Solver(
             grid=mpm.Grid((0, 0, 0), (0.24, 0.12, 0.12), cell), gravity=(0, 0, 0), precision="f64",
@@ -158,6 +160,7 @@ def test_what_was_near_a_shell_before_is_forgotten() -> None:
         solver.advance(4 * solver.dt)
         ends.append(solver.state())
         assert not solver.collider_impulse(0).force.any()
+        solver.close()  # the next one compiles nothing
     assert all((ends[0][name] == ends[1][name]).all() for name in ends[0])
 
 

@@ -232,6 +232,7 @@ def test_two_workers_make_the_same_demonstrations(tmp_path):
     assert {p.name for p in (tmp_path / "1").glob("[!.]*")} == {p.name for p in (tmp_path / "2").glob("[!.]*")}
 
 
+@pytest.mark.slow
 def test_an_arm_has_no_rollout():
     with pytest.raises(ValueError, match="mobile"):
         gymnasium.make("robosim/SpoonTranslate-v0", arm=True).unwrapped.rollout(10)

@@ -1,6 +1,7 @@
 """The pipeline: stages in order, each run once."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -126,15 +127,21 @@ def test_methods_without_demonstrations_make_none(tmp_path, monkeypatch):
     assert [words[0] for words in calls] == ["train"] * 3 and not any("--demos" in words for words in calls)
 
 
-def test_ctrl_c_interrupts_the_running_stage_and_starts_no_other(tmp_path):
+@pytest.mark.parametrize("setup", [
+    pytest.param("import stand_ins; stand_ins.install(); ", id="stand-ins"),
+    pytest.param("", marks=pytest.mark.slow, id="physics")])
+def test_ctrl_c_interrupts_the_running_stage_and_starts_no_other(tmp_path, setup):
     """The running command is interrupted and ends; so does the pipeline."""
-    arguments = ["pipeline", "shovel", "--no-video", "--out", str(tmp_path)]
+    out = tmp_path / "out"
+    arguments = ["pipeline", "shovel", "--no-video", "--out", str(out)]
     # a background job of a shell ignores SIGINT
     code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += f"sys.path.insert(0, {str(Path(__file__).parent)!r}); {setup}"
     code += "from robosim.commands.main import main; sys.exit(main(sys.argv[1:]))"
     process = subprocess.Popen([sys.executable, "-c", code, *arguments], stderr=subprocess.DEVNULL,
-                               stdout=subprocess.DEVNULL)
-    log = tmp_path / "logs" / "demonstrations_of_ShovelMove.txt"
+                               stdout=subprocess.DEVNULL,
+                               env=os.environ | {"EVALUATIONS": str(tmp_path / "evaluations")})
+    log = out / "logs" / "demonstrations_of_ShovelMove.txt"
     try:
         while not (log.is_file() and "demonstration_0" in log.read_text()) and process.poll() is None:
             time.sleep(0.1)
@@ -145,8 +152,8 @@ def test_ctrl_c_interrupts_the_running_stage_and_starts_no_other(tmp_path):
         status = process.wait(100)
     assert status == 130
     assert "robosim demo: stopped by SIGTERM; finished iterations are kept" in log.read_text()
-    assert json.loads((tmp_path / "status.json").read_text())["state"] == "interrupted"
-    stages = json.loads((tmp_path / "pipeline.json").read_text())["stages"]
+    assert json.loads((out / "status.json").read_text())["state"] == "interrupted"
+    stages = json.loads((out / "pipeline.json").read_text())["stages"]
     assert set(stages) == {"demonstrations of ShovelMove"} and stages[min(stages)]["state"] == "interrupted"
 
 

@@ -45,6 +45,25 @@ def test_unknown_options_list_the_valid_ones(options: dict, words: tuple[str, ..
     assert all(word in str(caught.value) for word in words), caught.value
 
 
+def test_a_closed_environment_says_so() -> None:
+    """Alone and among others, whatever is called; closing it twice is accepted.
+
+    It comes before those that use `env`, whose fields and kernels are those that it leaves.
+    """
+    env = gymnasium.make(ID, render_mode="rgb_array").unwrapped
+    assert isinstance(env, GrainEnv)
+    env.close()
+    env.close()
+    vector = gymnasium.make_vec(ID, num_envs=2, workers=1)
+    vector.close()
+    vector.close()
+    for method, call in (("step", lambda: env.step(np.zeros(3, np.float32))), ("reset", env.reset),
+                         ("render", env.render), ("rollout", env.rollout), ("reset", vector.reset),
+                         ("step", lambda: vector.step(np.zeros((2, 3), np.float32)))):
+        with pytest.raises(robosim.ConfigError, match=f"{method}: the environment is closed; make a new one"):
+            call()
+
+
 def test_actions_are_checked(env: GrainEnv) -> None:
     env.reset(seed=0)
     for action, words in (
@@ -142,21 +161,6 @@ def test_a_stiffer_material_gets_a_smaller_step() -> None:
     env.reset(seed=0)
     _, _, _, _, info = env.step(np.zeros(6, np.float32))
     assert np.isfinite(info["tcs"]) and not info.get("diverged") and info["readings"]["retained"] > 0.9
-
-
-def test_a_closed_environment_says_so() -> None:
-    """Alone and among others, whatever is called; closing it twice is accepted."""
-    env = gymnasium.make(ID, render_mode="rgb_array").unwrapped
-    vector = gymnasium.make_vec(ID, num_envs=2, workers=1)
-    assert isinstance(env, GrainEnv)
-    for _ in range(2):
-        env.close()
-        vector.close()
-    for method, call in (("step", lambda: env.step(np.zeros(3, np.float32))), ("reset", env.reset),
-                         ("render", env.render), ("rollout", env.rollout), ("reset", vector.reset),
-                         ("step", lambda: vector.step(np.zeros((2, 3), np.float32)))):
-        with pytest.raises(robosim.ConfigError, match=f"{method}: the environment is closed; make a new one"):
-            call()
 
 
 @pytest.mark.slow

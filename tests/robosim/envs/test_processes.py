@@ -22,8 +22,8 @@ def print_observations(*observations):
     print(json.dumps([np.asarray(observation).tolist() for observation in observations]))
 """
 GYMNASIUM = MAKE + """
-vector = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="async", **OPTIONS)
-first, second = step(vector, (2,))
+vector = gymnasium.make_vec(ID, num_envs=1, vectorization_mode="async", **OPTIONS)
+first, second = step(vector, (1,))
 vector.close()
 print_observations(first[0], second[0], *step(make()))
 """

@@ -40,13 +40,13 @@ def written(name: str) -> str:
 def test_a_task_file_makes_its_environment() -> None:
     """The same numbers as the registered one that is given the file."""
     own = written("mine.yaml")
-    registered = gymnasium.make("robosim/SpoonTranslate-v0", task=own, action_repeat=ACTION_REPEAT)
+    with gymnasium.make("robosim/SpoonTranslate-v0", task=own, action_repeat=ACTION_REPEAT) as registered:
+        begun, after = registered.reset(seed=3)[0], registered.step(ACTION)
     by_file = make_training_environment(own, "flat", ACTION_REPEAT)
     assert (by_file.unwrapped.TASK, by_file.unwrapped.source) == ("mine", own)
     assert by_file.unwrapped.task.field.tool_friction == 0.3
-    begun, other = (env.reset(seed=3)[0] for env in (registered, by_file))
-    assert np.array_equal(begun, other)
-    after, other = (env.step(ACTION) for env in (registered, by_file))
+    assert np.array_equal(by_file.reset(seed=3)[0], begun)
+    other = by_file.step(ACTION)
     assert np.array_equal(after[0], other[0]) and after[1] == other[1]
 
 

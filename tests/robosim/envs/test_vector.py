@@ -174,25 +174,29 @@ class Driver:
         self.over = (ended | cut) & (self.mode is not AutoresetMode.SAME_STEP)
 
 
-@pytest.fixture(scope="module")
-def by_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[dict[AutoresetMode, gymnasium.vector.VectorEnv]]:
-    """A vector environment for each mode; like `carried`, which is that of SAME_STEP."""
-    others = {mode: gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=3, workers=1, action_repeat=150,
-                                       autoreset_mode=mode.value)
-              for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
-    yield {AutoresetMode.SAME_STEP: carried, **others}
-    for vector in others.values():
+def make_carried(mode: AutoresetMode) -> gymnasium.vector.VectorEnv:
+    """One like `carried` with another mode."""
+    return gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=3, workers=1, action_repeat=150,
+                              autoreset_mode=mode.value)
+
+
+def each_mode(carried: gymnasium.vector.VectorEnv) -> Iterator[tuple[AutoresetMode, gymnasium.vector.VectorEnv]]:
+    """A vector environment for each mode, one after the other: the first is that of SAME_STEP."""
+    yield AutoresetMode.SAME_STEP, carried
+    for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+        vector = make_carried(mode)
+        yield mode, vector
         vector.close()
 
 
-def test_all_modes_give_the_same_episodes(by_mode: dict[AutoresetMode, gymnasium.vector.VectorEnv]) -> None:
+def test_all_modes_give_the_same_episodes(carried: gymnasium.vector.VectorEnv) -> None:
     """To the bit: starts, steps, last observations and infos of each environment, in whatever step they come.
 
     A reset of one environment after two steps makes it end later than the others.
     """
     given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)
     events = {}
-    for mode, vector in by_mode.items():
+    for mode, vector in each_mode(carried):
         assert vector.metadata["autoreset_mode"] is mode
         driver = Driver(vector, given)
         driver.reset(seed=5)
@@ -203,17 +207,16 @@ def test_all_modes_give_the_same_episodes(by_mode: dict[AutoresetMode, gymnasium
             driver.step()
         events[mode] = driver.events
     for e in range(3):
-        rows = [events[mode][e] for mode in by_mode]
+        rows = [of_mode[e] for of_mode in events.values()]
         n = min(map(len, rows))
         assert n >= 13 and sum(len(row) == 2 for row in rows[0][:n]) >= 2
         for other in rows[1:]:
             assert all(equal(a, b) for a, b in zip(rows[0][:n], other[:n], strict=True))
 
 
-def test_an_environment_that_ended_waits_for_its_reset(
-        by_mode: dict[AutoresetMode, gymnasium.vector.VectorEnv]) -> None:
+def test_an_environment_that_ended_waits_for_its_reset() -> None:
     """Nobody moves for a step that is refused."""
-    vector, still = by_mode[AutoresetMode.DISABLED], np.zeros((3, 3), np.float32)
+    vector, still = make_carried(AutoresetMode.DISABLED), np.zeros((3, 3), np.float32)
     vector.reset(seed=0)
     for _ in range(7):
         seen, _, ended, _, _ = vector.step(still)
@@ -225,14 +228,15 @@ def test_an_environment_that_ended_waits_for_its_reset(
     assert np.array_equal(again[2], seen[2]) and again[0, -1] == 0.0
     with pytest.raises(ConfigError, match="environments 2 have ended"):
         vector.step(still)
+    vector.close()
     with pytest.raises(UnknownName, match="autoreset_mode 'never'; valid: Disabled, NextStep, SameStep"):
         gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=2, autoreset_mode="never")
 
 
-def test_wrappers_of_gymnasium_work(by_mode: dict[AutoresetMode, gymnasium.vector.VectorEnv]) -> None:
+def test_wrappers_of_gymnasium_work(carried: gymnasium.vector.VectorEnv) -> None:
     """RecordEpisodeStatistics in every mode; those that normalise, which need NEXT_STEP."""
     given = np.random.default_rng(1).uniform(-0.3, 0.3, (20, 3, 3)).astype(np.float32)
-    for mode, vector in by_mode.items():
+    for mode, vector in each_mode(carried):
         recorded = wrappers.RecordEpisodeStatistics(vector)
         driver = Driver(recorded, given)
         driver.reset(seed=5)
@@ -242,7 +246,7 @@ def test_wrappers_of_gymnasium_work(by_mode: dict[AutoresetMode, gymnasium.vecto
             total += [next(row[1] for row in reversed(rows) if len(row) == 5) for rows in driver.events]
         assert recorded.episode_count == 3 and list(recorded.length_queue) == [7, 7, 7], mode
         assert np.array(recorded.return_queue) == pytest.approx(total)
-    inner = by_mode[AutoresetMode.NEXT_STEP]
+    inner = make_carried(AutoresetMode.NEXT_STEP)
     observed = wrappers.NormalizeObservation(inner)
     normalised = wrappers.NormalizeReward(observed)
     normalised.reset(seed=5)
@@ -253,6 +257,7 @@ def test_wrappers_of_gymnasium_work(by_mode: dict[AutoresetMode, gymnasium.vecto
     every = np.concatenate(rows).astype(float)
     assert observed.obs_rms.mean == pytest.approx(every.mean(0), abs=1e-4)
     assert observed.obs_rms.var == pytest.approx(every.var(0), abs=1e-4)
+    inner.close()
 
 
 def test_the_specification_has_the_length_of_an_episode(carried: gymnasium.vector.VectorEnv) -> None:

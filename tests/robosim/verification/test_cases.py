@@ -98,7 +98,7 @@ def test_sand_leaves_a_slot_at_a_constant_rate() -> None:
     assert [f.verdict for f in findings if f.found is not None] == ["pass"] * 3, findings
 
 
-@pytest.mark.parametrize("cells", [20, 40])
+@pytest.mark.parametrize("cells", [20, pytest.param(40, marks=pytest.mark.slow)])
 def test_column_carries_its_weight(cells: int) -> None:
     errors = column_weight.measure(cells=cells).errors
     assert errors["stress"] <= column_weight.BANDS[f"stress at {cells} cells"]
