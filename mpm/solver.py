@@ -286,9 +286,10 @@ class Solver(Readings):
 
     def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
         sampled = self._unsampled if self.sample is None else self.sample.values
-        self.stepper.run(substeps, self.fields.stamps.next, dt, motion, self.mobility.table, self._out, first, interval,
-                         self._per_particle, sampled, self.rollback.place_of_copy() if substeps else NOWHERE,
-                         longest_stride(self.transfer_interval, dt))
+        self.stepper.launch(substeps, self.fields.stamps.next, dt, motion, self.mobility.table, self._out, first,
+                            interval, self._per_particle, sampled,
+                            self.rollback.place_of_copy() if substeps else NOWHERE,
+                            longest_stride(self.transfer_interval, dt))
 
     def _read_counts(self, first: int, n: int, interval: int) -> list[Counts]:
         """Return the counter's readings in a launch of n substeps, `first` of the advance before it."""

@@ -11,6 +11,7 @@ import numpy as np
 from mpm.backend import check_owner, default_precision, ti
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose
+from mpm.launching import Launcher
 from mpm.materials.material import PARAMETERS, Material
 from mpm.materials.stable_step import material_bound
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
@@ -55,6 +56,7 @@ class BatchStepper(SerialStepper):
         flags = [counter.flags] if counter is not None else []
         self.states = StateBank(self.fields.particles.state_fields, self.fields.particles.pack_count, n, flags)
         self.sample_rows = sample.count if sample is not None else 0
+        self.launch_all = Launcher(self, BatchStepper.run_all)
 
     @ti.kernel
     def run_all(self, plans: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
@@ -243,7 +245,7 @@ class Batch:
             raise InvalidValue("Batch: another counter was attached after the batch was made; make the batch again")
         stamped = [plan._replace(stamp=solver.fields.stamps.take(max(plan.substeps, 0) + 1)) for plan in plans]
         with default_precision(solver.precision):
-            self._stepper.run_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
+            self._stepper.launch_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
                                   np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._out,
                                   self._results, self._per_particle, self._sampled, self.readings)
 

@@ -6,11 +6,12 @@ thread comes first, with no atomic addition to a node. On a GPU every pack is a 
 ledger's sums are atomic on both: right to rounding. For one thread the single launch of `serial` is faster.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from mpm.backend import is_shared, real_type, thread_count, ti
+from mpm.launching import Launcher
 from mpm.observers.counter_kernel import CounterKernel
 from mpm.observers.sample import SampleKernel
 from mpm.state.active_blocks import list_row
@@ -61,6 +62,10 @@ class ParallelStepper(SerialStepper):
         """Rows of the grid of blocks."""
         self.fastest = ti.field(real_type(fields.features.precision), ())
         """Largest squared speed of a particle [m^2/s^2]."""
+        self.launch = self.run
+        self._substep: Callable[..., None] = self.substep  # on a GPU, its arrays are on the device
+        if not self.on_gpu:
+            self._substep = Launcher(self, ParallelStepper.substep)
 
     # as SerialStepper is called --------------------------------------------------------------------------------------
     def mark(self, stamp: int) -> None:
@@ -80,7 +85,7 @@ class ParallelStepper(SerialStepper):
             bank.store_now(0)
         self.fields.particles.halted[None] = 0
         if substeps == 0:  # only to compile
-            self.substep(0, 0, dt, motion_, mobile_, out_, 1, 0, 0, 0, 0)
+            self._substep(0, 0, dt, motion_, mobile_, out_, 1, 0, 0, 0, 0)
         left, stamp, span = 0, first_stamp, 1
         for s in range(substeps):
             starts = left == 0
@@ -93,8 +98,8 @@ class ParallelStepper(SerialStepper):
                         self.drift(0.5 * dt * (span - 1), stamp)
                 left = span
             left -= 1
-            self.substep(s, stamp, dt, motion_, mobile_, out_, int(starts), span * (left == 0), self.parts,
-                         self.block_parts, self.rows)
+            self._substep(s, stamp, dt, motion_, mobile_, out_, int(starts), span * (left == 0), self.parts,
+                          self.block_parts, self.rows)
             if self.fields.particles.halted[None]:
                 out[self.fields.rows.status, 2] = s + 1
                 break

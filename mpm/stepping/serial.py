@@ -1,9 +1,10 @@
 """The serial stepper: all substeps of a launch in one kernel of one thread, touching only blocks with material."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
+from mpm.launching import Launcher
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.sample import SampleKernel
 from mpm.state.active_blocks import mark_all
@@ -36,6 +37,8 @@ class SerialStepper:
         self.has_counter, self.has_sample = counter is not None, sample is not None
         self.counter_row = fields.features.moving_colliders.index(counter.index) if self.has_counter else -1
         """Row of the counter's collider in the motion table."""
+        self.launch: Callable[..., None] = Launcher(self, SerialStepper.run)
+        """Calls `run`."""
 
     @ti.kernel
     def mark(self, stamp: ti.i32):
