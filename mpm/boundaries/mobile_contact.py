@@ -24,8 +24,9 @@ from mpm.boundaries.mobile_motion import (
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
 
-MAX_PASSES = 12
-"""Sweeps over the listed nodes in one solve; two or three are the rule."""
+MAX_PASSES = 100
+"""Sweeps over the listed nodes in one solve. Two or three are the rule; a body a hundred times lighter than the grains
+that it lands on can take more than 80, most of them to shorten steps."""
 SMALL_CHANGE = 1e-3
 """Change of a twist [m/s] by contact below which the residual is taken relative to this, as it does not matter then."""
 

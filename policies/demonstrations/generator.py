@@ -65,7 +65,7 @@ class DemonstrationGenerator:
         """
         r = self.request
         mark = r.fingerprint(k, self.env)
-        arrays = load_stored(r.path(k), mark)
+        arrays = load_stored(r.path(k), mark, "losses")
         if arrays is None:
             arrays = self._run(k, mark)
         elif len(arrays["losses"]) < r.iterations and not arrays.get("settled", has_settled(list(arrays["losses"]))):
@@ -85,7 +85,7 @@ class DemonstrationGenerator:
         self.env.reset(**start)
         self.loss.set_start()
         search, losses, norms = self._make_search(start["seed"]), [], np.zeros((0, 2))
-        stored = load_stored(r.unfinished_path(k), mark)
+        stored = load_stored(r.unfinished_path(k), mark, "losses")
         if stored is not None:
             try:
                 search.load(stored)

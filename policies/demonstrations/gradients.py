@@ -108,7 +108,7 @@ def _compute(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
     material = surrogate_material(own.task) if variant == SURROGATE else own.task.material
     env: Any = make_environment(task, material=material, action_repeat=ACTION_REPEAT).unwrapped
     mark = fingerprint(env, VARIANTS[variant], STEPS_BEFORE_END, DIFFERENCE, SCRIPT_SCALE, PERTURBATION)
-    stored = load_stored(result_path(task, variant, out), mark)
+    stored = load_stored(result_path(task, variant, out), mark, "norms")
     if stored is not None:
         return stored
     env.reset(options={"nominal": True})

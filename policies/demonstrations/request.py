@@ -77,11 +77,11 @@ class DemonstrationRequest(NamedTuple):
         return make_environment(self.task, action_repeat=self.action_repeat, **options).unwrapped
 
 
-def load_stored(path: Path, expected: str) -> StoredArrays | None:
+def load_stored(path: Path, expected: str, required: str) -> StoredArrays | None:
     """Return the arrays that an earlier call stored with the fingerprint `expected`, or None without a file.
 
     Raises:
-        mpm.InvalidValue: the file cannot be read, or has another fingerprint.
+        mpm.InvalidValue: the file cannot be read, has another fingerprint, or lacks the array `required`.
     """
     if not path.is_file():
         return None
@@ -89,11 +89,13 @@ def load_stored(path: Path, expected: str) -> StoredArrays | None:
         arrays = read_arrays(path)
     except ValueError as error:
         raise mpm.InvalidValue(f"{error}; give another --out, or remove it") from None
-    if arrays.text("fingerprint", "none") != expected or "losses" not in arrays:
+    if arrays.text("fingerprint", "none") != expected:
         raise mpm.InvalidValue(f"{path}: made for another scene, task, material, method, seed or start (fingerprint "
                                f"{arrays.text('fingerprint', 'none')}, now {expected}); give another --out, or remove "
                                f"it")
-    losses, norms = arrays["losses"], arrays.get("norms", np.zeros((0, 2)))
+    if required not in arrays:
+        raise mpm.InvalidValue(f"{path}: has no array {required!r}; give another --out, or remove it")
+    losses, norms = arrays.get("losses", np.zeros(0)), arrays.get("norms", np.zeros((0, 2)))
     if losses.ndim != 1 or losses.dtype.kind not in "iuf" or norms.shape[1:] != (2,) or norms.dtype.kind not in "iuf":
         raise mpm.InvalidValue(f"{path}: losses have shape {losses.shape}, norms {norms.shape}; accepted: numbers of "
                                f"shapes (n,) and (n, 2); remove it")

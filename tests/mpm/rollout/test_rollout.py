@@ -152,7 +152,7 @@ def test_gradient_through_uneven_strides():
     linear, angular = motion(10)
     loss = weighted_ends(len(solver.masses()), 10)
     _, (by_linear, by_angular) = roll.value_and_grad(linear, angular, loss)
-    assert np.unique(roll._sweep.begin.to_numpy()[:11]).tolist() == [0, 2, 4, 5, 7, 9, 10]
+    assert np.unique(roll._kernel.begin.to_numpy()[:11]).tolist() == [0, 2, 4, 5, 7, 9, 10]
     rng = np.random.default_rng(0)
     for _ in range(5):
         to_linear, to_angular = rng.standard_normal((10, 3)), 20.0 * rng.standard_normal((10, 3))
