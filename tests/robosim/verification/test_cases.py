@@ -105,7 +105,7 @@ def test_column_carries_its_weight(cells: int) -> None:
     assert abs(errors["settlement"]) <= column_weight.BANDS["settlement"]
 
 
-@pytest.mark.parametrize("material", ["water", "sand"])
+@pytest.mark.parametrize("material", ["water", pytest.param("sand", marks=pytest.mark.slow)])
 def test_water_and_sand_without_friction_are_hydrostatic(material: str) -> None:
     errors = hydrostatic.measure(material=material).errors
     assert all(abs(errors[name]) <= bound for name, bound in hydrostatic.BANDS.items()), errors
@@ -180,6 +180,7 @@ def test_smaller_steps_do_not_shorten_the_run_out() -> None:
     assert dragged < 0.93 * large.readings["r99"]
 
 
+@pytest.mark.slow
 def test_column_of_three_radii_runs_out() -> None:
     errors = column_collapse.measure(a=3.0, cells=12).errors
     assert abs(errors["run-out"]) <= column_collapse.BANDS["run-out, a = 3"]
