@@ -29,6 +29,8 @@ WILD: tuple[Any, ...] = (float("nan"), float("inf"), -float("inf"), 1e300, -1e30
 """Values that are wrong, or extreme, at most places of a file."""
 SMALL: tuple[Any, ...] = tuple(value for value in WILD if len(repr(value) if not isinstance(value, int) else "") < 1000)
 """Those that a file of wrong values is written with in a moment."""
+FILLS: tuple[Any, ...] = (0, 1, -1, 10**9, 2**63 - 1, 1e300, np.nan, np.inf, True, "text", "\u202e")
+"""Values that arrays are filled with."""
 PIECES = (b"\x00" * 8, b"\xff" * 8, b"[" * 5000, b"{a: " * 500, b"&a [*a]", b"\n- " * 3000, b"9" * 5000, b"1e999",
           b"\xff\xfe", b"!!python/none ", b'{"a": 1, "a": 1}', b"NaN")
 """What readers of text fail on."""
@@ -144,7 +146,7 @@ def array_files(draw: Callable, arrays: dict[str, np.ndarray]) -> bytes:
         name = draw(st.sampled_from([*arrays, "other"]))
         old = changed.get(name, np.zeros(3))
         shape = draw(st.one_of(st.just(old.shape), st.lists(st.integers(0, 7), max_size=4).map(tuple)))
-        value = draw(st.sampled_from([0, 1, -1, 10**9, 2**63 - 1, 1e300, np.nan, np.inf, True, "text", "\u202e"]))
+        value = draw(st.sampled_from(FILLS))
         if draw(st.booleans()):
             changed[name] = np.full(shape, value)
         else:

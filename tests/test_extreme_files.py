@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from extreme_values import array_files, fuzzing, handle, json_files
+from extreme_values import FILLS, SMALL, array_files, damaged, fuzzing, handle, json_files, places, replaced
 from hypothesis import given
 
 from policies.demonstrations.action_repeat import ActionRepeat
@@ -233,6 +233,25 @@ BESIDE = {"status.json": ("manifest.json", MANIFEST), "manifest.json": ("status.
 
 
 @pytest.mark.slow
+def test_damaged_checkpoints_are_refused_or_borne(tmp_path: Path) -> None:
+    """Its checksums are compared before its pickles are loaded."""
+    from policies.runs import checkpoint  # loads torch
+
+    path = tmp_path / "checkpoint.zip"
+    content = checkpoint.pack(None, episodes=5)
+
+    @fuzzing(300)
+    @given(damaged(content))
+    def attempt(changed: bytes) -> None:
+        path.write_bytes(changed)
+        handle(lambda: checkpoint.load(path, None, None))
+
+    path.write_bytes(content)
+    assert checkpoint.load(path, None, None)[1]["episodes"] == 5
+    attempt()
+
+
+@pytest.mark.slow
 def test_points_of_other_codes_can_be_drawn(tmp_path: Path) -> None:
     path, reader = tmp_path / "points.json", TABLES["points of other codes"]
 
@@ -261,15 +280,41 @@ def test_arrays_are_refused_or_borne(name: str, examples: int, tmp_path: Path) -
     attempt()
 
 
+@pytest.mark.parametrize("name", ARRAYS)
+def test_every_array_is_refused_or_borne_with_every_value(name: str, tmp_path: Path) -> None:
+    """In its own shape, and as a single value."""
+    path, reader = tmp_path / "file.npz", ARRAYS[name]
+    for key, array in reader.content.items():
+        for fill in FILLS:
+            for shape in {array.shape, ()}:
+                np.savez(path, **{**reader.content, key: np.full(shape, fill)})  # pyright: ignore[reportArgumentType]
+                handle(lambda: reader.read(path))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TABLES)
+def test_every_place_of_a_table_is_refused_or_borne_with_every_value(name: str, tmp_path: Path) -> None:
+    reader, path = TABLES[name], make_place(name, tmp_path)
+    for place in places(reader.content):
+        for wild in (*SMALL, ...):
+            path.write_text(json.dumps(replaced(reader.content, place, wild), default=str))
+            handle(lambda: reader.read(path))
+
+
+def make_place(name: str, folder: Path) -> Path:
+    """The path of a table's file, in a folder with the other files that its reader needs."""
+    path = folder / TABLES[name].name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.name in BESIDE and path.parent == folder:
+        other, table = BESIDE[path.name]
+        (folder / other).write_text(json.dumps(table))
+    return path
+
+
 @pytest.mark.parametrize("examples", FEW_AND_MANY)
 @pytest.mark.parametrize("name", TABLES)
 def test_tables_are_refused_or_borne(name: str, examples: int, tmp_path: Path) -> None:
-    reader = TABLES[name]
-    path = tmp_path / reader.name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if reader.name in BESIDE:
-        other, table = BESIDE[reader.name]
-        (tmp_path / other).write_text(json.dumps(table))
+    reader, path = TABLES[name], make_place(name, tmp_path)
 
     @fuzzing(examples)
     @given(json_files(reader.content))

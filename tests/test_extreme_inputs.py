@@ -184,7 +184,9 @@ def test_settings_are_refused_or_borne(examples: int) -> None:
 COMMANDS = [
     "rehearse spoon --out out --set waypoints.2.speed=1e-9", "rehearse spoon --out out --set waypoints.6.dwell=1e7",
     "rehearse spoon --out out --set field.grains_per_cell=1e6",
-    "rehearse spoon --out out --set field.region_upper=[1e6,1e6,1e6]", "evaluate SpoonPour --policy lying.npz",
+    "rehearse spoon --out out --set field.region_upper=[1e6,1e6,1e6]",
+    "rehearse spoon --out out --set field.region_upper=[90,90,90]", "evaluate SpoonPour --set steps=1000000000",
+    "evaluate SpoonPour --seed 9999999999", "evaluate SpoonPour --policy lying.npz",
     "evaluate SpoonPour --policy large.npz", "materials SpoonPour --policy lying.npz --out out",
     "explain SpoonPour --set grains.count=1000000000", "rollouts SpoonPour --jobs 1000000 --out out",
     "bench field --sizes 1000000000000", "tables deep.json --out out", "rehearse deep.yaml --out out",
