@@ -75,7 +75,7 @@ def read_demonstration(path: Path) -> None:
 
 def continue_search(path: Path) -> None:
     """Read an unfinished demonstration, and take a step."""
-    stored = load_stored(path, "f")
+    stored = load_stored(path, "f", "losses")
     assert stored is not None
     search = Descent(np.zeros((STEPS, 3)), 0.05, 0)
     search.load(stored)

@@ -83,6 +83,7 @@ def read_results(path: Path, code: str) -> list[dict[str, Any]]:
         content = read_json(path)
         check_form(content, REPORT)
         cells = content["cells"]
+        check_form([cell["value"] for cell in cells if not isinstance(cell["value"], str)], [float], "value")
         return [cell for cell in cells if not cell["reason"].startswith(ENDED)] if content["code"] == code else []
     except (ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path}: not a stability report ({type(error).__name__}: {error}); it is left as it is: "
