@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpm.cache_folder import user_cache_folder, writable_folder
+from mpm.cache_folder import remove_stale_lock, user_cache_folder, writable_folder
 from mpm.errors import BackendError, InvalidValue, UnknownName
 from mpm.owner import Owner
 from mpm.tracing import cache_sources
@@ -117,6 +117,7 @@ def _start(wanted: Session, by_name: bool) -> None:
         folder = writable_folder(Path(chosen) if chosen else base and base / "taichi" / "ticache", "ticache")
     except OSError as error:
         raise BackendError(f"compiled kernels cannot be stored: {error}") from error
+    remove_stale_lock(folder)
     # Taichi warns of a variable that an argument replaces
     with contextlib.redirect_stdout(io.StringIO()), _environment(XDG_CACHE_HOME=str(folder.parent),
                                                                  TI_OFFLINE_CACHE_FILE_PATH=None):

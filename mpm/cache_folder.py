@@ -4,10 +4,14 @@ import os
 import stat
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 BLOCK = 4096
 """Bytes written to see whether a folder takes any."""
+KERNEL_LOCK, STALE = "ticache.lock", 60.0
+"""Taichi's lock on a folder of kernels, a file that is there for less than a second; age [s] from which it is no
+longer anybody's."""
 _is_reported = False
 """Whether this process has said where its caches are instead."""
 
@@ -45,6 +49,25 @@ def user_cache_folder() -> Path | None:
         if path.is_absolute():  # a relative one is to be ignored
             return path / below
     return None
+
+
+def remove_stale_lock(folder: Path) -> None:
+    """Remove a lock that a killed process left in a folder of compiled kernels, and say so on stderr.
+
+    With such a lock Taichi 1.7 neither reads nor stores kernels, for ever and without a word.
+    """
+    lock = folder / KERNEL_LOCK
+    try:
+        age = time.time() - lock.stat().st_mtime
+        if age > STALE:
+            lock.unlink()
+            print(f"mpm: removed {lock}, which a killed process left {age:.0f} s ago: with it no kernel was stored",
+                  file=sys.stderr)
+    except FileNotFoundError:
+        pass  # there is none, or another process has removed it
+    except OSError as error:
+        print(f"mpm: no kernels are stored while {lock} exists, and it cannot be removed: {error.strerror}",
+              file=sys.stderr)
 
 
 def _check(folder: Path) -> None:

@@ -105,3 +105,20 @@ def test_a_run_without_a_home_ends_well(unusable: str, tmp_path: Path) -> None:
     (line,) = done.stderr.splitlines()
     assert "cache" in line and str(tmp_path) in line
     assert list(tmp_path.glob("robosim-cache-*/ticache/*.tic"))
+
+
+@pytest.mark.parametrize("age", [3600.0, 0.0])
+def test_a_lock_of_a_killed_process_does_not_keep_kernels_from_being_stored(age: float, tmp_path: Path) -> None:
+    """Taichi 1.7.4 gives up its cache, without a word, while the lock of another process is there."""
+    folder = tmp_path / "ticache"
+    folder.mkdir()
+    lock = folder / "ticache.lock"
+    lock.touch()
+    os.utime(lock, (lock.stat().st_atime, lock.stat().st_mtime - age))
+    done = subprocess.run([sys.executable, "-c", USE], env=os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(folder)},
+                          timeout=600, capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "3.0", done.stderr
+    if age:
+        assert str(lock) in done.stderr and not lock.exists() and list(folder.glob("*.tic"))
+    else:  # it may be that of a running process
+        assert lock.exists() and not done.stderr
