@@ -1,7 +1,8 @@
-"""Environments of one sub-task that share a field: one launch, one kernel, one process."""
+"""Environments of one process that step together: with one field and one launch for all, or with one for each."""
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
@@ -32,6 +33,9 @@ class GrainBatch:
     whether an environment that ended starts again in the same step, in the next one, or when `reset` says so.
     """
 
+    metadata: dict[str, Any] = {}  # noqa: RUF012
+    """Of pictures, which it has none of."""
+
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
                  action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate",
                  clip_actions: bool = False, randomize: Ranges | None = None,
@@ -60,8 +64,7 @@ class GrainBatch:
         """
         check_owner()
         nominal = is_nominal_start(options)
-        if not all(begun or now for begun, now in zip((rng is not None for rng in self._rngs), mask)):
-            raise ConfigError("reset_mask leaves out environments that never began; reset all of them first")
+        check_mask(mask, [rng is not None for rng in self._rngs])
         infos: list[Info] = [{} for _ in self.episodes]
         for e in np.flatnonzero(mask):
             if seeds[e] is not None or self._rngs[e] is None:
@@ -104,9 +107,7 @@ class GrainBatch:
         """
         check_owner()
         check_options(state, self._options)
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and not state["episode"]["running"]:
-            raise ConfigError("load: the state's episode has ended or never began; accepted with autoreset_mode "
-                              "SAME_STEP: one of a running episode")
+        check_running(state, self.autoreset_mode)
         memory = self.world.restore(state, self._options, self.episodes[e], self._carriers[e])
         self._rngs[e], self._seeds[e], self._observations[e] = memory
         self.batch.adopt(e)
@@ -163,3 +164,86 @@ class GrainBatch:
     def close(self) -> None:
         """Give the field to the next batch of an equal task; this one is of no more use."""
         self.world.solver.close()
+
+
+class EnvBatch:
+    """n environments, with an arm or pictures, that step one after another; each has a field and kernels of its own.
+
+    Methods as of `GrainBatch`, options as of `GrainEnv`.
+    """
+
+    def __init__(self, name: str, n: int, *, autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
+                 **options: Any) -> None:
+        self.autoreset_mode = autoreset_mode
+        self.envs: list[Any] = [gymnasium.make(f"robosim/{name}-v0", disable_env_checker=True, **options).unwrapped
+                                for _ in range(n)]
+        env = self.envs[0]
+        self.metadata, self.actions, self.max_episode_steps = env.metadata, env.actions, env.max_episode_steps
+        self.observation_space, self.action_space = env.observation_space, env.action_space
+
+    def reset(self, seeds: list[int | None], options: dict[str, Any] | None,
+              mask: np.ndarray) -> tuple[list[Any], list[Info]]:
+        """Start episodes in the environments of a mask (n,); infos of the others are empty."""
+        check_mask(mask, [env.observation is not None for env in self.envs])
+        infos = [env.reset(seed=seed, options=options)[1] if now else {}
+                 for env, seed, now in zip(self.envs, seeds, mask)]
+        return [env.observation for env in self.envs], infos
+
+    def state(self, e: int) -> dict[str, Any]:
+        """Return the state of environment e."""
+        return self.envs[e].state()
+
+    def load(self, e: int, state: dict[str, Any]) -> None:
+        """Continue environment e from a state of any environment with the same task and options."""
+        check_running(state, self.autoreset_mode)
+        self.envs[e].load(state)
+
+    def step(self, actions: np.ndarray) -> BatchStep:
+        """Apply actions (n, dimensions)."""
+        n = len(self.envs)
+        starts = [self.autoreset_mode is AutoresetMode.NEXT_STEP and env.observation is not None
+                  and not env.episode.running for env in self.envs]
+        for env, now in zip(self.envs, starts):
+            if not now:  # raises here where no episode is running, before any environment moves
+                env.episode.begin_action(env.action_repeat)
+        rewards, terminated, truncated = np.zeros(n), np.zeros(n, bool), np.zeros(n, bool)
+        infos: list[Info] = [{} for _ in range(n)]
+        finals: list[Info] = [{} for _ in range(n)]
+        for e, env in enumerate(self.envs):
+            if starts[e]:
+                infos[e] = env.reset()[1]
+                continue
+            observation, rewards[e], terminated[e], truncated[e], infos[e] = env.step(actions[e])
+            if not env.episode.running and self.autoreset_mode is AutoresetMode.SAME_STEP:
+                finals[e] = {"final_obs": observation, "final_info": infos[e]}
+                infos[e] = env.reset()[1]
+        return [env.observation for env in self.envs], rewards, terminated, truncated, infos, finals
+
+    def call(self, name: str, arguments: tuple[Any, ...], options: dict[str, Any]) -> list[Any]:
+        """Call a method of each environment with arguments; return the results, or the values of an attribute."""
+        found = [getattr(env, name) for env in self.envs]
+        return [one(*arguments, **options) if callable(one) else one for one in found]
+
+    def set_attr(self, name: str, values: list[Any]) -> None:
+        """Set an attribute of each environment."""
+        for env, value in zip(self.envs, values):
+            setattr(env, name, value)
+
+    def close(self) -> None:
+        """Close the environments; this batch is of no more use."""
+        for env in self.envs:
+            env.close()
+
+
+def check_mask(mask: np.ndarray, begun: list[bool]) -> None:
+    """Raise ConfigError where a mask (n,) of `reset` leaves out an environment that has no episode yet."""
+    if not (mask | begun).all():
+        raise ConfigError("reset_mask leaves out environments that never began; reset all of them first")
+
+
+def check_running(state: Any, mode: AutoresetMode) -> None:
+    """Raise ConfigError for a state without a running episode where none waits for a start."""
+    episode = state.get("episode") if isinstance(state, dict) else None
+    if mode is AutoresetMode.SAME_STEP and isinstance(episode, dict) and not episode.get("running"):
+        raise ConfigError("load: the state's episode has ended or never began; accepted with autoreset_mode "
+                          "SAME_STEP: one of a running episode")

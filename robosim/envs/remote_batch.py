@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 
 import mpm
 from mpm.backend import numerics
-from robosim.envs.batch import GrainBatch
-from robosim.errors import RobosimError
+from robosim.envs.batch import EnvBatch, GrainBatch
+from robosim.errors import ConfigError, RobosimError
+
+Batch = GrainBatch | EnvBatch
 
 
 class BatchError(NamedTuple):
@@ -21,15 +23,15 @@ class BatchError(NamedTuple):
 
 
 class RemoteBatch:
-    """A `GrainBatch` in a spawned process, with the precision and fast_math of this one.
+    """A batch in a spawned process, with the precision and fast_math of this one.
 
-    first: number of its first environment, for messages. options: as of `GrainBatch`.
+    kind: its class. first: number of its first environment, for messages. options: as of the class.
     """
 
-    def __init__(self, name: str, n: int, *, first: int, **options: Any) -> None:
+    def __init__(self, kind: type[Batch], name: str, n: int, *, first: int, **options: Any) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, other_end = context.Pipe()
-        self.process = context.Process(target=_serve, args=(other_end, numerics(), name, n, options),
+        self.process = context.Process(target=_serve, args=(other_end, numerics(), kind, name, n, options),
                                        daemon=True, name=f"environments {first} to {first + n - 1}")
         self.process.start()
         other_end.close()
@@ -57,18 +59,22 @@ class RemoteBatch:
             self.process.join()
 
 
-def call_batch(batch: GrainBatch, method: str, arguments: tuple) -> Any:
-    """Call a method of a batch; "describe" returns its observation space, action scaling and actions of an episode."""
+def call_batch(batch: Batch, method: str, arguments: tuple) -> Any:
+    """Call a method of a batch.
+
+    "describe" returns its observation space, action scaling, actions of an episode and metadata.
+    """
     if method == "describe":
-        return batch.observation_space, batch.actions, batch.max_episode_steps
+        return batch.observation_space, batch.actions, batch.max_episode_steps, batch.metadata
     return getattr(batch, method)(*arguments)
 
 
-def _serve(pipe: Connection, session: dict[str, Any], name: str, n: int, options: dict[str, Any]) -> None:
+def _serve(pipe: Connection, session: dict[str, Any], kind: type[Batch], name: str, n: int,
+           options: dict[str, Any]) -> None:
     """Handle requests until the other end closes; session: arguments of `mpm.init`."""
     try:
         mpm.init(**session)
-        batch = GrainBatch(name, n, **options)
+        batch = kind(name, n, **options)
     except Exception as error:
         batch, failure = None, BatchError(error, traceback.format_exc())
     else:
@@ -77,6 +83,8 @@ def _serve(pipe: Connection, session: dict[str, Any], name: str, n: int, options
         try:
             method, arguments = pipe.recv()
         except (EOFError, KeyboardInterrupt):
+            if batch is not None:
+                batch.close()
             return
         try:
             result = failure if batch is None else call_batch(batch, method, arguments)
@@ -88,3 +96,7 @@ def _serve(pipe: Connection, session: dict[str, Any], name: str, n: int, options
             pipe.send(result)
         except OSError:  # the other end has closed
             return
+        except Exception as error:  # nothing was sent, because pickling comes first
+            refused = ConfigError(f"{method}: the result of {arguments!r:.60} cannot be pickled: {error}; accepted: "
+                                  f"one that can, or workers=1, where all is in one process")
+            pipe.send(BatchError(refused, traceback.format_exc()))

@@ -1,7 +1,8 @@
 """Vector environments: `gymnasium.make_vec("robosim/SpoonPour-v0", num_envs=8)`.
 
-Environments of one process share a field and a launch; with several cores there is a process for each. Processes are
-spawned, because a forked one could not use a GPU. A script that makes a vector environment therefore needs
+Environments of one process share a field and a launch; with several cores there is a process for each. With an arm or
+pictures, every environment has a field of its own and, by default, a process of its own. Processes are spawned, because
+a forked one could not use a GPU. A script that makes a vector environment therefore needs
 `if __name__ == "__main__":`, or `workers=1`.
 
 autoreset_mode says when an environment that ended starts again: in the same step (the default: no action is ignored,
@@ -15,12 +16,10 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
-import mpm
-from mpm.backend import numerics
-from robosim.envs.batch import GrainBatch, Info
+from robosim.envs.batch import EnvBatch, GrainBatch, Info
 from robosim.envs.episode import HasCopies, HasEpisodeLength, check_open
 from robosim.envs.remote_batch import BatchError, RemoteBatch, call_batch
 from robosim.errors import ConfigError, RobosimError, UnknownName
@@ -31,7 +30,7 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
                 **options: Any) -> gymnasium.vector.VectorEnv:
     """Make the vector environment of a sub-task; options go to every environment.
 
-    With an arm or pictures, every environment has a process of its own.
+    workers: processes; None: one per core, with an arm or pictures one per environment.
     Raises ConfigError, UnknownName for num_envs, workers or autoreset_mode that cannot be used.
     """
     options.pop("max_episode_steps", None)  # the task's own horizon holds
@@ -41,13 +40,8 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
         for unused in ("grasp", "camera"):  # options of arms and pictures
             options.pop(unused, None)
         return GrainVectorEnv(name, num_envs, workers=workers, autoreset_mode=autoreset_mode, **options)
-    if workers not in (None, num_envs):
-        raise ConfigError(f"workers = {workers}; accepted with an arm or pictures: None, one for each environment")
-    every_option = options | {"arm": arm, "render_mode": render_mode}
-    vector = ProcessVectorEnv([partial(_make_in_process, numerics(), name, every_option)] * num_envs, context="spawn",
-                              autoreset_mode=check_autoreset_mode(autoreset_mode))
-    vector.max_episode_steps = vector.get_attr("spec")[0].max_episode_steps
-    return vector
+    return ProcessVectorEnv(name, num_envs, workers=num_envs if workers is None else workers,
+                            autoreset_mode=autoreset_mode, arm=arm, render_mode=render_mode, **options)
 
 
 def check_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
@@ -58,19 +52,6 @@ def check_autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     raise UnknownName("autoreset_mode", mode, [known.value for known in AutoresetMode])
 
 
-def _make_in_process(session: dict[str, Any], name: str, options: dict[str, Any]) -> gymnasium.Env:
-    """Make one environment in a spawned process; unpickling this function there has registered the ids.
-
-    session: arguments of `mpm.init`.
-    """
-    mpm.init(**session)
-    return gymnasium.make(f"robosim/{name}-v0", **options)
-
-
-class ProcessVectorEnv(HasEpisodeLength, AsyncVectorEnv):
-    """Environments with a process for each, as Gymnasium has them."""
-
-
 class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
     """Environments of one sub-task that step together.
 
@@ -79,6 +60,9 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
     ignores its action and starts, with reward 0. DISABLED: the same, and `reset` with a "reset_mask" starts it.
     workers: processes; None: one per core, at most one per environment; 1: this process.
     """
+
+    _kind: type[GrainBatch | EnvBatch] = GrainBatch
+    """What the environments of a process are in."""
 
     def __init__(self, name: str, num_envs: int, *, workers: int | None = None,
                  autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP, **options: Any) -> None:
@@ -97,12 +81,13 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
         """Batches of the environments, in this process or in others."""
         try:
             for part, size in zip(self._parts, sizes):
-                kind = GrainBatch if workers == 1 else partial(RemoteBatch, first=int(part.start))
+                kind = self._kind if workers == 1 else partial(RemoteBatch, self._kind, first=int(part.start))
                 self.batches.append(kind(name, size, **options))
-            self.single_observation_space, self._actions, self.max_episode_steps = self._call("describe")[0]
+            self.single_observation_space, self._actions, self.max_episode_steps, own = self._call("describe")[0]
         except BaseException:
             self.close()
             raise
+        self.metadata |= {key: value for key, value in own.items() if key != "autoreset_mode"}
         self.single_action_space = self._actions.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -197,7 +182,7 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
         """Call a method of batches (None: all) at once, with arguments for each; return their results."""
         batches = self.batches if batches is None else batches
         per_batch = arguments or [()] * len(batches)
-        if isinstance(batches[0], GrainBatch):
+        if not isinstance(batches[0], RemoteBatch):
             return [call_batch(batches[0], method, per_batch[0])]
         try:
             for batch, these in zip(batches, per_batch):
@@ -215,3 +200,47 @@ class GrainVectorEnv(HasCopies, HasEpisodeLength, gymnasium.vector.VectorEnv):
         """End the processes, or free the field in this one."""
         for batch in self.batches:
             batch.close()
+
+
+class ProcessVectorEnv(GrainVectorEnv):
+    """Environments of one sub-task with an arm or pictures; each has a field of its own and can be called by itself.
+
+    Arguments as of `GrainVectorEnv`. workers: 1: this process, where the environments step one after another.
+    """
+
+    _kind = EnvBatch
+
+    def __init__(self, name: str, num_envs: int, *, render_mode: str | None = None, **options: Any) -> None:
+        self.render_mode = render_mode
+        super().__init__(name, num_envs, render_mode=render_mode, **options)
+
+    def render(self) -> tuple[Any, ...]:
+        """Return the picture of each environment, or show it, as `GrainEnv.render` does."""
+        return self.call("render")
+
+    def call(self, name: str, *arguments: Any, **options: Any) -> tuple[Any, ...]:
+        """Call a method of each environment; return the results, or the values of an attribute.
+
+        Raises ConfigError for a method that this vector environment has itself, and after `close`.
+        """
+        check_open("call", self.closed)
+        if name in ("reset", "step", "load", "close"):
+            raise ConfigError(f"call: name = {name!r}; accepted: another method or an attribute; call {name} of the "
+                              f"vector environment")
+        parts = self._call("call", *[(name, arguments, options)] * len(self.batches))
+        return tuple(result for part in parts for result in part)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute of each environment."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of each environment; values: a list or tuple with one for each, or one for all.
+
+        Raises ConfigError for a list or tuple of another length, and after `close`.
+        """
+        check_open("set_attr", self.closed)
+        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise ConfigError(f"set_attr: values has {len(each)} entries; accepted: {self.num_envs}, or one value")
+        self._call("set_attr", *[(name, each[part]) for part in self._parts])
