@@ -132,7 +132,7 @@ def test_a_pickled_environment_continues_in_another_process(tmp_path: Path) -> N
 
 
 def test_an_environment_that_never_began_has_copies() -> None:
-    env, own = make("SpoonTranslate", task=SHORT)
+    env, own = make("SpoonTranslate", task=SHORT, obs="none")
     twin = pickle.loads(pickle.dumps(env))
     assert same(twin.unwrapped.state(), own.state())
     assert same(twin.reset(seed=1), env.reset(seed=1))
