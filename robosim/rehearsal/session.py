@@ -21,9 +21,9 @@ from robosim.rendering.renderer import RenderingUnavailable
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
 
-RESULTS = ("rehearsal.mp4", "frames.png", "report.json", "report.png", "trajectory.csv", "joint_trajectory.yaml",
+RESULTS = ("report.json", "report.png", "rehearsal.mp4", "frames.png", "trajectory.csv", "joint_trajectory.yaml",
            "last_good_state.npz")
-"""Files of an earlier run, which are removed first."""
+"""Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
     "spilled_fraction": ("spilled", "{:.1%}"),
@@ -76,8 +76,8 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
                 raise
         figures = compute_figures(run)
         missed = find_missed(figures, config)
-        folder.write_json("report.json", figures | {"missed": missed})
         folder.write("report.png", lambda path: plot_report(run, path))
+        folder.write_json("report.json", figures | {"missed": missed})
         _print(figures, missed, folder)
         return int(bool(missed))
 

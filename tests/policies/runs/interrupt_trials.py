@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+from stand_in_rehearsal import STEPS  # noqa: E402
 from stand_ins import install, run_forked  # noqa: E402
 from trial_checks import Broken, check_files, find_unfinished, read_events, read_rows, read_status  # noqa: E402
 
@@ -37,8 +38,11 @@ METHODS = {"sac": (["--set", "options.batch_size=16", "--set", "options.policy_k
            "cmaes": (["--set", "options.population=2", "--set", "options.knots=3"], 2),
            "bc": (["--set", "options.updates=50", "--demos", "{demos}"], 1)}
 """Method -> further arguments, and the episodes that an interrupt may lose."""
+REHEARSAL = ("report.png", "rehearsal.mp4", "frames.png", "trajectory.csv", "joint_trajectory.yaml", "config.yaml",
+             "material.yaml")
+"""Files of a rehearsal besides report.json, which is the last."""
 WEIGHTS = {"train sac": 5, "train ppo": 3, "train cmaes": 3, "train bc": 2, "demo descent": 4, "demo cmaes": 3,
-           "evaluate": 5, "report": 3, "sweep": 2, "pipeline": 2}
+           "evaluate": 5, "report": 3, "sweep": 2, "pipeline": 2, "rehearse": 4}
 """Kind of trial -> how often it is drawn."""
 
 
@@ -55,6 +59,8 @@ def make_arguments(kind: str, out: Path, base: Path) -> list[str]:
         return ["evaluate", "SpoonTranslate", "--policy", "random", "--episodes", "4", "--out", str(out)]
     if command == "report":
         return ["report", "free_fall", "--quick", "--out", str(out)]
+    if command == "rehearse":
+        return ["rehearse", "spoon", "--out", str(out)]
     if command == "sweep":
         file = base / f"{out.parent.name}.yaml"
         file.write_text(f"tasks: [Point-v0]\nmethods: [sac]\nseeds: [0, 1]\nepisodes: 4\n"
@@ -201,6 +207,11 @@ def check_interrupted(kind: str, end: str, code: int, out: Path, log: Path) -> d
                 path = out / f"demonstration_{k}.unfinished.npz"
                 left += 8 - (len(np.load(path)["losses"]) if path.is_file() else 0)
         return {"evaluations": left, "kept": 16 - left}
+    if command == "rehearse" and (out / "report.json").is_file():
+        missing = [name for name in REHEARSAL if not (out / name).is_file()]
+        if missing or len(read_rows(out / "trajectory.csv")) != STEPS:
+            raise Broken(f"report.json is there, and {missing or 'a part of trajectory.csv'} is missing")
+        return {"kept": "all"}
     if command == "report" and (out / "report.jsonl").is_file():
         lines = (out / "report.jsonl").read_text().split("\n")[:-1]
         return {"lines": lines, "kept": len(lines)}
@@ -244,6 +255,9 @@ def read_results(kind: str, out: Path) -> dict:
         runs = json.loads((out / "report.json").read_text())["runs"]
         return {"runs": [[run["choices"], run["record"]["errors"]] for run in runs], "state": read_status(out),
                 "lines": len((out / "report.jsonl").read_text().splitlines())}
+    if command == "rehearse":
+        return {"report": json.loads((out / "report.json").read_text()), "rows": read_rows(out / "trajectory.csv"),
+                "files": sorted(path.name for path in out.iterdir()), "state": read_status(out)}
     if command == "sweep":
         return {"runs": {str(path.relative_to(out)): [row[:4] for row in read_rows(path)]
                          for path in sorted(out.rglob("episodes.csv"))}, "state": read_status(out),

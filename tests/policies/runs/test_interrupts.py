@@ -13,6 +13,7 @@ import pytest
 
 pytest.importorskip("torch")
 import gymnasium  # noqa: E402
+import stand_in_rehearsal  # noqa: E402
 import stand_ins  # noqa: E402
 from trial_checks import check_files, find_unfinished, read_events, read_rows, read_status  # noqa: E402
 
@@ -20,6 +21,7 @@ from policies.demonstrations import demo, generator, request  # noqa: E402
 from policies.demonstrations.demo import demonstrate  # noqa: E402
 from robosim.commands.main import main  # noqa: E402
 from robosim.evaluation import evaluate  # noqa: E402
+from robosim.rehearsal import session  # noqa: E402
 from robosim.rendering.video import Mp4Writer  # noqa: E402
 
 QUICK = ["--set", "options.batch_size=16", "--set", "options.policy_kwargs.net_arch=[8,8]"]
@@ -170,6 +172,33 @@ def test_an_interrupted_evaluation_leaves_no_unfinished_film(tmp_path: Path, mon
     assert json.loads((tmp_path / "reset" / "evaluation.json").read_text())["is_complete"] is False
     evaluate.evaluate("SpoonTranslate", "zero", tmp_path / "reset")
     assert json.loads((tmp_path / "reset" / "evaluation.json").read_text())["is_complete"] is True
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt("SIGTERM"), OSError(errno.ENOSPC, "No space left on device")])
+def test_a_rehearsal_has_a_report_only_with_all_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                            error: BaseException) -> None:
+    """It ends while the picture is drawn, before which everything is there; an earlier run's report is no longer."""
+    for name in ("plan_motion", "RehearsalRun", "Film", "compute_figures", "find_missed", "plot_report"):
+        monkeypatch.setattr(session, name, getattr(session, name))  # as it was, afterwards
+    stand_in_rehearsal.install_rehearsal(session)
+    monkeypatch.setattr(stand_in_rehearsal, "STEP", 0.0)
+    assert session.rehearse("spoon", tmp_path) == 0
+    whole = {path.name for path in tmp_path.glob("[!.]*")}
+    assert {"report.json", "report.png", "rehearsal.mp4", "frames.png", "trajectory.csv"} <= whole
+    draw = session.plot_report
+
+    def fail(*arguments: object) -> None:
+        raise error
+
+    monkeypatch.setattr(session, "plot_report", fail)
+    with pytest.raises(type(error)):
+        session.rehearse("spoon", tmp_path)
+    assert whole - {path.name for path in tmp_path.glob("[!.]*")} == {"report.json", "report.png"}
+    assert read_status(tmp_path) == ("interrupted" if isinstance(error, KeyboardInterrupt) else "failed")
+    assert not find_unfinished(tmp_path)
+    check_files(tmp_path)
+    monkeypatch.setattr(session, "plot_report", draw)
+    assert session.rehearse("spoon", tmp_path) == 0 and {path.name for path in tmp_path.glob("[!.]*")} == whole
 
 
 def test_a_film_that_fails_is_removed(tmp_path: Path) -> None:

@@ -1,0 +1,93 @@
+"""A stand-in for the physics of a rehearsal: an arm that waves and grains that rest. All files are written as usual."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+
+STEPS, STEP = 60, 2e-3
+"""Host steps of a rehearsal, and the real time [s] that one takes."""
+
+
+def wave(at):
+    """Return the arm's state at a time [s]."""
+    from robosim.robot.timing import JointState
+
+    phase = 5.0 * at + np.arange(7.0)
+    return JointState(np.sin(phase), 5.0 * np.cos(phase), -25.0 * np.sin(phase))
+
+
+class PointRun:
+    """A rehearsal whose readings are known in closed form."""
+
+    def __init__(self, config, plan, seed=0):
+        from robosim.rehearsal.recording import Recording
+
+        self.config, self.plan, self.seed, self.recording, self.wall_time = config, plan, seed, Recording(), 0.0
+        self.duration, self.time = STEPS * config.host_dt, 0.0
+        self.solver = SimpleNamespace(positions=lambda: np.zeros((5, 3)))
+
+    def waypoint_time(self, name):
+        return self.plan.path.times[name]
+
+    def run(self, after_step):
+        from robosim.rehearsal.recording import EnergySample, GrainSample, Step
+
+        for k in range(STEPS):
+            time.sleep(STEP)
+            self.time = (k + 1) * self.config.host_dt
+            state, pose = wave(self.time), np.array([np.sin(self.time), 0.0, 0.3, 1.0, 0.0, 0.0, 0.0])
+            self.recording.steps.append(Step(
+                time=self.time, q=state.q, qd=state.qd, qdd=state.qdd, torque=state.q, demanded_torque=state.q,
+                sensed_torque=state.q, external_torque=state.q, commanded=pose, reached=pose, wrist=state.q[:6],
+                residual=np.full(6, 1e-12), exchanged=np.ones(2), tool_work=0.1))
+            self.recording.grains.append(GrainSample(self.time, 0.01 * k, 0))
+            self.recording.energies.append(EnergySample(self.time, 1.0, 2.0, 3.0))
+            after_step()
+        self.wall_time = STEPS * STEP
+
+
+def plan_motion(config):
+    """Return a plan of the waving arm."""
+    time.sleep(50 * STEP)
+    return SimpleNamespace(motion=SimpleNamespace(state=wave, duration=STEPS * config.host_dt),
+                           arm=SimpleNamespace(torque_limits=np.full(7, 300.0)),
+                           path=SimpleNamespace(times={"dig": 0.01, "pour": 0.04}))
+
+
+def compute_figures(run):
+    """Return figures that depend on every step."""
+    mass = run.recording.stack_grains("mass_in_tool")
+    return {"scooped_mass_kg": float(mass.max()), "delivered_fraction": float(len(run.recording.steps) / STEPS),
+            "spilled_fraction": 0.0, "wrist_payload_relative_error": 0.0, "realtime_factor": 1.0,
+            "momentum_residual": float(run.recording.stack_steps("residual").max())}
+
+
+def make_film():
+    """Return a film of noise, with the files of the real one."""
+    from robosim.rehearsal import film
+    from robosim.rendering.video import Mp4Writer
+
+    class NoiseFilm(film.Film):
+        def __init__(self, run, out, camera):
+            self._run, self._out = run, out
+            self._renderer = SimpleNamespace(close=lambda: None)
+            self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=film.FRAME_RATE)
+            self._next_frame_time = 0.0
+            self._sheet_moments = [(0.0, "start"), (0.03, "pour")]
+            self._sheet, self._captions = [], []
+
+        def add_due_frame(self):
+            self._next_frame_time = min(self._next_frame_time, self._run.time)  # a frame a step
+            super().add_due_frame()
+
+        def draw(self):
+            return np.random.default_rng(0).integers(0, 255, (96, 96, 3), np.uint8)
+
+    return NoiseFilm
+
+
+def install_rehearsal(session):
+    """Put the stand-ins in the place of a rehearsal's physics."""
+    session.plan_motion, session.RehearsalRun, session.Film = plan_motion, PointRun, make_film()
+    session.compute_figures, session.find_missed = compute_figures, lambda figures, config: []
