@@ -72,6 +72,10 @@ class GrainsInSolid(MpmWarning):
     """Particles lie inside a solid collider at the start; they are pushed out, or held there for good."""
 
 
+class GrainsLeaveGrid(MpmWarning):
+    """Particles would have left the grid through a wall that is no floor; they are held on its plane."""
+
+
 class ThinSolid(MpmWarning):
     """A static solid is thinner than two cells; particles on its two sides feel each other, and can pass."""
 

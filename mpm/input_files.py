@@ -220,11 +220,22 @@ class StoredArrays(dict[str, np.ndarray]):
                                f"{self[name].dtype}; accepted: a text")
         return str(self[name].item())
 
+    def numbers(self, name: str) -> np.ndarray:
+        """Return an array of the file; raises InvalidValue where it is missing or holds anything but finite numbers."""
+        if name not in self:
+            raise InvalidValue(f"{self.path}: holds {', '.join(self) or 'no array'}; accepted: an array `{name}`")
+        array = self[name]
+        if array.dtype.kind not in "iuf":
+            raise InvalidValue(f"{self.path}: {name}: of type {array.dtype}; accepted: real numbers")
+        if not np.isfinite(array).all():
+            raise InvalidValue(f"{self.path}: {name}: holds numbers that are not finite")
+        return array
+
     def check_finite(self) -> None:
-        """Raise InvalidValue where a number is not finite."""
+        """Raise InvalidValue where a number is not finite; texts and truth values may stand beside numbers."""
         for name, array in self.items():
-            if array.dtype.kind == "f" and not np.isfinite(array).all():
-                raise InvalidValue(f"{self.path}: {name}: holds numbers that are not finite")
+            if array.dtype.kind == "f":
+                self.numbers(name)
 
 
 def read_arrays(path: Path, most: int = MAX_ARRAYS, names: Iterable[str] | None = None) -> StoredArrays:

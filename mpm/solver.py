@@ -66,6 +66,7 @@ class Solver(Readings):
         self.requested_dt, self.requested_interval = dt, transfer_interval
         self.dt = choose_step(dt, grid.cell, [body.material for body in bodies])
         self.time, self.steps, self.substep = 0.0, 0, self.dt
+        self._has_warned_of_held = False
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
         self._per_particle, self._unsampled = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
@@ -182,10 +183,7 @@ class Solver(Readings):
         if not self.features.body_acceleration:
             raise InvalidValue("set_body_acceleration: the solver has none; build it with body_acceleration=(n, 3) or "
                                "zeros")
-        values = np.asarray(accelerations, float)
-        accepted = (sum(self.particles.counts), 3)
-        if values.shape != accepted:
-            raise InvalidValue(f"body_acceleration has shape {values.shape}; accepted: {accepted}")
+        values = check_finite("body_acceleration", accelerations, (sum(self.particles.counts), 3))
         self.rollback.store_pending()
         self.particles.write(self.particles.acceleration, values)
 
@@ -271,7 +269,7 @@ class Solver(Readings):
                 self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)
                 stamps.is_listed = True
             stamps.pass_substeps(n)
-            squares, fastest, halted = self._out[rows.status, :3]
+            squares, fastest, halted, held = self._out[rows.status, :4]
             done = int(halted) or n
             self.sums += self._out[: rows.count]
             self.steps += done
@@ -280,6 +278,9 @@ class Solver(Readings):
             if halted or not math.isfinite(squares + self.mobility.table.sum()) \
                     or fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise diagnostics.describe_divergence(self, dt)
+            if held and not self._has_warned_of_held:
+                self._has_warned_of_held = True
+                diagnostics.warn_of_held(self, stacklevel=4)
             counts += self._read_counts(first, n, interval)
             self.mobility.end(self.paths.poses)
         return counts

@@ -1,10 +1,12 @@
 """Momentum, energy and diagnostics of a state, summed in double precision."""
 
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpm.errors import SimulationDiverged
+from mpm.errors import GrainsLeaveGrid, SimulationDiverged
+from mpm.state.particles import AT_WALL
 
 
 class Momentum(NamedTuple):
@@ -36,7 +38,7 @@ class Diagnostics(NamedTuple):
     compaction: float
     """Largest elastic decrease of volume of a particle, 1 - J."""
     escaped: int
-    """Number of particles on the plane of a wall; an accurate run has none there for long."""
+    """Number of particles on the plane of a wall, or closer than AT_WALL; an accurate run has none there for long."""
     first_non_finite: int | None
     """Index of the first particle with a value that is not finite; None: all are finite."""
 
@@ -72,11 +74,6 @@ def compute_diagnostics(solver: Any) -> Diagnostics:
     x, v = solver.positions(), solver.velocities()
     finite = np.isfinite(x).all(1) & np.isfinite(v).all(1)
     bad = np.flatnonzero(~finite)
-    lower = np.asarray(solver.grid.lower)
-    upper = lower + solver.grid.cells * solver.grid.cell
-    tolerance = 1e-4 * solver.grid.cell
-    is_wall = ~np.array(solver.features.periodic)
-    on_wall = np.any(((x <= lower + tolerance) | (x >= upper - tolerance)) & is_wall, axis=1)
     with np.errstate(invalid="ignore", over="ignore"):
         speeds = np.linalg.norm(v, axis=1)
         fastest = float(np.max(speeds[finite], initial=0.0))
@@ -84,7 +81,28 @@ def compute_diagnostics(solver: Any) -> Diagnostics:
         return Diagnostics(
             mass=float(solver.masses().sum()), momentum=compute_momentum(solver), energy=energy,
             cfl=fastest * solver.substep / solver.grid.cell, compaction=_compaction(solver),
-            escaped=int(on_wall.sum()), first_non_finite=int(bad[0]) if len(bad) else None)
+            escaped=int(_find_on_walls(solver, x).any((1, 2)).sum()),
+            first_non_finite=int(bad[0]) if len(bad) else None)
+
+
+def _find_on_walls(solver: Any, x: np.ndarray) -> np.ndarray:
+    """Return which particles at x [m] (n, 3) lie on the plane of which wall (n, axis, lower or upper)."""
+    lower, tolerance = np.asarray(solver.grid.lower), AT_WALL * solver.grid.cell
+    upper = lower + solver.grid.cells * solver.grid.cell
+    is_wall = ~np.array(solver.features.periodic)[:, None]
+    return np.stack([x <= lower + tolerance, x >= upper - tolerance], axis=-1) & is_wall
+
+
+def warn_of_held(solver: Any, stacklevel: int) -> None:
+    """Warn of particles that walls, other than floors, hold on their planes: they would have left."""
+    x, gravity = solver.positions(), np.asarray(solver.gravity)
+    on_walls = _find_on_walls(solver, x) & np.stack([gravity >= 0, gravity <= 0], axis=-1)
+    held = np.flatnonzero(on_walls.any((1, 2)))
+    sides = ", ".join("xyz"[axis] + "-+"[upper] for axis, upper in np.argwhere(on_walls.any(0)))
+    warnings.warn(GrainsLeaveGrid(
+        f"{len(held)} of {len(x)} particles would have left the grid by t = {solver.time:.4g} s and are held at walls "
+        f"({sides}), first: particle {held[0]} at {tuple(x[held[0]].round(4).tolist())} m; make the grid larger, or "
+        f"give a smaller dt if they were pressed through"), stacklevel=stacklevel)
 
 
 def _ranges(solver: Any):  # noqa: ANN202

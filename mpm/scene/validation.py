@@ -45,6 +45,8 @@ def read_array(state: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...
     if name not in state:
         raise InvalidValue(f"load: the state has {', '.join(state)}; the scene also needs {name}")
     array = np.asarray(state[name])
+    if array.dtype.kind not in "biuf":
+        raise InvalidValue(f"load: {name} is of type {array.dtype}; accepted: real numbers")
     if array.shape != shape:
         raise InvalidValue(f"load: {name} has shape {array.shape}; the scene has {shape}")
     return array

@@ -26,9 +26,9 @@ CELLS_IN_A_SOLID = 2
 """Cells of a static solid's thickness that keep the nodes on its two sides apart. Moving solids stop particles, too."""
 STRONG = 0.1
 """Strain at the base of a heap from which its height is visibly less than in reality."""
-DEEP = 0.5
-"""Cells by which a particle's centre must lie inside a solid to count: contact places a face to half a cell, and the
-filling of a vessel with a jittered lattice reaches into its corners."""
+DEEP = 0.25
+"""Edges of a particle's cube by which its centre must lie inside a solid to count; a jittered filling of a vessel
+reaches half of that."""
 NEAR, FAR = 0.6, 1.6
 """Distances to the second neighbour that are accepted, in edges of a particle's cube: 1 in a lattice, 0.9 in a jittered
 one, 0.74 at random, 1.1 in a close packing."""
@@ -63,7 +63,7 @@ def warn_of_colliders(grid: Grid, bodies: list[Body], colliders: list[Collider],
                   f"cells: particles on its two sides feel each other, and can pass; make it {CELLS_IN_A_SOLID} cells "
                   f"thick, give static = False, or make it an mpm.Shell", stacklevel)
         for i, body in enumerate(bodies):
-            _warn_of_grains_inside(i, body, k, collider, DEEP * grid.cell, stacklevel)
+            _warn_of_grains_inside(i, body, k, collider, stacklevel)
 
 
 def _warn(kind: type[MpmWarning], message: str, stacklevel: int = 5) -> None:
@@ -71,9 +71,9 @@ def _warn(kind: type[MpmWarning], message: str, stacklevel: int = 5) -> None:
     warnings.warn(kind(message), stacklevel=stacklevel)
 
 
-def _warn_of_grains_inside(i: int, body: Body, k: int, collider: Collider, deep: float, stacklevel: int) -> None:
-    """Warn of particles deeper than `deep` [m] in a solid; a shape without a distance on the host is not checked."""
-    positions = np.asarray(body.positions, float)
+def _warn_of_grains_inside(i: int, body: Body, k: int, collider: Collider, stacklevel: int) -> None:
+    """Warn of particles in a solid; a shape without a distance on the host is not checked."""
+    positions, edges = np.asarray(body.positions, float), np.cbrt(np.asarray(body.volume, float))
     local = (positions - collider.pose.position) @ collider.pose.matrix
     near = collider.sdf.near_inside(local)
     if not len(near):
@@ -82,7 +82,7 @@ def _warn_of_grains_inside(i: int, body: Body, k: int, collider: Collider, deep:
         depth = -collider.sdf.distance(local[near])
     except NotImplementedError:
         return
-    inside = int(np.sum(depth > deep))
+    inside = int(np.sum(depth > DEEP * (edges[near] if edges.ndim else edges)))
     if inside:
         held = "they stay there for good" if collider.static else "they are pushed out"
         _warn(GrainsInSolid, f"{inside} of {len(positions)} grains of body {i} lie inside collider {k}, up to "

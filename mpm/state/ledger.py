@@ -16,7 +16,7 @@ class LedgerRows(NamedTuple):
     momentum: int
     """Linear and angular momentum of all particles."""
     status: int
-    """Sum of squared velocities, largest speed [m/s]."""
+    """Sum of squared velocities, largest speed [m/s], substeps until the launch was halted, particles held at walls."""
     walls: int
     """The first of six rows: what each wall adds to `WALL_ROW`, in the order of folding."""
     count: int

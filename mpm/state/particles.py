@@ -11,6 +11,8 @@ from mpm.state.packs import LANES, Packs
 
 SPEED_LIMIT = 1.0
 """Cells that a particle may travel in a substep before the run counts as diverged."""
+AT_WALL = 1e-4
+"""Cells from the plane of a wall within which a particle counts as held there: no pressure brings it so close."""
 
 
 class ParticleFields:

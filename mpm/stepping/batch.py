@@ -15,7 +15,7 @@ from mpm.launching import Launcher
 from mpm.materials.material import PARAMETERS, Material
 from mpm.materials.stable_step import material_bound
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
-from mpm.observers.diagnostics import describe_divergence
+from mpm.observers.diagnostics import describe_divergence, warn_of_held
 from mpm.observers.region_counter import MAX_READINGS, Counts
 from mpm.observers.sample import SampleKernel
 from mpm.scene.grid import ROUNDING
@@ -135,6 +135,7 @@ class Batch:
                 self.set_material(e, body, material)
         self._paths = [ColliderPaths(solver.colliders, solver.features, solver.mobility, solver.grid)
                        for _ in range(n)]
+        self._has_warned_of_held = False
         self.time, self.steps = np.zeros(n), np.zeros(n, int)
         """Time [s] and substeps of every environment."""
         state = solver.state()
@@ -252,13 +253,17 @@ class Batch:
     def _outcome(self, e: int, plan: Plan, before: list[Counts]) -> list[Counts] | SimulationDiverged:
         """Return what an environment's launch came to, with the readings of earlier ones of the advance."""
         dt = float(self._dts[e])
-        squares, fastest, halted = self._results[e, self.solver.fields.rows.status, :3]
+        squares, fastest, halted, held = self._results[e, self.solver.fields.rows.status, :4]
         done = int(halted) or plan.substeps
         self.time[e] += done * dt
         self.steps[e] += done
         if halted or not np.isfinite(squares) or fastest * dt > SPEED_LIMIT * self.solver.grid.cell:
             self.select(e)
             return describe_divergence(self.solver, dt)
+        if held and not self._has_warned_of_held:
+            self._has_warned_of_held = True
+            self.select(e)
+            warn_of_held(self.solver, stacklevel=4)
         readings = range(plan.done // plan.interval, (plan.done + plan.substeps) // plan.interval)
         return [*before, *self._counts(e, readings)] if self._counter else []
 

@@ -11,6 +11,7 @@ from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.ledger import add, maximise
 from mpm.state.packs import LANES
+from mpm.state.particles import AT_WALL
 from mpm.state.snapshots import StateBank
 from mpm.stepping.phases import Step, phases_of
 from mpm.stepping.stride import plan_stride
@@ -146,15 +147,38 @@ class SerialStepper:
 
 @ti.func
 def add_status(fields: ti.template(), P: ti.template(), out: ti.template(), first, last):
-    """Add the squared velocities of packs (not finite if anything is not), and find the largest speed [m/s]."""
+    """Add the squared velocities of packs, not finite if anything is not; find the largest speed [m/s].
+
+    Particles that walls hold are counted.
+    """
     total = ti.cast(0.0, ti.f64)
     fastest = ti.cast(0.0, ti.f64)
+    held = 0
     for q in range(first, last):
         v2 = P.v[0][q] ** 2 + P.v[1][q] ** 2 + P.v[2][q] ** 2
         total += ti.cast(v2.sum(), ti.f64)
         fastest = ti.max(fastest, ti.cast(v2.max(), ti.f64))
+        held += count_held_lanes(fields, P, q)
     add(out, fields.rows.status, 0, total)
     maximise(out, fields.rows.status, 1, ti.sqrt(fastest))
+    add(out, fields.rows.status, 3, ti.cast(held, ti.f64))
+
+
+@ti.func
+def count_held_lanes(fields: ti.template(), P: ti.template(), q):
+    """Return how many particles of pack q lie on the plane of a wall: `keep_inside` puts there what would have left.
+
+    Walls towards which gravity pulls are floors: what lies or is pressed on them leaves nothing.
+    """
+    outward = 0.0 * P.x[0][q] - fields.cell
+    gravity = fields.parameters.gravity[None]
+    for d in ti.static(range(3)):
+        if ti.static(not fields.features.periodic[d]):
+            if gravity[d] >= 0.0:
+                outward = ti.max(outward, fields.corner - P.x[d][q])
+            if gravity[d] <= 0.0:
+                outward = ti.max(outward, P.x[d][q] - (fields.corner + fields.span[d]))
+    return (ti.select(outward >= -AT_WALL * fields.cell, 1, 0) * ti.select(P.volume[q] > 0.0, 1, 0)).sum()
 
 
 @ti.func

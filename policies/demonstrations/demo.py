@@ -75,8 +75,8 @@ def first_actions(start: str | Path | None, until: float | None, task: Any, moti
 def load_actions(path: Path, motion: ActionRepeat) -> np.ndarray:
     """Load actions to begin with from a file; raises mpm.InvalidValue for what does not fit the task."""
     try:
-        actions = np.asarray(read_arrays(path, names=["actions"])["actions"], float)
-    except (OSError, ValueError, KeyError) as error:
+        actions = read_arrays(path).numbers("actions").astype(float)
+    except (OSError, ValueError) as error:
         raise mpm.InvalidValue(f"{path}: not a .npz file with an array `actions`: {error}") from error
     if actions.shape != motion.shape or not np.all(np.abs(actions) <= 1.0):
         raise mpm.InvalidValue(f"{path}: actions have shape {actions.shape}; accepted: {motion.shape}, from -1 to 1")

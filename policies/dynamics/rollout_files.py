@@ -64,17 +64,17 @@ def read_rollouts(folder: Path, env: Any) -> Rollouts:
         pairs, size = [], 0
         for path in sorted(folder.glob("rollout_*.npz")):
             arrays = read_arrays(path, MAX_STATE)
-            frames = len(arrays["grains"])
-            if arrays["grains"].shape[1:] != (now["grains"], 3) or arrays["tool"].shape != (frames, 7):
-                raise mpm.InvalidValue(f"{path.name}: grains have shape {arrays['grains'].shape}, tool has "
-                                       f"{arrays['tool'].shape}; accepted: (n, {now['grains']}, 3) and (n, 7)")
-            arrays.check_finite()
-            size += arrays["grains"].nbytes + arrays["tool"].nbytes
+            grains, tool = arrays.numbers("grains"), arrays.numbers("tool")
+            frames = len(np.atleast_1d(grains))
+            if grains.shape[1:] != (now["grains"], 3) or tool.shape != (frames, 7):
+                raise mpm.InvalidValue(f"{path.name}: grains have shape {grains.shape}, tool has {tool.shape}; "
+                                       f"accepted: (n, {now['grains']}, 3) and (n, 7)")
+            size += grains.nbytes + tool.nbytes
             if size > MAX_STATE:
                 raise mpm.InvalidValue(f"{path.name}: with those before it {size} bytes; accepted: up to {MAX_STATE} "
                                        f"in all rollouts together")
             if frames > 1:  # one that diverged in its first step has a single frame
-                pairs.append((arrays["grains"], arrays["tool"]))
+                pairs.append((grains, tool))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise mpm.InvalidValue(f"--rollouts {folder}: {error}; `robosim rollouts {env.source} --out {folder}` makes "
                                f"them") from error

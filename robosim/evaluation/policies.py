@@ -108,10 +108,9 @@ class ReplayPolicy:
         if "actions" not in arrays:
             raise ConfigError(f"{path}: holds {', '.join(arrays)}; accepted: an array `actions`, or `weight_0`, "
                               f"`bias_0` and so on")
-        dimensions, actions = env.task.action.dimensions, arrays["actions"]
+        dimensions, actions = env.task.action.dimensions, arrays.numbers("actions")
         steps = arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT)
-        if actions.ndim != 2 or actions.shape[1] != dimensions or actions.dtype.kind not in "iuf" \
-                or not np.all((actions >= -LARGEST) & (actions <= LARGEST)):
+        if actions.ndim != 2 or actions.shape[1] != dimensions or not np.all(np.abs(actions) <= LARGEST):
             raise ConfigError(f"{path}: actions of type {actions.dtype} have shape {actions.shape}; accepted: (n, "
                               f"{dimensions}), numbers of up to {LARGEST:g}")
         recorded_for = arrays.text("task", env.TASK)

@@ -10,6 +10,7 @@ from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
+from robosim.shapes.vessels import CONTAINER_CORNER
 
 RIM_MARGIN = 0.02
 """Height [m] above a container's rim up to which grains count as in it."""
@@ -29,7 +30,8 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
         container, half = config.containers[config.source], read_inner_size(config.source) / 2.0
         upper = np.array([half[0], half[1], container.fill_height])
         local = mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng)
-        return container_pose(container).apply(local), float(4.0 * np.prod(upper)) / len(local)
+        volume = float(4.0 * np.prod(upper)) / len(local)
+        return container_pose(container).apply(local[is_between_edges(local, half)]), volume
     if config.pile is not None:
         centre, half = np.array(config.pile.centre), np.array(config.pile.half)
         positions = mpm.sample_box(centre - half, centre + half, spacing, rng)
@@ -41,6 +43,12 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
         raise ConfigError(f"tool_fill_height = {config.tool_fill_height} m holds no grain; accepted: more than a cell, "
                           f"{config.field.cell} m")
     return tool_pose.apply(local), spacing**3
+
+
+def is_between_edges(points: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Test which points (n, 3), in a container's box of half edges [m] (3,), lie inside its rounded upright edges."""
+    beyond = np.maximum(np.abs(points[:, :2]) - (half[:2] - CONTAINER_CORNER), 0.0)
+    return np.hypot(*beyond.T) <= CONTAINER_CORNER
 
 
 def sample_in_tool(tool: str, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:

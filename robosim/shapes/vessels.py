@@ -15,6 +15,8 @@ from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
 
+CONTAINER_CORNER = 0.008
+"""Inner radius [m] of a container's upright edges."""
 SPOON_HANDLE_START = (-0.0352, 0.0, 0.0)
 """Start of the spoon's handle: inside the wall, outside the cavity."""
 BOWL: Array = np.array([0.035, 0.025, 0.030])
@@ -73,7 +75,8 @@ def make_bottle(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
 BOTTLE = ToolShape("bottle", make_bottle, BOTTLE_INTERIOR)
 
 
-def make_container_shell(inner_size: ArrayLike, wall: float = 0.006, corner: float = 0.008) -> trimesh.Trimesh:
+def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
+                         corner: float = CONTAINER_CORNER) -> trimesh.Trimesh:
     """Make an open-topped box with rounded upright edges.
 
     Its origin is the centre of the inner floor, z up. inner_size (3,): cavity [m]. wall: thickness [m] of walls and

@@ -158,3 +158,21 @@ def test_texts_are_small_and_utf8(tmp_path: Path) -> None:
 def test_values_are_shown_short() -> None:
     assert len(quote("x" * 10**6)) < 300 and len(quote([[1] * 1000] * 1000)) < 1000
     assert "too long" in quote(10**5000) and quote(0.01) == "0.01"
+
+
+@pytest.mark.parametrize(("array", "words"), [
+    (np.array([True]), "of type bool; accepted: real numbers"), (np.array(["1.0"]), "of type <U3"),
+    (np.array([0.0, np.nan]), "holds numbers that are not finite"), (np.array([np.inf]), "holds numbers that are not"),
+])
+def test_numbers_are_real_and_finite(tmp_path: Path, array: np.ndarray, words: str) -> None:
+    np.savez(tmp_path / "x.npz", actions=array)
+    with pytest.raises(InvalidValue, match=f"x.npz: actions: {words}"):
+        read_arrays(tmp_path / "x.npz").numbers("actions")
+    np.savez(tmp_path / "y.npz", actions=np.array([0.1 + 0.2j]))
+    with pytest.raises(InvalidValue, match="y.npz: cannot be read as a .npz file: 'actions'"):
+        read_arrays(tmp_path / "y.npz")
+    with pytest.raises(InvalidValue, match="x.npz: holds actions; accepted: an array `tool`"):
+        read_arrays(tmp_path / "x.npz").numbers("tool")
+    if array.dtype.kind == "f":
+        with pytest.raises(InvalidValue, match=words):
+            read_arrays(tmp_path / "x.npz").check_finite()

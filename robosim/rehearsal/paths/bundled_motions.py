@@ -57,7 +57,7 @@ def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
     poses = [carrier.restart(task.start.pose)]
     try:
         stored = read_arrays(path)
-        actions = np.atleast_1d(stored["actions"])
+        actions = np.atleast_1d(stored.numbers("actions"))
         # until release 0.1 action_repeat was called hold
         repeat = stored.integer("action_repeat" if "action_repeat" in stored else "hold", None, 1, task.steps)
         count = -(-task.steps // repeat)

@@ -94,3 +94,45 @@ def test_the_impulses_of_the_walls_are_those_that_the_particles_lack():
         assert about.torque == pytest.approx(received["z-"].torque - np.cross(point, received["z-"].force), abs=1e-15)
         with pytest.raises(mpm.UnknownName, match="side 'floor'"):
             solver.wall_impulse("floor")
+
+
+def thrown(velocity: tuple[float, float, float]) -> mpm.Solver:
+    """A block in the middle of a box, with a velocity [m/s] of all its particles."""
+    positions = mpm.sample_box((0.05, 0.05, 0.05), (0.08, 0.08, 0.08), 0.005)
+    law = mpm.DruckerPrager(E=1.5e5, nu=0.3, density=1500.0, friction_angle_deg=35.0)
+    body = mpm.Body(law, positions, volume=0.005**3, velocities=np.tile(velocity, (len(positions), 1)))
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.01), bodies=[body])
+
+
+def test_particles_that_would_leave_the_grid_are_reported_once() -> None:
+    """At 20 m/s, 0.95 cells a substep, some pass a wall. The floor is left out: what lies there has left nothing."""
+    solver = thrown((20.0, 0.0, 0.0))
+    with pytest.warns(mpm.GrainsLeaveGrid, match=r"would have left the grid by t = .* walls \([xy][-+]|z\+") as caught:
+        while not caught:
+            solver.advance(5e-3)
+    assert caught[0].filename == __file__
+    x = solver.positions()
+    held = (x[:, :2] <= 1e-6).any(1) | (x >= 0.2 - 1e-6).any(1)
+    assert str(caught[0].message).startswith(f"{held.sum()} of 216 particles")
+    solver.advance(5e-3)  # a second warning would be an error here
+
+
+def test_a_batch_reports_them_too() -> None:
+    batch = mpm.Batch(thrown((20.0, 0.0, 0.0)), 2)
+    with pytest.warns(mpm.GrainsLeaveGrid) as caught:
+        while not caught:
+            batch.advance(np.full(2, 5e-3), np.ones(2, int))
+
+
+def test_particles_that_lie_on_a_floor_are_no_such() -> None:
+    """A heap, and a single particle that nothing but the floor's pressure holds; warnings are errors here."""
+    solver = thrown((0.0, 0.0, 0.0))
+    for _ in range(10):
+        solver.advance(0.05)
+    assert solver.diagnostics().escaped == 0
+    law = mpm.DruckerPrager(E=1.5e5, nu=0.3, density=1500.0, friction_angle_deg=35.0)
+    alone = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.01),
+                       bodies=[mpm.Body(law, np.array([[0.1, 0.1, 0.02]]), volume=1e-7)])
+    for _ in range(10):
+        alone.advance(0.1)
+    assert alone.positions()[0, 2] < 1e-3 and alone.diagnostics().escaped == 0

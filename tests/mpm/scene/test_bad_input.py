@@ -164,6 +164,7 @@ def test_a_state_of_another_scene_changes_nothing() -> None:
     before, foreign = field.state(), other.state()
     for state, words in ((foreign, r"poses has shape \(0, 7\); the scene has \(1, 7\)"),
                          ({k: v for k, v in before.items() if k != "time"}, "also needs time"),
+                         ({**before, "v": before["v"] + 0.1j}, "v is of type complex.*; accepted: real numbers"),
                          ({**before, "twists": np.zeros((1, 6))}, "twists has shape")):
         with pytest.raises(mpm.InvalidValue, match=words):
             field.load(state)

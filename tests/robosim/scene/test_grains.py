@@ -4,11 +4,20 @@ import numpy as np
 import pytest
 
 import mpm
+from robosim.config.materials import Law, law_of, load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError
-from robosim.scene.field import build_tool_sdf, check_field
+from robosim.scene.field import build_field, build_tool_sdf, check_field
+from robosim.scene.frames import container_pose
 from robosim.scene.grains import fill
+from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
+from robosim.shapes.vessels import CONTAINER_CORNER, make_container_shell
+from robosim.tasks.field import build_solver
+from robosim.tasks.task import load_task
+
+TASKS = ["SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
+         "ShovelMove"]
 
 
 def test_material_fills_the_configured_region():
@@ -29,3 +38,37 @@ def test_material_fills_the_configured_region():
     assert (np.abs(positions - shovel.pile.centre) <= np.array(shovel.pile.half) + 1e-12).all()
     with pytest.raises(ConfigError, match="tool_fill_height = 0.2 m; accepted: up to"):
         check_field(load_rehearsal("bottle", {"tool_fill_height": 0.2}), mpm.Elastic(E=1e5, nu=0.2, density=1000.0))
+
+
+def salt() -> Law:
+    """The law of salt."""
+    return law_of(load_material("salt"))
+
+
+@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])
+def test_no_rehearsal_begins_with_grains_in_a_solid(name: str) -> None:
+    """A warning, which is an error here, counts grains more than a quarter of their size inside a wall."""
+    pose = mpm.Pose(np.array([0.7, 0.1, 0.25]), np.array([1.0, 0.0, 0.0, 0.0]))
+    with build_field(load_rehearsal(name), salt(), pose).solver as solver:
+        assert len(solver.positions()) > 100
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_no_sub_task_begins_with_grains_in_a_solid(name: str) -> None:
+    task = load_task(name)
+    with build_solver(task, salt()) as solver:
+        assert len(solver.positions()) == task.grains.count
+
+
+def test_a_container_is_filled_up_to_its_rounded_edges() -> None:
+    """All grains lie in the container's own mesh, and few of the places in its box are left out."""
+    config = load_rehearsal("spoon")
+    container, size = config.containers[config.source], read_inner_size(config.source)
+    positions, volume = fill(config, build_tool_sdf("spoon", config.collision_thickness), mpm.Pose.identity(),
+                             np.random.default_rng(0))
+    wall = mpm.Sdf.from_mesh(make_container_shell(size), spacing=1e-3)
+    depth = wall.distance(container_pose(container).inverse().apply(positions))
+    assert depth.min() > -0.25 * np.cbrt(volume)
+    edges = 4.0 * (1.0 - np.pi / 4.0) * CONTAINER_CORNER**2 * container.fill_height
+    held = size[0] * size[1] * container.fill_height - edges
+    assert volume * len(positions) == pytest.approx(held, rel=1e-3)
