@@ -32,6 +32,7 @@ from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.parallel import count_parts, make_stepper
 from mpm.stepping.rollback import Rollback
 from mpm.stepping.serial import NOWHERE, UNDO
+from mpm.stepping.sleep_thresholds import read_sleep, sleep_limits
 from mpm.stepping.stride import Interval, choose_interval, longest_stride, split_launches
 
 
@@ -45,6 +46,7 @@ class Solver(Readings):
       where the series is not accurate; None: "auto" in f32, "exact" in f64.
     - transfer_interval: longest stride [s], the time between two transfers of velocities to the particles; 0: one
       substep. "strides": 3 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
+    - sleep: whether particles at rest sleep and cost nothing; a number: a factor on `mpm.stepping.sleep_thresholds`.
     - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
     """
 
@@ -52,7 +54,7 @@ class Solver(Readings):
         self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
         gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
         dt: float | None = None, precision: str | None = None, integrator: str | None = None,
-        body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None,
+        body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None, sleep: bool | float = False,
     ) -> None:
         check_scene(grid, bodies, colliders, walls)
         self.precision, self.integrator = choose_numerics(bodies, precision, integrator)
@@ -63,7 +65,7 @@ class Solver(Readings):
         warn_of_scene(grid, self.bodies, self.colliders, self.gravity)
         self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
         """Bound of an isolated particle [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
-        self.requested_dt, self.requested_interval = dt, transfer_interval
+        self.requested_dt, self.requested_interval, self.sleep = dt, transfer_interval, read_sleep(sleep)
         self.dt = choose_step(dt, grid.cell, [body.material for body in bodies])
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self._has_warned_of_held = False
@@ -78,18 +80,19 @@ class Solver(Readings):
     def _build(self) -> None:
         """Allocate the fields that the scene asks for, and the kernels that read them."""
         self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self.integrator,
-                                    self._has_accelerations, self.transfer_interval > 0)
+                                    self._has_accelerations, self.transfer_interval > 0, self.sleep > 0)
         self.mobility = MobilityTable(self.features.mobile)
         self.paths = ColliderPaths(self.colliders, self.features, self.mobility, self.grid)
         self._take_assembly()
+        self.rollback = Rollback(self)
         with default_precision(self.precision):
             fill_fields(self.fields, self.grid, self.bodies, self.colliders, self.gravity, self.walls)
+            self.wake()
             origin, cell, static = ti.Vector(self.grid.origin, ti.f64), self.grid.cell, self.features.static_colliders
             for i in static:
                 pose = self.colliders[i].pose
                 cache_static_contact(self.fields.static_contact, self.colliders[i].sdf, i, i == static[0],
                                      np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell)
-        self.rollback = Rollback(self)
         self._make_stepper()
         self.sums = np.zeros((self.fields.rows.count, 6))
         """Sums of the last advance, see `LedgerRows`."""
@@ -113,6 +116,7 @@ class Solver(Readings):
         checkpoint = self.rollback.allocate() if self.features.mobile else []
         undo = self.rollback.allocate(UNDO)
         counter, sample = self.counter and self.counter.kernel, self.sample and self.sample.kernel
+        self.fields.stamps.is_listed &= not self.features.sleep  # sums and those that use them are of one kernel
         self.stepper = self.assembly.share(("stepper", counter, sample),
                                            lambda: make_stepper(self.fields, counter, sample, checkpoint, undo))
         rows = COUNTER_ROWS * MAX_READINGS if self.counter else 0
@@ -141,8 +145,9 @@ class Solver(Readings):
         self._momentum = self.momentum()
 
     def set_gravity(self, gravity: np.ndarray) -> None:
-        """Set gravity [m/s^2] (3,)."""
+        """Set gravity [m/s^2] (3,); wakes all particles."""
         self.fields.parameters.gravity[None] = self.gravity = check_finite("set_gravity", gravity, (3,))
+        self.wake()
 
     def set_friction(self, index: int, friction: float) -> None:
         """Set the friction coefficient of a collider, without recompilation."""
@@ -150,15 +155,18 @@ class Solver(Readings):
         changed = replace(self.colliders[index], friction=friction)
         self.fields.parameters.set_friction(index, friction)
         self.colliders[index] = changed
+        self.wake()
 
     def set_material(self, index: int, material: Material) -> None:
         """Set other parameters of a body's law, without recompilation; raises TimeStepTooLarge if dt is too large."""
         self.check_material(index, material)
-        is_heavier = material.density != self.bodies[index].material.density
+        old = self.bodies[index].material
         self.fields.parameters.set_law(index, material)
         self.bodies[index] = replace(self.bodies[index], material=material)
         self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
-        self._momentum = self.momentum() if is_heavier else self._momentum
+        self._momentum = self.momentum() if material.density != old.density else self._momentum
+        if material != old:
+            self.wake()
 
     def check_material(self, index: int, material: Material) -> None:
         """Raise InvalidValue or TimeStepTooLarge if `set_material` would not accept this material."""
@@ -166,6 +174,14 @@ class Solver(Readings):
         if type(material) is not accepted:
             raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {accepted.__name__}")
         check_step(self.dt, self.grid.cell, [material])
+
+    def wake(self) -> None:
+        """Wake all particles; does nothing without sleeping."""
+        if self.fields.sleepers is not None:
+            self.fields.sleepers.set_limits(sleep_limits(self.sleep, self.grid, self.bodies, self.gravity))
+            self.rollback.store_pending()
+            self.particles.write([self.particles.rest], np.zeros((sum(self.particles.counts), 1)))
+            self.fields.stamps.is_listed = False
 
     def attach(self, counter: RegionCounter, sample: Sample | None = None) -> None:
         """Attach a counter, evaluated during advances, and a sample, taken at their end; kernels are recompiled."""
@@ -281,7 +297,9 @@ class Solver(Readings):
             if held and not self._has_warned_of_held:
                 self._has_warned_of_held = True
                 diagnostics.warn_of_held(self, stacklevel=4)
-            counts += self._read_counts(first, n, interval)
+            if self.counter is not None:
+                taken = range(first // interval, (first + n) // interval)
+                counts += self.counter.all_counts(self._out[rows.count :], self._per_particle, taken)
             self.mobility.end(self.paths.poses)
         return counts
 
@@ -291,15 +309,6 @@ class Solver(Readings):
                             interval, self._per_particle, sampled,
                             self.rollback.place_of_copy() if substeps else NOWHERE,
                             longest_stride(self.transfer_interval, dt))
-
-    def _read_counts(self, first: int, n: int, interval: int) -> list[Counts]:
-        """Return the counter's readings in a launch of n substeps, `first` of the advance before it."""
-        if self.counter is None:
-            return []
-        begin = self.fields.rows.count
-        return [self.counter.counts_from(self._out[begin + COUNTER_ROWS * k : begin + COUNTER_ROWS * (k + 1)],
-                                         self._per_particle[k])
-                for k in range(first // interval, (first + n) // interval)]
 
     # states ----------------------------------------------------------------------------------------------------------
     def store_checkpoint(self) -> None:

@@ -9,12 +9,15 @@ from mpm.state.active_blocks import mark_place
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer
 from mpm.state.packs import LANES
+from mpm.state.sleepers import is_awake, pack_at, packs_of_body
 from mpm.transfers.to_particles import drift_after, keep_inside
 
 FACE = 0.51
 """Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
 make on average where the face is: the impact on a bar is right to 2 % instead of 11 %. With a whole cell, as for
 shells, an elastic bed under a block would settle 9 % too little, as its top layer is held."""
+REACH = FACE + 0.5 * (BLOCK - 1) * 3**0.5 + 0.01
+"""Cells from the middle of a block of nodes within which a face can touch one of them."""
 SOLID_RECOVERY = 0.01
 """Cells by which a particle is brought out of a solid in a stride: enough against the slow drift of a fluid towards a
 face (1e-3), too little to throw what a scene begins with inside a tool."""
@@ -28,6 +31,10 @@ def cache_static_contact(static_contact: ti.template(), shape: ti.template(), ow
     is_first: what the nodes held before is forgotten.
     """
     ti.loop_config(serialize=True)
+    for block in ti.grouped(static_contact.owned):
+        if is_first > 0:
+            static_contact.owned[block] = 0
+    ti.loop_config(serialize=True)
     for I in ti.grouped(static_contact.plane):
         if is_first > 0:
             static_contact.owner[I] = 0
@@ -38,6 +45,7 @@ def cache_static_contact(static_contact: ti.template(), shape: ti.template(), ow
             world = R @ n
             static_contact.plane[I] = ti.Vector([world[0], world[1], world[2], phi])
             static_contact.owner[I] = owner + 1
+            static_contact.owned[I // BLOCK] = 1
 
 
 @ti.func
@@ -51,6 +59,9 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
     axes = [once(collider_axes(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
     for n in range(first, last):
         block = fields.grid.active[n] * BLOCK
+        touches = 0
+        if ti.static(len(fields.colliders) > 0):
+            touches = may_touch(fields, places, axes, block, origin)
         # summed per block about its corner, in the field's precision: 64 numbers of one size
         mass = ti.cast(0.0, fields.real)
         lever = ti.Vector.zero(fields.real, 3)
@@ -62,7 +73,7 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
                     mass += q[3]
                     lever += q[3] * ti.Vector([float(a), float(b), float(c)])
                     v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.dt * gravity
-                    if ti.static(len(fields.colliders) > 0):
+                    if touches > 0:
                         v = collide(fields, step, places, axes, I, v, q[3], origin)
                     fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
         weight += ti.cast(mass, ti.f64)
@@ -73,6 +84,25 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
     for d in ti.static(range(3)):
         add(step.out, GRAVITY_ROW, d, p[d])
         add(step.out, GRAVITY_ROW, 3 + d, moment[d])
+
+
+@ti.func
+def may_touch(fields: ti.template(), places: ti.template(), axes: ti.template(), first_node, origin):
+    """Return whether a collider may be at some node of the block that begins at first_node (3,)."""
+    corner = in_first_layer(fields.grid, first_node)
+    near = 0
+    if ti.static(len(fields.features.static_colliders) > 0):
+        near |= fields.static_contact.owned[corner // BLOCK]
+    if ti.static(len(fields.features.shells) > 0):
+        near |= fields.shells.labelled[corner // BLOCK]
+    middle = ti.cast(position(corner, origin, fields.cell) + 0.5 * (BLOCK - 1) * fields.cell, fields.real)
+    for k, index in ti.static(enumerate(fields.features.moving_solids)):
+        r = middle - places[k]
+        ball = ti.static((fields.colliders[index].sdf.radius + REACH * fields.cell) ** 2)
+        if r.norm_sqr() < ball:  # noqa: SIM102  (what follows is a look-up)
+            if not fields.colliders[index].sdf.is_beyond(axes[k].transpose() @ r, REACH * fields.cell):
+                near = 1
+    return near
 
 
 @ti.func
@@ -157,8 +187,9 @@ def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
         places = [once(collider_origin(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
         axes = [once(collider_axes(step.motion, k, step.row)) for k in range(len(fields.features.moving_solids))]
         for body in range(fields.parameters.densities.shape[0]):
-            ends = fields.particles.range_table[body]
-            for q in range(ti.max(first, ends[0]), ti.min(last, ends[1])):
+            begin, end = packs_of_body(fields, body, first, last)
+            for place in range(begin, end):
+                q = pack_at(fields, place)
                 for k, index in ti.static(enumerate(fields.features.moving_solids)):
                     near = find_near_lanes(fields, fields.particles, index, q, axes[k], places[k])
                     while near > 0:
@@ -192,7 +223,7 @@ def find_near_lanes(fields: ti.template(), P: ti.template(), index: ti.template(
         z = [once(R[0, d] * r[0] + R[1, d] * r[1] + R[2, d] * r[2]) for d in range(3)]
         for l in ti.static(range(LANES)):
             y = ti.Vector([z[d][l] for d in range(3)])
-            if half[l] > 0 and not fields.colliders[index].sdf.is_beyond(y, half[l]):
+            if half[l] > 0 and is_awake(fields, q, l) and not fields.colliders[index].sdf.is_beyond(y, half[l]):
                 near |= 1 << l
     return near
 

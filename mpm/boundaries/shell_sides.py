@@ -14,6 +14,7 @@ from mpm.state.active_blocks import activate
 from mpm.state.ledger import position
 from mpm.state.nodes import clear, first_nodes
 from mpm.state.packs import LANES, lane_mask, write_lane
+from mpm.state.sleepers import count_packs, is_awake, pack_at
 
 SHELL_FACE = 1.01
 """Cells in front of a shell's face within which a node counts as on it. A free node nearer than a cell lacks the
@@ -89,7 +90,8 @@ def reaches_across(fields: ti.template(), J):
 @ti.func
 def label_particles(fields: ti.template(), P: ti.template(), motion: ti.template(), s: ti.i32):
     """Label the particles with the side on which they came near a shell, as long as they are near it."""
-    for q in range(P.pack_count[None]):
+    for place in range(count_packs(fields)):
+        q = pack_at(fields, place)
         near = 0
         for row, index in ti.static(fields.features.shell_rows):
             c_t = collider_origin(motion, row, s)
@@ -105,7 +107,7 @@ def label_particles(fields: ti.template(), P: ti.template(), motion: ti.template
                 before = ti.cast(P.side[q].dot(mask), ti.i32)
                 x = ti.Vector([P.x[d][q].dot(mask) + fields.origin[d] for d in range(3)])
                 side, phi = find_side(fields, motion, s, J, x)
-                if side != 0 and ti.abs(before) == ti.abs(side):
+                if (side != 0 and ti.abs(before) == ti.abs(side)) or not is_awake(fields, q, l):
                     side = before
                 write_lane(P.gap, q, mask, phi)
                 write_lane(P.side, q, mask, ti.cast(side, fields.real))

@@ -68,10 +68,16 @@ class Lattice(Shape):
 
     @ti.func
     def is_beyond(self, y, reach):
-        """Conservative early-out: look up the nearest point instead of eight; outside, faces are `margin` away."""
-        c = ti.Vector([ti.cast((y[d] - self.lower[d]) * (1.0 / self.spacing) + 0.5, ti.i32) for d in range(3)])
+        """Conservative early-out: look up the nearest point instead of eight.
+
+        Outside, the solid is as far as the lattice, and `margin` more.
+        """
+        u = ti.Vector([(y[d] - self.lower[d]) * (1.0 / self.spacing) for d in range(3)])
+        c = ti.Vector([ti.cast(u[d] + 0.5, ti.i32) for d in range(3)])
         shape = ti.static(self.host.shape)
-        far = self.margin > reach
+        last = ti.Vector([shape[d] - 1.0 for d in range(3)])
+        away = ti.max(ti.max(-u, u - last), 0.0 * u)
+        far = self.margin + away.norm() * self.spacing > reach
         if c.min() >= 0 and c[0] < shape[0] and c[1] < shape[1] and c[2] < shape[2]:
             far = self.values[c[0], c[1], c[2]] > reach + 0.87 * self.spacing
         return far

@@ -68,3 +68,15 @@ def update_plastic_stress(fields: ti.template(), P: ti.template(), law: ti.templ
     for i in ti.static(range(6)):
         P.e[i][q] = back[i]
     return law.stress(h, p)
+
+
+@ti.func
+def current_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, p: ti.template()):
+    """Return the Kirchhoff stress [Pa] of pack q as it is: what `update_stress` gives for no time, nothing stored."""
+    C = [once(P.C[i][q]) for i in range(9)]
+    if ti.static(law.state == "volume"):
+        return law.stress(once(P.j[q]), C, p)
+    elif ti.static(law.state == "cauchy_green"):
+        return law.stress([once(P.e[i][q]) for i in range(6)], p)
+    else:
+        return law.stress(fields.logarithm([once(P.e[i][q]) for i in range(6)]), p)

@@ -56,6 +56,22 @@ class Readings(AssemblyOwner):
         """Return velocities [m/s], shape (n_particles, 3), float64."""
         return self.particles.read(self.particles.v).astype(float)
 
+    @property
+    def awake(self) -> np.ndarray:
+        """Which particles are awake, (n_particles,); all without sleeping."""
+        sleepers = self.fields.sleepers
+        if sleepers is None:
+            return np.ones(sum(self.particles.counts), bool)
+        return self.particles.read([self.particles.rest])[:, 0] < sleepers.calm_time
+
+    @property
+    def sleepers_impulse(self) -> Wrench:
+        """Impulse [N s], [N m s] on the particles awake that sleeping ones gave in the last advance, less their own.
+
+        About the world's origin; it closes the ledger. Zero without sleeping.
+        """
+        return Wrench(*self.sums[self.fields.rows.asleep].reshape(2, 3))
+
     def masses(self) -> np.ndarray:
         """Return masses [kg], shape (n_particles,)."""
         volume = self.particles.read([self.particles.volume])[:, 0].astype(float)

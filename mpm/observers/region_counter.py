@@ -1,5 +1,6 @@
 """Counts of particles in regions, near a collider and out of bounds, taken inside a launch."""
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,6 +124,13 @@ class RegionCounter:
         self._out[:] = 0.0
         self.kernel.sum_now(np.concatenate([pose.position, pose.matrix.ravel()]), self._out, self._per_particle)
         return self.counts_from(self._out, self._per_particle[0])
+
+    def all_counts(self, rows: np.ndarray, per_particle: np.ndarray, readings: Iterable[int]) -> list[Counts]:
+        """Return the counts of some readings of an advance, by their numbers.
+
+        rows (readings COUNTER_ROWS, 6), per_particle (readings, ...): what the kernel wrote for all of them.
+        """
+        return [self.counts_from(rows[COUNTER_ROWS * k : COUNTER_ROWS * (k + 1)], per_particle[k]) for k in readings]
 
     def counts_from(self, rows: np.ndarray, per_particle: np.ndarray) -> Counts:
         """Return the counts for two rows of sums, and the numbers of single particles."""

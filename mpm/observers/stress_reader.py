@@ -4,6 +4,7 @@ import numpy as np
 
 from mpm.backend import once, ti
 from mpm.materials.material import PARAMETERS
+from mpm.materials.stress_update import current_stress
 from mpm.materials.symmetric_tensor import FULL
 from mpm.state.fields import Fields
 from mpm.state.packs import LANES
@@ -36,15 +37,3 @@ class StressReader:
                         for i in ti.static(range(6)):
                             for l in ti.static(range(LANES)):
                                 out[i, q, l] = tau[i][l]
-
-
-@ti.func
-def current_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, p: ti.template()):
-    """Return the Kirchhoff stress [Pa] of pack q as it is: what `update_stress` gives for no time, nothing stored."""
-    C = [once(P.C[i][q]) for i in range(9)]
-    if ti.static(law.state == "volume"):
-        return law.stress(once(P.j[q]), C, p)
-    elif ti.static(law.state == "cauchy_green"):
-        return law.stress([once(P.e[i][q]) for i in range(6)], p)
-    else:
-        return law.stress(fields.logarithm([once(P.e[i][q]) for i in range(6)]), p)

@@ -43,6 +43,8 @@ class Features:
     """Indices of mobile colliders: contact moves them."""
     static_colliders: tuple[int, ...]
     """Indices of static colliders."""
+    sleep: bool
+    """Particles at rest fall asleep."""
 
     serial: bool
     """Whether one thread advances the scene; otherwise several threads or a GPU."""
@@ -105,7 +107,7 @@ def choose_numerics(bodies: list[Body], precision: str | None, integrator: str |
 
 
 def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,
-                body_acceleration: bool, strides: bool) -> Features:
+                body_acceleration: bool, strides: bool, sleep: bool = False) -> Features:
     """Derive the features of a scene.
 
     Raises InvalidValue for a scene on a GPU with something that only one thread can advance: lists that grow as
@@ -114,10 +116,12 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
     thin = [isinstance(c.sdf, Shell) for c in colliders]
     mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), walls.periodic
     serial = [name for name, present in (("thin shells", any(thin)), ("mobile colliders", mobile),
-                                         ("periodic sides", any(periodic))) if present]
+                                         ("periodic sides", any(periodic)), ("sleeping", sleep)) if present]
     if serial and is_shared():
         raise InvalidValue(f"Solver: {', '.join(serial)} on a GPU; accepted there: moving and static solids, walls; "
                            f"everything with mpm.init(arch=\"cpu\")")
+    if sleep and body_acceleration:
+        raise InvalidValue("Solver: sleep with body_acceleration; accepted: sleep=False, or gravity alone")
     return Features(
         precision=precision, integrator=integrator,
         volume_correction=any(b.material.has_volume_correction for b in bodies),
@@ -129,4 +133,5 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         shells=tuple(i for i in range(len(colliders)) if thin[i]),
         mobile=mobile,
         static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
+        sleep=sleep,
     )

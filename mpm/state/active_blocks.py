@@ -15,12 +15,16 @@ def wrap_stamp(stamp: int) -> int:
 
 
 @ti.func
-def mark_pack(grid: ti.template(), x: ti.template(), q, inverse_cell, last: ti.i32, stamp: ti.i32):
-    """Activate the blocks that the stencils of a pack reach; `last` is the key of the previous lane; return the key."""
+def mark_pack(grid: ti.template(), x: ti.template(), q, inverse_cell, last: ti.i32, stamp: ti.i32, left_out: ti.i32):
+    """Activate the blocks that the stencils of a pack reach; return the last key.
+
+    last: the key of the previous lane. left_out: bits of lanes that activate nothing.
+    """
     nodes = first_nodes(grid, x, q, inverse_cell)[0]
     key = last
     for lane in ti.static(range(LANES)):
-        key = mark(grid, ti.Vector([nodes[d][lane] for d in range(3)]), key, stamp)
+        if (left_out >> lane) & 1 == 0:
+            key = mark(grid, ti.Vector([nodes[d][lane] for d in range(3)]), key, stamp)
     return key
 
 
@@ -80,7 +84,7 @@ def mark_all(grid: ti.template(), particles: ti.template(), inverse_cell, stamp:
     grid.count[None] = 0
     last = -1
     for q in range(particles.pack_count[None]):
-        last = mark_pack(grid, particles.x, q, inverse_cell, last, stamp)
+        last = mark_pack(grid, particles.x, q, inverse_cell, last, stamp, 0)
 
 
 @ti.func

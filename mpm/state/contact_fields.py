@@ -17,6 +17,8 @@ class StaticContact:
         """Normal and signed distance [m] of the collider that owns the node."""
         self.owner = ti.field(ti.i32, grid.shape)
         """Index plus one of the collider whose contact the node takes; 0: none."""
+        self.owned = ti.field(ti.i32, tuple(n // BLOCK for n in grid.shape))
+        """1 where a node of the block has an owner."""
 
 
 class ShellFields:

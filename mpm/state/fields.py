@@ -22,6 +22,7 @@ from mpm.state.ledger import LedgerRows, ledger_rows
 from mpm.state.nodes import GridFields
 from mpm.state.parameters import Parameters, laws_of
 from mpm.state.particles import ParticleFields
+from mpm.state.sleepers import Sleepers
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,7 @@ class Fields:
     static_contact: StaticContact | None
     shells: ShellFields | None
     mobile_nodes: MobileContact | None
+    sleepers: Sleepers | None
     scatter_target: Any
     """Node field that particles scatter to: that of `grid`, or `parts` arrays, one after the other along x."""
     parts: int
@@ -129,14 +131,15 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
     mobile = None
     if features.mobile:
         mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision)
+    sleepers = Sleepers(nodes, particles.n_packs, len(bodies), precision) if features.sleep else None
     nx, ny, nz = (int(n) for n in grid.cells)
     x, y, z = (float(c) for c in grid.origin)
     return Fields(
         features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)),
         wall_conditions=tuple(conditions_of(walls)), colliders=tuple(ready),
         static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
-        mobile_nodes=mobile, parameters=Parameters(len(bodies), len(colliders), precision), stamps=Stamps(),
-        scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),
+        mobile_nodes=mobile, sleepers=sleepers, parameters=Parameters(len(bodies), len(colliders), precision),
+        stamps=Stamps(), scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),
         rows=ledger_rows(len(colliders)))
 
 

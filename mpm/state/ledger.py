@@ -19,6 +19,8 @@ class LedgerRows(NamedTuple):
     """Sum of squared velocities, largest speed [m/s], substeps until the launch was halted, particles held at walls."""
     walls: int
     """The first of six rows: what each wall adds to `WALL_ROW`, in the order of folding."""
+    asleep: int
+    """What sleeping particles give to those awake, see `mpm.stepping.sleep_settle`."""
     count: int
     """Rows, without those of a counter."""
 
@@ -26,7 +28,8 @@ class LedgerRows(NamedTuple):
 def ledger_rows(n_colliders: int) -> LedgerRows:
     """Return the rows of a scene with so many colliders."""
     momentum = FIRST_COLLIDER_ROW + n_colliders
-    return LedgerRows(FIRST_COLLIDER_ROW, momentum, momentum + 1, momentum + 2, momentum + 2 + WALL_COUNT)
+    return LedgerRows(FIRST_COLLIDER_ROW, momentum, momentum + 1, momentum + 2, momentum + 2 + WALL_COUNT,
+                      momentum + 3 + WALL_COUNT)
 
 
 @ti.func

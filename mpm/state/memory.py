@@ -45,11 +45,14 @@ def field_memory(grid: Grid, counts: tuple[int, ...], features: Features, parts:
     layers = 2 if features.shells else 1
     each_node = 4.0 * number * (layers + parts * layers)
     each_node += (4 * number + 4) * bool(features.static_colliders) + (4 * number + 8) * layers * bool(features.shells)
-    each_block = 24.0 * layers
+    each_node += (36 + 7 * number) * features.sleep
+    each_block = 24.0 * layers + 16.0 * features.sleep + 4.0 * bool(features.static_colliders)
     named = 15 + 6 * features.tensor_state + features.volume_state + features.volume_correction
+    named += 5 * features.sleep
     named += 3 * features.body_acceleration + 2 * bool(features.shells) + 1 + bool(features.moving_solids)
     lanes = sum(-(-count // LANES) * LANES for count in counts)
-    return nodes * (each_node + each_block / BLOCK**3) + lanes * named * float(number)
+    each_lane = named * float(number) + (4.0 + 16.0 / LANES) * features.sleep
+    return nodes * (each_node + each_block / BLOCK**3) + lanes * each_lane
 
 
 def check_memory(grid: Grid, counts: tuple[int, ...], features: Features, parts: int) -> None:

@@ -66,6 +66,10 @@ class ParticleFields:
         """Side of the closest shell, as plus or minus its collider's index plus one; 0 away from shells."""
         self.gap = pack_field() if features.shells else None
         """Signed distance to that shell at the start of the substep [m]."""
+        self.rest = pack_field() if features.sleep else None
+        """Time [s] for which the particle has been calm; it sleeps from the calm time on."""
+        self.rest_place = [pack_field() for _ in range(4)] if features.sleep else []
+        """Position [m] and change of volume at the begin of that time."""
         self.volume = pack_field()
         """Initial volume V0 [m^3]; zero in padding lanes."""
         self.half = pack_field() if features.moving_solids else None
@@ -77,6 +81,9 @@ class ParticleFields:
         self.state_fields = state
         """All fields of the state, in the order of `named_fields`: x, v and C first."""
         others = [field for field in (self.volume, self.half, self.gap) if field is not None]
+        strain = [*self.e, *(field for field in (self.j, self.vc) if field is not None)]
+        self.kept_strain = strain if features.sleep else []
+        """Fields that the constitutive update changes, and that lanes which sleep keep."""
         self._all = Packs([*state, *others], self.pack_count, self._dtype)
 
     def fill(self, bodies: list[Body], grid: Grid) -> None:
@@ -141,7 +148,9 @@ class ParticleFields:
             named["acceleration"] = self.acceleration
         if self.e:
             named["e"] = self.e
-        for name, field in (("j", self.j), ("vc", self.vc), ("side", self.side)):
+        if self.rest_place:
+            named["rest_place"] = self.rest_place
+        for name, field in (("j", self.j), ("vc", self.vc), ("side", self.side), ("rest", self.rest)):
             if field is not None:
                 named[name] = [field]
         return named

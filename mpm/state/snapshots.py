@@ -4,6 +4,7 @@ from typing import Any
 
 from mpm.backend import ti
 from mpm.state.packs import LANES
+from mpm.state.sleepers import ALL_LANES, Sleepers
 
 
 @ti.data_oriented
@@ -11,14 +12,19 @@ class StateBank:
     """Copies of pack fields, and of flags of single particles, in numbered slots; made inside `backend.allocating`.
 
     fields: pack fields of one length and type. count: that length, as a field. slots: how many states there is room
-    for. flags: fields (n_lanes,) of 8-bit integers that belong to a state, or none.
+    for. flags: fields (n_lanes,) of 8-bit integers that belong to a state, or none. sleepers: with one slot, packs that
+    have slept since they were stored are not stored again.
     """
 
-    def __init__(self, fields: list, count: Any, slots: int, flags: list | None = None) -> None:
+    def __init__(self, fields: list, count: Any, slots: int, flags: list | None = None,
+                 sleepers: Sleepers | None = None) -> None:
         self.fields, self.count, self.slots, self.flags = fields, count, slots, list(flags or [])
         self.packs = fields[0].shape[0] if fields else 0
         self.lanes = self.flags[0].shape[0] if self.flags else 0
         self.states = ti.Vector.field(LANES, fields[0].dtype, (slots, len(fields), self.packs)) if fields else None
+        self.skips, self.sleepers = sleepers is not None, sleepers
+        self.stored = ti.field(ti.i32, self.packs) if self.skips else None
+        """The pack's `Sleepers.version` when it was stored asleep."""
         self.flag_states = ti.field(ti.i8, (slots, len(self.flags), self.lanes)) if self.flags else None
 
     @staticmethod
@@ -30,12 +36,25 @@ class StateBank:
     @ti.func
     def store(self, slot):
         """Copy the present state into a slot."""
-        for i in ti.static(range(len(self.fields))):
-            for q in range(self.count[None]):
-                self.states[slot, i, q] = self.fields[i][q]
+        if ti.static(self.skips):
+            self.store_changed(slot)
+        else:
+            for i in ti.static(range(len(self.fields))):
+                for q in range(self.count[None]):
+                    self.states[slot, i, q] = self.fields[i][q]
         for i in ti.static(range(len(self.flags))):
             for lane in range(self.lanes):
                 self.flag_states[slot, i, lane] = self.flags[i][lane]
+
+    @ti.func
+    def store_changed(self, slot):
+        """Copy the packs that are not as the slot has them already."""
+        for q in range(self.count[None]):
+            if self.stored[q] != self.sleepers.version[q]:
+                for i in ti.static(range(len(self.fields))):
+                    self.states[slot, i, q] = self.fields[i][q]
+                if self.sleepers.lanes_asleep[q] == ALL_LANES:
+                    self.stored[q] = self.sleepers.version[q]
 
     @ti.func
     def restore(self, slot):

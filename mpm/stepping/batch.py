@@ -19,9 +19,9 @@ from mpm.observers.diagnostics import describe_divergence, warn_of_held
 from mpm.observers.region_counter import MAX_READINGS, Counts
 from mpm.observers.sample import SampleKernel
 from mpm.scene.grid import ROUNDING
-from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.particles import SPEED_LIMIT
+from mpm.state.sleepers import count_packs
 from mpm.state.snapshots import StateBank
 from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.serial import SerialStepper, add_status
@@ -76,14 +76,14 @@ class BatchStepper(SerialStepper):
                 self.states.restore(e)
                 self.set_laws(laws, e)
                 dt = dts[e]
-                if substeps == ti.static(READ_ONLY):
+                if substeps == ti.static(READ_ONLY):  # noqa: SIM102  (decided when compiling)
                     if ti.static(self.has_counter):
                         self.take_reading(motion, row, 1, 1, out, per_particle, e * readings)
-                else:
-                    mark_all(self.fields.grid, self.fields.particles, 1.0 / self.fields.cell, stamp)
+                if ti.static(self.fields.features.sleep) or substeps > 0:
+                    self.list_blocks(stamp)
                 self.advance(substeps, stamp, dt, motion, row, mobile, out, done, interval, per_particle, e * readings,
                              max_stride)
-                add_status(self.fields, self.fields.particles, out, 0, self.fields.particles.pack_count[None])
+                add_status(self.fields, self.fields.particles, out, 0, count_packs(self.fields))
                 if ti.static(self.has_sample):
                     self.sample.take(sampled, e * ti.static(self.sample_rows))
                 self.states.store(e)
@@ -157,10 +157,20 @@ class Batch:
     def set_material(self, e: int, body: int, material: Material) -> None:
         """Set a body's material in one environment, as `Solver.set_material` does."""
         self.solver.check_material(body, material)
+        if self.solver.features.sleep and material != self._materials[e][body]:
+            self._wake(e)
         self._materials[e][body] = material
         self._laws[e, body] = 0.0
         self._laws[e, body, : len(material.parameters)] = material.parameters
         self._laws[e, body, PARAMETERS] = material.density
+
+    def _wake(self, e: int) -> None:
+        """Wake all particles of an environment."""
+        states = self._stepper.states
+        with default_precision(self.solver.precision):
+            states.restore_now(e)
+            self.solver.wake()
+            states.store_now(e)
 
     def set_collider_motion(self, e: int, index: int, begin: Pose, *ends: Pose, jump: bool = False) -> None:
         """Set a collider's motion in one environment, as `Solver.set_collider_motion` does."""
@@ -268,9 +278,8 @@ class Batch:
         return [*before, *self._counts(e, readings)] if self._counter else []
 
     def _counts(self, e: int, readings: range) -> list[Counts]:
-        begin = self.solver.fields.rows.count
-        return [self._counter.counts_from(self._results[e, begin + COUNTER_ROWS * k : begin + COUNTER_ROWS * (k + 1)],
-                                          self._per_particle[e * self.readings + k]) for k in readings]
+        own = self._per_particle[e * self.readings : (e + 1) * self.readings]
+        return self._counter.all_counts(self._results[e, self.solver.fields.rows.count :], own, readings)
 
     def adopt(self, e: int) -> None:
         """Set an environment to the state, materials and counter's flags of the solver: the reverse of `select`."""
@@ -289,7 +298,7 @@ class Batch:
         solver = self.solver
         solver.check_open()
         with default_precision(solver.precision):
+            for body, material in enumerate(self._materials[e]):
+                solver.set_material(body, material)
             self._stepper.states.restore_now(e)
-        for body, material in enumerate(self._materials[e]):
-            solver.set_material(body, material)
         solver.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))

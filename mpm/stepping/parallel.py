@@ -176,7 +176,7 @@ class ParallelStepper(SerialStepper):
         for turn in range(self.parts * self.turns):
             if turn % self.turns == 0:
                 first, last = self.packs_of(turn // self.turns)
-                ti.atomic_max(self.fastest[None], fastest_square(self.fields.particles, first, last))
+                ti.atomic_max(self.fastest[None], fastest_square(self.fields, self.fields.particles, first, last))
         return limit_stride(self.fields, motion, s, mobile, dt, most, self.fastest[None])
 
     @ti.kernel

@@ -16,6 +16,7 @@ from mpm.boundaries.shell_sides import label_shell_sides
 from mpm.boundaries.shell_transfer import gather_across_shells, scatter_across_shells
 from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
 from mpm.state.fields import Fields
+from mpm.stepping.sleep_settle import settle_with_sleepers
 from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
 from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list
 
@@ -83,6 +84,7 @@ ORDER = (
           "a mobile collider"),
     Phase("unfold walls", "walls", unfold_walls, lambda f: bool(f.wall_conditions), "a wall"),
     Phase("unfold periodic sides", "once", unfold_periodic, lambda f: f.is_periodic, "a periodic side"),
+    Phase("settle with sleepers", "blocks", settle_with_sleepers, lambda f: f.features.sleep, "sleeping"),
     Phase("start block list", "once", start_block_list, _always, "every scene"),
     Phase("gather", "packs", gather_packs, _always, "every scene"),
     Phase("gather across shells", "once", gather_across_shells, lambda f: bool(f.features.shells), "a shell"),

@@ -31,8 +31,9 @@ class Rollback:
         They take memory from the first call on.
         """
         assembly, particles, counter = self._solver.assembly, self._solver.particles, self._solver.counter
-        count = particles.pack_count
-        banks = [assembly.share(("bank", place), lambda: StateBank(particles.state_fields, count, 1))]
+        count, sleepers = particles.pack_count, self._solver.fields.sleepers
+        banks = [assembly.share(("bank", place), lambda: StateBank(particles.state_fields, count, 1,
+                                                                            sleepers=sleepers))]
         if counter is not None:
             kernel = counter.kernel
             banks.append(assembly.share(("bank", place, kernel), lambda: StateBank([], count, 1, [kernel.flags])))

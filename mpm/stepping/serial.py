@@ -12,10 +12,12 @@ from mpm.state.fields import Fields
 from mpm.state.ledger import add, maximise
 from mpm.state.packs import LANES
 from mpm.state.particles import AT_WALL
+from mpm.state.sleepers import LOOK, adopt_rest, count_packs, pack_at, packs_of_body
 from mpm.state.snapshots import StateBank
 from mpm.stepping.phases import Step, phases_of
+from mpm.stepping.sleep_look import activate_sides, look_at_rest
 from mpm.stepping.stride import plan_stride
-from mpm.transfers.to_particles import drift_before, drift_packs
+from mpm.transfers.to_particles import drift_before, drift_packs, mark_awake
 
 NOWHERE, CHECKPOINT, UNDO = range(3)
 """Where a launch first copies the state to."""
@@ -46,6 +48,18 @@ class SerialStepper:
         """List the active blocks of the first substep; those of later ones are listed at the end of the one before."""
         ti.loop_config(serialize=True)
         for _ in range(1):
+            self.list_blocks(stamp)
+
+    @ti.func
+    def list_blocks(self, stamp: ti.i32):
+        """List the blocks that all particles reach, of a state that may be another than the last substep left."""
+        if ti.static(self.fields.features.sleep):
+            adopt_rest(self.fields, self.fields.particles)
+            self.fields.grid.count[None] = 0
+            key = -1
+            for place in range(count_packs(self.fields)):
+                key = mark_awake(self.fields, self.fields.particles, pack_at(self.fields, place), key, stamp)
+        else:
             mark_all(self.fields.grid, self.fields.particles, 1.0 / self.fields.cell, stamp)
 
     @ti.kernel
@@ -68,8 +82,8 @@ class SerialStepper:
                         bank.store(0)
             self.advance(substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
                          max_stride)
-            self.sum_momentum(out, 0, self.fields.particles.pack_count[None])
-            add_status(self.fields, self.fields.particles, out, 0, self.fields.particles.pack_count[None])
+            self.sum_momentum(out, 0, count_packs(self.fields))
+            add_status(self.fields, self.fields.particles, out, 0, count_packs(self.fields))
             if ti.static(self.has_sample):
                 self.sample.take(sampled, 0)
 
@@ -83,9 +97,19 @@ class SerialStepper:
         get too fast the launch ends, and the number of substeps until then stands in the output's status row.
         """
         left, stamp, span = 0, first_stamp, 1
+        looked, next_look = 0, 0
         self.fields.particles.halted[None] = 0
-        for s in range(substeps):
+        for s in range(substeps + ti.static(int(self.fields.features.sleep))):
             starts = left == 0
+            if ti.static(self.fields.features.sleep):
+                if starts and substeps > 0 and (s >= next_look or s == substeps):
+                    next_look = s + ti.max(ti.cast(self.fields.sleepers.limits[LOOK] / dt, ti.i32), 1)
+                    rows = ti.min(next_look + max_stride, substeps) - s
+                    look_at_rest(self.fields, motion, first_row + s, rows, mobile, dt, dt * (s - looked),
+                                 first_stamp + s, out)
+                    looked = s
+                if s == substeps:
+                    break
             if starts:
                 stamp, span = first_stamp + s, 1
                 if ti.static(self.fields.features.strides):
@@ -93,7 +117,9 @@ class SerialStepper:
                     span = plan_stride(self.fields, motion, first_row + s, mobile, dt, most)
                     if span > 1:
                         drift_packs(self.fields, self.fields.particles, drift_before(dt, span), stamp, 0,
-                                    self.fields.particles.pack_count[None])
+                                    count_packs(self.fields))
+                if ti.static(self.fields.features.sleep):
+                    activate_sides(self.fields, stamp)
                 left = span
             left -= 1
             row, transfer_mass, moved = first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
@@ -122,16 +148,16 @@ class SerialStepper:
     def sum_momentum(self, out: ti.template(), first, last):
         """Add the momentum of packs first .. last - 1 about the world's origin, affine part included."""
         for body in range(self.fields.parameters.densities.shape[0]):
-            ends = self.fields.particles.range_table[body]
-            self.sum_body_momentum(self.fields.particles, self.fields.parameters.densities[body], out,
-                                   ti.max(first, ends[0]), ti.min(last, ends[1]))
+            begin, end = packs_of_body(self.fields, body, first, last)
+            self.sum_body_momentum(self.fields.particles, self.fields.parameters.densities[body], out, begin, end)
 
     @ti.func
     def sum_body_momentum(self, P: ti.template(), density, out: ti.template(), first, last):
         """Add the momentum of packs of one density [kg/m^3]."""
         quarter, origin = 0.25 * self.fields.cell * self.fields.cell, self.fields.world_origin()
         total, turning = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
-        for q in range(first, last):
+        for place in range(first, last):
+            q = pack_at(self.fields, place)
             spin = [once(quarter * (P.C[7][q] - P.C[5][q])), once(quarter * (P.C[2][q] - P.C[6][q])),
                     once(quarter * (P.C[3][q] - P.C[1][q]))]
             for l in ti.static(range(LANES)):
@@ -154,7 +180,8 @@ def add_status(fields: ti.template(), P: ti.template(), out: ti.template(), firs
     total = ti.cast(0.0, ti.f64)
     fastest = ti.cast(0.0, ti.f64)
     held = 0
-    for q in range(first, last):
+    for place in range(first, last):
+        q = pack_at(fields, place)
         v2 = P.v[0][q] ** 2 + P.v[1][q] ** 2 + P.v[2][q] ** 2
         total += ti.cast(v2.sum(), ti.f64)
         fastest = ti.max(fastest, ti.cast(v2.max(), ti.f64))
@@ -192,7 +219,7 @@ def run_phases(fields: ti.template(), phases: ti.template(), step: ti.template()
 def run_phase(fields: ti.template(), phase: ti.template(), step: ti.template()):
     """Run one phase over its whole domain."""
     if ti.static(phase.over == "packs"):
-        phase.run(fields, step, 0, fields.particles.pack_count[None])
+        phase.run(fields, step, 0, count_packs(fields))
     elif ti.static(phase.over == "blocks"):
         phase.run(fields, step, 0, fields.grid.count[None])
     elif ti.static(phase.over == "walls"):

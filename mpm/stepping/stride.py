@@ -18,6 +18,7 @@ from mpm.geometry.rigid_motion import LINEAR
 from mpm.materials.stable_step import TRAVEL_FRACTION
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
+from mpm.state.sleepers import count_packs, pack_at
 
 Interval = float | Literal["strides"] | None
 """Accepted values of `Solver(transfer_interval=)`, see `choose_interval`."""
@@ -72,16 +73,17 @@ def plan_stride(fields: ti.template(), motion: ti.template(), s: ti.i32, mobile:
 
     At its present speed no particle travels more than `TRAVEL` cells, no collider more than it may in a substep.
     """
-    fastest = fastest_square(fields.particles, 0, fields.particles.pack_count[None])
+    fastest = fastest_square(fields, fields.particles, 0, count_packs(fields))
     return limit_stride(fields, motion, s, mobile, dt, most, fastest)
 
 
 @ti.func
-def fastest_square(particles: ti.template(), first, last):
-    """Return the largest squared speed [m^2/s^2] of packs first .. last - 1."""
-    fastest = particles.v[0][0][0] * 0.0
-    for q in range(first, last):
-        v2 = particles.v[0][q] ** 2 + particles.v[1][q] ** 2 + particles.v[2][q] ** 2
+def fastest_square(fields: ti.template(), P: ti.template(), first, last):
+    """Return the largest squared speed [m^2/s^2] of the packs at places first .. last - 1."""
+    fastest = P.v[0][0][0] * 0.0
+    for place in range(first, last):
+        q = pack_at(fields, place)
+        v2 = P.v[0][q] ** 2 + P.v[1][q] ** 2 + P.v[2][q] ** 2
         fastest = ti.max(fastest, v2.max())
     return fastest
 

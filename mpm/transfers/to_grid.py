@@ -8,6 +8,7 @@ from mpm.scene.grid import BLOCK
 from mpm.state.ledger import GRAVITY_ROW, add
 from mpm.state.nodes import clear, first_nodes, velocities_to_momenta
 from mpm.state.packs import LANES
+from mpm.state.sleepers import is_awake, pack_at, packs_of_body, sleeping_lanes
 from mpm.transfers.particle_grid import SingleLayer, lane_weights, scatter, weights
 
 
@@ -18,6 +19,22 @@ def start_nodes(fields: ti.template(), step: ti.template(), first, last):
         clear(fields.grid, first, last)
     elif ti.static(fields.features.strides):
         velocities_to_momenta(fields.grid, first, last)
+    if ti.static(fields.features.sleep):
+        start_from_sleepers(fields, step, first, last)
+
+
+@ti.func
+def start_from_sleepers(fields: ti.template(), step: ti.template(), first, last):
+    """Add the force of sleepers, and where mass is transferred their mass, to the nodes of blocks first .. last - 1."""
+    factors = ti.Vector([step.dt, step.dt, step.dt, ti.cast(step.transfer_mass, fields.real)])
+    for n in range(first, last):
+        block = fields.grid.active[n]
+        if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
+            for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
+                I = block * BLOCK + ti.Vector([a, b, c])
+                given = fields.sleepers.given[I]
+                if given[3] > 0:
+                    fields.grid.nodes[I] = fields.grid.nodes[I] + factors * given
 
 
 @ti.func
@@ -26,19 +43,22 @@ def scatter_packs(fields: ti.template(), step: ti.template(), first, last):
     for index, law in ti.static(enumerate(fields.laws)):
         for body in range(fields.parameters.densities.shape[0]):
             if ti.static(len(fields.laws) == 1) or fields.parameters.law_index[body] == index:
-                ends = fields.particles.range_table[body]
-                scatter_body(fields, fields.particles, step, law, body, ti.max(first, ends[0]), ti.min(last, ends[1]))
+                begin, end = packs_of_body(fields, body, first, last)
+                scatter_body(fields, fields.particles, step, law, body, begin, end)
 
 
 @ti.func
 def scatter_body(fields: ti.template(), P: ti.template(), step: ti.template(), law: ti.template(), body, first, last):
-    """Update and scatter the packs first .. last - 1, which are of one body."""
+    """Update and scatter the packs at places first .. last - 1, which are of one body."""
     p = [once(fields.parameters.law[body, i]) for i in range(PARAMETERS)]
     density = fields.parameters.densities[body]
     force = -step.dt * 4.0 / (fields.cell * fields.cell)
-    for q in range(first, last):
+    for place in range(first, last):
+        q = pack_at(fields, place)
         C = [once(P.C[i][q]) for i in range(9)]
+        before = [once(field[q]) for field in P.kept_strain]
         tau = update_stress(fields, P, law, q, step.dt, C, p)
+        keep_strain_of_sleepers(fields, P, q, before)
         volume = P.volume[q]
         mass = density * volume
         transferred = mass * ti.cast(step.transfer_mass, fields.real)
@@ -48,6 +68,16 @@ def scatter_body(fields: ti.template(), P: ti.template(), step: ti.template(), l
                 momentum[d] += step.dt * mass * P.acceleration[d][q]
             credit_acceleration(fields, P, q, step.dt * mass, step.out)
         scatter_pack(fields, P, step, q, momentum, transferred, force * volume, C, tau)
+
+
+@ti.func
+def keep_strain_of_sleepers(fields: ti.template(), P: ti.template(), q, before: ti.template()):
+    """Give the lanes of pack q that sleep the strain from before the update: to the bit, as their shares need it."""
+    if ti.static(fields.features.sleep):  # noqa: SIM102  (decided when compiling)
+        if fields.sleepers.lanes_asleep[q] > 0:
+            asleep = sleeping_lanes(fields, q)
+            for field, kept in ti.static(zip(P.kept_strain, before)):
+                field[q] = ti.select(asleep > 0, kept, field[q])
 
 
 @ti.func
@@ -78,9 +108,9 @@ def scatter_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q
     zero = fields.parameters.zero[None]
     for l in range(LANES):  # unrolled it is a fifth slower, and takes half as long again to compile
         node = [once(base[0][l] + step.shift), once(base[1][l]), once(base[2][l])]
-        listed = 0
+        listed = 1 - is_awake(fields, q, l)
         if ti.static(len(fields.features.shells) > 0):  # noqa: SIM102  (decided when compiling)
-            if P.side[q][l] != 0:
+            if P.side[q][l] != 0 and listed == 0:
                 listed = 1
                 list_particle(fields.shells, q, l, node, f, [px, py, pz], mass, Q, step.transfer_mass)
         if listed == 0:

@@ -5,6 +5,7 @@ from mpm.state.active_blocks import list_row, mark_pack
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
 from mpm.state.particles import SPEED_LIMIT
+from mpm.state.sleepers import is_awake, pack_at
 from mpm.transfers.particle_grid import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
 
@@ -21,10 +22,11 @@ def start_block_list(fields: ti.template(), step: ti.template(), first, last):
 def gather_packs(fields: ti.template(), step: ti.template(), first, last):
     """Phase: gather velocities of packs first .. last - 1; at the end of a stride, move the particles."""
     gather_and_move(fields, fields.particles, drift_after(step.dt, step.span), step.stamp + step.span, first, last)
-    for body in range(fields.parameters.densities.shape[0]):
-        ends = fields.particles.range_table[body]
-        if first < ends[1] and ends[1] <= last:
-            zero_padding_lanes(fields.particles, ends[1] - 1, ends[2])
+    if ti.static(not fields.features.sleep):  # there, padding lanes always sleep
+        for body in range(fields.parameters.densities.shape[0]):
+            ends = fields.particles.range_table[body]
+            if first < ends[1] and ends[1] <= last:
+                zero_padding_lanes(fields.particles, ends[1] - 1, ends[2])
 
 
 @ti.func
@@ -36,7 +38,8 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
     last_key = -1
     fastest = ti.Vector.zero(fields.real, LANES)
     squares = fastest
-    for q in range(first, last):
+    for place in range(first, last):
+        q = pack_at(fields, place)
         v, B, f = gather_pack(fields, P, q)
         gradient = 4.0 / fields.cell
         for r in ti.static(range(3)):
@@ -46,7 +49,7 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
         if dt > 0:
             for r in ti.static(range(3)):
                 P.x[r][q] = keep_inside(fields, P.x[r][q] + dt * v[r], r)
-            last_key = mark_pack(fields.grid, P.x, q, 1.0 / fields.cell, last_key, next_stamp)
+            last_key = mark_awake(fields, P, q, last_key, next_stamp)
         v2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
         fastest = ti.max(fastest, v2)
         squares += v2
@@ -81,15 +84,16 @@ def gather_pack(fields: ti.template(), P: ti.template(), q):
     v = [once(f[0] * 0.0) for _ in range(3)]
     B = [once(f[0] * 0.0) for _ in range(9)]
     for l in range(LANES):  # as in `scatter_pack`
-        w = [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)]
-        value, moment_i, moment_j, moment_k = gather(
-            ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)], fields.real,
-            w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
-        for r in ti.static(range(3)):
-            v[r][l] = value[r]
-            B[3 * r][l] = moment_i[r]
-            B[3 * r + 1][l] = moment_j[r]
-            B[3 * r + 2][l] = moment_k[r]
+        if is_awake(fields, q, l):
+            w = [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)]
+            value, moment_i, moment_j, moment_k = gather(
+                ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)],
+                fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
+            for r in ti.static(range(3)):
+                v[r][l] = value[r]
+                B[3 * r][l] = moment_i[r]
+                B[3 * r + 1][l] = moment_j[r]
+                B[3 * r + 2][l] = moment_k[r]
     return v, B, f
 
 
@@ -108,10 +112,20 @@ def zero_padding_lanes(P: ti.template(), q, filled):
 def drift_packs(fields: ti.template(), P: ti.template(), dt, stamp: ti.i32, first, last):
     """Move packs first .. last - 1 for dt [s], and activate the blocks that their stencils reach now."""
     last_key = -1
-    for q in range(first, last):
+    for place in range(first, last):
+        q = pack_at(fields, place)
         for r in ti.static(range(3)):
             P.x[r][q] = keep_inside(fields, P.x[r][q] + dt * P.v[r][q], r)
-        last_key = mark_pack(fields.grid, P.x, q, 1.0 / fields.cell, last_key, stamp)
+        last_key = mark_awake(fields, P, q, last_key, stamp)
+
+
+@ti.func
+def mark_awake(fields: ti.template(), P: ti.template(), q, last_key, stamp: ti.i32):
+    """Activate the blocks that the stencils of pack q reach, without those of lanes that sleep; return the last key."""
+    asleep = 0
+    if ti.static(fields.features.sleep):
+        asleep = fields.sleepers.lanes_asleep[q]
+    return mark_pack(fields.grid, P.x, q, 1.0 / fields.cell, last_key, stamp, asleep)
 
 
 @ti.func

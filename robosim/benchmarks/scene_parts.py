@@ -23,7 +23,7 @@ class Part(NamedTuple):
 def list_parts(solver: mpm.Solver) -> list[Part]:
     """List all parts of the field, present or left out."""
     f, p, g = solver.features, solver.particles, solver.fields.grid
-    contact = solver.fields.static_contact
+    contact, s = solver.fields.static_contact, solver.fields.sleepers
     n = sum(p.counts)
     laws = ", ".join(sorted({type(b.material).__name__ for b in solver.bodies}))
     conditions = ", ".join(type(condition).__name__ for condition in solver.fields.wall_conditions)
@@ -57,6 +57,8 @@ def list_parts(solver: mpm.Solver) -> list[Part]:
              else "the series is exact to the precision at these steps"),
         Part("strides of several substeps", f.strides, f"velocities stay on the grid for up to "
              f"{1e3 * solver.transfer_interval:.2g} ms" if f.strides else "every substep transfers to the particles"),
+        Part("sleeping", f.sleep, f"{1.0 - solver.awake.mean():.0%} of the particles sleep at the end" if f.sleep
+             else "every particle is computed", field_bytes([s.sums, s.path, s.window] if s else [])),
         Part("counter of the task", solver.counter is not None, "counts within the launch" if solver.counter is not None
              else "no counter is attached"),
         Part("adjoint", False, "no Rollout"),

@@ -61,6 +61,9 @@ class FieldConfig(Table):
     """Longest stride [s]: time between two transfers of velocities to the particles; 0: a transfer in every substep;
     "strides": chosen from the bound of the time step."""
 
+    sleep: bool | Annotated[float, Field(gt=0.0, le=100.0)] = False
+    """Whether grains at rest fall asleep and cost nothing; a number is a factor on the thresholds."""
+
     @pydantic.model_validator(mode="after")
     def _check_size(self) -> "FieldConfig":
         nodes = int(np.prod(mpm.Grid(self.region_lower, self.region_upper, self.cell).shape, dtype=float))

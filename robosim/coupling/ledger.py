@@ -33,6 +33,8 @@ class Ledger(NamedTuple):
     """Of each coupled body on the grains; the body received the opposite."""
     static: Impulse
     """Of colliders without a coupled body: containers."""
+    sleepers: Impulse
+    """Of sleeping grains on those awake, less the momentum that they take up."""
     residual: Impulse
     """Change of momentum that no source accounts for."""
 
@@ -42,7 +44,7 @@ class Ledger(NamedTuple):
 
         It is the scale of `residual`.
         """
-        parts = [self.gravity, self.walls, self.static, *self.bodies.values()]
+        parts = [self.gravity, self.walls, self.static, self.sleepers, *self.bodies.values()]
         return np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)])
 
 
@@ -60,23 +62,25 @@ def close_ledger(solver: mpm.Solver, before: Momentum, bodies: dict[str, int]) -
     on_grains = {name: rows[FIRST_COLLIDER_ROW + collider] for name, collider in bodies.items()}
     others = [i for i in range(len(solver.colliders)) if i not in bodies.values()]
     rest = sum((rows[FIRST_COLLIDER_ROW + i] for i in others), np.zeros(6))
-    residual = grains - rows[GRAVITY_ROW] - rows[WALL_ROW] - rest - sum(on_grains.values(), np.zeros(6))
+    sleepers = np.concatenate(solver.sleepers_impulse)
+    residual = grains - rows[GRAVITY_ROW] - rows[WALL_ROW] - rest - sleepers - sum(on_grains.values(), np.zeros(6))
     return Ledger(_impulse(grains), _impulse(rows[GRAVITY_ROW]), _impulse(rows[WALL_ROW]),
-                  {name: _impulse(row) for name, row in on_grains.items()}, _impulse(rest), _impulse(residual))
+                  {name: _impulse(row) for name, row in on_grains.items()}, _impulse(rest), _impulse(sleepers),
+                  _impulse(residual))
 
 
 def ledger_to_rows(ledger: Ledger) -> np.ndarray:
-    """Return a ledger as rows (5 + bodies, 6), for `ledger_from_rows`."""
+    """Return a ledger as rows (6 + bodies, 6), for `ledger_from_rows`."""
     return np.array([np.concatenate(part) for part in (*ledger[:3], *ledger[4:], *ledger.bodies.values())])
 
 
 def ledger_from_rows(rows: np.ndarray, bodies: Iterable[str]) -> Ledger:
     """Return the ledger of these rows; bodies: their names, in its order."""
-    grains, gravity, walls, static, residual, *rest = (_impulse(row) for row in rows)
-    return Ledger(grains, gravity, walls, dict(zip(bodies, rest, strict=True)), static, residual)
+    grains, gravity, walls, static, sleepers, residual, *rest = (_impulse(row) for row in rows)
+    return Ledger(grains, gravity, walls, dict(zip(bodies, rest, strict=True)), static, sleepers, residual)
 
 
 def empty_ledger(bodies: dict[str, int]) -> Ledger:
     """Return the ledger of a step without any impulse."""
     zero = Impulse(np.zeros(3), np.zeros(3))
-    return Ledger(zero, zero, zero, dict.fromkeys(bodies, zero), zero, zero)
+    return Ledger(zero, zero, zero, dict.fromkeys(bodies, zero), zero, zero, zero)

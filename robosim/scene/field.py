@@ -47,6 +47,7 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
         grid=mpm.Grid(field.region_lower, field.region_upper, field.cell),
         bodies=[mpm.Body(law, positions, volume=volume)], colliders=colliders,
         walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, transfer_interval=field.transfer_interval,
+        sleep=field.sleep,
     )
     return GrainField(solver, 0, volume)
 

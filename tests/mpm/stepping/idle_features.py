@@ -26,8 +26,11 @@ DT = 2e-4
 
 
 def state(colliders: list[mpm.Collider], bodies: int = 1, transfer_interval: float = 10 * DT,
-          accelerated: bool = False) -> dict[str, np.ndarray]:
-    """State of the sand after 0.03 s; a second body lies far from it; accelerated: every grain by nothing."""
+          accelerated: bool = False, sleep: bool = False) -> dict[str, np.ndarray]:
+    """State of the sand after 0.03 s; a second body lies far from it.
+
+    accelerated: every grain by nothing. sleep: grains could sleep, but none is at rest.
+    """
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
     positions = block()
     listed = [mpm.Body(sand, positions, volume=1e-6)]
@@ -35,13 +38,13 @@ def state(colliders: list[mpm.Collider], bodies: int = 1, transfer_interval: flo
         drop = mpm.sample_box((0.4, 0.02, 0.0), (0.44, 0.06, 0.04), CELL / 2)
         listed.append(mpm.Body(mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0), drop, volume=1e-6))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.5, 0.5, 0.5), CELL), bodies=listed, colliders=colliders, dt=DT,
-                        transfer_interval=transfer_interval,
+                        transfer_interval=transfer_interval, sleep=sleep,
                         body_acceleration=np.zeros((sum(len(b.positions) for b in listed), 3)) if accelerated else None)
     for index in solver.features.mobile:
         solver.set_collider_mobility(index, np.zeros((6, 6)), np.zeros(6))
     solver.advance(0.03)
     return {name: solver.particles.read(fields)[: len(positions)] for name, fields in
-            solver.particles.named_fields().items() if name not in ("j", "side")}
+            solver.particles.named_fields().items() if name not in ("j", "side", "rest", "rest_place")}
 
 
 def same(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
@@ -62,7 +65,7 @@ def main() -> int:
         scenes = {
             "moving collider": state([moving]), "mobile collider": state([mobile]), "static collider": state([static]),
             "second body": state([], bodies=2), "shell": state([shell]),
-            "body acceleration": state([], accelerated=True),
+            "body acceleration": state([], accelerated=True), "sleep": state([], sleep=True),
         }
         agree = {name: same(plain, other) for name, other in scenes.items()}
         agree["stride"] = same(state([], transfer_interval=0.0), state([], transfer_interval=1.5 * DT))

@@ -74,7 +74,7 @@ def fill(a: float, cell: float, per_cell: int, quarter: bool) -> np.ndarray:
 
 
 def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, courant: float, precision: str,
-           cone: str = "compression", strides: bool = True) -> mpm.Solver:
+           cone: str = "compression", strides: bool = True, sleep: bool | float = False) -> mpm.Solver:
     """Build the column before its release, about the z axis."""
     sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=ANGLES_DEG[cone], cone=cone)
     grains = fill(a, cell, per_cell, quarter)
@@ -86,7 +86,7 @@ def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, couran
     return mpm.Solver(
         grid=mpm.Grid((near, near, 0), (room, room, 1.2 * a * RADIUS + 2 * cell), cell), walls=walls,
         bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), precision=precision,
-        transfer_interval=None if strides else 0.0,
+        transfer_interval=None if strides else 0.0, sleep=sleep,
         dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
 
 

@@ -1,0 +1,167 @@
+"""Which particles sleep, in packs, and what they give to the nodes that they share with those that are awake."""
+
+import numpy as np
+
+from mpm.backend import put, real_type, ti
+from mpm.scene.grid import BLOCK
+from mpm.state.nodes import GridFields
+from mpm.state.packs import LANES
+
+ALL_LANES = 2**LANES - 1
+"""The bits of a pack all of whose lanes sleep."""
+CALM_TIME, DRIFT, STRAIN, PUSH, LOOK, FORCE, MASS = range(7)
+"""Places in `Sleepers.limits`."""
+
+
+class Sleepers:
+    """Fields that only a scene with sleeping has.
+
+    A particle sleeps once its `rest` reaches the calm time; the fields here follow from that.
+    """
+
+    def __init__(self, grid: GridFields, n_packs: int, n_bodies: int, precision: str) -> None:
+        self._dtype = np.float64 if precision == "f64" else np.float32
+        self.calm_time = np.inf
+        """Time [s] for which a particle is calm before it sleeps, as the particles hold it."""
+        self.lanes_asleep = ti.field(ti.i32, n_packs)
+        """Lanes of each pack that sleep, a bit each; padding lanes always do."""
+        self.lanes_summed = ti.field(ti.i32, n_packs)
+        """Lanes whose shares are in `sums`, a bit each."""
+        self.awake = ti.field(ti.i32, n_packs)
+        """Packs with a lane that is awake, in order."""
+        self.ranges = ti.Vector.field(2, ti.i32, n_bodies)
+        """First and last + 1 place of each body's packs in `awake`."""
+        self.count = ti.field(ti.i32, ())
+        """Number of packs in `awake`."""
+        nodes = (grid.width, *grid.nodes.shape[1:])
+        blocks = tuple(n // BLOCK for n in nodes)
+        self.sums = ti.Vector.field(4, ti.i64, nodes)
+        """Internal force and mass that sleepers give to each node, in whole quanta `limits[FORCE]` and `limits[MASS]`:
+        sums of integers do not depend on their order, and what is taken away leaves nothing behind."""
+        self.given = ti.Vector.field(4, real_type(precision), nodes)
+        """The same as force [N] and mass [kg]: what phases read."""
+        self.changed = ti.field(ti.i32, blocks)
+        """1 where `given` is not yet what `sums` say."""
+        self.shares = ti.field(ti.i32, blocks)
+        """How many sleepers' stencils reach each block."""
+        self.near = ti.field(ti.i32, blocks)
+        """Number of the last search that found a moving collider in reach of the block."""
+        self.search = ti.field(ti.i32, ())
+        """Number of the last search for blocks in reach of colliders; a look at the end of a launch makes none."""
+        self.home = ti.Vector.field(LANES, ti.i32, n_packs)
+        """Place in `stirred` of the block that each lane's stencil begins in, where the lane sleeps."""
+        self.stirred = ti.field(ti.i32, int(np.prod(blocks)))
+        """Number of the last look at which stencils that begin in a block may have been disturbed."""
+        self.path = ti.Vector.field(3, real_type(precision), nodes)
+        """Displacement [m] of each node since the last look."""
+        self.window = ti.field(ti.i32, nodes)
+        """Look since which `path` counts."""
+        self.look = ti.field(ti.i32, ())
+        """Number of the last look."""
+        self.disturbed = ti.field(ti.i32, ())
+        """1 where some block is near a collider or pushed since the last look."""
+        self.version = ti.field(ti.i32, n_packs)
+        """Changes whenever a pack may have become another since it slept: it woke, or its state was written."""
+        self.void = ti.field(ti.i32, ())
+        """1 where `sums` lack the shares of sleepers, until the next look."""
+        self.limits = ti.field(ti.f64, 7)
+        """Calm time [s], drift [m], strain, push [m] of a sleeper's nodes, time [s] between two looks; quanta of force
+        [N] and mass [kg]."""
+
+    def set_limits(self, limits: np.ndarray) -> None:
+        """Write `limits` (7,)."""
+        self.calm_time = float(np.asarray(limits[CALM_TIME], self._dtype))
+        put(self.limits, np.asarray(limits, np.float64))
+
+
+@ti.func
+def place_of_block(fields: ti.template(), block):
+    """Return the place of a block (3,) in a field of all blocks of the first layer."""
+    return (block[0] * fields.sleepers.shares.shape[1] + block[1]) * fields.sleepers.shares.shape[2] + block[2]
+
+
+@ti.func
+def count_packs(fields: ti.template()):
+    """Return how many packs phases run over: all, or those that are awake."""
+    count = 0
+    if ti.static(fields.features.sleep):  # noqa: SIM108  (decided when compiling)
+        count = fields.sleepers.count[None]
+    else:
+        count = fields.particles.pack_count[None]
+    return count
+
+
+@ti.func
+def packs_of_body(fields: ti.template(), body, first, last):
+    """Return the part of a body's packs that lies in the stretch first .. last - 1 of what phases run over."""
+    begin, end = first, last
+    if ti.static(fields.features.sleep):
+        ends = fields.sleepers.ranges[body]
+        begin, end = ti.max(first, ends[0]), ti.min(last, ends[1])
+    else:
+        ends = fields.particles.range_table[body]
+        begin, end = ti.max(first, ends[0]), ti.min(last, ends[1])
+    return begin, end
+
+
+@ti.func
+def pack_at(fields: ti.template(), place):
+    """Return the pack at a place of what phases run over."""
+    q = place
+    if ti.static(fields.features.sleep):
+        q = fields.sleepers.awake[place]
+    return q
+
+
+@ti.func
+def is_awake(fields: ti.template(), q, l):
+    """Return 1 where lane l of pack q is awake; without sleeping, a constant."""
+    awake = 1
+    if ti.static(fields.features.sleep):
+        awake = 1 - ((fields.sleepers.lanes_asleep[q] >> l) & 1)
+    return awake
+
+
+@ti.func
+def sleeping_lanes(fields: ti.template(), q):
+    """Return a pack of integers, 1 in lanes of pack q that sleep."""
+    bits = fields.sleepers.lanes_asleep[q]
+    return ti.Vector([(bits >> l) & 1 for l in range(LANES)])
+
+
+@ti.func
+def list_awake_packs(fields: ti.template()):
+    """List the packs with a lane that is awake, in order."""
+    n = 0
+    for body in range(fields.parameters.densities.shape[0]):
+        ends = fields.particles.range_table[body]
+        begin = n
+        for q in range(ends[0], ends[1]):
+            if fields.sleepers.lanes_asleep[q] != ALL_LANES:
+                fields.sleepers.awake[n] = q
+                n += 1
+        fields.sleepers.ranges[body] = ti.Vector([begin, n])
+    fields.sleepers.count[None] = n
+
+
+@ti.func
+def adopt_rest(fields: ti.template(), P: ti.template()):
+    """Take over who sleeps from the particles' `rest`; the nodes' sums are empty until shares are added again."""
+    calm_time = ti.cast(fields.sleepers.limits[CALM_TIME], fields.real)
+    for q in range(P.pack_count[None]):
+        bits = 0
+        for l in ti.static(range(LANES)):
+            if P.rest[q][l] >= calm_time or P.volume[q][l] == 0.0:
+                bits |= 1 << l
+        fields.sleepers.lanes_asleep[q] = bits
+        fields.sleepers.lanes_summed[q] = 0
+        fields.sleepers.version[q] = fields.sleepers.version[q] + 1
+    for I in ti.grouped(ti.ndrange(*fields.sleepers.shares.shape)):
+        if fields.sleepers.shares[I] > 0:
+            fields.sleepers.shares[I] = 0
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                for c in ti.static(range(BLOCK)):
+                    fields.sleepers.sums[I * BLOCK + ti.Vector([a, b, c])] = ti.Vector.zero(ti.i64, 4)
+                    fields.sleepers.given[I * BLOCK + ti.Vector([a, b, c])] = ti.Vector.zero(fields.real, 4)
+    list_awake_packs(fields)
+    fields.sleepers.void[None] = 1

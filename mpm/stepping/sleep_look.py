@@ -1,0 +1,223 @@
+"""A look at who falls asleep and who wakes, between two strides."""
+
+from mpm.backend import ti
+from mpm.scene.grid import BLOCK, GHOST
+from mpm.state.active_blocks import activate, mark_place
+from mpm.state.ledger import add
+from mpm.state.nodes import first_nodes
+from mpm.state.packs import LANES
+from mpm.state.sleepers import ALL_LANES, CALM_TIME, DRIFT, PUSH, STRAIN
+from mpm.stepping.sleep_reach import find_near_blocks
+from mpm.stepping.sleep_shares import apply_changes
+from mpm.transfers.particle_grid import weights
+
+SIDE_CELLS = 8
+"""Cells from a periodic side within which no particle sleeps: what sleeps has no images."""
+
+
+@ti.func
+def look_at_rest(fields: ti.template(), motion: ti.template(), row, rows, mobile: ti.template(), dt, elapsed,
+                 stamp: ti.i32, out: ti.template()):
+    """Let particles fall asleep and wake.
+
+    elapsed: [s] since the last look. rows: substeps, from row `row` of the motion table on, until the next one. stamp:
+    of the active blocks of the next stride.
+    """
+    fields.sleepers.look[None] = fields.sleepers.look[None] + 1
+    if rows > 0:
+        fields.sleepers.search[None] = fields.sleepers.search[None] + 1
+        find_near_blocks(fields, motion, row, rows, mobile, dt, stamp)
+    fallen = find_fallen(fields, fields.particles, elapsed, out)
+    woken = 0
+    if fields.sleepers.disturbed[None] > 0:
+        woken = wake_disturbed(fields, fields.particles, elapsed, stamp)
+        fields.sleepers.disturbed[None] = 0
+    if fallen + woken + fields.sleepers.void[None] > 0:
+        apply_changes(fields)
+        fields.sleepers.void[None] = 0
+
+
+@ti.func
+def find_fallen(fields: ti.template(), P: ti.template(), elapsed, out: ti.template()):
+    """Count the time for which particles have been calm; return how many packs have a lane that falls asleep."""
+    calm_time = ti.cast(fields.sleepers.limits[CALM_TIME], fields.real)
+    drift = ti.cast(fields.sleepers.limits[DRIFT], fields.real)
+    strain = ti.cast(fields.sleepers.limits[STRAIN], fields.real)
+    fallen = 0
+    for body in range(fields.parameters.densities.shape[0]):
+        ends = fields.sleepers.ranges[body]
+        for place in range(ends[0], ends[1]):
+            q = fields.sleepers.awake[place]
+            here = volume_strain(fields, P, q)
+            moved = (P.x[0][q] - P.rest_place[0][q]) ** 2 + (P.x[1][q] - P.rest_place[1][q]) ** 2 \
+                + (P.x[2][q] - P.rest_place[2][q]) ** 2
+            calm = ti.select(moved <= drift * drift, 1, 0)
+            calm *= ti.select(ti.abs(here - P.rest_place[3][q]) <= strain, 1, 0)
+            rest = ti.select(calm > 0, P.rest[q] + elapsed, 0.0 * here)
+            asleep = fields.sleepers.lanes_asleep[q]
+            bits = 0
+            for l in ti.static(range(LANES)):
+                if (asleep >> l) & 1 == 0 and rest[l] >= calm_time:
+                    bits |= 1 << l
+            if bits != 0:
+                bits &= lanes_that_may_sleep(fields, P, q)
+            for l in ti.static(range(LANES)):
+                if (asleep >> l) & 1 == 0:
+                    if rest[l] >= calm_time and (bits >> l) & 1 == 0:
+                        rest[l] = 0.0
+                    if calm[l] == 0 or rest[l] == 0.0:
+                        P.rest_place[3][q][l] = here[l]
+                        for d in ti.static(range(3)):
+                            P.rest_place[d][q][l] = P.x[d][q][l]
+                    P.rest[q][l] = rest[l]
+            if bits != 0:
+                put_to_sleep(fields, P, q, bits, fields.parameters.densities[body], out)
+                fields.sleepers.lanes_asleep[q] = asleep | bits
+                fallen += 1
+    return fallen
+
+
+@ti.func
+def volume_strain(fields: ti.template(), P: ti.template(), q):
+    """Return what tells a change of the volume of pack q's particles."""
+    strain = 0.0 * P.x[0][q]
+    if ti.static(fields.features.tensor_state):
+        strain = P.e[0][q] + P.e[1][q] + P.e[2][q]
+    if ti.static(fields.features.volume_state):
+        strain = strain + P.j[q]
+    return strain
+
+
+@ti.func
+def lanes_that_may_sleep(fields: ti.template(), P: ti.template(), q):
+    """Return the lanes of pack q, one bit each, that no moving collider, shell or periodic side keeps awake."""
+    base = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)[0]
+    bits = 0
+    for l in ti.static(range(LANES)):
+        node = ti.Vector([base[d][l] for d in range(3)])
+        free = fields.sleepers.near[node // BLOCK] != fields.sleepers.search[None]
+        if ti.static(len(fields.features.shells) > 0):
+            free = free and P.side[q][l] == 0
+        for d in ti.static(range(3)):
+            if ti.static(fields.features.periodic[d]):
+                free = free and node[d] >= GHOST + SIDE_CELLS and node[d] + 2 <= GHOST + fields.cells[d] - SIDE_CELLS
+        if free:
+            bits |= 1 << l
+    return bits
+
+
+@ti.func
+def put_to_sleep(fields: ti.template(), P: ti.template(), q, bits, density, out: ti.template()):
+    """Stop lanes of pack q; the ledger's row `asleep` takes their momentum up."""
+    spread = 0.25 * fields.cell * fields.cell
+    origin = fields.world_origin()
+    for l in ti.static(range(LANES)):
+        if (bits >> l) & 1:
+            m = ti.cast(density * P.volume[q][l], ti.f64)
+            x = ti.Vector([ti.cast(P.x[d][q][l], ti.f64) for d in range(3)]) + origin
+            p = m * ti.Vector([ti.cast(P.v[d][q][l], ti.f64) for d in range(3)])
+            spin = ti.Vector([P.C[7][q][l] - P.C[5][q][l], P.C[2][q][l] - P.C[6][q][l], P.C[3][q][l] - P.C[1][q][l]])
+            turning = x.cross(p) + m * spread * ti.cast(spin, ti.f64)
+            for d in ti.static(range(3)):
+                add(out, fields.rows.asleep, d, -p[d])
+                add(out, fields.rows.asleep, 3 + d, -turning[d])
+                P.v[d][q][l] = 0.0
+                P.rest_place[d][q][l] = 0.0
+            for i in ti.static(range(9)):
+                P.C[i][q][l] = 0.0
+
+
+@ti.func
+def wake_disturbed(fields: ti.template(), P: ti.template(), elapsed, stamp: ti.i32):
+    """Wake sleepers in blocks near a collider, and those whose nodes were pushed away; return how many packs.
+
+    While a particle sleeps its `rest_place` is how far its nodes have been pushed, forgotten over the calm time: what
+    vibrates comes back, what flows goes on.
+    """
+    look, woken = fields.sleepers.look[None], 0
+    push = ti.cast(fields.sleepers.limits[PUSH], fields.real)
+    kept = ti.max(1.0 - elapsed / ti.cast(fields.sleepers.limits[CALM_TIME], fields.real), 0.0)
+    for q in range(P.pack_count[None]):
+        stirred = stirred_lanes(fields, q, look)
+        if stirred != 0:
+            base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
+            bits = 0
+            for l in range(LANES):
+                if (stirred >> l) & 1 and P.volume[q][l] > 0.0:
+                    node = ti.Vector([base[d][l] for d in range(3)])
+                    wakes = fields.sleepers.near[node // BLOCK] == fields.sleepers.search[None]
+                    if not wakes:
+                        u = kept * (displacement(fields, node, [f[0][l], f[1][l], f[2][l]], look)
+                                    + ti.Vector([P.rest_place[d][q][l] for d in range(3)]))
+                        wakes = u.norm_sqr() > push * push
+                        for d in ti.static(range(3)):
+                            P.rest_place[d][q][l] = u[d]
+                    if wakes:
+                        bits |= 1 << l
+            if bits != 0:
+                wake_lanes(fields, P, q, bits, stamp)
+                woken += 1
+    return woken
+
+
+@ti.func
+def stirred_lanes(fields: ti.template(), q, look):
+    """Return the sleeping lanes of pack q, a bit each, in whose block something was stirred before this look."""
+    bits = 0
+    asleep = fields.sleepers.lanes_asleep[q]
+    if asleep != 0:
+        for l in ti.static(range(LANES)):
+            if fields.sleepers.stirred[fields.sleepers.home[q][l]] == look:
+                bits |= 1 << l
+    return bits & asleep
+
+
+@ti.func
+def wake_lanes(fields: ti.template(), P: ti.template(), q, bits, stamp: ti.i32):
+    """Wake lanes of pack q, and activate the blocks of their stencils."""
+    fields.sleepers.lanes_asleep[q] = fields.sleepers.lanes_asleep[q] & (ALL_LANES - bits)
+    fields.sleepers.version[q] = fields.sleepers.version[q] + 1
+    here = volume_strain(fields, P, q)
+    for l in ti.static(range(LANES)):
+        if (bits >> l) & 1:
+            P.rest[q][l] = 0.0
+            P.rest_place[3][q][l] = here[l]
+            for d in ti.static(range(3)):
+                P.rest_place[d][q][l] = P.x[d][q][l]
+            mark_place(fields.grid, ti.Vector([P.x[d][q][l] for d in range(3)]), 1.0 / fields.cell, stamp)
+
+
+@ti.func
+def displacement(fields: ti.template(), node, f: ti.template(), look):
+    """Return the mean displacement [m] (3,) since the last look of the active nodes of a stencil, by their weights."""
+    wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
+    total, weight = ti.Vector.zero(fields.real, 3), 1e-6
+    for i in ti.static(range(3)):
+        for j in ti.static(range(3)):
+            for k in ti.static(range(3)):
+                I = node + ti.Vector([i, j, k])
+                if fields.sleepers.window[I] == look:
+                    w = wx[i] * wy[j] * wz[k]
+                    total += w * fields.sleepers.path[I]
+                    weight += w
+    return total / weight
+
+
+@ti.func
+def activate_sides(fields: ti.template(), stamp: ti.i32):
+    """Activate both blocks where a wall's plane and ghosts lie in two if one is active and sleepers reach the other."""
+    n = 0
+    while n < fields.grid.count[None]:
+        block = fields.grid.active[n]
+        for d in ti.static(range(3)):
+            last = ti.static(GHOST + fields.cells[d])  # the wall's node; its mirror node is below, its ghost above
+            low, high = ti.static((last - 1) // BLOCK), ti.static((last + 1) // BLOCK)
+            if ti.static(low != high and not fields.features.periodic[d]):
+                other = block
+                if block[d] == low:
+                    other[d] = high
+                elif block[d] == high:
+                    other[d] = low
+                if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[other] > 0:
+                    activate(fields.grid, other, stamp)
+        n += 1

@@ -1,0 +1,87 @@
+"""Blocks of nodes in reach of a moving collider: no particle sleeps there."""
+
+from mpm.backend import ti
+from mpm.boundaries.coulomb import collider_axes, collider_origin
+from mpm.boundaries.mobile_motion import TWIST
+from mpm.boundaries.shell_sides import SHELL_FACE
+from mpm.geometry.rigid_motion import LINEAR
+from mpm.geometry.shell import Shell
+from mpm.scene.grid import BLOCK
+from mpm.state.ledger import position
+from mpm.state.sleepers import place_of_block
+
+STENCIL = BLOCK + 2
+"""Nodes along each axis that the stencils of a block's particles can reach."""
+HALF_DIAGONAL = 0.5 * (STENCIL - 1) * 3**0.5
+"""Cells from the middle of those nodes to the farthest."""
+AHEAD = 1.0
+"""Cells that particles stay awake ahead of contact."""
+SURPRISE = 2.0
+"""How many times as far as at its present speed a mobile collider may get until the next look."""
+
+
+@ti.func
+def find_near_blocks(fields: ti.template(), motion: ti.template(), row, rows, mobile: ti.template(), dt,
+                     stamp: ti.i32):
+    """Note the blocks with particles that moving colliders can reach within `rows` substeps, from row `row` on.
+
+    stamp: of active blocks.
+    """
+    for k, index in ti.static(enumerate(fields.features.moving_colliders)):
+        travel = ti.cast(0.0, fields.real)
+        radius = ti.static(fields.colliders[index].sdf.radius)
+        if ti.static(fields.mobile_place[index] >= 0):
+            V = [mobile[fields.mobile_place[index], TWIST + i] for i in ti.static(range(6))]
+            speed = ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm()
+            travel = ti.cast(SURPRISE * rows * dt * speed, fields.real)
+        else:
+            for s in range(row, row + rows):
+                V = [motion[k, s, LINEAR + i] for i in ti.static(range(6))]
+                travel += dt * (ti.Vector(V[:3]).norm() + radius * ti.Vector(V[3:]).norm())
+        margin = ti.static((HALF_DIAGONAL + SHELL_FACE + AHEAD) * fields.cell)
+        note_blocks(fields, k, index, motion, row, travel + margin, stamp)
+
+
+@ti.func
+def note_blocks(fields: ti.template(), k: ti.template(), index: ti.template(), motion: ti.template(), row, reach,
+                stamp: ti.i32):
+    """Note the blocks the middle of whose particles' stencils is closer than reach [m] to a collider."""
+    c, R = collider_origin(motion, k, row), collider_axes(motion, k, row)
+    ball = ti.static(fields.colliders[index].sdf.radius) + reach
+    shape = ti.static(fields.sleepers.near.shape)
+    first, last = ti.Vector([0, 0, 0]), ti.Vector([shape[0] - 1, shape[1] - 1, shape[2] - 1])
+    for d in ti.static(range(3)):  # before the cast: a plane's ball is larger than integers are
+        middle = (c[d] - fields.origin[d]) / fields.cell
+        first[d] = ti.cast(ti.max(ti.min((middle - ball / fields.cell) / BLOCK - 1.0, shape[d] * 1.0), 0.0), ti.i32)
+        last[d] = ti.cast(ti.min(ti.max((middle + ball / fields.cell) / BLOCK, -1.0), shape[d] - 1.0), ti.i32)
+    for i in range(first[0], last[0] + 1):
+        for j in range(first[1], last[1] + 1):
+            for b in range(first[2], last[2] + 1):
+                block = ti.Vector([i, j, b])
+                if fields.sleepers.shares[block] > 0 or fields.grid.stamp[block] == stamp:
+                    middle = position(block * BLOCK, fields.world_origin(), fields.cell)
+                    r = ti.cast(middle, fields.real) + 0.5 * (STENCIL - 1) * fields.cell - c
+                    if r.norm_sqr() < ball * ball and is_in_reach(fields, index, R.transpose() @ r, reach):
+                        fields.sleepers.near[block] = fields.sleepers.search[None]
+                        if fields.sleepers.shares[block] > 0:
+                            fields.sleepers.stirred[place_of_block(fields, block)] = fields.sleepers.look[None]
+                            fields.sleepers.disturbed[None] = 1
+
+
+@ti.func
+def is_in_reach(fields: ti.template(), index: ti.template(), y, reach):
+    """Return whether a collider's surface may be closer than reach [m] to y, in its frame."""
+    near = True
+    if ti.static(isinstance(fields.colliders[index].sdf, Shell)):
+        # the box of its lattice, which holds all nodes that it can touch
+        low = ti.Vector([fields.colliders[index].sdf.lower[d] for d in range(3)])
+        edge = ti.Vector([(fields.colliders[index].sdf.shape[d] - 1) * fields.colliders[index].sdf.spacing
+                          for d in range(3)])
+        away = ti.max(ti.max(low - y, y - low - edge), 0.0 * y)
+        near = away.norm() < reach
+    elif not fields.colliders[index].sdf.is_beyond(y, reach):
+        _n, phi = fields.colliders[index].sdf.at(y)
+        near = phi < reach
+    else:
+        near = False
+    return near

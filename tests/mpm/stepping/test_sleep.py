@@ -1,0 +1,254 @@
+"""Sleeping: who sleeps costs nothing and takes nothing away, wakes when something comes, and is saved to the bit."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import mpm
+from mpm.stepping.phases import phases_of
+
+CELL = 0.01
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+WATER = mpm.NewtonianFluid(bulk_modulus=1.5e5, density=1000.0, viscosity=1.0)
+BALL = mpm.Sdf.sphere(0.02)
+HIGH, LOW = np.array([0.04, 0.04, 0.15]), np.array([0.04, 0.04, 0.06])
+
+
+def bed(height: float = 0.03, x: tuple[float, float] = (0.0, 0.16)) -> np.ndarray:
+    """Positions [m] (n, 3) of a bed from wall to wall."""
+    return mpm.sample_box((x[0], 0.0, 0.0), (x[1], 0.08, height), CELL / 2)
+
+
+def make(colliders: list[mpm.Collider] | None = None, sleep: bool | float = True, positions: np.ndarray | None = None,
+         **options) -> mpm.Solver:  # noqa: ANN003
+    """A bed of sand in a box, in double precision."""
+    box = mpm.Grid((0, 0, 0), options.pop("upper", (0.16, 0.08, 0.20)), CELL)
+    bodies = options.pop("bodies", None) or [mpm.Body(SAND, bed() if positions is None else positions, volume=1.25e-7)]
+    return mpm.Solver(**{"grid": box, "bodies": bodies, "colliders": colliders, "precision": "f64", "sleep": sleep,
+                         "walls": mpm.Walls(friction=0.5)} | options)
+
+
+def settle(solver: mpm.Solver, share: float = 0.02, within: float = 4.0) -> None:
+    """Advance until at most a share of the particles is awake; those that lie deep oscillate longest."""
+    while solver.awake.mean() > share:
+        assert solver.time < within, f"{solver.awake.mean():.3f} awake after {solver.time:.2f} s"
+        solver.advance(0.02)
+
+
+def unbalanced(solver: mpm.Solver, before: np.ndarray) -> np.ndarray:
+    """What the last advance's change of momentum (6,) lacks in the ledger, of the largest entry of the ledger."""
+    change = np.concatenate(solver.momentum_after_advance()) - before
+    given = solver.ledger.sum(0) + np.concatenate(solver.sleepers_impulse)
+    return np.abs(change - given) / np.abs(solver.ledger).max()
+
+
+def lower(solver: mpm.Solver, distance: float, duration: float = 0.02) -> None:
+    """Move collider 0 down in an advance; the first time, from 1 cm above the bed."""
+    here = solver.collider_pose(0).position
+    here = LOW if here[2] > LOW[2] else here
+    solver.set_collider_motion(0, mpm.Pose(here, UPRIGHT), mpm.Pose(here - [0, 0, distance], UPRIGHT), jump=True)
+    solver.advance(duration)
+
+
+@pytest.fixture(scope="module")
+def asleep() -> mpm.Solver:
+    """A bed that sleeps as a whole, below a ball that is high above it."""
+    solver = make([mpm.Collider(BALL, pose=mpm.Pose(HIGH, UPRIGHT), friction=0.3)])
+    settle(solver, share=0.0)
+    return solver
+
+
+@pytest.fixture
+def sleeping(asleep: mpm.Solver) -> mpm.Solver:
+    """The same for a test of its own."""
+    if not hasattr(asleep, "kept"):
+        asleep.kept = asleep.state()  # pyright: ignore[reportAttributeAccessIssue]
+    asleep.load(asleep.kept)  # pyright: ignore[reportAttributeAccessIssue]
+    return asleep
+
+
+def test_without_sleeping_nothing_of_it_is_there() -> None:
+    solver = make(sleep=False)
+    assert solver.fields.sleepers is None and solver.particles.rest is None and "rest" not in solver.state()
+    assert "settle with sleepers" not in [phase.name for phase in phases_of(solver.fields)]
+    assert solver.awake.all() and not np.any(np.concatenate(solver.sleepers_impulse))
+
+
+def test_a_bed_at_rest_falls_asleep_and_touches_no_node(sleeping: mpm.Solver) -> None:
+    before = sleeping.state()
+    sleeping.advance(0.02)
+    assert not sleeping.awake.any() and sleeping.fields.sleepers.count[None] == 0
+    assert sleeping.fields.grid.count[None] == 0, "no block of nodes is active"
+    assert all(np.array_equal(before[name], value) for name, value in sleeping.state().items()
+               if name not in ("time", "steps"))
+    assert not sleeping.velocities().any() and not np.any(sleeping.ledger)
+
+
+def test_sleepers_give_the_nodes_their_mass_and_no_force_in_sum(sleeping: mpm.Solver) -> None:
+    sleeping.advance(0.002)
+    sums = sleeping.fields.sleepers.sums.to_numpy().astype(float).reshape(-1, 4)
+    force, mass = sleeping.fields.sleepers.limits.to_numpy()[5:]
+    assert sums[:, 3].sum() * mass == pytest.approx(sleeping.masses().sum(), rel=1e-10)
+    assert abs(sums[:, :3].sum(0)).max() < 1e-9 * abs(sums[:, :3]).sum()
+    weight = sleeping.masses().sum() * 9.81
+    assert abs(sums[:, 2]).sum() * force > weight, "the bed carries itself"
+
+
+def test_what_wakes_leaves_nothing_behind(sleeping: mpm.Solver) -> None:
+    sleeping.advance(0.002)
+    assert sleeping.fields.sleepers.sums.to_numpy().any()
+    for _ in range(20):  # into the bed, until the last sleeper is awake
+        lower(sleeping, 0.0025, duration=0.01)
+    sleeping.set_gravity(np.array([0.0, 0.0, -9.81]))
+    sleeping.advance(0.002)
+    assert sleeping.awake.all()
+    assert not sleeping.fields.sleepers.sums.to_numpy().any() and not sleeping.fields.sleepers.shares.to_numpy().any()
+
+
+def test_a_collider_wakes_what_is_near_and_leaves_alone_what_is_far(sleeping: mpm.Solver) -> None:
+    before = sleeping.positions()
+    lower(sleeping, 0.002)
+    awake, away = sleeping.awake, np.linalg.norm(before - sleeping.collider_pose(0).position, axis=1) - 0.02
+    assert awake[away < 2.5 * CELL].all(), "whatever shares a node with contact"
+    assert not awake.all()
+    assert np.array_equal(before[~awake], sleeping.positions()[~awake])
+
+
+def test_a_ball_meets_the_bed_as_if_it_were_awake(sleeping: mpm.Solver) -> None:
+    """Force on a ball that dips into the bed: the sleepers that stop it are awake before it touches them."""
+    state, forces = sleeping.state(), []
+    awake = make([mpm.Collider(BALL, pose=mpm.Pose(HIGH, UPRIGHT), friction=0.3)], sleep=False)
+    awake.load(state)
+    for solver in (awake, sleeping):
+        rows = []
+        for _ in range(25):
+            lower(solver, 0.002, duration=0.01)
+            rows.append(solver.collider_impulse(0).force[2])
+        forces.append(np.array(rows))
+    assert forces[0].max() > 0.0
+    assert np.abs(forces[1] - forces[0]).max() < 0.02 * forces[0].max()
+
+
+def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm.Solver) -> None:
+    for _ in range(10):
+        lower(sleeping, 0.003)
+    assert 0 < sleeping.awake.mean() < 1
+    state = sleeping.state()
+    lower(sleeping, 0.003)
+    ahead = sleeping.state()
+    sleeping.load(state)
+    lower(sleeping, 0.003)
+    assert all(np.array_equal(ahead[name], value) for name, value in sleeping.state().items())
+    sleeping.load(state)
+    with pytest.raises(mpm.ColliderTooFast):
+        lower(sleeping, 1e6)
+    lower(sleeping, 0.003)
+    assert all(np.array_equal(ahead[name], value) for name, value in sleeping.state().items())
+
+
+SIDES = ("periodic", "friction", "friction")
+HUMP = np.array([0.08, 0.04, 0.0])
+SCENES = {
+    "walls": {},
+    "strides of one substep": {"transfer_interval": 0.0},
+    "moving solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(HIGH, UPRIGHT), friction=0.3)]},
+    "static solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(HUMP, UPRIGHT), static=True)],
+                     "positions": bed()[np.linalg.norm(bed() - HUMP, axis=1) > 0.022]},
+    "shell": {"colliders": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(2, 0.02), 1e-3), friction=0.3,
+                                         pose=mpm.Pose(HIGH, UPRIGHT))]},
+    "mobile solid": {"colliders": [mpm.Collider(BALL, pose=mpm.Pose(LOW, UPRIGHT), friction=0.3, mobile=True)]},
+    "periodic sides": {"walls": mpm.Walls(lower=SIDES, upper=SIDES, friction=0.5), "upper": (0.32, 0.08, 0.20),
+                       "positions": bed(0.03, (0.0, 0.32))},
+    "two laws": {"bodies": [mpm.Body(SAND, bed(0.03, (0.0, 0.08)), volume=1.25e-7),
+                            mpm.Body(WATER, bed(0.03, (0.08, 0.16)), volume=1.25e-7)]},
+}
+
+
+@pytest.mark.parametrize("name", [name if name == "moving solid" else
+                                  pytest.param(name, marks=pytest.mark.slow) for name in SCENES])
+def test_the_ledger_closes_while_particles_fall_asleep_and_wake(name: str) -> None:
+    """Momentum, linear and angular, changes by what the ledger has, with the row of the sleepers."""
+    solver, worst, fewest = make(**SCENES[name]), 0.0, 1.0
+    for k in range(45):
+        before = np.concatenate(solver.momentum_after_advance())
+        if solver.features.mobile:
+            solver.set_collider_mobility(0, np.diag([20.0, 20.0, 20.0, 1e4, 1e4, 1e4]),
+                                         np.array([0, 0, -0.3 if k > 22 else 0.0, 0, 0, 0]))
+            solver.advance(0.02)
+        elif solver.features.moving_colliders and k > 22:
+            lower(solver, 0.001)
+        else:
+            solver.advance(0.02)
+        if np.abs(solver.ledger).max() > 0:
+            # what passes a periodic side has another arm on the other
+            rows = slice(0, 3 if any(solver.features.periodic) else 6)
+            worst = max(worst, unbalanced(solver, before)[rows].max())
+        fewest = min(fewest, solver.awake.mean())
+    assert worst < 1e-11
+    assert fewest < (0.95 if name == "two laws" else 0.6), "some slept"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cells", [8, 9, 10, 11])
+def test_beds_rest_on_upper_walls_as_on_lower_ones(cells: int) -> None:
+    """Where the wall's plane, its ghosts and their mirror nodes lie in two blocks, sleepers must count in both."""
+    height = cells * CELL
+    fallen = []
+    for pull, positions in ((-9.81, bed(0.03)), (9.81, bed(0.03) + [0, 0, height - 0.03])):
+        ball = mpm.Pose(np.array([0.04, 0.04, 0.5 * (height - np.sign(pull) * 0.04)]), UPRIGHT)
+        solver = make(positions=positions, upper=(0.16, 0.08, height), gravity=(0, 0, pull),
+                      colliders=[mpm.Collider(mpm.Sdf.sphere(0.01), pose=ball)])
+        solver.advance(0.6)
+        assert 0 < solver.awake.mean() < 0.95, "asleep in part: the ball keeps those near it awake"
+        fallen.append(np.sign(-pull) * (solver.positions()[:, 2] - positions[:, 2]))
+    assert fallen[0].mean() == pytest.approx(fallen[1].mean(), abs=2e-6)
+    assert abs(fallen[0]).max() < 0.002
+
+
+@pytest.mark.slow
+def test_a_block_that_slides_slowly_is_not_frozen() -> None:
+    """On a floor without friction it keeps its speed of 0.5 mm/s, a third of what would be called rest in a second."""
+    walls = mpm.Walls.all("slip")
+    block = mpm.sample_box((0.03, 0.02, 0.0), (0.07, 0.06, 0.02), CELL / 2)
+    body = mpm.Body(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0), block, volume=1.25e-7,
+                    velocities=np.tile([5e-4, 0.0, 0.0], (len(block), 1)))
+    solver = make(bodies=[body], walls=walls)
+    start = solver.positions()[:, 0].mean()
+    solver.advance(1.0)
+    assert solver.awake.all()
+    assert solver.positions()[:, 0].mean() - start == pytest.approx(5e-4, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_environments_of_a_batch_sleep_each_for_itself(sleeping: mpm.Solver) -> None:
+    batch = mpm.Batch(sleeping, 2)
+    for _ in range(8):
+        here = batch.collider_pose(1, 0).position
+        here = LOW if here[2] > LOW[2] else here
+        end = mpm.Pose(here - [0, 0, 0.003], UPRIGHT)
+        batch.set_collider_motion(1, 0, mpm.Pose(here, UPRIGHT), end, jump=True)
+        batch.advance(np.array([0.02, 0.02]), np.array([1, 1]))
+    batch.select(0)
+    assert not sleeping.awake.any()
+    batch.select(1)
+    stirred = sleeping.positions()
+    assert 0 < sleeping.awake.mean() < 1
+    sleeping.load(sleeping.kept)  # pyright: ignore[reportAttributeAccessIssue]
+    for _ in range(8):
+        lower(sleeping, 0.003)
+    assert np.array_equal(stirred, sleeping.positions()), "as one solver alone, to the bit"
+
+
+@pytest.mark.parametrize("sleep", [-1.0, 0, "yes", 1e3, np.nan, None])
+def test_other_values_are_refused_by_name(sleep) -> None:  # noqa: ANN001
+    with pytest.raises(mpm.InvalidValue, match="sleep"):
+        make(sleep=sleep)
+
+
+def test_what_cannot_sleep_says_so() -> None:
+    solver = make()
+    with pytest.raises(mpm.InvalidValue, match="sleep"):
+        mpm.Rollout(solver, 2)
+    with pytest.raises(mpm.InvalidValue, match="sleep"):
+        make(body_acceleration=np.zeros((len(bed()), 3)))
