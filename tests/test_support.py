@@ -22,6 +22,7 @@ SCENES = {
     "colliders that grains move (coupling with MuJoCo)": {"colliders": [mpm.Collider(BALL, pose=PLACE, mobile=True)]},
     "periodic sides": {"walls": mpm.Walls(lower=SIDES, upper=SIDES)},
     "acceleration per particle": {"body_acceleration": np.zeros((27, 3))},
+    "sleeping particles": {"sleep": True},
 }
 """Row of the table -> what its scene has besides a block."""
 
@@ -73,7 +74,7 @@ def test_threads_are_those_that_the_table_says(row: str, monkeypatch: pytest.Mon
     options, column = dict(SCENES[row]), cells()[row]
     body = mpm.Body(mpm.Elastic(E=1e5, nu=0.2, density=1000.0), np.full((27, 3), 0.05), volume=1e-6)
     arguments = ([body], options.get("colliders", []), options.get("walls", mpm.Walls()), "f32", "auto",
-                 "body_acceleration" in options, True)
+                 "body_acceleration" in options, True, "sleep" in options)
     monkeypatch.setattr(features, "is_concurrent", lambda: True)
     assert features.features_of(*arguments).serial == (column["CPU, threads"] == "on one thread")
     monkeypatch.setattr(features, "is_shared", lambda: True)

@@ -24,7 +24,15 @@ from robosim.verification.cases.coupling import (
     shell_leak,
 )
 from robosim.verification.cases.fluid import dam_break, hydrostatic, lock_gate
-from robosim.verification.cases.granular import column_collapse, element_path, heap, orifice, return_mapping, slope
+from robosim.verification.cases.granular import (
+    column_collapse,
+    element_path,
+    heap,
+    orifice,
+    return_mapping,
+    sleeping,
+    slope,
+)
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -96,6 +104,14 @@ def test_sand_leaves_a_slot_at_a_constant_rate() -> None:
     records = [orifice.measure(orifice_cells=d) for d in (9, 13)]
     findings = [claim.evaluate(records) for claim in orifice.CLAIMS]
     assert [f.verdict for f in findings if f.found is not None] == ["pass"] * 3, findings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", sleeping.RUNS)
+def test_sleeping_scenes_come_to_what_those_awake_come_to(scene: str) -> None:
+    record = sleeping.measure(scene=scene, sleep=0.25 if scene == "creep" else 1.0, pause=2.0)
+    findings = [claim.evaluate([record]) for claim in sleeping.CLAIMS]
+    assert {f.verdict for f in findings if f.found is not None} == {"pass"}, findings
 
 
 @pytest.mark.parametrize("cells", [20, pytest.param(40, marks=pytest.mark.slow)])
