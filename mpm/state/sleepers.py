@@ -165,3 +165,5 @@ def adopt_rest(fields: ti.template(), P: ti.template()):
                     fields.sleepers.given[I * BLOCK + ti.Vector([a, b, c])] = ti.Vector.zero(fields.real, 4)
     list_awake_packs(fields)
     fields.sleepers.void[None] = 1
+    fields.sleepers.disturbed[None] = 0
+    fields.sleepers.look[None] = fields.sleepers.look[None] + 2  # a failed advance has noted pushes for its next look

@@ -145,6 +145,14 @@ def test_a_state_goes_on_to_the_bit_and_a_failed_advance_is_undone(sleeping: mpm
         lower(sleeping, 1e6)
     lower(sleeping, 0.003)
     assert all(np.array_equal(ahead[name], value) for name, value in sleeping.state().items())
+    wild = {name: value.copy() for name, value in state.items()}
+    wild["v"][np.flatnonzero(state["rest"][:, 0] == 0.0)[0], 0] = 1e5
+    sleeping.load(wild)
+    with pytest.raises(mpm.SimulationDiverged):
+        sleeping.advance(0.02)
+    sleeping.load(state)
+    lower(sleeping, 0.003)
+    assert all(np.array_equal(ahead[name], value) for name, value in sleeping.state().items())
 
 
 SIDES = ("periodic", "friction", "friction")
