@@ -3,6 +3,7 @@
 import contextlib
 import io
 import os
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpm.cache_folder import remove_stale_lock, user_cache_folder, writable_folder
-from mpm.errors import BackendError, InvalidValue, UnknownName
+from mpm.errors import BackendError, InvalidValue, MoreThreadsThanCores, UnknownName
 from mpm.owner import Owner
 from mpm.tracing import cache_sources
 
@@ -36,11 +37,12 @@ os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")  # a thread that writes to 
 with _environment(XDG_CACHE_HOME=str(user_cache_folder() or os.devnull)):
     import taichi as ti
 
-__all__ = ["PRECISIONS", "Group", "allocating", "check_owner", "default_precision", "free_later", "init",
+__all__ = ["PRECISIONS", "Group", "allocating", "check_owner", "default_precision", "free_later",
+           "has_double_functions", "init",
            "is_concurrent", "is_shared", "later", "numerics", "once", "present_program", "put", "real_type",
            "session_precision", "thread_count", "ti"]
 
-ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda}
+ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda, "vulkan": ti.vulkan}
 PRECISIONS = ("f32", "f64")
 GROUPS = 500
 """Groups of fields that a process may lay out. Taichi 1.7.4 has room for 512, and ends the process at one more."""
@@ -65,14 +67,14 @@ def init(*, arch: str | None = None, precision: str | None = None, threads: int 
          fast_math: bool | None = None) -> None:
     """Start Taichi, once per process; without a call, the first use of `mpm` starts it with the defaults.
 
-    - arch: "cpu" (default) or "cuda".
+    - arch: "cpu" (default), "cuda" or "vulkan", which has "f32" alone.
     - precision: "f32" (default) or "f64"; default of all solvers.
-    - threads: number of CPU threads (default 1). One is fastest below about 50 000 particles.
+    - threads: number of CPU threads (default 1); more than there are cores are warned of (`MoreThreadsThanCores`).
     - fast_math: False keeps the IEEE order of operations, for bitwise comparisons (default True).
 
     A second call with the same arguments does nothing. With other arguments it raises BackendError, because it would
-    invalidate all existing fields; so does "cuda" without a GPU. The thread that calls it is the only one that can use
-    `mpm` from then on.
+    invalidate all existing fields; so does "cuda" or "vulkan" without a device. The thread that calls it is the only
+    one that can use `mpm` from then on.
     """
     found = _session or DEFAULT
     arch, precision = arch or found.arch, precision or found.precision
@@ -84,6 +86,13 @@ def init(*, arch: str | None = None, precision: str | None = None, threads: int 
         raise UnknownName("precision", precision, PRECISIONS)
     if threads < 1:
         raise InvalidValue(f"mpm.init: threads = {threads}; accepted: 1 or more")
+    if arch == "vulkan" and precision == "f64":
+        raise InvalidValue("mpm.init: arch = 'vulkan' with precision = 'f64'; accepted: 'f32', as Vulkan has no "
+                           "logarithm in double precision")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if threads > cores:
+        warnings.warn(MoreThreadsThanCores(f"mpm.init: {threads} threads on {cores} cores; they wait for each other, "
+                                           f"and one goes on alone where that takes long"), stacklevel=2)
     wanted = Session(arch, precision, int(threads), bool(fast_math))
     if _is_running():
         check_owner()
@@ -169,6 +178,11 @@ def thread_count() -> int:
 def is_shared() -> bool:
     """Return whether all threads add to the same nodes, as on a GPU."""
     return _session is not None and _session.arch != "cpu"
+
+
+def has_double_functions() -> bool:
+    """Return whether sine, logarithm and the like exist in double precision."""
+    return _session is None or _session.arch != "vulkan"
 
 
 def is_concurrent() -> bool:

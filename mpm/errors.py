@@ -88,6 +88,10 @@ class VolumeMismatch(MpmWarning):
     """The volumes of particles do not fit the distances between them; mass or pressure is wrong."""
 
 
+class MoreThreadsThanCores(MpmWarning):
+    """A process has more threads than cores."""
+
+
 class ColliderJumped(MpmWarning):
     """A motion begins where the collider is not; particles in between are not pushed."""
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpm.backend import check_owner, default_precision, ti
+from mpm.backend import check_owner, default_precision, is_shared, ti
 from mpm.boundaries.contact import cache_static_contact
 from mpm.boundaries.mobility_table import MobilityTable
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, check_pose
+from mpm.gpu.stepper import count_parts, make_stepper
 from mpm.materials.material import Material
 from mpm.materials.stable_step import check_step, choose_step, material_bound
 from mpm.observers import diagnostics
@@ -29,9 +30,8 @@ from mpm.state.fields import allocate_fields, fill_fields, scene_key
 from mpm.state.memory import check_memory
 from mpm.state.particles import SPEED_LIMIT
 from mpm.stepping.collider_paths import ColliderPaths
-from mpm.stepping.parallel import count_parts, make_stepper
+from mpm.stepping.cpu import NOWHERE, UNDO
 from mpm.stepping.rollback import Rollback
-from mpm.stepping.serial import NOWHERE, UNDO
 from mpm.stepping.sleep_thresholds import read_sleep, sleep_limits
 from mpm.stepping.stride import Interval, choose_interval, longest_stride, split_launches
 
@@ -92,7 +92,7 @@ class Solver(Readings):
             for i in static:
                 pose = self.colliders[i].pose
                 cache_static_contact(self.fields.static_contact, self.colliders[i].sdf, i, i == static[0],
-                                     np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell)
+                                     np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell, is_shared())
         self._make_stepper()
         self.sums = np.zeros((self.fields.rows.count, 6))
         """Sums of the last advance, see `LedgerRows`."""

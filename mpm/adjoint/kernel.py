@@ -13,9 +13,10 @@ from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.packs import LANES
 from mpm.state.snapshots import StateBank
+from mpm.stepping.cpu import add_status, run_phase, run_phases
+from mpm.stepping.crew import Crew
 from mpm.stepping.phases import Step, split_phases
-from mpm.stepping.serial import add_status, run_phase, run_phases
-from mpm.stepping.stride import MAX_SUBSTEPS, plan_stride
+from mpm.stepping.stride import MAX_SUBSTEPS, fastest_square, limit_stride
 from mpm.transfers.to_particles import drift_before, keep_inside
 
 POSITIONS, VELOCITIES, ALL = range(3)
@@ -82,7 +83,9 @@ class AdjointKernel:
                     if ti.static(self.depth > 1):
                         most = ti.min(self.depth, interval - done % interval)
                         most = ti.min(most, MAX_SUBSTEPS - done % interval % MAX_SUBSTEPS)  # as launches are split
-                        span = plan_stride(self.fields, motion, done, mobile, dt, most)
+                        fastest = fastest_square(self.fields, self.fields.particles, 0,
+                                                 self.fields.particles.pack_count[None])
+                        span = limit_stride(self.fields, motion, done, mobile, dt, most, fastest)
                 else:
                     begin = self.begin[first + substeps - done - 1] - first
                     span = substeps - done - begin
@@ -97,7 +100,7 @@ class AdjointKernel:
                     self.update_nodes(step, k, forward)
                     if forward > 0:
                         self.begin[first + begin + k] = first + begin
-                        run_phases(self.fields, self.particle_phases, step)
+                        run_phases(self.fields, self.particle_phases, ti.static(Crew()), step)
                         self.history.store(first + begin + k + 1)
                     else:
                         self.nodes.record(self.fields.grid, self.nodes.velocities, k)
@@ -117,7 +120,7 @@ class AdjointKernel:
             if ti.static(phase.name == "update nodes"):  # noqa: SIM102  (decided when compiling)
                 if forward == 0:
                     self.nodes.record(self.fields.grid, self.nodes.folded, k)
-            run_phase(self.fields, phase, step)
+            run_phase(self.fields, phase, ti.static(Crew()), step)
 
     @ti.func
     def reverse_stride(self, first: ti.i32, begin: ti.i32, span: ti.i32, interval: ti.i32, dt,

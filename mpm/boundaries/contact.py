@@ -6,8 +6,9 @@ from mpm.boundaries.mobile_contact import list_node, reduce_by_compliance
 from mpm.boundaries.shell_sides import SHELL_FACE
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import mark_place
+from mpm.state.contact_fields import sort_by_part, take_place
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
-from mpm.state.nodes import in_first_layer
+from mpm.state.nodes import in_first_layer, node_of
 from mpm.state.packs import LANES
 from mpm.state.sleepers import is_awake, pack_at, packs_of_body
 from mpm.transfers.to_particles import drift_after, keep_inside
@@ -25,16 +26,17 @@ face (1e-3), too little to throw what a scene begins with inside a tool."""
 
 @ti.kernel
 def cache_static_contact(static_contact: ti.template(), shape: ti.template(), owner: ti.i32, is_first: ti.i32,
-                         pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64):
+                         pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64,
+                         on_gpu: ti.template()):
     """Store normal and distance (n, phi) of a collider that never moves, at the nodes inside it or on its face.
 
     is_first: what the nodes held before is forgotten.
     """
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=not on_gpu)
     for block in ti.grouped(static_contact.owned):
         if is_first > 0:
             static_contact.owned[block] = 0
-    ti.loop_config(serialize=True)
+    ti.loop_config(serialize=not on_gpu)
     for I in ti.grouped(static_contact.plane):
         if is_first > 0:
             static_contact.owner[I] = 0
@@ -65,25 +67,40 @@ def update_nodes(fields: ti.template(), step: ti.template(), first, last):
         # summed per block about its corner, in the field's precision: 64 numbers of one size
         mass = ti.cast(0.0, fields.real)
         lever = ti.Vector.zero(fields.real, 3)
-        for a, b in ti.ndrange(BLOCK, BLOCK):
-            for c in range(BLOCK):
-                I = block + ti.Vector([a, b, c])
-                q = fields.grid.nodes[I]
-                if q[3] > 0:
-                    mass += q[3]
-                    lever += q[3] * ti.Vector([float(a), float(b), float(c)])
-                    v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.dt * gravity
-                    if touches > 0:
-                        v = collide(fields, step, places, axes, I, v, q[3], origin)
-                    fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
+        if ti.static(step.threads > 1):
+            I = node_of(fields.grid.active[n], step.thread)
+            mass = update_node(fields, step, places, axes, I, touches, gravity, origin)
+            lever = mass * ti.cast(I - block, fields.real)
+        else:
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                for c in range(BLOCK):
+                    m = update_node(fields, step, places, axes, block + ti.Vector([a, b, c]), touches, gravity, origin)
+                    mass += m
+                    lever += m * ti.Vector([float(a), float(b), float(c)])
         weight += ti.cast(mass, ti.f64)
         first_moment += ti.cast(mass, ti.f64) * position(in_first_layer(fields.grid, block), origin, fields.cell) \
             + fields.cell * ti.cast(lever, ti.f64)
-    p = weight * step.dt * ti.cast(gravity, ti.f64)
-    moment = first_moment.cross(ti.cast(gravity, ti.f64)) * step.dt
-    for d in ti.static(range(3)):
-        add(step.out, GRAVITY_ROW, d, p[d])
-        add(step.out, GRAVITY_ROW, 3 + d, moment[d])
+    if ti.static(step.threads == 1) or weight > 0:
+        p = weight * step.dt * ti.cast(gravity, ti.f64)
+        moment = first_moment.cross(ti.cast(gravity, ti.f64)) * step.dt
+        for d in ti.static(range(3)):
+            add(step.out, GRAVITY_ROW, d, p[d])
+            add(step.out, GRAVITY_ROW, 3 + d, moment[d])
+
+
+@ti.func
+def update_node(fields: ti.template(), step: ti.template(), places: ti.template(), axes: ti.template(), I, touches,
+                gravity, origin):
+    """Turn a node's momentum to the velocity after gravity and contact, see `update_nodes`; return its mass [kg]."""
+    mass = ti.cast(0.0, fields.real)
+    q = fields.grid.nodes[I]
+    if q[3] > 0:
+        mass = q[3]
+        v = ti.Vector([q[0], q[1], q[2]]) / q[3] + step.dt * gravity
+        if touches > 0:
+            v = collide(fields, step, places, axes, I, v, q[3], origin)
+        fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
+    return mass
 
 
 @ti.func
@@ -125,7 +142,7 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
                 n_t, phi = fields.colliders[index].sdf.at(y)
                 if phi < ti.static(FACE * fields.cell):
                     if ti.static(fields.mobile_place[index] >= 0):
-                        list_node(fields.mobile_nodes, fields.mobile_place[index], I, R @ n_t)
+                        list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, R @ n_t)
                     else:
                         new = coulomb(v, surface_velocity(step.motion, k, step.row, r), R @ n_t,
                                       fields.parameters.frictions[index])
@@ -166,7 +183,7 @@ def collide_with_shell(fields: ti.template(), step: ti.template(), I, J, v, mass
             if ti.abs(side) == index + 1 and material * gap[3] < face:
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
                 if ti.static(fields.mobile_place[index] >= 0):
-                    list_node(fields.mobile_nodes, fields.mobile_place[index], I, normal)
+                    list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
                 else:
                     r = ti.cast(place, fields.real) - collider_origin(step.motion, row, step.row)
                     result = coulomb(v, surface_velocity(step.motion, row, step.row, r), normal,
@@ -195,8 +212,36 @@ def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
                     while near > 0:
                         lane = lowest_bit(near)
                         near -= 1 << lane
-                        stop_particle(fields, fields.particles, step, k, index, axes[k], places[k], q, lane, dt,
-                                      fields.parameters.densities[body])
+                        if ti.static(fields.stops_later):
+                            note_penetrating(fields.penetrating, step.part, k, body, q, lane)
+                        else:
+                            stop_particle(fields, fields.particles, step, k, index, axes[k], places[k], q, lane, dt,
+                                          fields.parameters.densities[body])
+
+
+@ti.func
+def note_penetrating(lists: ti.template(), part, k: ti.template(), body, q, lane):
+    """List lane `lane` of pack q, near the k-th moving solid, for `stop_penetrating`."""
+    place = take_place(lists.count, None)
+    lists.particle[place] = ti.Vector([k, body, q, lane])
+    lists.part[place] = part
+
+
+@ti.func
+def stop_penetrating(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: stop the particles that several threads have listed, one after the other, as each moves mobile solids."""
+    if step.span > 0:
+        dt = drift_after(step.dt, step.span)
+        count = fields.penetrating.count[None]
+        sort_by_part(fields.penetrating.order, fields.penetrating.part, fields.penetrating.begins, 0, count)
+        for n in range(count):
+            particle = fields.penetrating.particle[fields.penetrating.order[n]]
+            for k, index in ti.static(enumerate(fields.features.moving_solids)):
+                if particle[0] == k:
+                    stop_particle(fields, fields.particles, step, k, index, collider_axes(step.motion, k, step.row),
+                                  collider_origin(step.motion, k, step.row), particle[2], particle[3], dt,
+                                  fields.parameters.densities[particle[1]])
+        fields.penetrating.count[None] = 0
 
 
 @ti.func

@@ -21,7 +21,8 @@ from mpm.boundaries.mobile_motion import (
     read_vector,
     write_velocity,
 )
-from mpm.state.ledger import position
+from mpm.state.contact_fields import sort_by_part, take_place
+from mpm.state.ledger import add, position
 from mpm.state.nodes import in_first_layer
 
 MAX_PASSES = 100
@@ -32,12 +33,22 @@ SMALL_CHANGE = 1e-3
 
 
 @ti.func
-def list_node(lists: ti.template(), b: ti.template(), I, normal):
-    """Put a node on a collider's list."""
-    place = lists.first[b] + lists.count[b]
-    lists.count[b] = lists.count[b] + 1
+def list_node(lists: ti.template(), b: ti.template(), part, I, normal):
+    """Put a node that a part of the list of blocks holds on a collider's list."""
+    place = lists.first[b] + take_place(lists.count, b)
     lists.node[place] = I
     lists.normal[place] = normal
+    if ti.static(lists.sorts):
+        lists.part[place] = part
+
+
+@ti.func
+def place_in_order(lists: ti.template(), n):
+    """Return the place on the lists of what comes n-th."""
+    place = n
+    if ti.static(lists.sorts):
+        place = lists.order[n]
+    return place
 
 
 @ti.func
@@ -61,16 +72,51 @@ def lever_of(fields: ti.template(), mobile: ti.template(), b: ti.template(), I, 
 
 
 @ti.func
-def reaction(fields: ti.template(), mobile: ti.template(), b: ti.template(), index: ti.template(), V, corner):
+def wait(step: ti.template()):
+    """Wait for the other threads of a team: all threads of a GPU that solve for one collider together."""
+    if ti.static(step.threads > 1):
+        ti.simt.block.sync()
+
+
+@ti.func
+def sum_over_team(fields: ti.template(), step: ti.template(), force, torque):
+    """Return an impulse, and torque, summed over the threads of a team."""
+    if ti.static(step.threads > 1):
+        for d in ti.static(range(3)):
+            ti.atomic_add(fields.mobile_nodes.impulse[d], force[d])
+            ti.atomic_add(fields.mobile_nodes.impulse[3 + d], torque[d])
+        wait(step)
+        for d in ti.static(range(3)):
+            force[d], torque[d] = fields.mobile_nodes.impulse[d], fields.mobile_nodes.impulse[3 + d]
+    return force, torque
+
+
+@ti.func
+def clear_sums(fields: ti.template(), step: ti.template()):
+    """Zero what a team sums up, once all its threads have read it."""
+    if ti.static(step.threads > 1):
+        wait(step)
+        if step.thread == 0:
+            for i in range(6):
+                fields.mobile_nodes.impulse[i] = 0.0
+                for j in range(6):
+                    fields.mobile_nodes.slope[i, j] = 0.0
+        wait(step)
+
+
+@ti.func
+def reaction(fields: ti.template(), step: ti.template(), b: ti.template(), index: ti.template(), V, corner):
     """Return the impulse of the listed nodes on a collider of twist V; store its negative derivative in `slope`."""
+    clear_sums(fields, step)
     force, torque = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
     A, B = ti.Matrix.zero(ti.f64, 3, 3), ti.Matrix.zero(ti.f64, 3, 3)
     C, D = ti.Matrix.zero(ti.f64, 3, 3), ti.Matrix.zero(ti.f64, 3, 3)
     linear, angular = ti.Vector([V[0], V[1], V[2]]), ti.Vector([V[3], V[4], V[5]])
-    for n in range(fields.mobile_nodes.first[b], fields.mobile_nodes.first[b] + fields.mobile_nodes.count[b]):
+    for turn in range((fields.mobile_nodes.count[b] - step.thread + step.threads - 1) // step.threads):
+        n = place_in_order(fields.mobile_nodes, fields.mobile_nodes.first[b] + step.threads * turn + step.thread)
         I = fields.mobile_nodes.node[n]
         q = fields.grid.nodes[I]
-        r = lever_of(fields, mobile, b, I, corner)
+        r = lever_of(fields, step.mobile, b, I, corner)
         surface = ti.cast(linear + angular.cross(r), fields.real)
         v = ti.Vector([q[0], q[1], q[2]])
         change = coulomb(v, surface, fields.mobile_nodes.normal[n], fields.parameters.frictions[index]) - v
@@ -87,14 +133,29 @@ def reaction(fields: ti.template(), mobile: ti.template(), b: ti.template(), ind
             C += X @ K
             D -= X @ K @ X
     for i, j in ti.static(ti.ndrange(3, 3)):
-        fields.mobile_nodes.slope[i, j], fields.mobile_nodes.slope[i, 3 + j] = A[i, j], B[i, j]
-        fields.mobile_nodes.slope[3 + i, j], fields.mobile_nodes.slope[3 + i, 3 + j] = C[i, j], D[i, j]
-    return force, torque
+        if ti.static(step.threads > 1):
+            ti.atomic_add(fields.mobile_nodes.slope[i, j], A[i, j])
+            ti.atomic_add(fields.mobile_nodes.slope[i, 3 + j], B[i, j])
+            ti.atomic_add(fields.mobile_nodes.slope[3 + i, j], C[i, j])
+            ti.atomic_add(fields.mobile_nodes.slope[3 + i, 3 + j], D[i, j])
+        else:
+            fields.mobile_nodes.slope[i, j], fields.mobile_nodes.slope[i, 3 + j] = A[i, j], B[i, j]
+            fields.mobile_nodes.slope[3 + i, j], fields.mobile_nodes.slope[3 + i, 3 + j] = C[i, j], D[i, j]
+    return sum_over_team(fields, step, force, torque)
 
 
 @ti.func
-def newton_step(fields: ti.template(), mobile: ti.template(), b: ti.template(), error):
-    """Solve (I + W slope) step = -error (6,) by Gaussian elimination with pivots."""
+def newton_step(fields: ti.template(), step: ti.template(), b: ti.template(), error):
+    """Return the solution (6,) of (I + W slope) step = -error (6,)."""
+    if step.thread == 0:
+        eliminate(fields, step.mobile, b, error)
+    wait(step)
+    return ti.Vector([fields.mobile_nodes.system[i, 6] / fields.mobile_nodes.system[i, i] for i in ti.static(range(6))])
+
+
+@ti.func
+def eliminate(fields: ti.template(), mobile: ti.template(), b: ti.template(), error):
+    """Bring the equations (I + W slope) step = -error (6,) to a diagonal, by Gaussian elimination with pivots."""
     size = ti.static(6 * len(fields.features.mobile))
     A = ti.static(fields.mobile_nodes.system)
     for i in range(6):
@@ -117,7 +178,6 @@ def newton_step(fields: ti.template(), mobile: ti.template(), b: ti.template(), 
                 ratio = A[k, i] / A[i, i]
                 for j in range(7):
                     A[k, j] = A[k, j] - ratio * A[i, j]
-    return ti.Vector([A[i, 6] / A[i, i] for i in ti.static(range(6))])
 
 
 @ti.func
@@ -128,34 +188,38 @@ def scaled_norm(twist, radius):
 
 
 @ti.func
-def solve_contact(fields: ti.template(), mobile: ti.template(), corner, out: ti.template()):
+def solve_contact(fields: ti.template(), step: ti.template(), corner):
     """Solve contact of the listed nodes with their colliders, one after the other; both sides get the impulse."""
     for b, index in ti.static(enumerate(fields.features.mobile)):
         if fields.mobile_nodes.count[b] > 0:
-            V = solve_twist(fields, mobile, b, index, corner)
-            force, torque = apply_contact(fields, mobile, b, index, V, corner)
-            apply_impulse(fields, mobile, b, force, torque)
-            moment = torque + read_vector(mobile, b, CENTRE).cross(force)
-            for d in ti.static(range(3)):
-                out[fields.rows.first_collider + index, d] = out[fields.rows.first_collider + index, d] - force[d]
-                out[fields.rows.first_collider + index, 3 + d] = \
-                    out[fields.rows.first_collider + index, 3 + d] - moment[d]
+            if ti.static(fields.mobile_nodes.sorts):
+                sort_by_part(fields.mobile_nodes.order, fields.mobile_nodes.part, fields.mobile_nodes.begins,
+                             fields.mobile_nodes.first[b], fields.mobile_nodes.count[b])
+            V = solve_twist(fields, step, b, index, corner)
+            force, torque = apply_contact(fields, step, b, index, V, corner)
+            if step.thread == 0:
+                apply_impulse(fields, step.mobile, b, force, torque)
+                moment = torque + read_vector(step.mobile, b, CENTRE).cross(force)
+                for d in ti.static(range(3)):
+                    add(step.out, fields.rows.first_collider + index, d, -force[d])
+                    add(step.out, fields.rows.first_collider + index, 3 + d, -moment[d])
+            wait(step)
 
 
 @ti.func
-def solve_twist(fields: ti.template(), mobile: ti.template(), b: ti.template(), index: ti.template(), corner):
+def solve_twist(fields: ti.template(), step: ti.template(), b: ti.template(), index: ti.template(), corner):
     """Return the twist (6,) of a collider after contact, by Newton's method that halves steps which overshoot.
 
     Keeps the largest residual of the advance, relative to the change of the twist by contact, see SMALL_CHANGE.
     """
-    start = ti.Vector([mobile[b, TWIST + i] for i in ti.static(range(6))])
+    start = ti.Vector([step.mobile[b, TWIST + i] for i in ti.static(range(6))])
     radius = ti.static(min(fields.colliders[index].sdf.radius, 1.0))
-    V, best, step = start, start, start * 0.0
+    V, best, move = start, start, start * 0.0
     least, scale = ti.cast(1e30, ti.f64), ti.cast(0.0, ti.f64)
     passes = 0
     while passes < MAX_PASSES:
-        force, torque = reaction(fields, mobile, b, index, V, corner)
-        change = change_of_twist(fields, mobile, b, force, torque)
+        force, torque = reaction(fields, step, b, index, V, corner)
+        change = change_of_twist(fields, step.mobile, b, force, torque)
         error = V - start - change
         size = scaled_norm(error, radius)
         passes += 1
@@ -163,25 +227,28 @@ def solve_twist(fields: ti.template(), mobile: ti.template(), b: ti.template(), 
             least = size
             scale = scaled_norm(change, radius)
             best = V
-            step = newton_step(fields, mobile, b, error)
+            move = newton_step(fields, step, b, error)
         else:
-            step = 0.5 * step
-        V = best + step
+            move = 0.5 * move
+        V = best + move
         if least <= ti.static(fields.mobile_nodes.tolerance) * scaled_norm(change, radius):
             passes = MAX_PASSES
-    mobile[b, RESIDUAL] = ti.max(mobile[b, RESIDUAL], least / ti.max(scale, SMALL_CHANGE))
+    if step.thread == 0:
+        step.mobile[b, RESIDUAL] = ti.max(step.mobile[b, RESIDUAL], least / ti.max(scale, SMALL_CHANGE))
     return best
 
 
 @ti.func
-def apply_contact(fields: ti.template(), mobile: ti.template(), b: ti.template(), index: ti.template(), V, corner):
+def apply_contact(fields: ti.template(), step: ti.template(), b: ti.template(), index: ti.template(), V, corner):
     """Apply contact with a collider of twist V to the listed nodes; return the impulse on it about its centre."""
+    clear_sums(fields, step)
     linear, angular = ti.Vector([V[0], V[1], V[2]]), ti.Vector([V[3], V[4], V[5]])
     force, torque = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
-    for n in range(fields.mobile_nodes.first[b], fields.mobile_nodes.first[b] + fields.mobile_nodes.count[b]):
+    for turn in range((fields.mobile_nodes.count[b] - step.thread + step.threads - 1) // step.threads):
+        n = place_in_order(fields.mobile_nodes, fields.mobile_nodes.first[b] + step.threads * turn + step.thread)
         I = fields.mobile_nodes.node[n]
         q = fields.grid.nodes[I]
-        r = lever_of(fields, mobile, b, I, corner)
+        r = lever_of(fields, step.mobile, b, I, corner)
         surface = ti.cast(linear + angular.cross(r), fields.real)
         v = ti.Vector([q[0], q[1], q[2]])
         new = coulomb(v, surface, fields.mobile_nodes.normal[n], fields.parameters.frictions[index])
@@ -189,14 +256,15 @@ def apply_contact(fields: ti.template(), mobile: ti.template(), b: ti.template()
         force -= p
         torque -= r.cross(p)
         fields.grid.nodes[I] = ti.Vector([new[0], new[1], new[2], q[3]])
-    return force, torque
+    return sum_over_team(fields, step, force, torque)
 
 
 @ti.func
 def solve_mobile_contact(fields: ti.template(), step: ti.template(), first, last):
     """Phase: contact of the listed nodes with the mobile colliders, which then move to the end of the substep."""
-    solve_contact(fields, step.mobile, fields.world_origin(), step.out)
-    move_colliders(fields, step.mobile, step.motion, step.row, step.dt)
+    solve_contact(fields, step, fields.world_origin())
+    if step.thread == 0:
+        move_colliders(fields, step.mobile, step.motion, step.row, step.dt)
 
 
 @ti.func

@@ -1,6 +1,6 @@
 """Motion of mobile colliders within a launch: the table of their twists, poses and mobilities."""
 
-from mpm.backend import ti
+from mpm.backend import has_double_functions, ti
 from mpm.geometry import rigid_motion
 
 CENTRE, AXES, LEVER, TWIST, RATE, IMPULSE, RESIDUAL, RESPONSE = 0, 3, 12, 15, 21, 27, 33, 34
@@ -57,6 +57,18 @@ def start_mobile_colliders(fields: ti.template(), step: ti.template(), first, la
 
 
 @ti.func
+def sine(angle):
+    """Return the sine of a small angle: Taichi's code for Vulkan has none in double precision."""
+    result = angle
+    if ti.static(has_double_functions()):
+        result = ti.sin(angle)
+    else:
+        square = angle * angle
+        result = angle * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0))))
+    return result
+
+
+@ti.func
 def move_colliders(fields: ti.template(), mobile: ti.template(), motion: ti.template(), s: ti.i32, dt):
     """Move the mobile colliders along their twists to the end of the substep."""
     for b in ti.static(range(len(fields.features.mobile))):
@@ -65,8 +77,8 @@ def move_colliders(fields: ti.template(), mobile: ti.template(), motion: ti.temp
         angle = ti.max(turn.norm(), 1e-9)
         K = ti.Matrix([[0.0 * angle, -turn[2], turn[1]], [turn[2], 0.0 * angle, -turn[0]],
                        [-turn[1], turn[0], 0.0 * angle]])
-        half = ti.sin(0.5 * angle) / angle
-        R += (ti.sin(angle) / angle * K + 2.0 * half * half * K @ K) @ R
+        half = sine(0.5 * angle) / angle
+        R += (sine(angle) / angle * K + 2.0 * half * half * K @ K) @ R
         for i in ti.static(range(3)):
             mobile[b, CENTRE + i] = mobile[b, CENTRE + i] + dt * mobile[b, TWIST + i]
             for j in ti.static(range(3)):

@@ -1,74 +1,111 @@
-"""Periodic sides: nodes beyond a side are images of nodes inside, folded before walls and unfolded after them."""
+"""Periodic sides: nodes beyond a side are images of nodes inside, folded before walls and unfolded after them.
+
+Every node takes what it needs from others and writes to itself alone, so that any number of threads may do so.
+"""
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK, GHOST
 from mpm.state.active_blocks import activate
-from mpm.state.nodes import clear, in_first_layer
+from mpm.state.nodes import in_first_layer, node_of
+
+BEYOND = 2
+"""Nodes that stencils of particles inside reach beyond a side, at most."""
 
 
 @ti.func
-def home_node(grid: ti.template(), I, periodic: ti.template(), cells: ti.template()):
+def home_node(fields: ti.template(), I):
     """Return the node inside that an outer node of periodic axes is an image of; I itself where it is inside."""
     home = I
-    J = in_first_layer(grid, I)
+    J = in_first_layer(fields.grid, I)
     for d in ti.static(range(3)):
-        if ti.static(periodic[d]):
-            home[d] += GHOST + (J[d] - GHOST + 2 * cells[d]) % cells[d] - J[d]
+        if ti.static(fields.features.periodic[d]):
+            home[d] += GHOST + (J[d] - GHOST + 2 * fields.cells[d]) % fields.cells[d] - J[d]
     return home
 
 
 @ti.func
-def activate_home_nodes(grid: ti.template(), periodic: ti.template(), cells: ti.template(), stamp):
-    """Activate the blocks that `fold_periodic` would, for phases before it that need all active blocks."""
-    before = grid.count[None]
-    for active in range(before):
-        block = grid.active[active] * BLOCK
-        for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
-            activate(grid, home_node(grid, block + ti.Vector([a, b, c]), periodic, cells) // BLOCK, stamp)
-    clear(grid, before, grid.count[None])
+def activate_home_nodes(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: where mass is transferred, activate the blocks whose nodes have images in blocks first .. last - 1."""
+    if step.transfer_mass > 0:
+        for n in range(first, last):
+            block = fields.grid.active[n]
+            for m in range(BLOCK**3 // step.threads):
+                I = node_of(block, step.threads * m + step.thread)
+                home = home_node(fields, I)
+                if (home != I).any() and is_reached(fields, in_first_layer(fields.grid, I)):
+                    activate(fields.grid, home // BLOCK, step.stamp)
+
+
+@ti.func
+def is_reached(fields: ti.template(), J):
+    """Return whether stencils of particles inside can reach a node of the first layer, along the periodic axes."""
+    reached = True
+    for d in ti.static(range(3)):
+        if ti.static(fields.features.periodic[d]):
+            reached = reached and J[d] >= GHOST - BEYOND and J[d] < GHOST + fields.cells[d] + BEYOND
+    return reached
+
+
+@ti.func
+def sum_images(fields: ti.template(), I, stamp):
+    """Return momentum or velocity, and mass without its sign (4,), summed over the images of a node inside."""
+    total = ti.Vector.zero(fields.real, 4)
+    J = in_first_layer(fields.grid, I)
+    # along an axis an image lies one period away, or two where a period is shorter than what stencils reach
+    far = ti.static([(2 if fields.cells[d] < 3 else 1) * fields.features.periodic[d] for d in range(3)])
+    near_side = False
+    for d in ti.static(range(3)):
+        if ti.static(fields.features.periodic[d]):
+            near_side = near_side or J[d] < GHOST + BEYOND or J[d] >= GHOST + fields.cells[d] - BEYOND
+    if near_side:
+        for a, b, c in ti.static(ti.ndrange((-far[0], far[0] + 1), (-far[1], far[1] + 1), (-far[2], far[2] + 1))):
+            if ti.static((a, b, c) != (0, 0, 0)):
+                away = ti.Vector([ti.static(a * fields.cells[0]), ti.static(b * fields.cells[1]),
+                                  ti.static(c * fields.cells[2])])
+                if is_reached(fields, J + away):
+                    image = I + away
+                    if fields.grid.stamp[image // BLOCK] == stamp:
+                        q = fields.grid.nodes[image]
+                        q[3] = ti.abs(q[3])
+                        total += q
+    return total
 
 
 @ti.func
 def fold_periodic(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: add the momentum of images to their home nodes; an image keeps a negative mass until it is unfolded."""
-    fold_images(fields.grid, fields.features.periodic, fields.cells, step.stamp)
+    """Phase: add the momentum of images to their home nodes, in active blocks first .. last - 1."""
+    for n in range(first, last):
+        block = fields.grid.active[n]
+        for m in range(BLOCK**3 // step.threads):
+            I = node_of(block, step.threads * m + step.thread)
+            if (home_node(fields, I) == I).all():
+                fields.grid.nodes[I] = fields.grid.nodes[I] + sum_images(fields, I, step.stamp)
 
 
 @ti.func
-def fold_images(grid: ti.template(), periodic: ti.template(), cells: ti.template(), stamp):
-    """Add the momentum of images to their home nodes; an image keeps a negative mass."""
-    for active in range(grid.count[None]):
-        block = grid.active[active] * BLOCK
-        for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
-            I = block + ti.Vector([a, b, c])
-            home = home_node(grid, I, periodic, cells)
-            q = grid.nodes[I]
-            if (home != I).any() and q[3] > 0:
-                if grid.stamp[home // BLOCK] != stamp:
-                    activate(grid, home // BLOCK, stamp)
-                    clear(grid, grid.count[None] - 1, grid.count[None])
-                grid.nodes[home] = grid.nodes[home] + q
-                q[3] = -q[3]
-                grid.nodes[I] = q
+def mark_images(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: negate the masses of folded images, which the grid update leaves out, in blocks first .. last - 1."""
+    for n in range(first, last):
+        block = fields.grid.active[n]
+        for m in range(BLOCK**3 // step.threads):
+            I = node_of(block, step.threads * m + step.thread)
+            if (home_node(fields, I) != I).any():
+                fields.grid.nodes[I][3] = -fields.grid.nodes[I][3]
 
 
 @ti.func
 def unfold_periodic(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: give images the velocity of their home nodes."""
-    unfold_images(fields.grid, fields.features.periodic, fields.cells)
+    """Phase: give images the velocity of their home nodes, and each its own mass, which the next substep may need.
 
-
-@ti.func
-def unfold_images(grid: ti.template(), periodic: ti.template(), cells: ti.template()):
-    """Give images the velocity of their home nodes."""
-    for active in range(grid.count[None]):
-        block = grid.active[active] * BLOCK
-        for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
-            I = block + ti.Vector([a, b, c])
-            home = home_node(grid, I, periodic, cells)
-            mass = -grid.nodes[I][3]
-            if (home != I).any() and mass > 0:
-                u = grid.nodes[home]
-                grid.nodes[I] = ti.Vector([u[0], u[1], u[2], mass])
-                u[3] -= mass  # each its own, which a substep without transfer starts from
-                grid.nodes[home] = u
+    In active blocks first .. last - 1.
+    """
+    for n in range(first, last):
+        block = fields.grid.active[n]
+        for m in range(BLOCK**3 // step.threads):
+            I = node_of(block, step.threads * m + step.thread)
+            home = home_node(fields, I)
+            if (home == I).all():
+                fields.grid.nodes[I][3] = fields.grid.nodes[I][3] - sum_images(fields, I, step.stamp)[3]
+            elif fields.grid.nodes[I][3] < 0:
+                u = fields.grid.nodes[home]
+                fields.grid.nodes[I] = ti.Vector([u[0], u[1], u[2], -fields.grid.nodes[I][3]])

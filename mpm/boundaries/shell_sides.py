@@ -7,14 +7,14 @@ material meets the shell, and nothing else.
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
-from mpm.boundaries.periodic import activate_home_nodes
 from mpm.geometry.shell import FAR
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import activate
+from mpm.state.contact_fields import take_place
 from mpm.state.ledger import position
-from mpm.state.nodes import clear, first_nodes
+from mpm.state.nodes import first_nodes, node_of
 from mpm.state.packs import LANES, lane_mask, write_lane
-from mpm.state.sleepers import count_packs, is_awake, pack_at
+from mpm.state.sleepers import is_awake, pack_at
 
 SHELL_FACE = 1.01
 """Cells in front of a shell's face within which a node counts as on it. A free node nearer than a cell lacks the
@@ -25,37 +25,30 @@ CURVATURE = 0.5
 
 
 @ti.func
-def label_shell_sides(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: label nodes and particles near shells where mass is transferred; empty the list of labelled particles."""
+def label_nodes(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: where mass is transferred, label the nodes of active blocks first .. last - 1 near a shell.
+
+    Activates the second layer of blocks that hold a label; empties the list of labelled particles.
+    """
     if step.transfer_mass > 0:
-        if ti.static(fields.is_periodic):
-            activate_home_nodes(fields.grid, fields.features.periodic, fields.cells, step.stamp)
-        label_nodes(fields, step.motion, step.row, step.stamp, fields.world_origin())
-        label_particles(fields, fields.particles, step.motion, step.row)
-    fields.shells.count[None] = 0
-
-
-@ti.func
-def label_nodes(fields: ti.template(), motion: ti.template(), s: ti.i32, stamp: ti.i32, corner):
-    """Label the nodes of active blocks near a shell; activate the second layer of blocks that hold a label."""
-    before = fields.grid.count[None]
-    for n in range(before):
-        block = fields.grid.active[n]
-        near = 0
-        for row, index in ti.static(fields.features.shell_rows):
-            middle = position(block * BLOCK, corner, fields.cell) + 0.5 * (BLOCK - 1) * fields.cell
-            r = ti.cast(middle, fields.real) - collider_origin(motion, row, s)
-            if r.norm() < fields.colliders[index].sdf.radius + 2.6 * fields.cell:
-                near = 1
-        if near + fields.shells.labelled[block] > 0:
-            fields.shells.labelled[block] = near
-            sides = 0
-            for a, b in ti.ndrange(BLOCK, BLOCK):
-                for c in range(BLOCK):
-                    sides += label_node(fields, motion, s, near, block * BLOCK + ti.Vector([a, b, c]), corner)
-            if sides > 0:
-                activate(fields.grid, block + ti.Vector([fields.grid.width // BLOCK, 0, 0]), stamp)
-    clear(fields.grid, before, fields.grid.count[None])
+        fields.shells.count[None] = 0
+        corner = fields.world_origin()
+        for n in range(first, last):
+            block = fields.grid.active[n]
+            near = 0
+            for row, index in ti.static(fields.features.shell_rows):
+                middle = position(block * BLOCK, corner, fields.cell) + 0.5 * (BLOCK - 1) * fields.cell
+                r = ti.cast(middle, fields.real) - collider_origin(step.motion, row, step.row)
+                if r.norm() < fields.colliders[index].sdf.radius + 2.6 * fields.cell:
+                    near = 1
+            if near > 0 or fields.shells.labelled[block] > 0 or ti.static(step.threads > 1):
+                sides = 0
+                for m in range(BLOCK**3 // step.threads):
+                    sides += label_node(fields, step.motion, step.row, near,
+                                        node_of(block, step.threads * m + step.thread), corner)
+                if sides > 0:
+                    activate(fields.grid, block + ti.Vector([fields.grid.width // BLOCK, 0, 0]), step.stamp)
+                fields.shells.labelled[block] = near
 
 
 @ti.func
@@ -63,18 +56,17 @@ def label_node(fields: ti.template(), motion: ti.template(), s: ti.i32, near: ti
     """Store side, shell and gap of a node; return whether it has a side."""
     closest = ti.cast(FAR, fields.real)
     side, shell = 0, 0
-    for row, index in ti.static(fields.features.shell_rows):
-        R = collider_axes(motion, row, s)
-        r = ti.cast(position(I, corner, fields.cell), fields.real) - collider_origin(motion, row, s)
-        n_t, phi, sided = fields.colliders[index].sdf.at(R.transpose() @ r)
-        if ti.abs(phi) < closest:
-            closest = ti.abs(phi)
-            shell = index + 1
-            side = sided * shell * (1 if phi >= 0 else -1)
-            n = R @ n_t
-            fields.shells.gap[I] = ti.Vector([n[0], n[1], n[2], phi])
-    if near == 0:  # of a block that has gone out of reach
-        shell, side = 0, 0
+    if near > 0:  # else the block has gone out of reach
+        for row, index in ti.static(fields.features.shell_rows):
+            R = collider_axes(motion, row, s)
+            r = ti.cast(position(I, corner, fields.cell), fields.real) - collider_origin(motion, row, s)
+            n_t, phi, sided = fields.colliders[index].sdf.at(R.transpose() @ r)
+            if ti.abs(phi) < closest:
+                closest = ti.abs(phi)
+                shell = index + 1
+                side = sided * shell * (1 if phi >= 0 else -1)
+                n = R @ n_t
+                fields.shells.gap[I] = ti.Vector([n[0], n[1], n[2], phi])
     fields.shells.shell[I] = shell
     fields.shells.side[I] = side
     return ti.abs(side)
@@ -88,9 +80,19 @@ def reaches_across(fields: ti.template(), J):
 
 
 @ti.func
-def label_particles(fields: ti.template(), P: ti.template(), motion: ti.template(), s: ti.i32):
-    """Label the particles with the side on which they came near a shell, as long as they are near it."""
-    for place in range(count_packs(fields)):
+def label_particles(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: label particles with the side on which they came near a shell, as long as they are near it.
+
+    Where mass is transferred, those of packs first .. last - 1.
+    """
+    if step.transfer_mass > 0:
+        label_packs(fields, fields.particles, step.motion, step.row, first, last)
+
+
+@ti.func
+def label_packs(fields: ti.template(), P: ti.template(), motion: ti.template(), s: ti.i32, first, last):
+    """Label the particles of packs first .. last - 1, see `label_particles`."""
+    for place in range(first, last):
         q = pack_at(fields, place)
         near = 0
         for row, index in ti.static(fields.features.shell_rows):
@@ -126,3 +128,22 @@ def find_side(fields: ti.template(), motion: ti.template(), s: ti.i32, J, x):
                 gap = phi
                 side = sided * (index + 1) * (1 if phi >= 0 else -1)
     return side, gap
+
+
+@ti.func
+def list_particles(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: where mass is transferred, list the particles of packs first .. last - 1 that have a side."""
+    if step.transfer_mass > 0:
+        for place in range(first, last):
+            list_lanes(fields, fields.particles, pack_at(fields, place))
+
+
+@ti.func
+def list_lanes(fields: ti.template(), P: ti.template(), q):
+    """List the lanes of pack q that have a side, for the transfers across shells of the whole stride."""
+    if ti.abs(P.side[q]).sum() > 0:
+        for l in range(LANES):
+            if P.side[q][l] != 0 and is_awake(fields, q, l):
+                c = take_place(fields.shells.count, None)
+                fields.shells.slot[c] = ti.Vector([q, l])
+                fields.shells.place[q][l] = c

@@ -6,10 +6,12 @@ They are few: the packs leave them out, and they are transferred one by one from
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
 from mpm.boundaries.mobile_contact import reduce_by_compliance
-from mpm.state.active_blocks import mark_place
+from mpm.state.active_blocks import mark_place, note_reached
+from mpm.state.contact_fields import take_place
 from mpm.state.ledger import credit
 from mpm.state.packs import lane_mask, read_lane, write_lane
 from mpm.transfers.particle_grid import NodeValues, ShellLayers, gather, moments, scatter, weights
+from mpm.transfers.to_grid import scatter_shift
 from mpm.transfers.to_particles import drift_after, keep_inside
 
 WATCHED = 1.3
@@ -20,23 +22,26 @@ SHELL_RECOVERY = 0.2
 
 @ti.func
 def scatter_across_shells(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: scatter the listed particles to the layers on which nodes and particles share a side."""
-    for c in range(fields.shells.count[None]):
+    """Phase: scatter the listed particles first .. last - 1 to the layers on which nodes and particles share a side."""
+    for c in range(first, last):
         side = ti.cast(read_lane(fields.particles.side, fields.shells.slot[c]), ti.i32)
         f = fields.shells.offset[c]
-        scatter(fields.grid.nodes, ti.static(ShellLayers(fields.grid, fields.shells, side)), fields.shells.base[c],
+        if ti.static(fields.parts > 0):
+            note_reached(fields.grid, step.part, fields.shells.base[c], -1, step.stamp, 2)
+        layers = ti.static(ShellLayers(fields.grid, fields.shells, side, scatter_shift(fields, step)))
+        scatter(fields.scatter_target, layers, fields.shells.base[c],
                 fields.shells.q[0][c], fields.shells.q[1][c], fields.shells.q[2][c], fields.shells.q[3][c],
                 [weights(f[0]), weights(f[1]), weights(f[2])])
 
 
 @ti.func
 def gather_across_shells(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: gather the listed particles again, from the layers that they scattered to.
+    """Phase: gather the listed particles first .. last - 1, from the layers that they scattered to.
 
-    At the end of a stride they move, and those that would pass a shell are stopped.
+    At the end of a stride those move that do not enter a shell.
     """
     dt = drift_after(step.dt, step.span)
-    for n in range(fields.shells.count[None]):
+    for n in range(first, last):
         slot = fields.shells.slot[n]
         side = ti.cast(read_lane(fields.particles.side, slot), ti.i32)
         f = fields.shells.offset[n]
@@ -46,52 +51,104 @@ def gather_across_shells(fields: ti.template(), step: ti.template(), first, last
             fields.shells.base[n], fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
         moment = [moment_i, moment_j, moment_k]
         v = ti.Vector([value[0], value[1], value[2]])
-        x = (ti.cast(fields.shells.base[n], fields.real) + f) * fields.cell
-        free = v
-        if dt > 0:
-            v = stop_at_shell(fields, fields.particles, step, dt, x, free, fields.shells.mass[n], side, slot)
         mask = lane_mask(slot[1], fields.real)
         gradient = 4.0 / fields.cell
-        moved = x + dt * v
         for r in ti.static(range(3)):
-            moved[r] = keep_inside(fields, moved[r], r)
             write_lane(fields.particles.v[r], slot[0], mask, v[r])
             for c in ti.static(range(3)):
-                write_lane(fields.particles.C[3 * r + c], slot[0], mask, gradient * (moment[c][r] - free[r] * f[c]))
+                write_lane(fields.particles.C[3 * r + c], slot[0], mask, gradient * (moment[c][r] - v[r] * f[c]))
         if dt > 0:
-            for r in ti.static(range(3)):
-                write_lane(fields.particles.x[r], slot[0], mask, moved[r])
-            mark_place(fields.grid, moved, 1.0 / fields.cell, step.stamp + step.span)
+            entered = find_entered(fields, fields.particles, step, dt, place_on_list(fields, n), v, side, slot)
+            fields.shells.entered[n] = entered
+            if entered[3] == 0:
+                move_listed(fields, step, n, slot, mask, v, dt)
+            elif ti.static(fields.shells.lists_entering):
+                fields.shells.entering[take_place(fields.shells.entering_count, None)] = n
 
 
 @ti.func
-def stop_at_shell(fields: ti.template(), P: ti.template(), step: ti.template(), dt, x, v, mass, side, slot):
-    """Return a particle's velocity, corrected where it would carry its cube into the shell; credit the shell.
+def place_on_list(fields: ti.template(), n):
+    """Return where listed particle n is before its move [m] (3,), relative to the grid's node (0, 0, 0)."""
+    return (ti.cast(fields.shells.base[n], fields.real) + fields.shells.offset[n]) * fields.cell
 
-    Nodes hold a material back, but not exactly where the shell is, nor each of its particles: this stops the last of
-    them, and keeps the material's edge at the shell's face.
-    """
-    result = v
+
+@ti.func
+def move_listed(fields: ti.template(), step: ti.template(), n, slot, mask, v, dt):
+    """Move listed particle n for dt [s], and activate the blocks that its stencil reaches then."""
+    moved = place_on_list(fields, n) + dt * v
+    for r in ti.static(range(3)):
+        moved[r] = keep_inside(fields, moved[r], r)
+        write_lane(fields.particles.x[r], slot[0], mask, moved[r])
+    mark_place(fields.grid, moved, 1.0 / fields.cell, step.stamp + step.span)
+
+
+@ti.func
+def find_entered(fields: ti.template(), P: ti.template(), step: ti.template(), dt, x, v, side, slot):
+    """Return the normal out of the shell that a particle's cube would enter in a move, and the depth [m]; or zeros."""
+    entered = ti.Vector.zero(fields.real, 4)
     for row, index in ti.static(fields.features.shell_rows):
         own = ti.cast(1 if side > 0 else -1, fields.real)
         thick = fields.parameters.half_thickness[index]
         if ti.abs(side) == index + 1 and own * read_lane(P.gap, slot) < thick + WATCHED * fields.cell:
-            place_of_shell = collider_origin(step.motion, row, step.row)
             R = collider_axes(step.motion, row, step.row)
-            r = ti.Vector([x[d] + fields.origin[d] + dt * v[d] - place_of_shell[d] for d in range(3)])
-            n_t, phi, sided = fields.colliders[index].sdf.at(R.transpose() @ r)
+            n_t, phi, sided = fields.colliders[index].sdf.at(
+                R.transpose() @ lever_after(fields, step, row, x + dt * v))
             half = 0.5 * ti.pow(read_lane(P.volume, slot), 1.0 / 3.0)
             depth = thick + half - own * phi
             if sided > 0 and depth > 0:
                 normal = own * (R @ n_t)
-                push = ti.min(depth, SHELL_RECOVERY * fields.cell) / dt
-                slide = v - surface_velocity(step.motion, row, step.row, r)
-                slide = slide - slide.dot(normal) * normal
-                held = ti.min(fields.parameters.frictions[index] * push / slide.norm(1e-12), 1.0)
-                dv = push * normal - held * slide
-                place = ti.Vector([ti.cast(x[d], ti.f64) for d in range(3)]) + fields.world_origin()
-                if ti.static(fields.mobile_place[index] >= 0):
-                    dv = reduce_by_compliance(fields, step, index, place, mass, dv)
-                credit(step.out, fields.rows.first_collider + index, place, mass * dv)
-                result = v + dv
-    return result
+                entered = ti.Vector([normal[0], normal[1], normal[2], depth])
+    return entered
+
+
+@ti.func
+def lever_after(fields: ti.template(), step: ti.template(), row: ti.template(), x):
+    """Return the vector [m] from a shell's frame to a place relative to the grid's node (0, 0, 0)."""
+    return ti.Vector([x[d] + fields.origin[d] for d in range(3)]) - collider_origin(step.motion, row, step.row)
+
+
+@ti.func
+def stop_at_shells(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: stop the listed particles first .. last - 1 that would enter a shell, move them, credit the shell.
+
+    Nodes hold a material back, but not exactly where the shell is, nor each of its particles: this stops the last of
+    them, and keeps the material's edge at the shell's face.
+    """
+    if step.span > 0:
+        dt = drift_after(step.dt, step.span)
+        for number in range(first, last):
+            n = number
+            if ti.static(fields.shells.lists_entering):
+                n = fields.shells.entering[number]
+            entered = fields.shells.entered[n]
+            if entered[3] > 0:
+                slot = fields.shells.slot[n]
+                mask = lane_mask(slot[1], fields.real)
+                v = ti.Vector([read_lane(fields.particles.v[d], slot) for d in range(3)])
+                stopped = v + stop_at_shell(fields, step, dt, place_on_list(fields, n), v, fields.shells.mass[n],
+                                            ti.cast(read_lane(fields.particles.side, slot), ti.i32), entered)
+                for r in ti.static(range(3)):
+                    write_lane(fields.particles.v[r], slot[0], mask, stopped[r])
+                move_listed(fields, step, n, slot, mask, stopped, dt)
+        if ti.static(fields.shells.lists_entering):
+            fields.shells.entering_count[None] = 0
+
+
+@ti.func
+def stop_at_shell(fields: ti.template(), step: ti.template(), dt, x, v, mass, side, entered):
+    """Return the change of velocity that keeps a particle out of the shell that it would enter; credit the shell."""
+    change = 0.0 * v
+    for row, index in ti.static(fields.features.shell_rows):
+        if ti.abs(side) == index + 1:
+            normal = ti.Vector([entered[0], entered[1], entered[2]])
+            push = ti.min(entered[3], SHELL_RECOVERY * fields.cell) / dt
+            slide = v - surface_velocity(step.motion, row, step.row, lever_after(fields, step, row, x + dt * v))
+            slide = slide - slide.dot(normal) * normal
+            held = ti.min(fields.parameters.frictions[index] * push / slide.norm(1e-12), 1.0)
+            dv = push * normal - held * slide
+            place = ti.Vector([ti.cast(x[d], ti.f64) for d in range(3)]) + fields.world_origin()
+            if ti.static(fields.mobile_place[index] >= 0):
+                dv = reduce_by_compliance(fields, step, index, place, mass, dv)
+            credit(step.out, fields.rows.first_collider + index, place, mass * dv)
+            change = dv
+    return change

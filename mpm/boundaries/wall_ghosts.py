@@ -78,6 +78,12 @@ def column(grid: ti.template(), block, a, b, axis, node):
 
 
 @ti.func
+def column_of(number):
+    """Return the place (a, b) of a column, 0 to 15, on a block's face."""
+    return number // BLOCK, number % BLOCK
+
+
+@ti.func
 def on_plane(grid: ti.template(), block, axis, node):
     """Return whether a block holds nodes of a plane."""
     return (in_first_layer(grid, block * BLOCK).dot(unit(axis)) // BLOCK) == node // BLOCK
@@ -106,27 +112,28 @@ def fold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     A folded ghost keeps its raw values, its mass negated.
     """
     fold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, w, fields.parameters.wall_numbers[w],
-              step.stamp, step.dt, fields.parameters.gravity[None], first, last)
+              step, fields.parameters.gravity[None], first, last)
 
 
 @ti.func
-def fold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, stamp, dt, gravity, first,
-              last):
+def fold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, step: ti.template(), gravity,
+              first, last):
     """Fold the ghosts of one wall, see `fold_walls`."""
     axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
-    fall = dt * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
+    fall = step.dt * (gravity[0] * n[0] + gravity[1] * n[1] + gravity[2] * n[2])
     for active in range(first, last):
         block = grid.active[active]
         if kind != IS_PERIODIC and on_plane(grid, block, axis, node):
-            for a, b in ti.ndrange(BLOCK, BLOCK):
+            for m in range(BLOCK**2 // step.columns):
+                a, b = column_of(step.columns * m + step.column)
                 W = column(grid, block, a, b, axis, node)
                 at_wall = grid.nodes[W]
                 # a stencil that reaches a ghost reaches the wall's node too; in the second layer the mirror node
                 # may hold the other side's material, and the shell stops what is there
                 if at_wall[3] > 0 and W[0] < grid.width:
                     ghost = W - unit(axis) * inward
-                    m_g = ghost_mass(grid, ghost, stamp)
+                    m_g = ghost_mass(grid, ghost, step.stamp)
                     if m_g > 0 and not folded_earlier(grid, table, W, axis):
                         partner = W + unit(axis) * inward
                         raw = grid.nodes[ghost]
@@ -150,35 +157,38 @@ def unfold_walls(fields: ti.template(), step: ti.template(), w, first, last):
     ledger's wall row. A tape records every column before it is unfolded.
     """
     unfold_wall(fields.grid, fields.parameters.walls, fields.wall_conditions, 5 - w,
-                fields.parameters.wall_numbers[5 - w], step.stamp, step.dt, fields.world_origin(), fields.cell,
-                step.out, fields.rows.walls + 5 - w, step.tape, first, last)
+                fields.parameters.wall_numbers[5 - w], step, fields.world_origin(), fields.cell,
+                fields.rows.walls + 5 - w, first, last)
 
 
 @ti.func
-def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, stamp, dt, origin, cell,
-                out: ti.template(), row, tape: ti.template(), first, last):
-    """Unfold the ghosts of one wall, see `unfold_walls`; row: of its own impulse in `out`."""
+def unfold_wall(grid: ti.template(), table: ti.template(), conditions: ti.template(), w, p, step: ti.template(), origin,
+                cell, row, first, last):
+    """Unfold the ghosts of one wall, see `unfold_walls`; row: of its own impulse in the ledger."""
     axis, node, inward, kind, separable = table[w, 0], table[w, 1], table[w, 2], table[w, 3], table[w, 4]
     n = normal4(axis, inward, grid.nodes.dtype)
-    total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
+    total, moment, touched = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3), 0
     for active in range(first, last):
         block = grid.active[active]
         if kind != IS_PERIODIC and on_plane(grid, block, axis, node):
-            for a, b in ti.ndrange(BLOCK, BLOCK):
+            for m in range(BLOCK**2 // step.columns):
+                a, b = column_of(step.columns * m + step.column)
                 W = column(grid, block, a, b, axis, node)
-                if ti.static(tape.records):
-                    tape.record(grid, w, W, axis, inward, stamp)
+                if ti.static(step.tape.records):
+                    step.tape.record(grid, w, W, axis, inward, step.stamp)
                 if grid.nodes[W][3] != 0:
-                    impulse, across = unfold_column(grid, table, conditions, W, axis, inward, kind, separable, n, stamp,
-                                                    dt, p)
+                    impulse, across = unfold_column(grid, table, conditions, W, axis, inward, kind, separable, n,
+                                                    step.stamp, step.dt, p)
+                    touched = 1
                     total += ti.cast(impulse, ti.f64)
                     place = position(in_first_layer(grid, W), origin, cell)
                     moment += place.cross(ti.cast(impulse, ti.f64)) + cell * ti.cast(across, ti.f64)
-    for d in ti.static(range(3)):
-        add(out, WALL_ROW, d, total[d])
-        add(out, WALL_ROW, 3 + d, moment[d])
-        add(out, row, d, total[d])
-        add(out, row, 3 + d, moment[d])
+    if touched > 0:
+        for d in ti.static(range(3)):
+            add(step.out, WALL_ROW, d, total[d])
+            add(step.out, WALL_ROW, 3 + d, moment[d])
+            add(step.out, row, d, total[d])
+            add(step.out, row, 3 + d, moment[d])
 
 
 @ti.func

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from mpm.backend import put, ti
+from mpm.backend import is_shared, put, ti
 from mpm.geometry.region import Region
+from mpm.state.ledger import add
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields
 
@@ -37,7 +38,7 @@ class CounterKernel:
                  margin: float, per_particle: bool) -> None:
         self.particles, self.index, self.shape, self.reach = particles, index, shape, reach
         self.probe, self.margin, self.per_particle = probe, margin, per_particle
-        self.counts_near, self.has_points = shape is not None, n_points > 0
+        self.counts_near, self.has_points, self.on_gpu = shape is not None, n_points > 0, is_shared()
         # in a field, because kernels take Python's numbers for single precision
         self.numbers = ti.field(ti.f64, WEIGHTS + 3)
         self.roles, self.flags = (ti.field(ti.i8, particles.n_lanes) for _ in range(2))
@@ -55,33 +56,37 @@ class CounterKernel:
     @ti.kernel
     def sum_now(self, pose: ti.types.ndarray(), out: ti.types.ndarray(), per_particle: ti.types.ndarray()):
         """Add the sums of the present state, with the collider at a pose (12,), to out (COUNTER_ROWS, 6)."""
+        ti.loop_config(serialize=not self.on_gpu)
+        for slot in range(self.particles.pack_count[None] * LANES):
+            c = ti.Vector([pose[k] for k in range(3)])
+            R = ti.Matrix([[pose[3 + 3 * i + j] for j in range(3)] for i in range(3)])
+            self.count_slot(slot, c, R, out, 0, per_particle, 0)
         ti.loop_config(serialize=True)
         for _ in range(1):
             c = ti.Vector([pose[k] for k in range(3)])
             R = ti.Matrix([[pose[3 + 3 * i + j] for j in range(3)] for i in range(3)])
-            self.accumulate(c, R, out, 0)
-            if ti.static(self.per_particle):
-                self.list_particles(per_particle, 0)
+            self.probe_points(c, R, out, 0)
 
     @ti.func
-    def list_particles(self, per_particle: ti.template(), reading):
-        """Store what each counted particle adds, after `accumulate`."""
+    def accumulate(self, c, R, out: ti.template(), row, per_particle: ti.template(), reading):
+        """Add the sums, with the collider at c, R, to two rows of out from `row` on, which hold zeros.
+
+        Where a counter asks for them, what each particle adds is stored in row `reading` of per_particle.
+        """
         for slot in range(self.particles.pack_count[None] * LANES):
-            if self.roles[slot] > 0:
+            self.count_slot(slot, c, R, out, row, per_particle, reading)
+        self.probe_points(c, R, out, row)
+
+    @ti.func
+    def count_slot(self, slot, c, R, out: ti.template(), row, per_particle: ti.template(), reading):
+        """Add one slot's share of the sums, see `accumulate`."""
+        if ti.static(self.counts_near):
+            self.count_near(slot, c, R, out, row)
+        if self.roles[slot] > 0:
+            self.count(slot, c, R, out, row)
+            if ti.static(self.per_particle):
                 per_particle[reading, slot, 0] = ti.cast(self.distance(self.position(slot)), ti.f32)
                 per_particle[reading, slot, 1] = ti.cast(self.flags[slot] & WAS_IN_REGION, ti.f32) / WAS_IN_REGION
-
-    @ti.func
-    def accumulate(self, c, R, out: ti.template(), row):
-        """Add the sums, with the collider at c, R, to two rows of out from `row` on, which hold zeros."""
-        add(out, row, CLEARANCE, FAR)
-        for slot in range(self.particles.pack_count[None] * LANES):
-            if ti.static(self.counts_near):
-                self.count_near(slot, c, R, out, row)
-            if self.roles[slot] > 0:
-                self.count(slot, c, R, out, row)
-        if ti.static(self.has_points):
-            self.probe_points(c, R, out, row)
 
     @ti.func
     def position(self, slot):
@@ -117,13 +122,13 @@ class CounterKernel:
         exited = flags & HAS_EXITED
         if exited == 0 and not in_inner and self.roles[slot] > COUNTED and not self.contains(BOUNDS, x):
             exited = HAS_EXITED
-            add(out, row, NEWLY_EXITED, 1.0)
+            add(out, row + ti.static(NEWLY_EXITED // 6), ti.static(NEWLY_EXITED % 6), 1.0)
             if flags & WAS_IN_REGION:
-                add(out, row, EXITED_FROM_REGION, 1.0)
-        add(out, row, DISTANCE, self.distance(x))
-        add(out, row, IN_INNER, ti.cast(in_inner, ti.f64))
-        add(out, row, IN_REGION, ti.cast(in_region, ti.f64))
-        add(out, row, EXITED, ti.cast(exited > 0, ti.f64))
+                add(out, row + ti.static(EXITED_FROM_REGION // 6), ti.static(EXITED_FROM_REGION % 6), 1.0)
+        add(out, row + ti.static(DISTANCE // 6), ti.static(DISTANCE % 6), self.distance(x))
+        add(out, row + ti.static(IN_INNER // 6), ti.static(IN_INNER % 6), ti.cast(in_inner, ti.f64))
+        add(out, row + ti.static(IN_REGION // 6), ti.static(IN_REGION % 6), ti.cast(in_region, ti.f64))
+        add(out, row + ti.static(EXITED // 6), ti.static(EXITED % 6), ti.cast(exited > 0, ti.f64))
         self.flags[slot] = ti.cast(exited + ti.cast(in_region, ti.i32) * WAS_IN_REGION, ti.i8)
 
     @ti.func
@@ -136,23 +141,18 @@ class CounterKernel:
             if not self.shape.is_beyond(y, self.reach):
                 _, phi = self.shape.at(y)
                 if phi < self.reach:
-                    add(out, row, NEAR, 1.0)
+                    add(out, row + ti.static(NEAR // 6), ti.static(NEAR % 6), 1.0)
 
     @ti.func
     def probe_points(self, c, R, out: ti.template(), row):
-        """Look the points up in the signed distance of the probe."""
+        """Look the points up in the signed distance of the probe; add the clearance, FAR where no point is near."""
         nearest = ti.cast(FAR, ti.f64)
-        for i in range(self.points.shape[0]):
-            r = ti.cast(self.points[i], ti.f64) - c
-            if r.norm_sqr() < ti.static((self.probe.radius + self.margin) ** 2):
-                _, phi = self.probe.at(ti.cast(R.transpose() @ r, ti.f32))
-                nearest = ti.min(nearest, ti.cast(phi, ti.f64))
-                if phi < self.margin:
-                    add(out, row, PROBED, 1.0)
-        add(out, row, CLEARANCE, nearest - FAR)
-
-
-@ti.func
-def add(out: ti.template(), row, place: ti.template(), value):
-    """Add to one of the sums."""
-    out[row + ti.static(place // 6), ti.static(place % 6)] += value
+        if ti.static(self.has_points):
+            for i in range(self.points.shape[0]):
+                r = ti.cast(self.points[i], ti.f64) - c
+                if r.norm_sqr() < ti.static((self.probe.radius + self.margin) ** 2):
+                    _, phi = self.probe.at(ti.cast(R.transpose() @ r, ti.f32))
+                    nearest = ti.min(nearest, ti.cast(phi, ti.f64))
+                    if phi < self.margin:
+                        add(out, row + ti.static(PROBED // 6), ti.static(PROBED % 6), 1.0)
+        add(out, row + ti.static(CLEARANCE // 6), ti.static(CLEARANCE % 6), nearest)

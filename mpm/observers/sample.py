@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mpm.backend import put, ti
+from mpm.backend import is_shared, put, ti
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields
 
@@ -14,24 +14,29 @@ class SampleKernel:
     """What a `Sample` of so many particles compiles. origin: position [m] (3,) of the grid's node (0, 0, 0)."""
 
     def __init__(self, particles: ParticleFields, count: int, origin: tuple[float, float, float]) -> None:
-        self.particles, self.origin, self.count = particles, origin, count
+        self.particles, self.origin, self.count, self.on_gpu = particles, origin, count, is_shared()
         self.slots = ti.field(ti.i32, count)
 
     @ti.kernel
     def copy(self, out: ti.types.ndarray()):
         """Store the present state in out (n, 6)."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.take(out, 0)
+        ti.loop_config(serialize=not self.on_gpu)
+        for i in range(self.slots.shape[0]):
+            self.take_one(out, 0, i)
 
     @ti.func
     def take(self, out: ti.template(), first):
         """Store the present state in the rows of out from `first` on."""
         for i in range(self.slots.shape[0]):
-            q, l = self.slots[i] // LANES, self.slots[i] % LANES
-            for d in ti.static(range(3)):
-                out[first + i, d] = ti.cast(self.particles.x[d][q][l] + self.origin[d], ti.f32)
-                out[first + i, 3 + d] = ti.cast(self.particles.v[d][q][l], ti.f32)
+            self.take_one(out, first, i)
+
+    @ti.func
+    def take_one(self, out: ti.template(), first, i):
+        """Store particle i of those chosen in row first + i of out."""
+        q, l = self.slots[i] // LANES, self.slots[i] % LANES
+        for d in ti.static(range(3)):
+            out[first + i, d] = ti.cast(self.particles.x[d][q][l] + self.origin[d], ti.f32)
+            out[first + i, 3 + d] = ti.cast(self.particles.v[d][q][l], ti.f32)
 
 
 class Sample:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import once, ti
+from mpm.backend import is_shared, once, ti
 from mpm.materials.material import PARAMETERS
 from mpm.materials.stress_update import current_stress
 from mpm.materials.symmetric_tensor import FULL
@@ -15,7 +15,7 @@ class StressReader:
     """What reading stresses compiles for a scene."""
 
     def __init__(self, fields: Fields) -> None:
-        self.fields = fields
+        self.fields, self.on_gpu = fields, is_shared()
 
     def read(self) -> np.ndarray:
         """Return the Kirchhoff stress [Pa] of all particles, shape (n_particles, 3, 3)."""
@@ -26,14 +26,15 @@ class StressReader:
 
     @ti.kernel
     def _read(self, out: ti.types.ndarray()):
-        ti.loop_config(serialize=True)
-        for body in range(self.fields.parameters.densities.shape[0]):
-            ends = self.fields.particles.range_table[body]
-            for index, law in ti.static(enumerate(self.fields.laws)):
-                if self.fields.parameters.law_index[body] == index:
-                    p = [once(self.fields.parameters.law[body, i]) for i in range(PARAMETERS)]
-                    for q in range(ends[0], ends[1]):
-                        tau = current_stress(self.fields, self.fields.particles, law, q, p)
-                        for i in ti.static(range(6)):
-                            for l in ti.static(range(LANES)):
-                                out[i, q, l] = tau[i][l]
+        ti.loop_config(serialize=not self.on_gpu)
+        for q in range(self.fields.particles.pack_count[None]):
+            for body in range(self.fields.parameters.densities.shape[0]):
+                ends = self.fields.particles.range_table[body]
+                if ends[0] <= q and q < ends[1]:
+                    for index, law in ti.static(enumerate(self.fields.laws)):
+                        if self.fields.parameters.law_index[body] == index:
+                            p = [once(self.fields.parameters.law[body, i]) for i in range(PARAMETERS)]
+                            tau = current_stress(self.fields, self.fields.particles, law, q, p)
+                            for i in ti.static(range(6)):
+                                for l in ti.static(range(LANES)):
+                                    out[i, q, l] = tau[i][l]

@@ -110,16 +110,12 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
                 body_acceleration: bool, strides: bool, sleep: bool = False) -> Features:
     """Derive the features of a scene.
 
-    Raises InvalidValue for a scene on a GPU with something that only one thread can advance: lists that grow as
-    particles and nodes are met.
+    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations.
     """
     thin = [isinstance(c.sdf, Shell) for c in colliders]
     mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), walls.periodic
-    serial = [name for name, present in (("thin shells", any(thin)), ("mobile colliders", mobile),
-                                         ("periodic sides", any(periodic)), ("sleeping", sleep)) if present]
-    if serial and is_shared():
-        raise InvalidValue(f"Solver: {', '.join(serial)} on a GPU; accepted there: moving and static solids, walls; "
-                           f"everything with mpm.init(arch=\"cpu\")")
+    if sleep and is_shared():
+        raise InvalidValue("Solver: sleep on a GPU; accepted there: sleep=False, or mpm.init(arch=\"cpu\")")
     if sleep and body_acceleration:
         raise InvalidValue("Solver: sleep with body_acceleration; accepted: sleep=False, or gravity alone")
     return Features(
@@ -128,7 +124,7 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         tensor_state=any(b.material.state != "volume" for b in bodies),
         volume_state=any(b.material.state == "volume" for b in bodies),
         body_acceleration=body_acceleration, strides=strides, periodic=periodic,
-        serial=bool(serial) or not is_concurrent(),
+        serial=not is_concurrent(),
         moving_solids=tuple(i for i, c in enumerate(colliders) if not c.static and not thin[i]),
         shells=tuple(i for i in range(len(colliders)) if thin[i]),
         mobile=mobile,

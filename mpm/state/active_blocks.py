@@ -38,27 +38,24 @@ def mark(grid: ti.template(), node, last: ti.i32, stamp: ti.i32):
     key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 + way
     if ti.static(not grid.lists):
         if key != last:
-            stamp_blocks(grid, b, reach, stamp)
+            activate_all(grid, b, reach, stamp)
     elif key != last:  # neighbours in memory are mostly neighbours in space
         if grid.seed[b][0] != stamp:
             grid.seed[b] = ti.Vector([stamp, 0])
         ways = grid.seed[b][1]
         if (ways & (1 << way)) == 0:
             grid.seed[b] = ti.Vector([stamp, ways | (1 << way)])
-            for i in range(b[0], b[0] + reach[0] + 1):
-                for j in range(b[1], b[1] + reach[1] + 1):
-                    for k in range(b[2], b[2] + reach[2] + 1):
-                        activate(grid, ti.Vector([i, j, k]), stamp)
+            activate_all(grid, b, reach, stamp)
     return key
 
 
 @ti.func
-def stamp_blocks(grid: ti.template(), b, reach, stamp: ti.i32):
-    """Stamp the blocks of a stencil; no race, because all threads write the same number."""
+def activate_all(grid: ti.template(), b, reach, stamp: ti.i32):
+    """Activate the blocks of a stencil that begins in block b and reaches over the upper faces in `reach`."""
     for i in range(b[0], b[0] + reach[0] + 1):
         for j in range(b[1], b[1] + reach[1] + 1):
             for k in range(b[2], b[2] + reach[2] + 1):
-                grid.stamp[i, j, k] = stamp
+                activate(grid, ti.Vector([i, j, k]), stamp)
 
 
 @ti.func
@@ -70,12 +67,40 @@ def mark_place(grid: ti.template(), x, inverse_cell, stamp: ti.i32):
 
 
 @ti.func
+def note_reached(grid: ti.template(), part, node: ti.template(), last: ti.i32, stamp: ti.i32, layers: ti.template()):
+    """Note that a part of the packs scatters to the blocks of a stencil, see `mark`; return the key."""
+    b = ti.Vector([node[d] // BLOCK for d in range(3)])
+    reach = ti.Vector([(node[d] + 2) // BLOCK - node[d] // BLOCK for d in range(3)])
+    key = ((b[0] * grid.stamp.shape[1] + b[1]) * grid.stamp.shape[2] + b[2]) * 8 \
+        + reach[0] * 4 + reach[1] * 2 + reach[2]
+    if key != last:
+        for i in range(b[0], b[0] + reach[0] + 1):
+            for j in range(b[1], b[1] + reach[1] + 1):
+                for k in range(b[2], b[2] + reach[2] + 1):
+                    for layer in ti.static(range(layers)):
+                        grid.reached[part, i + layer * ti.static(grid.width // BLOCK), j, k] = stamp
+    return key
+
+
+@ti.func
 def activate(grid: ti.template(), block, stamp: ti.i32):
-    """List a block for this substep, once."""
+    """Stamp a block for this substep, and list it, once; several threads, which write the same number, list later."""
     if grid.stamp[block] != stamp:
         grid.stamp[block] = stamp
-        grid.active[grid.count[None]] = block
-        grid.count[None] = grid.count[None] + 1
+        if ti.static(grid.lists):
+            grid.active[grid.count[None]] = block
+            grid.count[None] = grid.count[None] + 1
+
+
+@ti.func
+def activate_and_list(grid: ti.template(), block, stamp: ti.i32):
+    """Activate a block, and list it now also where several threads would list it later: in a phase of one thread."""
+    if grid.stamp[block] != stamp:
+        activate(grid, block, stamp)
+        if ti.static(not grid.lists):
+            grid.seed[block][0] = stamp
+            grid.active[grid.count[None]] = block
+            grid.count[None] = grid.count[None] + 1
 
 
 @ti.func
@@ -89,10 +114,11 @@ def mark_all(grid: ti.template(), particles: ti.template(), inverse_cell, stamp:
 
 @ti.func
 def list_row(grid: ti.template(), row, stamp):
-    """List the blocks of a row of the grid that carry a stamp: in their order on a CPU, in any order on a GPU."""
+    """List blocks of a row of the grid that carry a stamp, each once: in order on a CPU, in any order on a GPU."""
     i, j = row // grid.stamp.shape[1], row % grid.stamp.shape[1]
     for k in range(grid.stamp.shape[2]):
-        if grid.stamp[i, j, k] == stamp:
+        if grid.stamp[i, j, k] == stamp and grid.seed[i, j, k][0] != stamp:
+            grid.seed[i, j, k][0] = stamp
             grid.active[ti.atomic_add(grid.count[None], 1)] = ti.Vector([i, j, k])
 
 

@@ -1,9 +1,14 @@
-"""Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders."""
+"""Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders.
+
+A phase fills a list in its order with one thread; several take places from a counter. Threads of a CPU do so in any
+order, but each in the order of its own part: sorted by part, a list is the same in every run.
+"""
 
 import numpy as np
 
-from mpm.backend import real_type, ti
+from mpm.backend import is_concurrent, real_type, ti
 from mpm.scene.grid import BLOCK, Grid
+from mpm.state.packs import LANES
 
 TOLERANCE = {"f32": 1e-5, "f64": 1e-11}
 """Error at which a contact solve ends, relative to the change of twist by contact."""
@@ -24,8 +29,9 @@ class StaticContact:
 class ShellFields:
     """Sides of nodes, and the list of the particles with a side, in the order of the packs."""
 
-    def __init__(self, grid: Grid, precision: str, n_particles: int) -> None:
+    def __init__(self, grid: Grid, precision: str, n_particles: int, lists_entering: bool) -> None:
         real = real_type(precision)
+        self.lists_entering = lists_entering
         self.side = ti.field(ti.i32, grid.shape)
         """Plus or minus the closest shell's collider index plus one, by side; 0 beyond its rim and far from any."""
         self.shell = ti.field(ti.i32, grid.shape)
@@ -38,6 +44,8 @@ class ShellFields:
         """Particles on the list."""
         self.slot = ti.Vector.field(2, ti.i32, n_particles)
         """Pack and lane."""
+        self.place = ti.Vector.field(LANES, ti.i32, n_particles // LANES)
+        """Place of each lane of a pack on the list, where it has a side."""
         self.base = ti.Vector.field(3, ti.i32, n_particles)
         """First node of the stencil."""
         self.offset = ti.Vector.field(3, real, n_particles)
@@ -46,6 +54,11 @@ class ShellFields:
         """[kg]"""
         self.q = [ti.Vector.field(4, real, n_particles) for _ in range(4)]
         """Momentum and mass, and the columns of the affine momentum per cell."""
+        self.entering = ti.field(ti.i32, n_particles if lists_entering else 1)
+        """Places on the list of the particles that would enter a shell, where a GPU lists them for one thread."""
+        self.entering_count = ti.field(ti.i32, ())
+        self.entered = ti.Vector.field(4, real, n_particles)
+        """Normal (3,) out of the shell that a particle's next move would take it into, and how deep [m]; or zeros."""
 
     def fill(self) -> None:
         """Forget all labels."""
@@ -53,10 +66,26 @@ class ShellFields:
             field.fill(0)
 
 
-class MobileContact:
-    """The nodes that each mobile collider touches in this substep, and room for six equations."""
+class PenetratingParticles:
+    """Particles near moving solids, listed by several threads for one to stop them; room for `capacity`."""
 
-    def __init__(self, capacities: list[int], precision: str) -> None:
+    def __init__(self, capacity: int, parts: int) -> None:
+        self.count = ti.field(ti.i32, ())
+        self.particle = ti.Vector.field(4, ti.i32, capacity)
+        """Number of the moving solid, body, pack and lane."""
+        self.part = ti.field(ti.i32, capacity)
+        """Part of the packs that it is in."""
+        self.order, self.begins = ti.field(ti.i32, capacity), ti.field(ti.i32, parts + 1)
+        """See `sort_by_part`."""
+
+
+class MobileContact:
+    """The nodes that each mobile collider touches in this substep, and room for six equations.
+
+    parts: parts of several threads of a CPU; 0: the lists need no sorting.
+    """
+
+    def __init__(self, capacities: list[int], precision: str, parts: int = 0) -> None:
         real = real_type(precision)
         self.tolerance = TOLERANCE[precision]
         ends = np.cumsum(capacities)
@@ -64,10 +93,48 @@ class MobileContact:
         """First place of each collider in the lists."""
         self.count = ti.field(ti.i32, len(capacities))
         """Nodes on each collider's list."""
+        self.sorts = parts > 0
+        """Whether the lists are sorted by part before they are used."""
+        sorted_room = int(ends[-1]) if self.sorts else 1
+        self.part, self.order = ti.field(ti.i32, sorted_room), ti.field(ti.i32, sorted_room)
+        self.begins = ti.field(ti.i32, parts + 1)
+        """See `sort_by_part`."""
         self.node = ti.Vector.field(3, ti.i32, int(ends[-1]))
         self.normal = ti.Vector.field(3, real, int(ends[-1]))
         """Out of the collider, in world axes."""
         self.slope = ti.field(ti.f64, (6, 6))
         """Derivative of the impulse on the nodes by the collider's twist."""
+        self.impulse = ti.field(ti.f64, 6)
+        """What a team of threads sums up: impulse and torque."""
         self.system = ti.field(ti.f64, (6, 7))
         """Newton's equations, the right-hand side in the last column."""
+
+
+@ti.func
+def take_place(counts: ti.template(), index: ti.template()):
+    """Return the next free place of the list whose length is counts[index]."""
+    place = 0
+    if ti.static(is_concurrent()):
+        place = ti.atomic_add(counts[index], 1)
+    else:
+        place = counts[index]
+        counts[index] = place + 1
+    return place
+
+
+@ti.func
+def sort_by_part(order: ti.template(), part: ti.template(), begins: ti.template(), first, count):
+    """Write the places first .. first + count - 1 of a list to `order` from `first` on, part by part.
+
+    part: of each place, of which those of one part are in order. begins (parts + 1,): for its own use.
+    """
+    for p in range(begins.shape[0]):
+        begins[p] = 0
+    for n in range(first, first + count):
+        begins[part[n] + 1] = begins[part[n] + 1] + 1
+    for p in range(1, begins.shape[0]):
+        begins[p] = begins[p] + begins[p - 1]
+    for n in range(first, first + count):
+        place = first + begins[part[n]]
+        begins[part[n]] = begins[part[n]] + 1
+        order[place] = n

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mpm.backend import real_type, ti
+from mpm.backend import is_shared, real_type, ti
 from mpm.geometry.shell import Shell
 from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.materials.material import Material
@@ -17,7 +17,7 @@ from mpm.scene.grid import GHOST, Grid
 from mpm.scene.wall_condition import WallCondition
 from mpm.scene.walls import Walls, conditions_of
 from mpm.state.active_blocks import Stamps
-from mpm.state.contact_fields import MobileContact, ShellFields, StaticContact
+from mpm.state.contact_fields import MobileContact, PenetratingParticles, ShellFields, StaticContact
 from mpm.state.ledger import LedgerRows, ledger_rows
 from mpm.state.nodes import GridFields
 from mpm.state.parameters import Parameters, laws_of
@@ -41,6 +41,7 @@ class Fields:
     static_contact: StaticContact | None
     shells: ShellFields | None
     mobile_nodes: MobileContact | None
+    penetrating: PenetratingParticles | None
     sleepers: Sleepers | None
     scatter_target: Any
     """Node field that particles scatter to: that of `grid`, or `parts` arrays, one after the other along x."""
@@ -93,6 +94,11 @@ class Fields:
         return tuple(mobile.index(i) if i in mobile else -1 for i in range(len(self.colliders)))
 
     @property
+    def stops_later(self) -> bool:
+        """Whether particles near moving solids are listed for one thread to stop them."""
+        return self.penetrating is not None
+
+    @property
     def is_periodic(self) -> bool:
         """Whether space closes on itself along some axis."""
         return any(self.features.periodic)
@@ -121,16 +127,19 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
     """
     precision = features.precision
     particles = ParticleFields(tuple(len(body.positions) for body in bodies), features)
-    nodes = GridFields(grid, precision, 2 if features.shells else 1, lists=features.serial)
+    nodes = GridFields(grid, precision, 2 if features.shells else 1, features.serial, parts)
     target = nodes.nodes
     if parts:
         nx, ny, nz = nodes.nodes.shape
         target = ti.Vector.field(4, real_type(precision), (parts * nx, ny, nz))
     ready = [replace(c, sdf=c.sdf.bake(grid.cell)) if isinstance(c.sdf, Shell) else c for c in colliders]
-    shells = ShellFields(grid, precision, particles.n_lanes) if features.shells else None
+    shells = _shell_fields(grid, features, particles.n_lanes)
     mobile = None
     if features.mobile:
-        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision)
+        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision, parts)
+    penetrating = None
+    if not features.serial and set(features.mobile) & set(features.moving_solids):
+        penetrating = PenetratingParticles(particles.n_lanes * len(features.moving_solids), max(parts, 1))
     sleepers = Sleepers(nodes, particles.n_packs, len(bodies), precision) if features.sleep else None
     nx, ny, nz = (int(n) for n in grid.cells)
     x, y, z = (float(c) for c in grid.origin)
@@ -138,9 +147,18 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
         features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)),
         wall_conditions=tuple(conditions_of(walls)), colliders=tuple(ready),
         static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
-        mobile_nodes=mobile, sleepers=sleepers, parameters=Parameters(len(bodies), len(colliders), precision),
+        mobile_nodes=mobile, penetrating=penetrating, sleepers=sleepers,
+        parameters=Parameters(len(bodies), len(colliders), precision),
         stamps=Stamps(), scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),
         rows=ledger_rows(len(colliders)))
+
+
+def _shell_fields(grid: Grid, features: Features, n_lanes: int) -> ShellFields | None:
+    """Return the fields of the shells, if there are any."""
+    if not features.shells:
+        return None
+    lists_entering = is_shared() and bool(set(features.shells) & set(features.mobile))
+    return ShellFields(grid, features.precision, n_lanes, lists_entering)
 
 
 def fill_fields(fields: Fields, grid: Grid, bodies: list[Body], colliders: Sequence[Collider], gravity: np.ndarray,

@@ -1,10 +1,12 @@
 """The impulse ledger: rows of (linear [N s], angular [N m s] about the world's origin), summed in double precision."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mpm.backend import is_concurrent, ti
 from mpm.scene.walls import WALL_COUNT
 
+STRIPES = 128
+"""Copies of a launch's output on a GPU, see `Stripe`."""
 GRAVITY_ROW, WALL_ROW, FIRST_COLLIDER_ROW = range(3)
 """Ledger rows: gravity with body accelerations, walls, then the colliders; momentum and status follow them."""
 
@@ -20,7 +22,7 @@ class LedgerRows(NamedTuple):
     walls: int
     """The first of six rows: what each wall adds to `WALL_ROW`, in the order of folding."""
     asleep: int
-    """What sleeping particles give to those awake, see `mpm.stepping.sleep_settle`."""
+    """What sleeping particles give to those awake, see `mpm.stepping.sleep_shares`."""
     count: int
     """Rows, without those of a counter."""
 
@@ -32,6 +34,15 @@ def ledger_rows(n_colliders: int) -> LedgerRows:
                       momentum + 3 + WALL_COUNT)
 
 
+class Stripe(NamedTuple):
+    """One of several copies of a launch's output: threads of a GPU that add to one number wait for each other."""
+
+    rows: Any
+    """All copies, one after the other."""
+    first: Any
+    """First row of this one."""
+
+
 @ti.func
 def position(I, origin, cell):
     """Return the position [m] of a node in double precision."""
@@ -41,7 +52,9 @@ def position(I, origin, cell):
 @ti.func
 def add(out: ti.template(), row: ti.template(), column: ti.template(), value):
     """Add to an entry of the ledger: a plain load and store with one thread."""
-    if ti.static(is_concurrent()):
+    if ti.static(isinstance(out, Stripe)):
+        ti.atomic_add(out.rows[out.first + row, column], value)
+    elif ti.static(is_concurrent()):
         ti.atomic_add(out[row, column], value)
     else:
         out[row, column] = out[row, column] + value
@@ -50,7 +63,9 @@ def add(out: ti.template(), row: ti.template(), column: ti.template(), value):
 @ti.func
 def maximise(out: ti.template(), row: ti.template(), column: ti.template(), value):
     """Replace an entry by a value where that is larger."""
-    if ti.static(is_concurrent()):
+    if ti.static(isinstance(out, Stripe)):
+        ti.atomic_max(out.rows[out.first + row, column], value)
+    elif ti.static(is_concurrent()):
         ti.atomic_max(out[row, column], value)
     else:
         out[row, column] = ti.max(out[row, column], value)

@@ -13,7 +13,7 @@ class GridFields:
     shell separates from a node meets the shell there, in a velocity field of its own (see `shell_sides`).
     """
 
-    def __init__(self, grid: Grid, precision: str, layers: int = 1, lists: bool = True) -> None:
+    def __init__(self, grid: Grid, precision: str, layers: int = 1, lists: bool = True, parts: int = 0) -> None:
         real = real_type(precision)
         nx, ny, nz = grid.shape
         self.layers, self.width, self.cell = layers, nx, grid.cell
@@ -25,8 +25,11 @@ class GridFields:
         blocks = (layers * nx // BLOCK, ny // BLOCK, nz // BLOCK)
         self.stamp = ti.field(ti.i32, blocks)
         """Number of the substep in which the block was last active."""
+        self.reached = ti.field(ti.i32, (parts, *blocks)) if parts else None
+        """Number of the substep for which a part of the packs last scattered to the block."""
         self.seed = ti.Vector.field(2, ti.i32, blocks)
-        """Substep in which a stencil last started in the block, and bits for the faces that stencils reach over."""
+        """Substep in which a stencil last started in the block, and bits for the faces that stencils reach over; where
+        marking does not list, the substep for which it was listed."""
         self.active = ti.Vector.field(3, ti.i32, int(np.prod(blocks)))
         """Indices of the active blocks."""
         self.count = ti.field(ti.i32, ())
@@ -66,23 +69,40 @@ def stencil(grid: ti.template(), scaled: ti.template()):
 
 
 @ti.func
-def clear(grid: ti.template(), first, last):
-    """Zero the nodes of the active blocks first .. last - 1."""
-    for n in range(first, last):
-        corner = grid.active[n] * BLOCK
-        for a in range(BLOCK):
-            for c in range(BLOCK):
-                for d in ti.static(range(BLOCK)):
-                    grid.nodes[corner + ti.Vector([a, c, d])] = ti.Vector.zero(grid.nodes.dtype, 4)
+def node_of(block, number):
+    """Return a node (3,), 0 to 63, of a block."""
+    return block * BLOCK + ti.Vector([number // BLOCK**2, number // BLOCK % BLOCK, number % BLOCK])
 
 
 @ti.func
-def velocities_to_momenta(grid: ti.template(), first, last):
+def clear(grid: ti.template(), step: ti.template(), first, last):
+    """Zero the nodes of the active blocks first .. last - 1."""
+    for n in range(first, last):
+        corner = grid.active[n] * BLOCK
+        if ti.static(step.threads > 1):
+            grid.nodes[node_of(grid.active[n], step.thread)] = ti.Vector.zero(grid.nodes.dtype, 4)
+        else:
+            for a in range(BLOCK):
+                for c in range(BLOCK):
+                    for d in ti.static(range(BLOCK)):
+                        grid.nodes[corner + ti.Vector([a, c, d])] = ti.Vector.zero(grid.nodes.dtype, 4)
+
+
+@ti.func
+def velocities_to_momenta(grid: ti.template(), step: ti.template(), first, last):
     """Turn the velocities of the previous substep back to momenta, in the active blocks first .. last - 1."""
     for n in range(first, last):
         block = grid.active[n] * BLOCK
-        for a, b in ti.ndrange(BLOCK, BLOCK):
-            for c in ti.static(range(BLOCK)):
-                I = block + ti.Vector([a, b, c])
-                q = grid.nodes[I]
-                grid.nodes[I] = ti.Vector([q[3] * q[0], q[3] * q[1], q[3] * q[2], q[3]])
+        if ti.static(step.threads > 1):
+            velocity_to_momentum(grid, node_of(grid.active[n], step.thread))
+        else:
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                for c in ti.static(range(BLOCK)):
+                    velocity_to_momentum(grid, block + ti.Vector([a, b, c]))
+
+
+@ti.func
+def velocity_to_momentum(grid: ti.template(), I):
+    """Turn the velocity of a node to a momentum."""
+    q = grid.nodes[I]
+    grid.nodes[I] = ti.Vector([q[3] * q[0], q[3] * q[1], q[3] * q[2], q[3]])

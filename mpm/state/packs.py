@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpm.backend import later, ti
+from mpm.backend import is_shared, later, ti
 from mpm.errors import InvalidValue
 
 LANES = 4
@@ -39,7 +39,7 @@ class Packs:
     """
 
     def __init__(self, fields: list, count, dtype: type) -> None:  # noqa: ANN001  (a taichi field)
-        self.fields, self.count, self._dtype = fields, count, dtype
+        self.fields, self.count, self._dtype, self.on_gpu = fields, count, dtype, is_shared()
         self._place = {id(field): i for i, field in enumerate(fields)}
 
     def _rows(self, fields: list) -> np.ndarray:
@@ -69,28 +69,26 @@ class Packs:
 
     @ti.kernel
     def _write(self, rows: ti.types.ndarray(), values: ti.types.ndarray()):
-        ti.loop_config(serialize=True)
-        for _ in range(1):
+        ti.loop_config(serialize=not self.on_gpu)
+        for slot in range(LANES * self.count[None]):
+            q, l = slot // LANES, slot % LANES
             for i in ti.static(range(len(self.fields))):
                 if rows[i] >= 0:
-                    for slot in range(LANES * self.count[None]):
-                        q, l = slot // LANES, slot % LANES
-                        self.fields[i][q][l] = values[rows[i], q, l]
+                    self.fields[i][q][l] = values[rows[i], q, l]
 
     @ti.kernel
     def _read(self, rows: ti.types.ndarray(), values: ti.types.ndarray()):
-        ti.loop_config(serialize=True)
-        for _ in range(1):
+        ti.loop_config(serialize=not self.on_gpu)
+        for slot in range(LANES * self.count[None]):
+            q, l = slot // LANES, slot % LANES
             for i in ti.static(range(len(self.fields))):
                 if rows[i] >= 0:
-                    for slot in range(LANES * self.count[None]):
-                        q, l = slot // LANES, slot % LANES
-                        values[rows[i], q, l] = self.fields[i][q][l]
+                    values[rows[i], q, l] = self.fields[i][q][l]
 
     @ti.kernel
     def clear(self):
         """Set all fields to zero."""
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=not self.on_gpu)
         for q in range(self.count[None]):
             for i in ti.static(range(len(self.fields))):
                 self.fields[i][q] = ti.Vector.zero(self.fields[i].dtype, LANES)

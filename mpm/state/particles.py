@@ -43,7 +43,8 @@ class ParticleFields:
         self.fastest, self.squares = ti.field(real, ()), ti.field(real, ())
         """Largest squared speed that the last gather found, and the sum of all, which is not finite if one is not."""
         self.halted = ti.field(ti.i32, ())
-        """1 once a particle is not finite, or faster than SPEED_LIMIT."""
+        """Row of the motion table, plus one, of the substep in which a particle was not finite, or faster than
+        SPEED_LIMIT."""
 
         def pack_field():  # noqa: ANN202
             return ti.Vector.field(LANES, real, self.n_packs)

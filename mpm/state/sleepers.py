@@ -145,14 +145,30 @@ def list_awake_packs(fields: ti.template()):
 
 
 @ti.func
+def is_at_rest(P: ti.template(), q, l: ti.template()):
+    """Return whether lane l of pack q has no velocity, as all have that sleep."""
+    total = 0.0 * P.v[0][q][l]
+    for d in ti.static(range(3)):
+        total += ti.abs(P.v[d][q][l])
+    for i in ti.static(range(9)):
+        total += ti.abs(P.C[i][q][l])
+    return total == 0.0
+
+
+@ti.func
 def adopt_rest(fields: ti.template(), P: ti.template()):
     """Take over who sleeps from the particles' `rest`; the nodes' sums are empty until shares are added again."""
     calm_time = ti.cast(fields.sleepers.limits[CALM_TIME], fields.real)
     for q in range(P.pack_count[None]):
         bits = 0
         for l in ti.static(range(LANES)):
-            if P.rest[q][l] >= calm_time or P.volume[q][l] == 0.0:
+            if P.volume[q][l] == 0.0:
                 bits |= 1 << l
+            elif P.rest[q][l] >= calm_time:
+                if is_at_rest(P, q, l):
+                    bits |= 1 << l
+                else:  # a state that was written to
+                    P.rest[q][l] = 0.0
         fields.sleepers.lanes_asleep[q] = bits
         fields.sleepers.lanes_summed[q] = 0
         fields.sleepers.version[q] = fields.sleepers.version[q] + 1

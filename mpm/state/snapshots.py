@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mpm.backend import ti
+from mpm.backend import is_shared, ti
 from mpm.state.packs import LANES
 from mpm.state.sleepers import ALL_LANES, Sleepers
 
@@ -77,16 +77,32 @@ class StateBank:
     @ti.kernel
     def store_now(self, slot: ti.i32):
         """Copy the present state into a slot."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.store(slot)
+        if ti.static(is_shared()):
+            for q in range(self.count[None]):
+                for i in ti.static(range(len(self.fields))):
+                    self.states[slot, i, q] = self.fields[i][q]
+            for lane in range(self.lanes):
+                for i in ti.static(range(len(self.flags))):
+                    self.flag_states[slot, i, lane] = self.flags[i][lane]
+        else:
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.store(slot)
 
     @ti.kernel
     def restore_now(self, slot: ti.i32):
         """Make a slot's state the present one."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.restore(slot)
+        if ti.static(is_shared()):
+            for q in range(self.count[None]):
+                for i in ti.static(range(len(self.fields))):
+                    self.fields[i][q] = self.states[slot, i, q]
+            for lane in range(self.lanes):
+                for i in ti.static(range(len(self.flags))):
+                    self.flags[i][lane] = self.flag_states[slot, i, lane]
+        else:
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.restore(slot)
 
     @ti.kernel
     def write(self, slot: ti.i32, values: ti.types.ndarray()):

@@ -24,7 +24,8 @@ from mpm.state.particles import SPEED_LIMIT
 from mpm.state.sleepers import count_packs
 from mpm.state.snapshots import StateBank
 from mpm.stepping.collider_paths import ColliderPaths
-from mpm.stepping.serial import SerialStepper, add_status
+from mpm.stepping.cpu import CpuStepper, add_status
+from mpm.stepping.crew import Crew
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
 
 SKIPPED, READ_ONLY = -1, 0
@@ -47,7 +48,7 @@ class Plan(NamedTuple):
 
 
 @ti.data_oriented
-class BatchStepper(SerialStepper):
+class BatchStepper(CpuStepper):
     """The kernel of a batch: the substeps of one environment after another."""
 
     def __init__(self, fields: Fields, counter: CounterKernel | None, sample: SampleKernel | None, n: int) -> None:
@@ -66,7 +67,7 @@ class BatchStepper(SerialStepper):
         """Run every environment by its plan (n, 6).
 
         dts: [s] (n,). laws: (n, bodies, parameters and density). out: zero before and after; results (n, rows, 6) hold
-        what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in `SerialStepper.run`, one
+        what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in `CpuStepper.run`, one
         environment after another.
         """
         ti.loop_config(serialize=True)
@@ -81,8 +82,8 @@ class BatchStepper(SerialStepper):
                         self.take_reading(motion, row, 1, 1, out, per_particle, e * readings)
                 if ti.static(self.fields.features.sleep) or substeps > 0:
                     self.list_blocks(stamp)
-                self.advance(substeps, stamp, dt, motion, row, mobile, out, done, interval, per_particle, e * readings,
-                             max_stride)
+                self.advance(ti.static(Crew()), substeps, stamp, dt, motion, row, mobile, out, done, interval,
+                             per_particle, e * readings, max_stride)
                 add_status(self.fields, self.fields.particles, out, 0, count_packs(self.fields))
                 if ti.static(self.has_sample):
                     self.sample.take(sampled, e * ti.static(self.sample_rows))

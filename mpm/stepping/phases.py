@@ -8,21 +8,23 @@ one runs them forwards, and backwards through the adjoint that each names.
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
-from mpm.boundaries.contact import stop_penetration, update_nodes
+from mpm.boundaries.contact import stop_penetrating, stop_penetration, update_nodes
 from mpm.boundaries.mobile_contact import solve_mobile_contact
 from mpm.boundaries.mobile_motion import start_mobile_colliders
-from mpm.boundaries.periodic import fold_periodic, unfold_periodic
-from mpm.boundaries.shell_sides import label_shell_sides
-from mpm.boundaries.shell_transfer import gather_across_shells, scatter_across_shells
+from mpm.boundaries.periodic import activate_home_nodes, fold_periodic, mark_images, unfold_periodic
+from mpm.boundaries.shell_sides import label_nodes, label_particles, list_particles
+from mpm.boundaries.shell_transfer import gather_across_shells, scatter_across_shells, stop_at_shells
 from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
 from mpm.state.fields import Fields
-from mpm.stepping.sleep_settle import settle_with_sleepers
+from mpm.stepping.sleep_look import activate_sides
+from mpm.stepping.sleep_shares import settle_with_sleepers
 from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
 from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list
 
-Domain = Literal["packs", "blocks", "walls", "rows", "once"]
+Domain = Literal["packs", "packs in order", "blocks", "walls", "rows", "listed", "entering in order", "team", "once"]
 """What a phase runs over: packs of particles, active blocks, the six walls and for each the active blocks, rows of the
-grid of blocks, or nothing (one thread, one call)."""
+grid of blocks, particles listed for the transfers across shells, those of them that may enter one, or nothing: a team
+of threads of a GPU, or one thread. "In order": by one thread of a CPU, as the result depends on the order."""
 
 
 class Step(NamedTuple):
@@ -46,8 +48,16 @@ class Step(NamedTuple):
     """Ledger and status (rows, 6)."""
     tape: Any = NoTape()
     """Records walls for the adjoint."""
-    shift: Any = 0
-    """Nodes along x from the beginning of the scatter target to the array of this part."""
+    part: Any = 0
+    """Number of the part of the domain that this call works on."""
+    thread: Any = 0
+    """Number of this thread among those that share a block of nodes."""
+    threads: int = 1
+    """How many these are: 1, or as many as nodes."""
+    column: Any = 0
+    """Number of this thread among those that share a block's columns at a wall."""
+    columns: int = 1
+    """How many these are: 1, or as many as columns."""
 
 
 class Phase(NamedTuple):
@@ -69,28 +79,51 @@ def _always(fields: Fields) -> bool:
     return True
 
 
+def _lists_later(fields: Fields) -> bool:
+    return not fields.grid.lists
+
+
 ORDER = (
-    Phase("start nodes", "blocks", start_nodes, lambda f: not f.parts, "every scene"),
     Phase("start mobile colliders", "once", start_mobile_colliders, lambda f: bool(f.features.mobile),
           "a mobile collider"),
-    Phase("label shell sides", "once", label_shell_sides, lambda f: bool(f.features.shells), "a shell"),
+    Phase("list blocks", "rows", list_blocks, _lists_later, "several threads"),
+    Phase("activate sides", "once", activate_sides, lambda f: f.features.sleep, "sleeping"),
+    Phase("activate home nodes", "blocks", activate_home_nodes, lambda f: f.is_periodic, "a periodic side"),
+    Phase("list blocks of home nodes", "rows", list_blocks, lambda f: f.is_periodic and _lists_later(f),
+          "a periodic side"),
+    Phase("label nodes", "blocks", label_nodes, lambda f: bool(f.features.shells), "a shell"),
+    Phase("list blocks of second layer", "rows", list_blocks, lambda f: bool(f.features.shells) and _lists_later(f),
+          "a shell"),
+    Phase("activate home nodes of second layer", "blocks", activate_home_nodes,
+          lambda f: bool(f.features.shells) and f.is_periodic, "a shell and a periodic side"),
+    Phase("list their blocks", "rows", list_blocks,
+          lambda f: bool(f.features.shells) and f.is_periodic and _lists_later(f), "a shell and a periodic side"),
+    Phase("label particles", "packs", label_particles, lambda f: bool(f.features.shells), "a shell"),
+    Phase("list particles", "packs in order", list_particles, lambda f: bool(f.features.shells), "a shell"),
+    Phase("start nodes", "blocks", start_nodes, lambda f: not f.parts, "every scene"),
     Phase("scatter", "packs", scatter_packs, _always, "every scene"),
-    Phase("scatter across shells", "once", scatter_across_shells, lambda f: bool(f.features.shells), "a shell"),
+    Phase("scatter across shells", "listed", scatter_across_shells, lambda f: bool(f.features.shells), "a shell"),
     Phase("add parts", "blocks", add_parts, lambda f: f.parts > 0, "several threads"),
-    Phase("fold periodic sides", "once", fold_periodic, lambda f: f.is_periodic, "a periodic side"),
+    Phase("fold periodic sides", "blocks", fold_periodic, lambda f: f.is_periodic, "a periodic side"),
+    Phase("mark images", "blocks", mark_images, lambda f: f.is_periodic, "a periodic side"),
     Phase("fold walls", "walls", fold_walls, lambda f: bool(f.wall_conditions), "a wall"),
     Phase("update nodes", "blocks", update_nodes, _always, "every scene"),
-    Phase("solve mobile contact", "once", solve_mobile_contact, lambda f: bool(f.features.mobile),
+    Phase("solve mobile contact", "team", solve_mobile_contact, lambda f: bool(f.features.mobile),
           "a mobile collider"),
     Phase("unfold walls", "walls", unfold_walls, lambda f: bool(f.wall_conditions), "a wall"),
-    Phase("unfold periodic sides", "once", unfold_periodic, lambda f: f.is_periodic, "a periodic side"),
+    Phase("unfold periodic sides", "blocks", unfold_periodic, lambda f: f.is_periodic, "a periodic side"),
     Phase("settle with sleepers", "blocks", settle_with_sleepers, lambda f: f.features.sleep, "sleeping"),
     Phase("start block list", "once", start_block_list, _always, "every scene"),
     Phase("gather", "packs", gather_packs, _always, "every scene"),
-    Phase("gather across shells", "once", gather_across_shells, lambda f: bool(f.features.shells), "a shell"),
+    Phase("gather across shells", "listed", gather_across_shells, lambda f: bool(f.features.shells), "a shell"),
     Phase("check speeds", "once", check_speeds, _always, "every scene"),
+    Phase("stop at shells", "listed", stop_at_shells,
+          lambda f: bool(f.features.shells) and not set(f.features.shells) & set(f.features.mobile), "a shell"),
+    Phase("stop at mobile shells", "entering in order", stop_at_shells,
+          lambda f: bool(set(f.features.shells) & set(f.features.mobile)), "a mobile shell"),
     Phase("stop penetration", "packs", stop_penetration, lambda f: bool(f.features.moving_solids), "a moving solid"),
-    Phase("list blocks", "rows", list_blocks, lambda f: not f.grid.lists, "several threads"),
+    Phase("stop penetrating particles", "once", stop_penetrating, lambda f: f.stops_later,
+          "a mobile solid, and several threads"),
 )
 """All phases, in the order of a substep."""
 FIRST_OF_PARTICLES = "start block list"

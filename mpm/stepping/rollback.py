@@ -5,7 +5,7 @@ from typing import Any
 from mpm.backend import check_owner
 from mpm.errors import InvalidValue
 from mpm.state.snapshots import StateBank
-from mpm.stepping.serial import CHECKPOINT, NOWHERE, UNDO
+from mpm.stepping.cpu import CHECKPOINT, NOWHERE, UNDO
 
 
 class Rollback:

@@ -2,7 +2,7 @@
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK, GHOST
-from mpm.state.active_blocks import activate, mark_place
+from mpm.state.active_blocks import activate_and_list, mark_place
 from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
@@ -204,10 +204,13 @@ def displacement(fields: ti.template(), node, f: ti.template(), look):
 
 
 @ti.func
-def activate_sides(fields: ti.template(), stamp: ti.i32):
-    """Activate both blocks where a wall's plane and ghosts lie in two if one is active and sleepers reach the other."""
+def activate_sides(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: where mass is transferred, activate both blocks in which a wall's plane and ghosts lie.
+
+    Where one is active and sleepers reach the other.
+    """
     n = 0
-    while n < fields.grid.count[None]:
+    while n < fields.grid.count[None] * step.transfer_mass:
         block = fields.grid.active[n]
         for d in ti.static(range(3)):
             last = ti.static(GHOST + fields.cells[d])  # the wall's node; its mirror node is below, its ghost above
@@ -219,5 +222,5 @@ def activate_sides(fields: ti.template(), stamp: ti.i32):
                 elif block[d] == high:
                     other[d] = low
                 if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[other] > 0:
-                    activate(fields.grid, other, stamp)
+                    activate_and_list(fields.grid, other, step.stamp)
         n += 1

@@ -18,7 +18,7 @@ from mpm.geometry.rigid_motion import LINEAR
 from mpm.materials.stable_step import TRAVEL_FRACTION
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
-from mpm.state.sleepers import count_packs, pack_at
+from mpm.state.sleepers import pack_at
 
 Interval = float | Literal["strides"] | None
 """Accepted values of `Solver(transfer_interval=)`, see `choose_interval`."""
@@ -68,16 +68,6 @@ def longest_stride(interval: float, dt: float) -> int:
 
 
 @ti.func
-def plan_stride(fields: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32):
-    """Return the substeps, 1 to `most`, of the stride that begins with row s of the motion table.
-
-    At its present speed no particle travels more than `TRAVEL` cells, no collider more than it may in a substep.
-    """
-    fastest = fastest_square(fields, fields.particles, 0, count_packs(fields))
-    return limit_stride(fields, motion, s, mobile, dt, most, fastest)
-
-
-@ti.func
 def fastest_square(fields: ti.template(), P: ti.template(), first, last):
     """Return the largest squared speed [m^2/s^2] of the packs at places first .. last - 1."""
     fastest = P.v[0][0][0] * 0.0
@@ -91,7 +81,11 @@ def fastest_square(fields: ti.template(), P: ti.template(), first, last):
 @ti.func
 def limit_stride(fields: ti.template(), motion: ti.template(), s: ti.i32, mobile: ti.template(), dt, most: ti.i32,
                  fastest):
-    """Return the substeps of a stride, see `plan_stride`, given the particles' largest squared speed."""
+    """Return the substeps, 1 to `most`, of the stride that begins with row s of the motion table.
+
+    At its present speed no particle, of which `fastest` is the largest squared speed, travels more than `TRAVEL` cells,
+    no collider more than it may in a substep.
+    """
     count = within(most, dt * ti.sqrt(fastest), ti.static(TRAVEL * fields.cell))
     for row, index in ti.static(enumerate(fields.features.moving_colliders)):
         radius, limit = ti.static(fields.colliders[index].sdf.radius, TRAVEL_FRACTION * fields.cell)

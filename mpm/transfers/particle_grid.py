@@ -52,6 +52,8 @@ class ShellLayers(NamedTuple):
     shells: Any
     side: Any
     """Label of the particle, see `shell_sides`."""
+    shift: Any = 0
+    """Nodes along x to the array that is meant, see `scatter_shift`."""
 
     @ti.func
     def node(self, base: ti.template(), i: ti.template(), j: ti.template(), k: ti.template()):
@@ -59,6 +61,7 @@ class ShellLayers(NamedTuple):
         I = ti.Vector([base[0] + i, base[1] + j, base[2] + k])
         if self.shells.side[I] == -self.side:
             I[0] += self.grid.width
+        I[0] += self.shift
         return I
 
 

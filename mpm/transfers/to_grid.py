@@ -5,6 +5,7 @@ from mpm.materials.material import PARAMETERS
 from mpm.materials.stress_update import update_stress
 from mpm.materials.symmetric_tensor import FULL
 from mpm.scene.grid import BLOCK
+from mpm.state.active_blocks import note_reached
 from mpm.state.ledger import GRAVITY_ROW, add
 from mpm.state.nodes import clear, first_nodes, velocities_to_momenta
 from mpm.state.packs import LANES
@@ -16,9 +17,9 @@ from mpm.transfers.particle_grid import SingleLayer, lane_weights, scatter, weig
 def start_nodes(fields: ti.template(), step: ti.template(), first, last):
     """Phase: zero the nodes of active blocks first .. last - 1, or within a stride turn velocities to momenta."""
     if step.transfer_mass > 0:
-        clear(fields.grid, first, last)
+        clear(fields.grid, step, first, last)
     elif ti.static(fields.features.strides):
-        velocities_to_momenta(fields.grid, first, last)
+        velocities_to_momenta(fields.grid, step, first, last)
     if ti.static(fields.features.sleep):
         start_from_sleepers(fields, step, first, last)
 
@@ -105,15 +106,19 @@ def scatter_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q
     py = p[1] - Q[3] * f[0] - Q[4] * f[1] - Q[5] * f[2]
     pz = p[2] - Q[6] * f[0] - Q[7] * f[1] - Q[8] * f[2]
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
-    zero = fields.parameters.zero[None]
+    zero, key = fields.parameters.zero[None], -1
     for l in range(LANES):  # unrolled it is a fifth slower, and takes half as long again to compile
-        node = [once(base[0][l] + step.shift), once(base[1][l]), once(base[2][l])]
+        node = [once(base[0][l]), once(base[1][l]), once(base[2][l])]
         listed = 1 - is_awake(fields, q, l)
         if ti.static(len(fields.features.shells) > 0):  # noqa: SIM102  (decided when compiling)
             if P.side[q][l] != 0 and listed == 0:
                 listed = 1
-                list_particle(fields.shells, q, l, node, f, [px, py, pz], mass, Q, step.transfer_mass)
+                hand_over(fields.shells, fields.shells.place[q][l], l, node, f, [px, py, pz], mass, Q,
+                          step.transfer_mass)
         if listed == 0:
+            if ti.static(fields.parts > 0):
+                key = note_reached(fields.grid, step.part, node, key, step.stamp, 1)
+                node[0] += scatter_shift(fields, step)
             scatter(fields.scatter_target, ti.static(SingleLayer()), node, ti.Vector([px[l], py[l], pz[l], mass[l]]),
                     ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]),
                     ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]),
@@ -121,12 +126,15 @@ def scatter_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q
 
 
 @ti.func
-def list_particle(shells: ti.template(), q, l, node: ti.template(), f: ti.template(), p: ti.template(), mass,
-                  Q: ti.template(), transfer_mass):
-    """List lane l of pack q for the transfers across shells, with what it would have scattered."""
-    c = shells.count[None]
-    shells.count[None] = c + 1
-    shells.slot[c] = ti.Vector([q, l])
+def scatter_shift(fields: ti.template(), step: ti.template()):
+    """Return the nodes along x from the beginning of the scatter target to the array of this part."""
+    return step.part * ti.static(fields.grid.layers * fields.grid.width if fields.parts else 0)
+
+
+@ti.func
+def hand_over(shells: ti.template(), c, l, node: ti.template(), f: ti.template(), p: ti.template(), mass,
+              Q: ti.template(), transfer_mass):
+    """Write what lane l of a pack would have scattered to place c of the list for the transfers across shells."""
     shells.base[c] = ti.Vector([node[0], node[1], node[2]])
     shells.offset[c] = ti.Vector([f[0][l], f[1][l], f[2][l]])
     if transfer_mass > 0:  # later substeps of a stride bring none, for the same list
@@ -151,8 +159,14 @@ def add_parts(fields: ti.template(), step: ti.template(), first, last):
                 if step.transfer_mass == 0:
                     q = fields.grid.nodes[I]
                     total = ti.Vector([q[3] * q[0], q[3] * q[1], q[3] * q[2], q[3]])
-                for part in ti.static(range(fields.parts)):
-                    J = I + ti.Vector([part * fields.grid.width, 0, 0])
-                    total += fields.scatter_target[J]
-                    fields.scatter_target[J] = ti.Vector.zero(fields.real, 4)
                 fields.grid.nodes[I] = total
+        for part in range(fields.parts):
+            if fields.grid.reached[part, fields.grid.active[n]] == step.stamp:
+                shift = ti.Vector([part * ti.static(fields.grid.layers * fields.grid.width), 0, 0])
+                for a, b in ti.ndrange(BLOCK, BLOCK):
+                    for c in ti.static(range(BLOCK)):
+                        I = corner + ti.Vector([a, b, c])
+                        fields.grid.nodes[I] = fields.grid.nodes[I] + fields.scatter_target[I + shift]
+                        fields.scatter_target[I + shift] = ti.Vector.zero(fields.real, 4)
+    if ti.static(fields.features.sleep):
+        start_from_sleepers(fields, step, first, last)

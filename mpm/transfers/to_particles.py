@@ -2,6 +2,7 @@
 
 from mpm.backend import is_concurrent, once, ti
 from mpm.state.active_blocks import list_row, mark_pack
+from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
 from mpm.state.particles import SPEED_LIMIT
@@ -72,8 +73,11 @@ def check_speeds(fields: ti.template(), step: ti.template(), first, last):
     """Phase: halt the launch where a particle is not finite, or would travel more than SPEED_LIMIT cells a substep."""
     limit = ti.static(SPEED_LIMIT * fields.cell)
     fastest, squares = fields.particles.fastest[None], fields.particles.squares[None]
-    if not (fastest * step.dt * step.dt <= limit * limit and squares - squares == 0.0):
-        fields.particles.halted[None] = 1
+    is_sound = fastest * step.dt * step.dt <= limit * limit and squares - squares == 0.0
+    if not is_sound and fields.particles.halted[None] == 0:
+        fields.particles.halted[None] = step.row + 1
+        if ti.static(not fields.features.serial):
+            add(step.out, fields.rows.status, 2, ti.cast(step.row + 1, ti.f64))
 
 
 @ti.func
@@ -130,10 +134,10 @@ def mark_awake(fields: ti.template(), P: ti.template(), q, last_key, stamp: ti.i
 
 @ti.func
 def list_blocks(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: list the active blocks of the next substep in rows first .. last - 1 of the grid of blocks."""
-    if step.span > 0:
+    """Phase: where mass is transferred, list the active blocks that are in rows first .. last - 1 of all blocks."""
+    if step.transfer_mass > 0:
         for row in range(first, last):
-            list_row(fields.grid, row, step.stamp + step.span)
+            list_row(fields.grid, row, step.stamp)
 
 
 @ti.func

@@ -130,6 +130,11 @@ class CommandParser(argparse.ArgumentParser):
         """Add an option that takes a number within the bounds of NUMBERS; more: as of `add_argument`."""
         self.add_argument(option, type=NUMBERS[option], **more)
 
+    def add_threads(self) -> None:
+        """Add the option `--threads`: of the field, which the command starts with them."""
+        self.add_argument("--threads", dest="field_threads", type=NUMBERS["--threads"], default=1,
+                          help="threads that the field is computed with (default: 1); results are the same to rounding")
+
     def add_settings(self, what: str, example: str) -> None:
         """Add the option `--set` for the keys of a file; `options.settings` are those given, see `Settings`."""
         self.add_argument("--set", dest="settings", metavar="KEY=VALUE", action=AddSetting, default=Settings(),

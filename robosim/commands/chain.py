@@ -25,6 +25,7 @@ def add_parser(commands: Any) -> None:
                         "bundled motions)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
+    parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="chain.json has the finished sub-tasks; the same command "
                         "begins again")
 

@@ -35,6 +35,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("task's file", "grains.count=100")
+    parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="evaluation.json has the finished episodes; the same "
                         "command begins again")
 

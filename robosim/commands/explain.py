@@ -32,6 +32,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, help="folder for index.html and explain.json; settings that are finished "
                         "there are not repeated")
     parser.add_settings("task's or rehearsal's file", "field.cell=0.01")
+    parser.add_threads()
     parser.set_defaults(run=run)
 
 

@@ -126,6 +126,8 @@ def run_command(arguments: list[str] | None) -> int:
         parser().error(f"the command {arguments[0]} is now called {RENAMED[arguments[0]]}")
     options = parser().parse_args(arguments)
     try:
+        if getattr(options, "field_threads", 1) > 1:
+            mpm.init(threads=options.field_threads)
         return options.run(options)
     except (RobosimError, mpm.MpmError) as error:
         print(f"robosim {options.command}: {error}", file=sys.stderr)

@@ -37,6 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--seed", default=0,
                         help="random seed of the grains' initial positions (default: 0)")
     parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
+    parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="--out has what was simulated so far; the same command "
                         "begins again")
 

@@ -173,6 +173,17 @@ SCENES = {
 }
 
 
+def test_sleepers_that_a_loaded_state_gives_a_velocity_are_awake(sleeping: mpm.Solver) -> None:
+    state = sleeping.state()
+    top = state["x"][:, 2] > state["x"][:, 2].max() - CELL / 4
+    state["v"][top, 2] = 0.2
+    sleeping.load(state)
+    sleeping.advance(5e-3)
+    risen = sleeping.state()["x"][:, 2] - state["x"][:, 2]
+    assert top.sum() > 100 and risen[top].min() > 2e-4
+    assert sleeping.awake[top].all()
+
+
 @pytest.mark.parametrize("name", [name if name == "moving solid" else
                                   pytest.param(name, marks=pytest.mark.slow) for name in SCENES])
 def test_the_ledger_closes_while_particles_fall_asleep_and_wake(name: str) -> None:

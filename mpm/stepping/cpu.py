@@ -1,6 +1,15 @@
-"""The serial stepper: all substeps of a launch in one kernel of one thread, touching only blocks with material."""
+"""The stepper of a CPU: all substeps of a launch in one kernel, touching only blocks with material.
 
+With several threads each has a part of the packs and scatters to an array of its own; these are added in their order,
+so that particles are the same to the bit in every run, with no atomic addition to a node. The ledger's sums are atomic:
+right to rounding.
+"""
+
+import time
 from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
@@ -14,18 +23,21 @@ from mpm.state.packs import LANES
 from mpm.state.particles import AT_WALL
 from mpm.state.sleepers import LOOK, adopt_rest, count_packs, pack_at, packs_of_body
 from mpm.state.snapshots import StateBank
+from mpm.stepping.crew import ALONE, TURNS, Crew, count_of, is_left_alone, last_part, meet, share_of
 from mpm.stepping.phases import Step, phases_of
-from mpm.stepping.sleep_look import activate_sides, look_at_rest
-from mpm.stepping.stride import plan_stride
+from mpm.stepping.sleep_look import look_at_rest
+from mpm.stepping.stride import fastest_square, limit_stride
 from mpm.transfers.to_particles import drift_before, drift_packs, mark_awake
 
 NOWHERE, CHECKPOINT, UNDO = range(3)
 """Where a launch first copies the state to."""
+RETRY_AFTER = 1.0
+"""Seconds after which a thread that was left alone tries again whether the others have cores."""
 
 
 @ti.data_oriented
-class SerialStepper:
-    """The kernels that advance one scene with one thread.
+class CpuStepper:
+    """The kernels that advance one scene on a CPU.
 
     counter: the kernel of a `RegionCounter` that takes readings within launches, or None. sample: that of a `Sample`
     taken at the end of a launch, or None. checkpoint, undo: where a launch first copies the state to when
@@ -37,11 +49,24 @@ class SerialStepper:
         self.fields, self.counter, self.sample = fields, counter, sample
         self.checkpoint, self.undo = list(checkpoint), list(undo)
         self.phases = phases_of(fields)
+        self.threads = max(fields.parts, 1)
+        self.numbers, self._retry_at = np.zeros(3, np.int64), 0.0
+        """Of the crew, see there; and when a thread that was left alone tries again with the others [s]."""
+        self.fastest = ti.field(fields.real, self.threads)
+        """Largest squared speed [m^2/s^2] that each thread has found."""
         self.has_counter, self.has_sample = counter is not None, sample is not None
         self.counter_row = fields.features.moving_colliders.index(counter.index) if self.has_counter else -1
         """Row of the counter's collider in the motion table."""
-        self.launch: Callable[..., None] = Launcher(self, SerialStepper.run)
-        """Calls `run`."""
+        self._run: Callable[..., None] = Launcher(self, CpuStepper.run)
+
+    def launch(self, *arguments: Any) -> None:
+        """Call `run`, with the crew's numbers."""
+        is_alone = self.numbers[ALONE] > 0
+        if is_alone and time.monotonic() >= self._retry_at:
+            self.numbers[ALONE] = 0
+        self._run(*arguments, self.numbers)
+        if self.numbers[ALONE] and not (is_alone and time.monotonic() < self._retry_at):
+            self._retry_at = time.monotonic() + RETRY_AFTER
 
     @ti.kernel
     def mark(self, stamp: ti.i32):
@@ -65,48 +90,77 @@ class SerialStepper:
     @ti.kernel
     def run(self, substeps: ti.i32, first_stamp: ti.i32, dt: float, motion: ti.types.ndarray(),
             mobile: ti.types.ndarray(), out: ti.types.ndarray(), first: ti.i32, interval: ti.i32,
-            per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(), set_aside: ti.i32, max_stride: ti.i32):
+            per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(), set_aside: ti.i32, max_stride: ti.i32,
+            numbers: ti.types.ndarray()):
         """Advance by `substeps` of dt [s].
 
         motion: (k, substeps, COLUMNS) of the moving colliders. mobile: table of the mobile colliders, read and written.
         Written: out, ledger, status and the counter's readings; per_particle, the counter's numbers of particles;
         sampled, the sample after the last substep. The counter reads after every `interval` substeps, `first` of which
         lie in earlier launches of the advance. set_aside: where the state is first copied to: NOWHERE, CHECKPOINT or
-        UNDO. max_stride: the most substeps between two transfers.
+        UNDO. max_stride: the most substeps between two transfers. numbers: of the crew.
         """
-        ti.loop_config(serialize=True)
-        for _ in range(1):
+        if ti.static(self.threads == 1):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.run_with(ti.static(Crew()), substeps, first_stamp, dt, motion, mobile, out, first, interval,
+                              per_particle, sampled, set_aside, max_stride)
+        else:
+            for turn in range(ti.static(self.threads * TURNS)):
+                if turn % TURNS == 0:
+                    alone = ti.cast(numbers[ALONE], ti.i32)
+                    crew = ti.static(Crew(turn // TURNS, self.threads, numbers, alone))
+                    if turn == 0 or alone == 0:
+                        self.run_with(crew, substeps, first_stamp, dt, motion, mobile, out, first, interval,
+                                      per_particle, sampled, set_aside, max_stride)
+
+    @ti.func
+    def run_with(self, crew: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
+                 mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
+                 per_particle: ti.template(), sampled: ti.template(), set_aside: ti.i32, max_stride: ti.i32):
+        """Advance, as one thread of a crew, see `run`."""
+        if crew.thread == 0:
             for kind, banks in ti.static(enumerate((self.checkpoint, self.undo))):
                 if set_aside == kind + 1:
                     for bank in ti.static(banks):
                         bank.store(0)
-            self.advance(substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
-                         max_stride)
-            self.sum_momentum(out, 0, count_packs(self.fields))
-            add_status(self.fields, self.fields.particles, out, 0, count_packs(self.fields))
-            if ti.static(self.has_sample):
+        alone = self.advance(crew, substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
+                             max_stride)
+        if crew.thread == 0 or alone == 0:
+            for part in range(crew.thread, last_part(ti.static(crew._replace(alone=alone)))):
+                begin, end = share_of(count_packs(self.fields), part, crew)
+                self.sum_momentum(out, begin, end)
+                add_status(self.fields, self.fields.particles, out, begin, end)
+        if ti.static(self.has_sample):  # noqa: SIM102  (decided when compiling)
+            if crew.thread == 0:
                 self.sample.take(sampled, 0)
 
     @ti.func
-    def advance(self, substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(), first_row: ti.i32,
-                mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
+    def advance(self, crew: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
+                first_row: ti.i32, mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
                 per_particle: ti.template(), earlier: ti.i32, max_stride: ti.i32):
         """Advance by `substeps`, with rows of the motion from first_row on, in strides of at most `max_stride`.
 
         `earlier` readings of others stand before those of this advance in per_particle; else see `run`. Where particles
-        get too fast the launch ends, and the number of substeps until then stands in the output's status row.
+        get too fast the launch ends, and the number of substeps until then stands in the output's status row. All
+        threads of a crew take the same turns: what they decide by changes only where all meet afterwards. Returns
+        whether the first one is left alone.
         """
-        left, stamp, span = 0, first_stamp, 1
+        left, stamp, span, alone = 0, first_stamp, 1, crew.alone
+        mates = ti.static(crew._replace(alone=alone))
+        if crew.thread == 0:
+            self.fields.particles.halted[None] = 0
+        meet(mates)
         looked, next_look = 0, 0
-        self.fields.particles.halted[None] = 0
         for s in range(substeps + ti.static(int(self.fields.features.sleep))):
             starts = left == 0
             if ti.static(self.fields.features.sleep):
                 if starts and substeps > 0 and (s >= next_look or s == substeps):
                     next_look = s + ti.max(ti.cast(self.fields.sleepers.limits[LOOK] / dt, ti.i32), 1)
-                    rows = ti.min(next_look + max_stride, substeps) - s
-                    look_at_rest(self.fields, motion, first_row + s, rows, mobile, dt, dt * (s - looked),
-                                 first_stamp + s, out)
+                    if crew.thread == 0:
+                        look_at_rest(self.fields, motion, first_row + s, ti.min(next_look + max_stride, substeps) - s,
+                                     mobile, dt, dt * (s - looked), first_stamp + s, out)
+                    meet(mates)
                     looked = s
                 if s == substeps:
                     break
@@ -114,22 +168,40 @@ class SerialStepper:
                 stamp, span = first_stamp + s, 1
                 if ti.static(self.fields.features.strides):
                     most = ti.min(ti.min(max_stride, substeps - s), interval - (first + s) % interval)
-                    span = plan_stride(self.fields, motion, first_row + s, mobile, dt, most)
+                    span = self.plan_stride(mates, motion, first_row + s, mobile, dt, most)
                     if span > 1:
-                        drift_packs(self.fields, self.fields.particles, drift_before(dt, span), stamp, 0,
-                                    count_packs(self.fields))
-                if ti.static(self.fields.features.sleep):
-                    activate_sides(self.fields, stamp)
+                        for part in range(crew.thread, last_part(mates)):
+                            begin, end = share_of(count_packs(self.fields), part, crew)
+                            drift_packs(self.fields, self.fields.particles, drift_before(dt, span), stamp, begin, end)
+                        meet(mates)
                 left = span
             left -= 1
             row, transfer_mass, moved = first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
-            run_phases(self.fields, self.phases,
+            run_phases(self.fields, self.phases, mates,
                        ti.static(Step(row, stamp, dt, transfer_mass, moved, motion, mobile, out)))
             if self.fields.particles.halted[None] > 0:
-                out[self.fields.rows.status, 2] = s + 1
+                if crew.thread == 0:
+                    out[self.fields.rows.status, 2] = s + 1
                 break
-            if ti.static(self.has_counter):
-                self.take_reading(motion, row, first + s + 1, interval, out, per_particle, earlier)
+            if ti.static(self.has_counter):  # noqa: SIM102  (decided when compiling)
+                if crew.thread == 0:
+                    self.take_reading(motion, row, first + s + 1, interval, out, per_particle, earlier)
+            alone = is_left_alone(mates)
+            if alone > 0 and crew.thread != 0:
+                break
+        return alone
+
+    @ti.func
+    def plan_stride(self, crew: ti.template(), motion: ti.template(), row, mobile: ti.template(), dt, most: ti.i32):
+        """Return the substeps of the stride that begins with a row of the motion table, see `limit_stride`."""
+        for part in range(crew.thread, last_part(crew)):
+            begin, end = share_of(count_packs(self.fields), part, crew)
+            self.fastest[part] = fastest_square(self.fields, self.fields.particles, begin, end)
+        meet(crew)
+        fastest = self.fastest[0]
+        for part in ti.static(range(1, crew.threads)):
+            fastest = ti.max(fastest, self.fastest[part])
+        return limit_stride(self.fields, motion, row, mobile, dt, most, fastest)
 
     @ti.func
     def take_reading(self, motion: ti.template(), row: ti.i32, done: ti.i32, interval: ti.i32, out: ti.template(),
@@ -140,9 +212,8 @@ class SerialStepper:
             reading = done // interval - 1
             self.counter.accumulate(ti.cast(collider_origin(motion, k, row), ti.f64),
                                     ti.cast(collider_axes(motion, k, row), ti.f64), out,
-                                    self.fields.rows.count + ti.static(COUNTER_ROWS) * reading)
-            if ti.static(self.counter.per_particle):
-                self.counter.list_particles(per_particle, earlier + reading)
+                                    self.fields.rows.count + ti.static(COUNTER_ROWS) * reading, per_particle,
+                                    earlier + reading)
 
     @ti.func
     def sum_momentum(self, out: ti.template(), first, last):
@@ -209,21 +280,28 @@ def count_held_lanes(fields: ti.template(), P: ti.template(), q):
 
 
 @ti.func
-def run_phases(fields: ti.template(), phases: ti.template(), step: ti.template()):
-    """Run phases one after the other, each over its whole domain."""
+def run_phases(fields: ti.template(), phases: ti.template(), crew: ti.template(), step: ti.template()):
+    """Run phases one after the other, each over its whole domain, or over what this thread has of it."""
     for phase in ti.static(phases):
-        run_phase(fields, phase, step)
+        run_phase(fields, phase, crew, step)
 
 
 @ti.func
-def run_phase(fields: ti.template(), phase: ti.template(), step: ti.template()):
-    """Run one phase over its whole domain."""
-    if ti.static(phase.over == "packs"):
-        phase.run(fields, step, 0, count_packs(fields))
-    elif ti.static(phase.over == "blocks"):
-        phase.run(fields, step, 0, fields.grid.count[None])
-    elif ti.static(phase.over == "walls"):
+def run_phase(fields: ti.template(), phase: ti.template(), crew: ti.template(), step: ti.template()):
+    """Run one phase; where there are several threads, all are done with it afterwards."""
+    count = count_of(fields, phase.over)
+    if ti.static(phase.over == "walls"):
         for w in range(6):
-            phase.run(fields, step, w, 0, fields.grid.count[None])
+            for part in range(crew.thread, last_part(crew)):
+                begin, end = share_of(count, part, crew)
+                phase.run(fields, step, w, begin, end)
+            meet(crew)
+    elif ti.static(crew.threads > 1 and phase.over in ("packs", "blocks", "listed")):
+        for part in range(crew.thread, last_part(crew)):
+            begin, end = share_of(count, part, crew)
+            phase.run(fields, ti.static(step._replace(part=part)), begin, end)
+        meet(crew)
     else:
-        phase.run(fields, step, 0, 1)
+        if crew.thread == 0:
+            phase.run(fields, step, 0, count)
+        meet(crew)

@@ -1,0 +1,153 @@
+"""The stepper of a GPU: two launches a substep, in which every phase is a parallel loop.
+
+Each pack of particles, each node of an active block is a thread's. All add to the same nodes, and to one of several
+copies of the ledger, in any order: right to rounding.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mpm.backend import is_shared, thread_count, ti
+from mpm.boundaries.coulomb import collider_axes, collider_origin
+from mpm.gpu.device_array import DeviceArray
+from mpm.gpu.phase_loops import GROUP, PhaseLoops, ledger_of
+from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
+from mpm.observers.sample import SampleKernel
+from mpm.state.fields import Fields
+from mpm.state.ledger import STRIPES
+from mpm.state.packs import LANES
+from mpm.state.snapshots import StateBank
+from mpm.stepping.cpu import CpuStepper, add_status
+from mpm.stepping.phases import split_phases
+from mpm.stepping.stride import fastest_square, limit_stride
+from mpm.transfers.to_particles import drift_packs
+
+SUM_PARTS = 4096
+"""Parts of the packs where something is summed over them."""
+
+
+def count_parts(serial: bool) -> int:
+    """Return the arrays that threads of a CPU scatter to, for `allocate_fields`; 0 for one thread, and on a GPU."""
+    return 0 if serial or is_shared() else thread_count()
+
+
+def make_stepper(fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
+                 checkpoint: Sequence[StateBank] = (), undo: Sequence[StateBank] = ()) -> CpuStepper:
+    """Return the kernels that advance a scene, see `CpuStepper`."""
+    stepper = GpuStepper if is_shared() else CpuStepper
+    return stepper(fields, counter, sample, checkpoint, undo)
+
+
+@ti.data_oriented
+class GpuStepper(CpuStepper):
+    """The kernels that advance one scene on a GPU, called as those of `CpuStepper`."""
+
+    def __init__(self, fields: Fields, counter: CounterKernel | None = None, sample: SampleKernel | None = None,
+                 checkpoint: Sequence[StateBank] = (), undo: Sequence[StateBank] = ()) -> None:
+        super().__init__(fields, counter, sample, checkpoint, undo)
+        # in two kernels: Taichi's code for Vulkan cannot have both transfers in one
+        self.loops = [PhaseLoops(fields, phases) for phases in split_phases(fields)]
+        self.n_packs = fields.particles.n_packs
+        self.sum_parts = min(self.n_packs, SUM_PARTS)
+        """Parts of the packs where something is summed."""
+        self.speeds = ti.field(fields.real, STRIPES)
+        """Largest squared speed of some particles each [m^2/s^2]."""
+        self.launch = self.run  # type: ignore[method-assign]
+
+    # as CpuStepper is called -----------------------------------------------------------------------------------------
+    def mark(self, stamp: int) -> None:
+        """Stamp the active blocks of the first substep."""
+        self.drift(0.0, stamp)
+
+    def run(self, substeps: int, first_stamp: int, dt: float, motion: np.ndarray, mobile: np.ndarray, out: np.ndarray,
+            first: int, interval: int, per_particle: np.ndarray, sampled: np.ndarray, set_aside: int,
+            max_stride: int) -> None:
+        """Advance by `substeps` of dt [s], see `CpuStepper.run`; it runs to the end where particles get too fast."""
+        arrays = (motion, mobile, out, per_particle, sampled)
+        copies = [DeviceArray(array, STRIPES if array is out else 1) for array in arrays]
+        motion_, mobile_, out_, per_particle_, sampled_ = [copy.device for copy in copies]
+        for bank in (self.checkpoint, self.undo)[set_aside - 1] if set_aside else ():
+            bank.store_now(0)
+        self.fields.particles.halted[None] = 0
+        for loops in self.loops if substeps == 0 else ():  # only to compile
+            loops.run(0, 0, dt, motion_, mobile_, out_, 1, 0, 0)
+        left, stamp, span = 0, first_stamp, 1
+        for s in range(substeps):
+            starts = left == 0
+            if starts:
+                stamp, span = first_stamp + s, 1
+                most = min(max_stride, substeps - s, interval - (first + s) % interval)
+                if self.fields.features.strides and most > 1:
+                    span = self.stride(s, dt, motion_, mobile_, most)
+                    if span > 1:
+                        self.drift(0.5 * dt * (span - 1), stamp)
+                left = span
+            left -= 1
+            for loops in self.loops:
+                loops.run(s, stamp, dt, motion_, mobile_, out_, int(starts), span * (left == 0), 1)
+            if self.has_counter and (first + s + 1) % interval == 0:
+                self.read(motion_, s, first + s + 1, interval, out_, per_particle_)
+        self.sum_up(out_, sampled_)
+        for copy in copies:
+            copy.fetch(self.fields.rows.status)
+
+    # kernels ---------------------------------------------------------------------------------------------------------
+    @ti.kernel
+    def drift(self, dt: float, stamp: ti.i32):
+        """Move all particles for dt [s]; stamp the blocks that their stencils reach now."""
+        self.fields.grid.count[None] = 0
+        ti.loop_config(block_dim=GROUP)
+        for q in range(ti.static(self.n_packs)):
+            drift_packs(self.fields, self.fields.particles, dt, stamp, q, q + 1)
+
+    @ti.kernel
+    def stride(self, s: ti.i32, dt: float, motion: ti.types.ndarray(), mobile: ti.types.ndarray(),
+               most: ti.i32) -> ti.i32:
+        """Return the substeps of the stride that begins with row s of the motion table, see `limit_stride`."""
+        for stripe in range(STRIPES):
+            self.speeds[stripe] = 0.0
+        ti.loop_config(block_dim=GROUP)
+        for part in range(ti.static(self.sum_parts)):
+            first, last = self.stretch(part)
+            ti.atomic_max(self.speeds[part % STRIPES],
+                          fastest_square(self.fields, self.fields.particles, first, last))
+        ti.loop_config(serialize=True)
+        for stripe in range(1, STRIPES):
+            self.speeds[0] = ti.max(self.speeds[0], self.speeds[stripe])
+        return limit_stride(self.fields, motion, s, mobile, dt, most, self.speeds[0])
+
+    @ti.kernel
+    def read(self, motion: ti.types.ndarray(), row: ti.i32, done: ti.i32, interval: ti.i32, out: ti.types.ndarray(),
+             per_particle: ti.types.ndarray()):
+        """Take a reading of the counter after `done` substeps, see `CpuStepper.take_reading`."""
+        if ti.static(self.has_counter):
+            for slot in range(self.fields.particles.pack_count[None] * LANES):
+                reading = done // interval - 1
+                self.counter.count_slot(slot, ti.cast(collider_origin(motion, self.counter_row, row), ti.f64),
+                                        ti.cast(collider_axes(motion, self.counter_row, row), ti.f64),
+                                        ledger_of(out, slot), self.fields.rows.count + COUNTER_ROWS * reading,
+                                        per_particle, reading)
+            for _ in range(1):
+                self.counter.probe_points(ti.cast(collider_origin(motion, self.counter_row, row), ti.f64),
+                                          ti.cast(collider_axes(motion, self.counter_row, row), ti.f64),
+                                          ledger_of(out, 0),
+                                          self.fields.rows.count + COUNTER_ROWS * (done // interval - 1))
+
+    @ti.kernel
+    def sum_up(self, out: ti.types.ndarray(), sampled: ti.types.ndarray()):
+        """Sum momentum and status, and take the sample, at the end of a launch."""
+        ti.loop_config(block_dim=GROUP)
+        for part in range(ti.static(self.sum_parts)):
+            first, last = self.stretch(part)
+            self.sum_momentum(ledger_of(out, part), first, last)
+            add_status(self.fields, self.fields.particles, ledger_of(out, part), first, last)
+        if ti.static(self.has_sample):
+            for i in range(self.sample.slots.shape[0]):
+                self.sample.take_one(sampled, 0, i)
+
+    @ti.func
+    def stretch(self, part):
+        """Return the first and last + 1 pack of a part."""
+        each = ti.static(-(-self.n_packs // self.sum_parts))
+        return ti.min(part * each, self.n_packs), ti.min((part + 1) * each, self.n_packs)

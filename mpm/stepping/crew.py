@@ -1,0 +1,98 @@
+"""A crew: threads of a CPU that run one program together, each with its part of every phase.
+
+Taichi wakes threads for every parallel loop, which takes longer than most phases. So a launch is one such loop with a
+turn for each thread, and between phases they wait for each other at a counter that they spin on. That is fast where
+each has a core. Where other processes take cores away, a thread spins until another one is given time, again and again;
+then the first thread goes on alone, with one part after the other, so that the results are the same.
+"""
+
+from typing import Any, NamedTuple
+
+from mpm.backend import ti
+from mpm.state.sleepers import count_packs
+
+TURNS = 512
+"""Turns of a parallel loop that Taichi 1.7.4 gives a thread at least, whatever its settings."""
+LONG_WAIT = 20_000
+"""Turns of a waiting loop, half a millisecond, after which a thread notes that it waits long."""
+MOST_LONG_WAITS = 12
+"""Long waits in a substep from which the first thread goes on alone: more than a substep has long phases."""
+ARRIVALS, LONG_WAITS, ALONE = range(3)
+"""Places in a crew's numbers: how often a thread has come to a meeting, long waits, and 1 where one thread is alone."""
+
+
+class Crew(NamedTuple):
+    """A thread of a crew, as phases know it; by default the only one."""
+
+    thread: Any = 0
+    """Number of this thread."""
+    threads: int = 1
+    """How many there are, and so how many parts phases have."""
+    numbers: Any = None
+    """See `ARRIVALS`; None for one thread."""
+    alone: Any = 0
+    """1 where the first thread works on all parts."""
+
+
+@ti.func
+def meet(crew: ti.template()):
+    """Wait until all threads of the crew have come here."""
+    if ti.static(crew.threads > 1):  # noqa: SIM102  (decided when compiling)
+        if crew.alone == 0:
+            before = ti.atomic_add(crew.numbers[ARRIVALS], 1)
+            goal = (before // crew.threads + 1) * crew.threads
+            waited = 0
+            while ti.atomic_add(crew.numbers[ARRIVALS], 0) < goal:
+                waited += 1
+            if waited > LONG_WAIT:
+                ti.atomic_add(crew.numbers[LONG_WAITS], 1)
+
+
+@ti.func
+def is_left_alone(crew: ti.template()):
+    """Return whether the first thread goes on alone from here, after a substep; all threads come here."""
+    alone = crew.alone
+    if ti.static(crew.threads > 1):  # noqa: SIM102  (decided when compiling)
+        if alone == 0:
+            if crew.thread == 0:
+                if crew.numbers[LONG_WAITS] >= MOST_LONG_WAITS:
+                    crew.numbers[ALONE] = 1
+                crew.numbers[LONG_WAITS] = 0
+            meet(crew)
+            alone = ti.cast(crew.numbers[ALONE], ti.i32)
+    return alone
+
+
+@ti.func
+def last_part(crew: ti.template()):
+    """Return the last + 1 of the parts that this thread works on, the first of which has its own number."""
+    return crew.thread + 1 + crew.alone * (crew.threads - 1)
+
+
+@ti.func
+def share_of(count, part, crew: ti.template()):
+    """Return the first and last + 1 of what a part has of `count` things."""
+    first, last = 0, count
+    if ti.static(crew.threads > 1):
+        each = (count + crew.threads - 1) // crew.threads
+        first = ti.min(part * each, count)
+        last = ti.min(first + each, count)
+    return first, last
+
+
+@ti.func
+def count_of(fields: ti.template(), over: ti.template()):
+    """Return the size of a phase's domain."""
+    count = 1
+    if ti.static(over.startswith("packs")):
+        count = count_packs(fields)
+    elif ti.static(over in ("blocks", "walls")):
+        count = fields.grid.count[None]
+    elif ti.static(over == "rows"):
+        count = fields.grid.stamp.shape[0] * fields.grid.stamp.shape[1]
+    elif ti.static(over == "listed"):
+        count = fields.shells.count[None]
+    elif ti.static(over == "entering in order"):
+        count = fields.shells.entering_count[None] if ti.static(fields.shells.lists_entering) \
+            else fields.shells.count[None]
+    return count
