@@ -37,10 +37,9 @@ os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")  # a thread that writes to 
 with _environment(XDG_CACHE_HOME=str(user_cache_folder() or os.devnull)):
     import taichi as ti
 
-__all__ = ["PRECISIONS", "Group", "allocating", "check_owner", "default_precision", "free_later",
-           "has_double_functions", "init",
-           "is_concurrent", "is_shared", "later", "numerics", "once", "present_program", "put", "real_type",
-           "session_precision", "thread_count", "ti"]
+__all__ = ["PRECISIONS", "Group", "allocating", "check_owner", "default_precision", "free_later", "init",
+           "is_concurrent", "is_shared", "is_vulkan", "later", "numerics", "once", "present_program", "put",
+           "real_type", "session_precision", "thread_count", "ti"]
 
 ARCHITECTURES = {"cpu": ti.cpu, "cuda": ti.cuda, "vulkan": ti.vulkan}
 PRECISIONS = ("f32", "f64")
@@ -180,9 +179,9 @@ def is_shared() -> bool:
     return _session is not None and _session.arch != "cpu"
 
 
-def has_double_functions() -> bool:
-    """Return whether sine, logarithm and the like exist in double precision."""
-    return _session is None or _session.arch != "vulkan"
+def is_vulkan() -> bool:
+    """Return whether Vulkan is used: without functions in double precision, with barriers for shared memory alone."""
+    return _session is not None and _session.arch == "vulkan"
 
 
 def is_concurrent() -> bool:

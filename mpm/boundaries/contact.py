@@ -6,7 +6,7 @@ from mpm.boundaries.mobile_contact import list_node, reduce_by_compliance
 from mpm.boundaries.shell_sides import SHELL_FACE
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import mark_place
-from mpm.state.contact_fields import sort_by_part, take_place
+from mpm.state.contact_fields import rank_of, sort_by_part, take_place
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer, node_of
 from mpm.state.packs import LANES
@@ -213,18 +213,31 @@ def stop_penetration(fields: ti.template(), step: ti.template(), first, last):
                         lane = lowest_bit(near)
                         near -= 1 << lane
                         if ti.static(fields.stops_later):
-                            note_penetrating(fields.penetrating, step.part, k, body, q, lane)
+                            note_penetrating(fields, step.part, k, body, q, lane)
                         else:
                             stop_particle(fields, fields.particles, step, k, index, axes[k], places[k], q, lane, dt,
                                           fields.parameters.densities[body])
 
 
 @ti.func
-def note_penetrating(lists: ti.template(), part, k: ti.template(), body, q, lane):
+def note_penetrating(fields: ti.template(), part, k: ti.template(), body, q, lane):
     """List lane `lane` of pack q, near the k-th moving solid, for `stop_penetrating`."""
-    place = take_place(lists.count, None)
-    lists.particle[place] = ti.Vector([k, body, q, lane])
-    lists.part[place] = part
+    place = take_place(fields.penetrating.count, None)
+    fields.penetrating.particle[place] = ti.Vector([k, body, q, lane])
+    if ti.static(fields.parts > 0):
+        fields.penetrating.part[place] = part
+    else:
+        fields.penetrating.part[place] = (q * ti.static(len(fields.features.moving_solids)) + k) * LANES + lane
+
+
+@ti.func
+def order_penetrating(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: rank what a GPU has listed for `stop_penetrating`, by particle; a thread of each pack takes some."""
+    if step.span > 0:
+        count = fields.penetrating.count[None]
+        for turn in range((count - first + fields.particles.n_packs - 1) // fields.particles.n_packs):
+            place = first + turn * fields.particles.n_packs
+            fields.penetrating.order[rank_of(fields.penetrating.part, place, count)] = place
 
 
 @ti.func
@@ -233,7 +246,8 @@ def stop_penetrating(fields: ti.template(), step: ti.template(), first, last):
     if step.span > 0:
         dt = drift_after(step.dt, step.span)
         count = fields.penetrating.count[None]
-        sort_by_part(fields.penetrating.order, fields.penetrating.part, fields.penetrating.begins, 0, count)
+        if ti.static(fields.parts > 0):
+            sort_by_part(fields.penetrating.order, fields.penetrating.part, fields.penetrating.begins, 0, count)
         for n in range(count):
             particle = fields.penetrating.particle[fields.penetrating.order[n]]
             for k, index in ti.static(enumerate(fields.features.moving_solids)):

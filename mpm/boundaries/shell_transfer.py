@@ -9,7 +9,7 @@ from mpm.boundaries.mobile_contact import reduce_by_compliance
 from mpm.state.active_blocks import mark_place, note_reached
 from mpm.state.contact_fields import take_place
 from mpm.state.ledger import credit
-from mpm.state.packs import lane_mask, read_lane, write_lane
+from mpm.state.packs import LANES, read_lane
 from mpm.transfers.particle_grid import NodeValues, ShellLayers, gather, moments, scatter, weights
 from mpm.transfers.to_grid import scatter_shift
 from mpm.transfers.to_particles import drift_after, keep_inside
@@ -51,19 +51,32 @@ def gather_across_shells(fields: ti.template(), step: ti.template(), first, last
             fields.shells.base[n], fields.real, w, [moments(w[0]), moments(w[1]), moments(w[2])], 1)
         moment = [moment_i, moment_j, moment_k]
         v = ti.Vector([value[0], value[1], value[2]])
-        mask = lane_mask(slot[1], fields.real)
         gradient = 4.0 / fields.cell
         for r in ti.static(range(3)):
-            write_lane(fields.particles.v[r], slot[0], mask, v[r])
+            fields.particles.v[r][slot[0]][slot[1]] = v[r]  # not the pack: another thread may hold a lane of it
             for c in ti.static(range(3)):
-                write_lane(fields.particles.C[3 * r + c], slot[0], mask, gradient * (moment[c][r] - v[r] * f[c]))
+                fields.particles.C[3 * r + c][slot[0]][slot[1]] = gradient * (moment[c][r] - v[r] * f[c])
         if dt > 0:
             entered = find_entered(fields, fields.particles, step, dt, place_on_list(fields, n), v, side, slot)
             fields.shells.entered[n] = entered
             if entered[3] == 0:
-                move_listed(fields, step, n, slot, mask, v, dt)
+                move_listed(fields, step, n, slot, v, dt)
             elif ti.static(fields.shells.lists_entering):
                 fields.shells.entering[take_place(fields.shells.entering_count, None)] = n
+
+
+@ti.func
+def order_entering(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: rank what a GPU has listed at places first .. last - 1 of those that would enter a shell, by particle."""
+    count = fields.shells.entering_count[None]
+    for place in range(first, ti.min(last, count)):
+        n, rank = fields.shells.entering[place], 0
+        slot = fields.shells.slot[n]
+        for other in range(count):
+            another = fields.shells.slot[fields.shells.entering[other]]
+            if another[0] * LANES + another[1] < slot[0] * LANES + slot[1]:
+                rank += 1
+        fields.shells.entering_order[rank] = n
 
 
 @ti.func
@@ -73,12 +86,12 @@ def place_on_list(fields: ti.template(), n):
 
 
 @ti.func
-def move_listed(fields: ti.template(), step: ti.template(), n, slot, mask, v, dt):
+def move_listed(fields: ti.template(), step: ti.template(), n, slot, v, dt):
     """Move listed particle n for dt [s], and activate the blocks that its stencil reaches then."""
     moved = place_on_list(fields, n) + dt * v
     for r in ti.static(range(3)):
         moved[r] = keep_inside(fields, moved[r], r)
-        write_lane(fields.particles.x[r], slot[0], mask, moved[r])
+        fields.particles.x[r][slot[0]][slot[1]] = moved[r]
     mark_place(fields.grid, moved, 1.0 / fields.cell, step.stamp + step.span)
 
 
@@ -93,7 +106,7 @@ def find_entered(fields: ti.template(), P: ti.template(), step: ti.template(), d
             R = collider_axes(step.motion, row, step.row)
             n_t, phi, sided = fields.colliders[index].sdf.at(
                 R.transpose() @ lever_after(fields, step, row, x + dt * v))
-            half = 0.5 * ti.pow(read_lane(P.volume, slot), 1.0 / 3.0)
+            half = read_lane(P.half, slot)
             depth = thick + half - own * phi
             if sided > 0 and depth > 0:
                 normal = own * (R @ n_t)
@@ -119,17 +132,16 @@ def stop_at_shells(fields: ti.template(), step: ti.template(), first, last):
         for number in range(first, last):
             n = number
             if ti.static(fields.shells.lists_entering):
-                n = fields.shells.entering[number]
+                n = fields.shells.entering_order[number]
             entered = fields.shells.entered[n]
             if entered[3] > 0:
                 slot = fields.shells.slot[n]
-                mask = lane_mask(slot[1], fields.real)
                 v = ti.Vector([read_lane(fields.particles.v[d], slot) for d in range(3)])
                 stopped = v + stop_at_shell(fields, step, dt, place_on_list(fields, n), v, fields.shells.mass[n],
                                             ti.cast(read_lane(fields.particles.side, slot), ti.i32), entered)
                 for r in ti.static(range(3)):
-                    write_lane(fields.particles.v[r], slot[0], mask, stopped[r])
-                move_listed(fields, step, n, slot, mask, stopped, dt)
+                    fields.particles.v[r][slot[0]][slot[1]] = stopped[r]
+                move_listed(fields, step, n, slot, stopped, dt)
         if ti.static(fields.shells.lists_entering):
             fields.shells.entering_count[None] = 0
 

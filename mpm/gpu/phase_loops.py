@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from mpm.backend import ti
+from mpm.backend import is_vulkan, ti
 from mpm.scene.grid import BLOCK
 from mpm.state.fields import Fields
 from mpm.state.ledger import STRIPES, Stripe
@@ -14,7 +14,7 @@ WALLS = 6
 BLOCK_PARTS = 4096
 """Parts of the list of active blocks, of a thread a node each."""
 TEAM = 256
-"""Threads that solve the contact of mobile colliders together."""
+"""Threads that solve the contact of mobile colliders together, where barriers order what they write: not in Vulkan."""
 GROUP = 64
 """Threads that are started together."""
 
@@ -25,6 +25,7 @@ class PhaseLoops:
 
     def __init__(self, fields: Fields, phases: Sequence[Phase]) -> None:
         self.fields, self.phases = fields, tuple(phases)
+        self.team = 1 if is_vulkan() else TEAM
         self.n_packs, self.n_lanes = fields.particles.n_packs, fields.particles.n_lanes
         self.block_parts = min(fields.grid.active.shape[0], BLOCK_PARTS)
         """Parts of the active blocks."""
@@ -37,10 +38,10 @@ class PhaseLoops:
         """Run the phases in one substep, see `Step`; runs: 0 to do nothing."""
         for phase in ti.static(self.phases):
             if ti.static(phase.over == "team"):
-                ti.loop_config(block_dim=TEAM)
-                for thread in range(ti.static(TEAM)):
+                ti.loop_config(block_dim=self.team)
+                for thread in range(ti.static(self.team)):
                     step = ti.static(Step(row, stamp, dt, transfer_mass, span, motion, mobile, ledger_of(out, 0),
-                                          thread=thread, threads=TEAM))
+                                          thread=thread, threads=self.team))
                     if runs > 0:
                         phase.run(self.fields, step, 0, 1)
             elif ti.static(phase.over in ("once", "entering in order")):

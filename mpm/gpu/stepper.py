@@ -124,14 +124,14 @@ class GpuStepper(CpuStepper):
         if ti.static(self.has_counter):
             for slot in range(self.fields.particles.pack_count[None] * LANES):
                 reading = done // interval - 1
+                ledger = ti.static(ledger_of(out, slot))
                 self.counter.count_slot(slot, ti.cast(collider_origin(motion, self.counter_row, row), ti.f64),
-                                        ti.cast(collider_axes(motion, self.counter_row, row), ti.f64),
-                                        ledger_of(out, slot), self.fields.rows.count + COUNTER_ROWS * reading,
-                                        per_particle, reading)
+                                        ti.cast(collider_axes(motion, self.counter_row, row), ti.f64), ledger,
+                                        self.fields.rows.count + COUNTER_ROWS * reading, per_particle, reading)
             for _ in range(1):
+                ledger = ti.static(ledger_of(out, 0))
                 self.counter.probe_points(ti.cast(collider_origin(motion, self.counter_row, row), ti.f64),
-                                          ti.cast(collider_axes(motion, self.counter_row, row), ti.f64),
-                                          ledger_of(out, 0),
+                                          ti.cast(collider_axes(motion, self.counter_row, row), ti.f64), ledger,
                                           self.fields.rows.count + COUNTER_ROWS * (done // interval - 1))
 
     @ti.kernel
@@ -140,8 +140,9 @@ class GpuStepper(CpuStepper):
         ti.loop_config(block_dim=GROUP)
         for part in range(ti.static(self.sum_parts)):
             first, last = self.stretch(part)
-            self.sum_momentum(ledger_of(out, part), first, last)
-            add_status(self.fields, self.fields.particles, ledger_of(out, part), first, last)
+            ledger = ti.static(ledger_of(out, part))
+            self.sum_momentum(ledger, first, last)
+            add_status(self.fields, self.fields.particles, ledger, first, last)
         if ti.static(self.has_sample):
             for i in range(self.sample.slots.shape[0]):
                 self.sample.take_one(sampled, 0, i)

@@ -1,7 +1,8 @@
 """Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders.
 
 A phase fills a list in its order with one thread; several take places from a counter. Threads of a CPU do so in any
-order, but each in the order of its own part: sorted by part, a list is the same in every run.
+order, but each in the order of its own part: sorted by part, a list is the same in every run. On a GPU lists whose
+order matters, because each entry changes what the next one meets, are ranked by particle.
 """
 
 import numpy as np
@@ -56,6 +57,8 @@ class ShellFields:
         """Momentum and mass, and the columns of the affine momentum per cell."""
         self.entering = ti.field(ti.i32, n_particles if lists_entering else 1)
         """Places on the list of the particles that would enter a shell, where a GPU lists them for one thread."""
+        self.entering_order = ti.field(ti.i32, n_particles if lists_entering else 1)
+        """The same by particle."""
         self.entering_count = ti.field(ti.i32, ())
         self.entered = ti.Vector.field(4, real, n_particles)
         """Normal (3,) out of the shell that a particle's next move would take it into, and how deep [m]; or zeros."""
@@ -74,7 +77,7 @@ class PenetratingParticles:
         self.particle = ti.Vector.field(4, ti.i32, capacity)
         """Number of the moving solid, body, pack and lane."""
         self.part = ti.field(ti.i32, capacity)
-        """Part of the packs that it is in."""
+        """Part of the packs that it is in; on a GPU, a number that says which comes first."""
         self.order, self.begins = ti.field(ti.i32, capacity), ti.field(ti.i32, parts + 1)
         """See `sort_by_part`."""
 
@@ -120,6 +123,16 @@ def take_place(counts: ti.template(), index: ti.template()):
         place = counts[index]
         counts[index] = place + 1
     return place
+
+
+@ti.func
+def rank_of(keys: ti.template(), place, count):
+    """Return how many of the keys 0 .. count - 1 are smaller than that of a place."""
+    rank, key = 0, keys[place]
+    for other in range(count):
+        if keys[other] < key:
+            rank += 1
+    return rank
 
 
 @ti.func

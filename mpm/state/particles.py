@@ -73,7 +73,7 @@ class ParticleFields:
         """Position [m] and change of volume at the begin of that time."""
         self.volume = pack_field()
         """Initial volume V0 [m^3]; zero in padding lanes."""
-        self.half = pack_field() if features.moving_solids else None
+        self.half = pack_field() if features.moving_solids or features.shells else None
         """Half the edge of a particle's cube [m]; zero in padding lanes."""
         self.index = np.zeros(sum(counts), int)
         """Slot of each particle, in the order in which the bodies gave them."""

@@ -8,12 +8,12 @@ one runs them forwards, and backwards through the adjoint that each names.
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
-from mpm.boundaries.contact import stop_penetrating, stop_penetration, update_nodes
+from mpm.boundaries.contact import order_penetrating, stop_penetrating, stop_penetration, update_nodes
 from mpm.boundaries.mobile_contact import solve_mobile_contact
 from mpm.boundaries.mobile_motion import start_mobile_colliders
 from mpm.boundaries.periodic import activate_home_nodes, fold_periodic, mark_images, unfold_periodic
 from mpm.boundaries.shell_sides import label_nodes, label_particles, list_particles
-from mpm.boundaries.shell_transfer import gather_across_shells, scatter_across_shells, stop_at_shells
+from mpm.boundaries.shell_transfer import gather_across_shells, order_entering, scatter_across_shells, stop_at_shells
 from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
 from mpm.state.fields import Fields
 from mpm.stepping.sleep_look import activate_sides
@@ -119,9 +119,13 @@ ORDER = (
     Phase("check speeds", "once", check_speeds, _always, "every scene"),
     Phase("stop at shells", "listed", stop_at_shells,
           lambda f: bool(f.features.shells) and not set(f.features.shells) & set(f.features.mobile), "a shell"),
+    Phase("order entering particles", "listed", order_entering,
+          lambda f: f.shells is not None and f.shells.lists_entering, "a mobile shell on a GPU"),
     Phase("stop at mobile shells", "entering in order", stop_at_shells,
           lambda f: bool(set(f.features.shells) & set(f.features.mobile)), "a mobile shell"),
     Phase("stop penetration", "packs", stop_penetration, lambda f: bool(f.features.moving_solids), "a moving solid"),
+    Phase("order penetrating particles", "packs", order_penetrating, lambda f: f.stops_later and not f.parts,
+          "a mobile solid on a GPU"),
     Phase("stop penetrating particles", "once", stop_penetrating, lambda f: f.stops_later,
           "a mobile solid, and several threads"),
 )

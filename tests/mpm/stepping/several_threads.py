@@ -45,7 +45,7 @@ def tools() -> list[mpm.Collider]:
     bowl.update_faces(bowl.triangles_center[:, 2] < 0.015)
     bowl.remove_unreferenced_vertices()
     return [mpm.Collider(mpm.Shell.from_mesh(bowl, 2e-3), friction=0.3, pose=at(0.08, 0.09, 0.13), mobile=True),
-            mpm.Collider(mpm.Sdf.sphere(0.025), friction=0.3, pose=at(0.15, 0.09, 0.1), mobile=True)]
+            mpm.Collider(mpm.Sdf.sphere(0.025), friction=0.3, pose=at(0.172, 0.1, 0.107), mobile=True)]
 
 
 def at(x: float, y: float, z: float) -> mpm.Pose:
