@@ -3,6 +3,7 @@
 import numpy as np
 
 from mpm.backend import ti
+from mpm.state.ledger import add_stripes
 
 
 class DeviceArray:
@@ -20,6 +21,4 @@ class DeviceArray:
         if self.copies == 1:
             self.array[:] = values
         else:
-            every = values.reshape(self.copies, *self.array.shape)
-            self.array += every.sum(axis=0)
-            self.array[status, 1] = every[:, status, 1].max()
+            add_stripes(self.array, values, status)

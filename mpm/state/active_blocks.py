@@ -90,6 +90,8 @@ def activate(grid: ti.template(), block, stamp: ti.i32):
         if ti.static(grid.lists):
             grid.active[grid.count[None]] = block
             grid.count[None] = grid.count[None] + 1
+        else:
+            grid.rows[block[0], block[1]] = stamp
 
 
 @ti.func
@@ -116,10 +118,11 @@ def mark_all(grid: ti.template(), particles: ti.template(), inverse_cell, stamp:
 def list_row(grid: ti.template(), row, stamp):
     """List blocks of a row of the grid that carry a stamp, each once: in order on a CPU, in any order on a GPU."""
     i, j = row // grid.stamp.shape[1], row % grid.stamp.shape[1]
-    for k in range(grid.stamp.shape[2]):
-        if grid.stamp[i, j, k] == stamp and grid.seed[i, j, k][0] != stamp:
-            grid.seed[i, j, k][0] = stamp
-            grid.active[ti.atomic_add(grid.count[None], 1)] = ti.Vector([i, j, k])
+    if grid.rows[i, j] == stamp:
+        for k in range(grid.stamp.shape[2]):
+            if grid.stamp[i, j, k] == stamp and grid.seed[i, j, k][0] != stamp:
+                grid.seed[i, j, k][0] = stamp
+                grid.active[ti.atomic_add(grid.count[None], 1)] = ti.Vector([i, j, k])
 
 
 class Stamps:

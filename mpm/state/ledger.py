@@ -2,11 +2,13 @@
 
 from typing import Any, NamedTuple
 
-from mpm.backend import is_concurrent, ti
+import numpy as np
+
+from mpm.backend import is_shared, ti
 from mpm.scene.walls import WALL_COUNT
 
 STRIPES = 128
-"""Copies of a launch's output on a GPU, see `Stripe`."""
+"""Copies of a launch's output on a GPU, see `Stripe`; threads of a CPU have one each."""
 GRAVITY_ROW, WALL_ROW, FIRST_COLLIDER_ROW = range(3)
 """Ledger rows: gravity with body accelerations, walls, then the colliders; momentum and status follow them."""
 
@@ -35,12 +37,19 @@ def ledger_rows(n_colliders: int) -> LedgerRows:
 
 
 class Stripe(NamedTuple):
-    """One of several copies of a launch's output: threads of a GPU that add to one number wait for each other."""
+    """One of several copies of a launch's output: threads that add to the same number wait for each other."""
 
     rows: Any
     """All copies, one after the other."""
     first: Any
     """First row of this one."""
+
+
+def add_stripes(out: np.ndarray, stripes: np.ndarray, status: int) -> None:
+    """Add several copies (n rows, 6) of an output to `out` (rows, 6); status: the row that holds the largest speed."""
+    every = stripes.reshape(-1, *out.shape)
+    out += every.sum(axis=0)
+    out[status, 1] = every[:, status, 1].max()
 
 
 @ti.func
@@ -52,9 +61,11 @@ def position(I, origin, cell):
 @ti.func
 def add(out: ti.template(), row: ti.template(), column: ti.template(), value):
     """Add to an entry of the ledger: a plain load and store with one thread."""
-    if ti.static(isinstance(out, Stripe)):
+    if ti.static(isinstance(out, Stripe) and is_shared()):
         ti.atomic_add(out.rows[out.first + row, column], value)
-    elif ti.static(is_concurrent()):
+    elif ti.static(isinstance(out, Stripe)):
+        out.rows[out.first + row, column] = out.rows[out.first + row, column] + value
+    elif ti.static(is_shared()):
         ti.atomic_add(out[row, column], value)
     else:
         out[row, column] = out[row, column] + value
@@ -63,10 +74,10 @@ def add(out: ti.template(), row: ti.template(), column: ti.template(), value):
 @ti.func
 def maximise(out: ti.template(), row: ti.template(), column: ti.template(), value):
     """Replace an entry by a value where that is larger."""
-    if ti.static(isinstance(out, Stripe)):
+    if ti.static(isinstance(out, Stripe) and is_shared()):
         ti.atomic_max(out.rows[out.first + row, column], value)
-    elif ti.static(is_concurrent()):
-        ti.atomic_max(out[row, column], value)
+    elif ti.static(isinstance(out, Stripe)):
+        out.rows[out.first + row, column] = ti.max(out.rows[out.first + row, column], value)
     else:
         out[row, column] = ti.max(out[row, column], value)
 

@@ -27,6 +27,8 @@ class GridFields:
         """Number of the substep in which the block was last active."""
         self.reached = ti.field(ti.i32, (parts, *blocks)) if parts else None
         """Number of the substep for which a part of the packs last scattered to the block."""
+        self.rows = None if lists else ti.field(ti.i32, blocks[:2])
+        """Number of the substep in which a block of the row was last active."""
         self.seed = ti.Vector.field(2, ti.i32, blocks)
         """Substep in which a stencil last started in the block, and bits for the faces that stencils reach over; where
         marking does not list, the substep for which it was listed."""

@@ -18,7 +18,7 @@ from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.sample import SampleKernel
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
-from mpm.state.ledger import add, maximise
+from mpm.state.ledger import Stripe, add, add_stripes, maximise
 from mpm.state.packs import LANES
 from mpm.state.particles import AT_WALL
 from mpm.state.sleepers import LOOK, adopt_rest, count_packs, pack_at, packs_of_body
@@ -31,6 +31,8 @@ from mpm.transfers.to_particles import drift_before, drift_packs, mark_awake
 
 NOWHERE, CHECKPOINT, UNDO = range(3)
 """Where a launch first copies the state to."""
+OUT = 5
+"""Place of the output among the arguments of `CpuStepper.run`."""
 RETRY_AFTER = 1.0
 """Seconds after which a thread that was left alone tries again whether the others have cores."""
 
@@ -52,6 +54,8 @@ class CpuStepper:
         self.threads = max(fields.parts, 1)
         self.numbers, self._retry_at = np.zeros(3, np.int64), 0.0
         """Of the crew, see there; and when a thread that was left alone tries again with the others [s]."""
+        self._stripes = np.zeros((0, 6))
+        """What each thread adds to the ledger."""
         self.fastest = ti.field(fields.real, self.threads)
         """Largest squared speed [m^2/s^2] that each thread has found."""
         self.has_counter, self.has_sample = counter is not None, sample is not None
@@ -64,7 +68,15 @@ class CpuStepper:
         is_alone = self.numbers[ALONE] > 0
         if is_alone and time.monotonic() >= self._retry_at:
             self.numbers[ALONE] = 0
-        self._run(*arguments, self.numbers)
+        if self.threads == 1:
+            self._run(*arguments, self.numbers)
+            return
+        out = arguments[OUT]
+        if self._stripes.shape != (self.threads * len(out), 6):
+            self._stripes = np.zeros((self.threads * len(out), 6))
+        self._stripes[:] = 0.0
+        self._run(*arguments[:OUT], self._stripes, *arguments[OUT + 1 :], self.numbers)
+        add_stripes(out, self._stripes, self.fields.rows.status)
         if self.numbers[ALONE] and not (is_alone and time.monotonic() < self._retry_at):
             self._retry_at = time.monotonic() + RETRY_AFTER
 
@@ -111,7 +123,8 @@ class CpuStepper:
                     alone = ti.cast(numbers[ALONE], ti.i32)
                     crew = ti.static(Crew(turn // TURNS, self.threads, numbers, alone))
                     if turn == 0 or alone == 0:
-                        self.run_with(crew, substeps, first_stamp, dt, motion, mobile, out, first, interval,
+                        stripe = ti.static(Stripe(out, turn // TURNS * (out.shape[0] // self.threads)))
+                        self.run_with(crew, substeps, first_stamp, dt, motion, mobile, stripe, first, interval,
                                       per_particle, sampled, set_aside, max_stride)
 
     @ti.func
@@ -181,7 +194,7 @@ class CpuStepper:
                        ti.static(Step(row, stamp, dt, transfer_mass, moved, motion, mobile, out)))
             if self.fields.particles.halted[None] > 0:
                 if crew.thread == 0:
-                    out[self.fields.rows.status, 2] = s + 1
+                    add(out, self.fields.rows.status, 2, ti.cast(s + 1, ti.f64))
                 break
             if ti.static(self.has_counter):  # noqa: SIM102  (decided when compiling)
                 if crew.thread == 0:
