@@ -5,6 +5,7 @@ copies of the ledger, in any order: right to rounding.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -53,9 +54,12 @@ class GpuStepper(CpuStepper):
         """Parts of the packs where something is summed."""
         self.speeds = ti.field(fields.real, STRIPES)
         """Largest squared speed of some particles each [m^2/s^2]."""
-        self.launch = self.run  # type: ignore[method-assign]
 
     # as CpuStepper is called -----------------------------------------------------------------------------------------
+    def launch(self, *arguments: Any) -> None:
+        """Call `run`."""
+        self.run(*arguments)
+
     def mark(self, stamp: int) -> None:
         """Stamp the active blocks of the first substep."""
         self.drift(0.0, stamp)

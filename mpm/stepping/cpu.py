@@ -1,8 +1,8 @@
 """The stepper of a CPU: all substeps of a launch in one kernel, touching only blocks with material.
 
 With several threads each has a part of the packs and scatters to an array of its own; these are added in their order,
-so that particles are the same to the bit in every run, with no atomic addition to a node. The ledger's sums are atomic:
-right to rounding.
+so that particles are the same to the bit in every run, with no atomic addition to a node. Each also has its own copy of
+the ledger.
 """
 
 import time
@@ -65,19 +65,18 @@ class CpuStepper:
 
     def launch(self, *arguments: Any) -> None:
         """Call `run`, with the crew's numbers."""
-        is_alone = self.numbers[ALONE] > 0
-        if is_alone and time.monotonic() >= self._retry_at:
-            self.numbers[ALONE] = 0
         if self.threads == 1:
             self._run(*arguments, self.numbers)
             return
-        out = arguments[OUT]
+        out, tries = arguments[OUT], time.monotonic() >= self._retry_at
+        if tries:
+            self.numbers[ALONE] = 0
         if self._stripes.shape != (self.threads * len(out), 6):
             self._stripes = np.zeros((self.threads * len(out), 6))
         self._stripes[:] = 0.0
         self._run(*arguments[:OUT], self._stripes, *arguments[OUT + 1 :], self.numbers)
         add_stripes(out, self._stripes, self.fields.rows.status)
-        if self.numbers[ALONE] and not (is_alone and time.monotonic() < self._retry_at):
+        if tries and self.numbers[ALONE]:
             self._retry_at = time.monotonic() + RETRY_AFTER
 
     @ti.kernel

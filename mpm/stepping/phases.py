@@ -1,8 +1,8 @@
 """The order of a substep: one list of phases that every stepper runs through.
 
-A phase is a Taichi function that runs over a stretch of packs, of active blocks, or once. The serial stepper runs the
-phases one after the other in one launch, the parallel one each as a parallel loop over parts, and the differentiated
-one runs them forwards, and backwards through the adjoint that each names.
+A phase is a Taichi function that runs over a stretch of packs, of active blocks, or once. The stepper of a CPU runs the
+phases one after the other in one launch, that of a GPU each as a parallel loop over parts, and the differentiated one
+runs them forwards, and backwards through the adjoint that each names.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """Grid to particle: velocity and affine velocity, the particles' move, and the active blocks of the next substep."""
 
-from mpm.backend import is_concurrent, once, ti
+from mpm.backend import is_concurrent, is_shared, once, ti
 from mpm.state.active_blocks import list_row, mark_pack
 from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
@@ -76,7 +76,7 @@ def check_speeds(fields: ti.template(), step: ti.template(), first, last):
     is_sound = fastest * step.dt * step.dt <= limit * limit and squares - squares == 0.0
     if not is_sound and fields.particles.halted[None] == 0:
         fields.particles.halted[None] = step.row + 1
-        if ti.static(not fields.features.serial):
+        if ti.static(is_shared()):  # there, the host learns it at the end of the launch
             add(step.out, fields.rows.status, 2, ti.cast(step.row + 1, ti.f64))
 
 

@@ -108,8 +108,16 @@ def main(where: str, name: str, out: str) -> None:
     solver.load(start)
     again = run(solver, advances)
     state = [key for key in start if key not in ("poses", "time", "steps") and start[key].size]
+    faster = {**start, "v": start["v"].copy()}
+    faster["v"][3] = 1e4
+    solver.load(faster)
+    try:
+        solver.advance(2e-3)
+        diverged = "nothing"
+    except mpm.SimulationDiverged as error:
+        diverged = str(error)
     refusals = [refusal(lambda: mpm.Batch(solver, 2)), refusal(lambda: mpm.Rollout(solver, 3))]
-    np.savez(out, start=start["x"], serial=solver.features.serial, names=state, refusals=refusals,
+    np.savez(out, start=start["x"], serial=solver.features.serial, names=state, refusals=refusals, diverged=diverged,
              same_bits=all(np.array_equal(first[key], again[key]) for key in state), **first)
 
 

@@ -64,6 +64,7 @@ def test_two_threads_are_one(scene: str, results: Callable[..., Results]) -> Non
     assert np.abs(two["x"] - two["start"]).max() > 0.02 and np.abs(two["ledger"][2:4]).max(axis=1).min() > 0.01
     assert off(two, one, *two["names"]) < 1e-11
     assert off(two, one, "ledger", "read") < 1e-11 and gap(two) < 1e-13
+    assert "substep 1:" in str(one["diverged"]) and str(two["diverged"]) == str(one["diverged"])
 
 
 @pytest.mark.parametrize("scene", ["elastic", pytest.param("fluid", marks=SLOW)])
