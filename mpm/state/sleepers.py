@@ -9,7 +9,7 @@ from mpm.state.packs import LANES
 
 ALL_LANES = 2**LANES - 1
 """The bits of a pack all of whose lanes sleep."""
-CALM_TIME, DRIFT, STRAIN, PUSH, LOOK, FORCE, MASS = range(7)
+CALM_TIME, DRIFT, STRAIN, PUSH, LOOK, FORCE, MASS, HOLD = range(8)
 """Places in `Sleepers.limits`."""
 
 
@@ -64,12 +64,12 @@ class Sleepers:
         """Changes whenever a pack may have become another since it slept: it woke, or its state was written."""
         self.void = ti.field(ti.i32, ())
         """1 where `sums` lack the shares of sleepers, until the next look."""
-        self.limits = ti.field(ti.f64, 7)
+        self.limits = ti.field(ti.f64, 8)
         """Calm time [s], drift [m], strain, push [m] of a sleeper's nodes, time [s] between two looks; quanta of force
-        [N] and mass [kg]."""
+        [N] and mass [kg]; acceleration [m/s^2] up to which sleepers hold nodes."""
 
     def set_limits(self, limits: np.ndarray) -> None:
-        """Write `limits` (7,)."""
+        """Write `limits` (8,)."""
         self.calm_time = float(np.asarray(limits[CALM_TIME], self._dtype))
         put(self.limits, np.asarray(limits, np.float64))
 

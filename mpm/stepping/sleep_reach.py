@@ -14,7 +14,7 @@ STENCIL = BLOCK + 2
 """Nodes along each axis that the stencils of a block's particles can reach."""
 HALF_DIAGONAL = 0.5 * (STENCIL - 1) * 3**0.5
 """Cells from the middle of those nodes to the farthest."""
-AHEAD = 1.0
+AHEAD = 4.0
 """Cells that particles stay awake ahead of contact."""
 SURPRISE = 2.0
 """How many times as far as at its present speed a mobile collider may get until the next look."""

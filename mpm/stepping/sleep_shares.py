@@ -10,7 +10,7 @@ from mpm.scene.grid import BLOCK
 from mpm.state.ledger import add, position
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
-from mpm.state.sleepers import FORCE, MASS, PUSH, list_awake_packs, place_of_block
+from mpm.state.sleepers import FORCE, HOLD, MASS, PUSH, list_awake_packs, place_of_block
 from mpm.transfers.particle_grid import weights
 
 NOTICED = 0.05
@@ -109,38 +109,43 @@ def stir(fields: ti.template(), block, look):
 
 @ti.func
 def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: at the end of a stride, credit what sleepers gave to nodes and took up there, and note pushed nodes.
+    """Phase: let sleepers hold the nodes of active blocks first .. last - 1, and note nodes that are pushed all the same.
 
-    Nodes of active blocks first .. last - 1. The ledger's row `asleep` gets the forces of sleepers on nodes, less the
+    Each holds by its share of the node's mass, as static friction does: up to the limit `HOLD`. The ledger's row
+    `asleep` gets what they take from nodes so, and at the end of a stride the forces of sleepers on nodes, less the
     momentum of their mass, which the next stride begins without.
     """
-    if step.span > 0:
-        noticed, look = ti.cast(NOTICED * fields.sleepers.limits[PUSH], fields.real), fields.sleepers.look[None] + 1
-        time = step.span * step.dt
-        light = LIGHT * fields.parameters.densities[0] * fields.cell ** 3
-        total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
-        for n in range(first, last):
-            pushed = 0
-            block = fields.grid.active[n]
-            if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
-                for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
-                    I = block * BLOCK + ti.Vector([a, b, c])
-                    given, q = fields.sleepers.given[I], fields.grid.nodes[I]
-                    if given[3] > 0:
-                        v = ti.Vector([q[0], q[1], q[2]])
-                        p = ti.Vector([ti.cast(time * given[d] - given[3] * v[d], ti.f64) for d in range(3)])
-                        total += p
-                        moment += position(I, fields.world_origin(), fields.cell).cross(p)
-                        if given[3] > light:
-                            path = time * v
-                            if fields.sleepers.window[I] == look:
-                                path += fields.sleepers.path[I]
-                            fields.sleepers.window[I] = look
-                            fields.sleepers.path[I] = path
-                            if path.norm_sqr() > noticed * noticed:
-                                pushed = 1
-            if pushed > 0:
-                stir(fields, block, look)
-        for d in ti.static(range(3)):
-            add(step.out, fields.rows.asleep, d, total[d])
-            add(step.out, fields.rows.asleep, 3 + d, moment[d])
+    noticed, look = ti.cast(NOTICED * fields.sleepers.limits[PUSH], fields.real), fields.sleepers.look[None] + 1
+    time, ends = step.span * step.dt, ti.cast(ti.min(step.span, 1), fields.real)
+    light = LIGHT * fields.parameters.densities[0] * fields.cell ** 3
+    most = step.dt * ti.cast(fields.sleepers.limits[HOLD], fields.real)
+    total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
+    for n in range(first, last):
+        pushed = 0
+        block = fields.grid.active[n]
+        if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
+            for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
+                I = block * BLOCK + ti.Vector([a, b, c])
+                given, q = fields.sleepers.given[I], fields.grid.nodes[I]
+                if given[3] > 0 and q[3] > 0:
+                    v = ti.Vector([q[0], q[1], q[2]])
+                    held = ti.min(given[3] / q[3], 1.0) * ti.min(1.0, most / ti.max(v.norm(), 1e-12)) * v
+                    v -= held
+                    fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
+                    p = ti.Vector([ti.cast(time * given[d] - ends * given[3] * v[d] - q[3] * held[d], ti.f64)
+                                   for d in range(3)])
+                    total += p
+                    moment += position(I, fields.world_origin(), fields.cell).cross(p)
+                    if given[3] > light:
+                        path = step.dt * v
+                        if fields.sleepers.window[I] == look:
+                            path += fields.sleepers.path[I]
+                        fields.sleepers.window[I] = look
+                        fields.sleepers.path[I] = path
+                        if path.norm_sqr() > noticed * noticed:
+                            pushed = 1
+        if pushed > 0:
+            stir(fields, block, look)
+    for d in ti.static(range(3)):
+        add(step.out, fields.rows.asleep, d, total[d])
+        add(step.out, fields.rows.asleep, 3 + d, moment[d])

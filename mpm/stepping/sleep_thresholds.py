@@ -15,12 +15,15 @@ LOOK_CELLS = 3.0
 """Cells that a pressure wave travels between two looks at who falls asleep or wakes."""
 CALM_LOOKS = 15
 """Looks for which a particle is calm before it sleeps."""
-SPEED = 5e-4
-"""Mean speed up to which a particle is calm, in sqrt(gravity cell): 0.1 mm/s in cells of 4 mm."""
+SPEED = 2.5e-3
+"""Mean speed up to which a particle is calm, in sqrt(gravity cell): 0.5 mm/s in cells of 4 mm."""
 STRAIN = 0.1
 """Change of volume up to which a particle is calm, in that which the weight of one cell's material brings."""
-PUSH = 1.0
-"""Displacement of the nodes of a sleeper that wakes it, in that of a particle that is calm just so."""
+PUSH = 1.3
+"""Displacement of the nodes of a sleeper that wakes it, in that by which the weight of one cell compresses it."""
+HOLD = 1.0
+"""Acceleration, in that of gravity, up to which sleepers hold a node that they alone have mass at: less than the weight
+of one cell more or less does not stir what lies still."""
 FORCE_BITS, MASS_BITS = 50, 48
 """Bits that sums have for the force of a strain of 1 on a cell, and for the mass of a cell; 12 more are left above."""
 
@@ -36,7 +39,7 @@ def read_sleep(sleep: bool | float) -> float:
 
 
 def sleep_limits(knob: float, grid: Grid, bodies: Sequence[Body], gravity: np.ndarray) -> np.ndarray:
-    """Return the limits (7,) of `Sleepers` for a scene."""
+    """Return the limits (8,) of `Sleepers` for a scene."""
     stiffness = max(body.material.lam + 2.0 * body.material.mu for body in bodies)
     density = max(body.material.density for body in bodies)
     sound = max(math.sqrt((b.material.lam + 2.0 * b.material.mu) / b.material.density) for b in bodies)
@@ -45,6 +48,7 @@ def sleep_limits(knob: float, grid: Grid, bodies: Sequence[Body], gravity: np.nd
     calm_time = CALM_LOOKS * look
     speed = knob * SPEED * math.sqrt(pull * grid.cell)
     softest = min(body.material.lam + 2.0 * body.material.mu for body in bodies)
-    strain = knob * STRAIN * density * pull * grid.cell / softest
-    return np.array([calm_time, speed * calm_time, strain, PUSH * speed * calm_time, look,
-                     stiffness * grid.cell**2 * 2.0**-FORCE_BITS, density * grid.cell**3 * 2.0**-MASS_BITS])
+    compression = knob * density * pull * grid.cell / softest
+    return np.array([calm_time, speed * calm_time, STRAIN * compression, PUSH * compression * grid.cell, look,
+                     stiffness * grid.cell**2 * 2.0**-FORCE_BITS, density * grid.cell**3 * 2.0**-MASS_BITS,
+                     knob * HOLD * pull])
