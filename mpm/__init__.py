@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from mpm.scene.collider import Collider
     from mpm.scene.features import Features
     from mpm.scene.grid import Grid
+    from mpm.scene.initial_stress import geostatic_stress
     from mpm.scene.sampling import sample_box, sample_cylinder, sample_mesh
     from mpm.scene.walls import Walls
     from mpm.solver import Solver
@@ -95,6 +96,7 @@ __all__ = [
     "VonMises",
     "Walls",
     "Wrench",
+    "geostatic_stress",
     "init",
     "sample_box",
     "sample_cylinder",
@@ -123,6 +125,7 @@ MODULES = {
     "mpm.scene.collider": ("Collider",),
     "mpm.scene.features": ("Features",),
     "mpm.scene.grid": ("Grid",),
+    "mpm.scene.initial_stress": ("geostatic_stress",),
     "mpm.scene.sampling": ("sample_box", "sample_cylinder", "sample_mesh"),
     "mpm.scene.walls": ("Walls",),
     "mpm.solver": ("Solver",),

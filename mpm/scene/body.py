@@ -6,6 +6,7 @@ import numpy as np
 
 from mpm.errors import InvalidValue
 from mpm.materials.material import Material, check_material
+from mpm.scene.initial_stress import check_stress
 from mpm.scene.validation import check_finite, read_real
 
 
@@ -21,6 +22,9 @@ class Body:
     """Velocities [m/s], shape (n, 3); None: at rest."""
     volume: float | np.ndarray | None = None
     """Volume of each particle [m^3], a number or shape (n,); required."""
+    stress: np.ndarray | None = None
+    """Cauchy stress [Pa] at the begin, shape (n, 3, 3), tension positive, such as `mpm.geostatic_stress` gives; None:
+    none. What a plastic law does not carry yields in the first substep."""
 
     def __post_init__(self) -> None:
         check_material(self.material)
@@ -36,3 +40,5 @@ class Body:
             raise InvalidValue(f"Body: volume has shape {np.shape(self.volume)}; accepted: () or ({len(positions)},)")
         if self.velocities is not None:
             check_finite("Body: velocities", self.velocities, positions.shape)
+        if self.stress is not None:
+            check_stress(self.material, self.stress, len(positions))

@@ -6,6 +6,7 @@ from mpm.backend import put, real_type, ti
 from mpm.scene.body import Body
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
+from mpm.scene.initial_stress import state_under
 from mpm.scene.validation import read_array
 from mpm.state.packs import LANES, Packs
 
@@ -95,6 +96,7 @@ class ParticleFields:
                       for body, n in zip(bodies, self.counts)]
         unstrained = self.state_fields[len(self.x) + len(self.v):]
         self.write(unstrained, np.zeros((len(self.index), len(unstrained))))
+        self._strain(bodies)
         self.write(self.x, np.concatenate([body.positions for body in bodies]) - grid.origin)
         self.write(self.v, np.concatenate(velocities))
         self.write([self.volume], np.concatenate(volumes)[:, None], padding=0.0)
@@ -102,6 +104,17 @@ class ParticleFields:
             self.write([self.half], 0.5 * np.cbrt(np.concatenate(volumes))[:, None], padding=0.0)
         if self.gap is not None:
             self.write([self.gap], np.zeros((len(self.index), 1)))
+
+    def _strain(self, bodies: list[Body]) -> None:
+        """Write the strain of bodies that begin under a stress."""
+        ends = np.cumsum(self.counts)
+        for fields, is_fluid in ((self.e, False), ([] if self.j is None else [self.j], True)):
+            strain = np.zeros((len(self.index), len(fields)))
+            for body, end in zip(bodies, ends):
+                if body.stress is not None and (body.material.state == "volume") == is_fluid:
+                    strain[end - len(body.positions) : end] = state_under(body.material, body.stress)
+            if strain.any():
+                self.write(fields, strain)
 
     def _order(self, bodies: list[Body], grid: Grid) -> np.ndarray:
         """Return slots (n_particles,) in the packs, sorted by cell: neighbours share cache lines."""

@@ -45,7 +45,8 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
     positions, volume = fill(config, sdf, tool_pose, np.random.default_rng(seed))
     solver = mpm.Solver(
         grid=mpm.Grid(field.region_lower, field.region_upper, field.cell),
-        bodies=[mpm.Body(law, positions, volume=volume)], colliders=colliders,
+        bodies=[mpm.Body(law, positions, volume=volume,
+                         stress=mpm.geostatic_stress(positions, volume, law))], colliders=colliders,
         walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, transfer_interval=field.transfer_interval,
         sleep=field.sleep,
     )
