@@ -68,9 +68,9 @@ class Solver(Readings):
         self.requested_dt, self.requested_interval, self.sleep = dt, transfer_interval, read_sleep(sleep)
         self.dt = choose_step(dt, grid.cell, [body.material for body in bodies])
         self.time, self.steps, self.substep = 0.0, 0, self.dt
-        self._has_warned_of_held = False
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
+        self._has_warned_of_held, self._fastest = False, None
         self._per_particle, self._unsampled = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
         self._has_accelerations = body_acceleration is not None
         self._build()
@@ -285,14 +285,14 @@ class Solver(Readings):
                 self._launch(n, dt, np.ascontiguousarray(table[:, first : first + n]), first, interval)
                 stamps.is_listed = True
             stamps.pass_substeps(n)
-            squares, fastest, halted, held = self._out[rows.status, :4]
+            squares, self._fastest, halted, held = self._out[rows.status, :4].tolist()
             done = int(halted) or n
             self.sums += self._out[: rows.count]
             self.steps += done
             self.time += done * dt
             self._momentum = Momentum(*self._out[rows.momentum].reshape(2, 3).copy())
             if halted or not math.isfinite(squares + self.mobility.table.sum()) \
-                    or fastest * dt > SPEED_LIMIT * self.grid.cell:
+                    or self._fastest * dt > SPEED_LIMIT * self.grid.cell:
                 raise diagnostics.describe_divergence(self, dt)
             if held and not self._has_warned_of_held:
                 self._has_warned_of_held = True
@@ -344,7 +344,7 @@ class Solver(Readings):
 
     def adopt_state(self, poses: list[Pose], time: float, steps: int, momentum: Momentum | None = None) -> None:
         """Take over a state that a kernel wrote to the fields: poses, time [s], substeps, momentum if known."""
-        self.time, self.steps, self.paths.poses = time, steps, poses
+        self.time, self.steps, self.paths.poses, self._fastest = time, steps, poses, None
         self.paths.pending.clear()
         self._momentum = self.momentum() if momentum is None else momentum
         self.fields.stamps.is_listed = False

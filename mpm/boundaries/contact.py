@@ -3,7 +3,7 @@
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
 from mpm.boundaries.mobile_contact import list_node, reduce_by_compliance
-from mpm.boundaries.shell_sides import SHELL_FACE
+from mpm.geometry.shell import SHELL_FACE
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import mark_place
 from mpm.state.contact_fields import rank_of, sort_by_part, take_place

@@ -7,7 +7,7 @@ material meets the shell, and nothing else.
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
-from mpm.geometry.shell import FAR
+from mpm.geometry.shell import FAR, SHELL_FACE
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import activate
 from mpm.state.contact_fields import take_place
@@ -16,10 +16,6 @@ from mpm.state.nodes import first_nodes, node_of
 from mpm.state.packs import LANES, lane_mask, write_lane
 from mpm.state.sleepers import is_awake, pack_at
 
-SHELL_FACE = 1.01
-"""Cells in front of a shell's face within which a node counts as on it. A free node nearer than a cell lacks the
-pressure of what would lie beyond it: it crushes the layer before the face, which then drives the water there upwards,
-and in 2 s such a circulation takes 5 % of a gate's thrust. With this the thrust is right to 0.3 %."""
 CURVATURE = 0.5
 """Cells by which a curved shell may come closer to a stencil's outer nodes than its tangent plane."""
 

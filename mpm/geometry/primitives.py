@@ -4,13 +4,13 @@ import numpy as np
 
 from mpm.backend import ti
 from mpm.errors import InvalidValue
-from mpm.geometry.shape import Shape, check_sizes
+from mpm.geometry.shape import ExactShape, Shape, check_sizes
 
 NEAR = 1e-6
 """[m] from a face within which rounding decides on which side a point is."""
 
 
-class Plane(Shape):
+class Plane(ExactShape):
     """The half space below a plane through the frame's origin; the normal [-] (3,) points out of the solid."""
 
     radius = 1e6
@@ -34,7 +34,7 @@ class Plane(Shape):
         return points @ np.asarray(self.normal)
 
 
-class Sphere(Shape):
+class Sphere(ExactShape):
     """A ball of radius r [m] about the frame's origin."""
 
     def __init__(self, r: float) -> None:
@@ -53,7 +53,7 @@ class Sphere(Shape):
         return 2.0 * self.r
 
 
-class Capsule(Shape):
+class Capsule(ExactShape):
     """Points within r [m] of the segment of half length h [m] along the frame's z axis."""
 
     def __init__(self, r: float, h: float) -> None:
@@ -76,7 +76,7 @@ class Capsule(Shape):
         return 2.0 * self.r
 
 
-class Box(Shape):
+class Box(ExactShape):
     """A box of half sizes [m] (3,) about the frame's origin."""
 
     def __init__(self, half: tuple[float, float, float]) -> None:
@@ -110,7 +110,7 @@ class Box(Shape):
         return 2.0 * min(self.half)
 
 
-class Cylinder(Shape):
+class Cylinder(ExactShape):
     """Points within r [m] of the frame's z axis and within h [m] of its xy plane."""
 
     def __init__(self, r: float, h: float) -> None:

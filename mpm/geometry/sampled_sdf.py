@@ -83,6 +83,16 @@ class Lattice(Shape):
         return far
 
     @ti.func
+    def least_distance(self, y):
+        s, f, away = self.cell_at(y)
+        least = s[0][0][0]
+        for i, j, k in ti.static(ti.ndrange(2, 2, 2)):
+            least = ti.min(least, s[i][j][k])
+        # the lattice's box holds the solid and is convex: beyond the box's nearest point it is farther by Pythagoras
+        far = away.norm() * self.spacing
+        return ti.select(far > 0.0, ti.sqrt(ti.max(least, 0.0) ** 2 + far * far), least)
+
+    @ti.func
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
         """Return the adjoint of y, exact for trilinear interpolation within a cell."""
         s, f, away = self.cell_at(y)

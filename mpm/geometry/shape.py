@@ -115,6 +115,11 @@ class Shape:
         return False
 
     @ti.func
+    def least_distance(self, y):
+        """Return a lower bound [m] of the distance from y to the solid; by default, that from the ball about it."""
+        return y.norm() - self.radius
+
+    @ti.func
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
         """Return the adjoint of y, of type `real`, from those of normal and distance.
 
@@ -137,3 +142,12 @@ class Shape:
             slope = ti.cast((used_above - used_below) / (width * DIFFERENCE), real).dot(normal_bar)
             bar[d] = slope + ti.cast((above - below) / (width * DIFFERENCE), real) * phi_bar
         return bar
+
+
+class ExactShape(Shape):
+    """Base of solids whose `at` gives the distance itself, everywhere."""
+
+    @ti.func
+    def least_distance(self, y):
+        n, phi = self.at(y)
+        return phi

@@ -16,6 +16,10 @@ SIDE_BAND = 2.7
 """Cells from the mid-surface within which a node can share a stencil with a particle on the other side: 1.5 sqrt(3)."""
 LATTICE_STEP = 0.2
 """Cells between the points of the lattice, where the user gives no spacing."""
+SHELL_FACE = 1.01
+"""Cells in front of a shell's face within which a node counts as on it. A free node nearer than a cell lacks the
+pressure of what would lie beyond it: it crushes the layer before the face, which then drives the water there upwards,
+and in 2 s such a circulation takes 5 % of a gate's thrust. With this the thrust is right to 0.3 %."""
 FAR = 1.0
 """Distance [m] outside the lattice."""
 
@@ -80,6 +84,13 @@ class Shell:
         put(self.values, self.host.astype(np.float32))
         self.sided = ti.field(ti.i8, self.shape)
         put(self.sided, sided.astype(np.int8))
+
+    @ti.func
+    def least_distance(self, y):
+        """Return the distance [m] of y (3,) from the box of the lattice, beyond which the shell touches no node."""
+        low = ti.Vector([self.lower[d] for d in range(3)])
+        edge = ti.Vector([(self.shape[d] - 1) * self.spacing for d in range(3)])
+        return ti.max(ti.max(low - y, y - low - edge), 0.0 * y).norm()
 
     @ti.func
     def at(self, y):

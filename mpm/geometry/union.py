@@ -47,6 +47,15 @@ class Union(Shape):
                 n = R.transpose() @ n_k
         return n, phi
 
+    @ti.func
+    def least_distance(self, y):
+        least = 0.0 * y[0] + 1e6
+        for k in ti.static(range(len(self.solids))):
+            a, c = ti.static(self.axes[k]), ti.static(self.places[k])
+            R = ti.Matrix([[a[0], a[1], a[2]], [a[3], a[4], a[5]], [a[6], a[7], a[8]]])
+            least = ti.min(least, self.solids[k].least_distance(R @ y + ti.Vector([c[0], c[1], c[2]])))
+        return least
+
     def distance(self, points: np.ndarray) -> np.ndarray:
         each = [solid.distance(inverse.apply(points)) for solid, inverse in zip(self.solids, self._inverse)]
         return np.min(each, axis=0)

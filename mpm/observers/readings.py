@@ -6,8 +6,9 @@ import numpy as np
 
 from mpm.backend import default_precision
 from mpm.errors import UnknownName
-from mpm.geometry.rigid_motion import Wrench
+from mpm.geometry.rigid_motion import Pose, Wrench, check_pose
 from mpm.observers import diagnostics
+from mpm.observers.clearance import ClearanceKernel, reach_of
 from mpm.observers.diagnostics import Diagnostics, Energy, Momentum
 from mpm.observers.stress_reader import StressReader
 from mpm.scene.body import Body
@@ -37,6 +38,7 @@ class Readings(AssemblyOwner):
     mobility: Any
     sums: np.ndarray
     _momentum: Momentum
+    _fastest: float | None
 
     @property
     def fields(self) -> Fields:
@@ -72,6 +74,13 @@ class Readings(AssemblyOwner):
         """
         return Wrench(*self.sums[self.fields.rows.asleep].reshape(2, 3))
 
+    @property
+    def fastest(self) -> float:
+        """Largest speed [m/s] of a particle."""
+        if self._fastest is None:
+            self._fastest = float(np.linalg.norm(self.velocities(), axis=1).max())
+        return self._fastest
+
     def masses(self) -> np.ndarray:
         """Return masses [kg], shape (n_particles,)."""
         volume = self.particles.read([self.particles.volume])[:, 0].astype(float)
@@ -91,6 +100,22 @@ class Readings(AssemblyOwner):
         reader = self.assembly.share("stresses", lambda: StressReader(fields))
         with default_precision(fields.features.precision):
             return reader.read() / diagnostics.volume_ratios(self, advanced=False)[:, None, None]
+
+    def clearance(self, index: int, pose: Pose | None = None) -> float:
+        """Return a lower bound [m] of the distance of the nearest particle from a collider, at a pose or where it is.
+
+        It is exact to a spacing of its lattice for a solid from a mesh, and exact for most other solids; a shell counts
+        as the box that holds it. Negative where a particle is inside.
+        """
+        fields, here = self.fields, self.paths.pose(index) if pose is None else check_pose("clearance", pose)
+        kernel = self.assembly.share(("clearance", index), lambda: ClearanceKernel(fields, index))
+        with default_precision(fields.features.precision):
+            return kernel.read(here)
+
+    @property
+    def contact_reach(self) -> float:
+        """Clearance [m] beyond which a collider changes nothing that particles do within a substep."""
+        return reach_of(self.fields)
 
     @property
     def ledger(self) -> np.ndarray:

@@ -3,19 +3,16 @@
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
 from mpm.boundaries.mobile_motion import TWIST
-from mpm.boundaries.shell_sides import SHELL_FACE
 from mpm.geometry.rigid_motion import LINEAR
-from mpm.geometry.shell import Shell
+from mpm.geometry.shell import SHELL_FACE
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
-from mpm.state.sleepers import place_of_block
+from mpm.state.sleepers import AHEAD, place_of_block
 
 STENCIL = BLOCK + 2
 """Nodes along each axis that the stencils of a block's particles can reach."""
 HALF_DIAGONAL = 0.5 * (STENCIL - 1) * 3**0.5
 """Cells from the middle of those nodes to the farthest."""
-AHEAD = 4.0
-"""Cells that particles stay awake ahead of contact."""
 SURPRISE = 2.0
 """How many times as far as at its present speed a mobile collider may get until the next look."""
 
@@ -61,27 +58,9 @@ def note_blocks(fields: ti.template(), k: ti.template(), index: ti.template(), m
                 if fields.sleepers.shares[block] > 0 or fields.grid.stamp[block] == stamp:
                     middle = position(block * BLOCK, fields.world_origin(), fields.cell)
                     r = ti.cast(middle, fields.real) + 0.5 * (STENCIL - 1) * fields.cell - c
-                    if r.norm_sqr() < ball * ball and is_in_reach(fields, index, R.transpose() @ r, reach):
+                    if r.norm_sqr() < ball * ball \
+                            and fields.colliders[index].sdf.least_distance(R.transpose() @ r) < reach:
                         fields.sleepers.near[block] = fields.sleepers.search[None]
                         if fields.sleepers.shares[block] > 0:
                             fields.sleepers.stirred[place_of_block(fields, block)] = fields.sleepers.look[None]
                             fields.sleepers.disturbed[None] = 1
-
-
-@ti.func
-def is_in_reach(fields: ti.template(), index: ti.template(), y, reach):
-    """Return whether a collider's surface may be closer than reach [m] to y, in its frame."""
-    near = True
-    if ti.static(isinstance(fields.colliders[index].sdf, Shell)):
-        # the box of its lattice, which holds all nodes that it can touch
-        low = ti.Vector([fields.colliders[index].sdf.lower[d] for d in range(3)])
-        edge = ti.Vector([(fields.colliders[index].sdf.shape[d] - 1) * fields.colliders[index].sdf.spacing
-                          for d in range(3)])
-        away = ti.max(ti.max(low - y, y - low - edge), 0.0 * y)
-        near = away.norm() < reach
-    elif not fields.colliders[index].sdf.is_beyond(y, reach):
-        _n, phi = fields.colliders[index].sdf.at(y)
-        near = phi < reach
-    else:
-        near = False
-    return near

@@ -11,6 +11,7 @@ import numpy as np
 import mpm
 from robosim.coupling.coupled_bodies import CoupledBodies, check_bodies
 from robosim.coupling.ledger import Impulse, Ledger, close_ledger, empty_ledger, ledger_from_rows, ledger_to_rows
+from robosim.coupling.reach import Reach
 from robosim.coupling.schemes import ExplicitScheme, MobilityScheme
 from robosim.coupling.trial_step import TrialStep
 from robosim.errors import BodyLeftGrid, ConfigError, RobotDiverged, UnknownName
@@ -65,6 +66,7 @@ class GranularPlugin:
         is_mobile = coupling == "mobility" and self._bodies.dynamic
         self._scheme = (MobilityScheme(self._trial, solver, self._bodies, tolerance) if is_mobile else
                         ExplicitScheme(self._trial, solver, self._bodies))
+        self._reach = Reach(self._trial, solver, self._bodies, self._scheme.park)
         self._has_jumped, self._last_time = True, float(data.time)
         self._wrenches = np.zeros((model.nbody, 6))
         """Wrenches of the grains in the last step, about the bodies' centres of mass: the next prediction's guess."""
@@ -88,6 +90,8 @@ class GranularPlugin:
     def step(self) -> None:
         """Advance robot and grains together by one coupled `mj_step`.
 
+        Where no body is within reach of a grain, steps 2, 4 and 5 are left out; the results are the same.
+
         1. Evaluate pose and twist of each coupled body at the step's start.
         2. Predict its motion over the step; with "mobility" the free motion and the 6x6 mobility.
         3. Hand the prediction to the solver; advance the grains. With "mobility" contact and body twist are solved
@@ -102,6 +106,16 @@ class GranularPlugin:
         self._trial.begin()
         momentum = self.solver.momentum_after_advance()
         self._move_driven_bodies()
+        if self._reach.is_apart():
+            self._step_apart()
+        else:
+            self._step_together()
+        self.ledger = close_ledger(self.solver, momentum, self._bodies.colliders)
+        self._check_grid()
+        self._check_state()
+
+    def _step_together(self) -> None:
+        """Steps 2 to 5, see `step`."""
         self._scheme.predict(self._wrenches)
         for self.repeats in range(MAX_REPEATS + 1):
             self._scheme.hand_over()
@@ -110,13 +124,18 @@ class GranularPlugin:
             if self._scheme.is_accepted(self._wrenches) or self.repeats == MAX_REPEATS:
                 break
             self._scheme.roll_back()
-        self.ledger = close_ledger(self.solver, momentum, self._bodies.colliders)
-        self._check_grid()
-        self._check_state()
+
+    def _step_apart(self) -> None:
+        """Step 3, and MuJoCo's step without grains."""
+        self.repeats = 0
+        self._wrenches[:] = 0.0
+        self._advance_grains()
+        self._trial.finish()
 
     def restart(self) -> None:
         """Forget the last step; call it after `mj_resetData` or `Solver.load`."""
         self._has_jumped, self._wrenches[:], self._scheme.error[:] = True, 0.0, 0.0
+        self._reach.restart()
         for bad in BAD_STATES:
             self.data.warning[bad].number = 0
         self.outside_grid, self.ledger = set(), empty_ledger(self._bodies.colliders)
@@ -124,8 +143,9 @@ class GranularPlugin:
     def state(self) -> dict[str, Any]:
         """Return what the next step depends on besides MuJoCo's integration state and `Solver.state`."""
         return {"wrenches": self._wrenches.copy(), "has_jumped": self._has_jumped, "last_time": self._last_time,
-                "error": self._scheme.error.copy(), "repeats": self.repeats, "ledger": ledger_to_rows(self.ledger),
-                "outside_grid": sorted(self.outside_grid), "counts": [copy.deepcopy(c._asdict()) for c in self.counts]}
+                "error": self._scheme.error.copy(), "repeats": self.repeats, "reach": self._reach.state(),
+                "ledger": ledger_to_rows(self.ledger), "outside_grid": sorted(self.outside_grid),
+                "counts": [copy.deepcopy(c._asdict()) for c in self.counts]}
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over what `state` returned; MuJoCo's and the solver's states are loaded before or afterwards."""
@@ -134,6 +154,7 @@ class GranularPlugin:
         self._wrenches[:], self._scheme.error[:] = state["wrenches"], state["error"]
         self._has_jumped, self._last_time = state["has_jumped"], state["last_time"]
         self.repeats, self.ledger, self.outside_grid = state["repeats"], ledger, set(state["outside_grid"])
+        self._reach.load(state["reach"])
         self.counts = [mpm.Counts(**copy.deepcopy(counts)) for counts in state["counts"]]
 
     def wrench(self, body: str) -> mpm.Wrench:

@@ -32,6 +32,12 @@ class ExplicitScheme:
             # MuJoCo's data say where the bodies are, also after a reset
             self._solver.set_collider_motion(self._bodies.colliders[name], self._bodies.pose(name), end, jump=True)
 
+    def park(self) -> None:
+        """Leave the bodies' colliders where the bodies are now."""
+        for name in self._bodies.dynamic:
+            here = self._bodies.pose(name)
+            self._solver.set_collider_motion(self._bodies.colliders[name], here, here, jump=True)
+
     def is_accepted(self, wrenches: np.ndarray) -> bool:
         """Accept every step."""
         return True
@@ -75,6 +81,13 @@ class MobilityScheme:
                 indices[i], W[i, :, i], self._free_twists[i], twist=prediction.twists[i], pose=bodies.pose(name),
                 centre=self._trial.data.xipos[bodies.ids[name]],
                 others={indices[j]: W[i, :, j] for j in range(len(indices)) if j != i})
+
+    def park(self) -> None:
+        """Leave the bodies' colliders where the bodies are now, at rest; nothing is predicted wrongly."""
+        self.error[:] = 0.0
+        for name in self._bodies.dynamic:
+            self._solver.set_collider_mobility(self._bodies.colliders[name], np.zeros((6, 6)), np.zeros(6),
+                                               twist=np.zeros(6), pose=self._bodies.pose(name))
 
     def is_accepted(self, wrenches: np.ndarray) -> bool:
         """Measure `error` after MuJoCo's step; compare it with the tolerance.
