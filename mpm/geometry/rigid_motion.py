@@ -212,6 +212,9 @@ def screw(begin: Pose, twist: Twist, duration: float, n: int) -> ScrewSamples:
     screw has a constant twist in its own axes, so that no substep sees a kink.
     """
     R, linear, angular = begin.matrix, np.asarray(twist.linear, float), np.asarray(twist.angular, float)
+    if not (linear.any() or angular.any()):  # most colliders rest in most steps
+        still = np.zeros((n, 3))
+        return ScrewSamples(np.tile(begin.position, (n, 1)), np.tile(R, (n, 1, 1)), still, still)
     u = np.arange(1, n + 1) / n
     angle = math.sqrt(angular @ angular)
     steps = u[:, None] * linear

@@ -58,15 +58,31 @@ def compute_energy(solver: Any) -> Energy:
     C = solver.particles.read(solver.particles.C).astype(float)
     kinetic = 0.5 * m @ ((v**2).sum(1) + solver.grid.cell**2 / 4.0 * (C**2).sum(1))
     volume = solver.particles.read([solver.particles.volume])[:, 0].astype(float)
-    elastic, strains = 0.0, _cauchy_green(solver, C)
+    elastic = 0.0
+    e = _strains(solver, C) if solver.particles.e else None
     for body, chosen in _ranges(solver):
         if body.material.state == "volume":
             j = solver.particles.read([solver.particles.j])[chosen, 0].astype(float)
             elastic += 0.5 * body.material.lam * volume[chosen] @ j**2
-        else:
-            stretches = np.sqrt(np.maximum(np.linalg.eigvalsh(strains[chosen]), 1e-30))
+        elif e is not None:
+            stretches = np.sqrt(np.maximum(1.0 + eigenvalues(e[:, chosen]), 1e-30)).T
             elastic += volume[chosen] @ body.material.energy_density(stretches)
     return Energy(float(kinetic), float(-(m[:, None] * x).sum(0) @ solver.gravity), float(elastic))
+
+
+def eigenvalues(a: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues (3, n) of symmetric tensors, given as entries xx, yy, zz, xy, xz, yz (6, n).
+
+    By the trigonometric formula (Smith 1961, Commun. ACM 4:168), in a tenth of the time of a solver of single matrices.
+    """
+    mean = (a[0] + a[1] + a[2]) / 3.0
+    x, y, z, r, s, t = *(a[:3] - mean), *a[3:]
+    scale = np.sqrt((x * x + y * y + z * z + 2.0 * (r * r + s * s + t * t)) / 6.0)
+    det = x * (y * z - t * t) - r * (r * z - s * t) + s * (r * t - s * y)
+    cube = np.maximum(scale, 1e-100) ** 3
+    angle = np.arccos(np.clip(0.5 * det / cube, -1.0, 1.0)) / 3.0
+    largest, least = mean + 2.0 * scale * np.cos(angle), mean + 2.0 * scale * np.cos(angle + 2.0 * np.pi / 3.0)
+    return np.stack([least, 3.0 * mean - largest - least, largest])
 
 
 def compute_diagnostics(solver: Any) -> Diagnostics:
@@ -113,16 +129,26 @@ def _ranges(solver: Any):  # noqa: ANN202
         first += count
 
 
-def _cauchy_green(solver: Any, C: np.ndarray) -> np.ndarray:
-    """Return b (n, 3, 3) of all particles, the identity for fluids.
+def _strains(solver: Any, C: np.ndarray) -> np.ndarray:
+    """Return e = b - I of all particles, entries xx, yy, zz, xy, xz, yz (6, n), for C (n, 9).
 
     A substep begins by adding the strain of the last velocities C: with it the strain is that of the positions.
     """
+    e = np.ascontiguousarray(solver.particles.read(solver.particles.e).T, float)
+    a = np.ascontiguousarray((solver.substep * C).T)
+    rows = [(e[0], e[3], e[4]), (e[3], e[1], e[5]), (e[4], e[5], e[2])]
+    # (I + a) e + a, and that times (I + a)^T, and a^T
+    p = [[rows[i][k] + a[3 * i] * rows[0][k] + a[3 * i + 1] * rows[1][k] + a[3 * i + 2] * rows[2][k] + a[3 * i + k]
+          for k in range(3)] for i in range(3)]
+    return np.stack([p[i][k] + p[i][0] * a[3 * k] + p[i][1] * a[3 * k + 1] + p[i][2] * a[3 * k + 2] + a[3 * k + i]
+                     for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
+
+
+def _cauchy_green(solver: Any, C: np.ndarray) -> np.ndarray:
+    """Return b (n, 3, 3) of all particles, the identity for fluids; see `_strains`."""
     if not solver.particles.e:
         return np.tile(np.eye(3), (len(C), 1, 1))
-    e = solver.particles.read(solver.particles.e).astype(float)
-    L = np.eye(3) + solver.substep * C.reshape(-1, 3, 3)
-    return L @ (np.eye(3) + e[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]) @ L.transpose(0, 2, 1)
+    return np.eye(3) + _strains(solver, C).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
 
 def volume_ratios(solver: Any, advanced: bool = True) -> np.ndarray:

@@ -9,7 +9,7 @@ from mpm.state.packs import LANES
 
 ALL_LANES = 2**LANES - 1
 """The bits of a pack all of whose lanes sleep."""
-AHEAD = 4.0
+AHEAD = 1.0
 """Cells that particles stay awake ahead of contact with a moving collider: what it presses on gives way far around."""
 CALM_TIME, DRIFT, STRAIN, PUSH, LOOK, FORCE, MASS, HOLD = range(8)
 """Places in `Sleepers.limits`."""

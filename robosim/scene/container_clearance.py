@@ -86,9 +86,11 @@ class ContainerSurface:
 
         All others lie outside the box of the tool's lattice, which holds the tool.
         """
-        if pose.position[2] - self._sdf.radius - margin >= self._rim:
-            return np.empty((0, 3))
         R = pose.matrix.T
+        along_z = R[:, 2]
+        lowest = pose.position[2] + float(np.minimum(along_z * self._low, along_z * self._high).sum())
+        if lowest - margin >= self._rim:
+            return np.empty((0, 3))
         origin, inside = R @ pose.position, np.ones(len(self._points), bool)
         for x, low, high in zip(R.astype(np.float32) @ self._points_f32, self._low + origin, self._high + origin):
             inside &= (x > np.float32(low - margin)) & (x < np.float32(high + margin))
