@@ -17,7 +17,7 @@ from mpm.boundaries.shell_transfer import gather_across_shells, order_entering, 
 from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
 from mpm.state.fields import Fields
 from mpm.stepping.sleep_look import activate_sides
-from mpm.stepping.sleep_shares import settle_with_sleepers
+from mpm.stepping.sleep_shares import add_sleepers, settle_with_sleepers
 from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
 from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list
 
@@ -104,6 +104,7 @@ ORDER = (
     Phase("scatter", "packs", scatter_packs, _always, "every scene"),
     Phase("scatter across shells", "listed", scatter_across_shells, lambda f: bool(f.features.shells), "a shell"),
     Phase("add parts", "blocks", add_parts, lambda f: f.parts > 0, "several threads"),
+    Phase("add sleepers", "blocks", add_sleepers, lambda f: f.features.sleep, "sleeping"),
     Phase("fold periodic sides", "blocks", fold_periodic, lambda f: f.is_periodic, "a periodic side"),
     Phase("mark images", "blocks", mark_images, lambda f: f.is_periodic, "a periodic side"),
     Phase("fold walls", "walls", fold_walls, lambda f: bool(f.wall_conditions), "a wall"),

@@ -6,7 +6,7 @@ from mpm.backend import once, ti
 from mpm.materials.material import PARAMETERS
 from mpm.materials.stress_update import current_stress
 from mpm.materials.symmetric_tensor import FULL
-from mpm.scene.grid import BLOCK
+from mpm.scene.grid import BLOCK, GHOST
 from mpm.state.ledger import add, position
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
@@ -108,6 +108,39 @@ def stir(fields: ti.template(), block, look):
 
 
 @ti.func
+def add_sleepers(fields: ti.template(), step: ti.template(), first, last):
+    """Phase: add the force of sleepers, and where mass is transferred their mass, in active blocks first .. last - 1.
+
+    Nodes that no waking particle has mass at are left alone, at zero: whatever sleeps there is in balance. But for those
+    at walls: what is folded there counts elsewhere.
+    """
+    factors = ti.Vector([step.dt, step.dt, step.dt, ti.cast(step.transfer_mass, fields.real)])
+    for n in range(first, last):
+        block = fields.grid.active[n]
+        if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
+            walls = touches_wall(fields, block)
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                for c in ti.static(range(BLOCK)):
+                    I = block * BLOCK + ti.Vector([a, b, c])
+                    q = fields.grid.nodes[I]
+                    if q[3] > 0 or walls:
+                        given = fields.sleepers.given[I]
+                        if given[3] > 0:
+                            fields.grid.nodes[I] = q + factors * given
+
+
+@ti.func
+def touches_wall(fields: ti.template(), block):
+    """Return whether a block holds nodes of a wall's plane, or next to one."""
+    touches = False
+    for d in ti.static(range(3)):
+        if ti.static(not fields.features.periodic[d]):
+            touches = touches or block[d] * BLOCK <= GHOST + 1 \
+                or block[d] * BLOCK + BLOCK - 1 >= ti.static(GHOST + fields.cells[d] - 1)
+    return touches
+
+
+@ti.func
 def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last):
     """Phase: let sleepers hold the nodes of active blocks first .. last - 1, and note nodes that are pushed all the same.
 
@@ -119,31 +152,40 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
     time, ends = step.span * step.dt, ti.cast(ti.min(step.span, 1), fields.real)
     light = LIGHT * fields.parameters.densities[0] * fields.cell ** 3
     most = step.dt * ti.cast(fields.sleepers.limits[HOLD], fields.real)
+    origin = fields.world_origin()
     total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
     for n in range(first, last):
         pushed = 0
         block = fields.grid.active[n]
         if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
-            for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
-                I = block * BLOCK + ti.Vector([a, b, c])
-                given, q = fields.sleepers.given[I], fields.grid.nodes[I]
-                if given[3] > 0 and q[3] > 0:
-                    v = ti.Vector([q[0], q[1], q[2]])
-                    held = ti.min(given[3] / q[3], 1.0) * ti.min(1.0, most / ti.max(v.norm(), 1e-12)) * v
-                    v -= held
-                    fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
-                    p = ti.Vector([ti.cast(time * given[d] - ends * given[3] * v[d] - q[3] * held[d], ti.f64)
-                                   for d in range(3)])
-                    total += p
-                    moment += position(I, fields.world_origin(), fields.cell).cross(p)
-                    if given[3] > light:
-                        path = step.dt * v
-                        if fields.sleepers.window[I] == look:
-                            path += fields.sleepers.path[I]
-                        fields.sleepers.window[I] = look
-                        fields.sleepers.path[I] = path
-                        if path.norm_sqr() > noticed * noticed:
-                            pushed = 1
+            # summed per block about its corner, in the field's precision, as in `update_nodes`
+            p, turning = ti.Vector.zero(fields.real, 3), ti.Vector.zero(fields.real, 3)
+            for a, b in ti.ndrange(BLOCK, BLOCK):
+                for c in ti.static(range(BLOCK)):
+                    I = block * BLOCK + ti.Vector([a, b, c])
+                    q = fields.grid.nodes[I]
+                    if q[3] > 0:
+                        given = fields.sleepers.given[I]
+                        if given[3] > 0:
+                            v = ti.Vector([q[0], q[1], q[2]])
+                            held = ti.min(given[3] / q[3], 1.0) * ti.min(1.0, most / ti.max(v.norm(), 1e-12)) * v
+                            v -= held
+                            fields.grid.nodes[I] = ti.Vector([v[0], v[1], v[2], q[3]])
+                            change = time * ti.Vector([given[0], given[1], given[2]]) - ends * given[3] * v \
+                                - q[3] * held
+                            p += change
+                            turning += ti.Vector([float(a), float(b), float(c)]).cross(change)
+                            if given[3] > light:
+                                path = step.dt * v
+                                if fields.sleepers.window[I] == look:
+                                    path += fields.sleepers.path[I]
+                                fields.sleepers.window[I] = look
+                                fields.sleepers.path[I] = path
+                                if path.norm_sqr() > noticed * noticed:
+                                    pushed = 1
+            whole = ti.cast(p, ti.f64)
+            total += whole
+            moment += position(block * BLOCK, origin, fields.cell).cross(whole) + fields.cell * ti.cast(turning, ti.f64)
         if pushed > 0:
             stir(fields, block, look)
     for d in ti.static(range(3)):

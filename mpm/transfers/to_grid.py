@@ -20,22 +20,6 @@ def start_nodes(fields: ti.template(), step: ti.template(), first, last):
         clear(fields.grid, step, first, last)
     elif ti.static(fields.features.strides):
         velocities_to_momenta(fields.grid, step, first, last)
-    if ti.static(fields.features.sleep):
-        start_from_sleepers(fields, step, first, last)
-
-
-@ti.func
-def start_from_sleepers(fields: ti.template(), step: ti.template(), first, last):
-    """Add the force of sleepers, and where mass is transferred their mass, to the nodes of blocks first .. last - 1."""
-    factors = ti.Vector([step.dt, step.dt, step.dt, ti.cast(step.transfer_mass, fields.real)])
-    for n in range(first, last):
-        block = fields.grid.active[n]
-        if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
-            for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
-                I = block * BLOCK + ti.Vector([a, b, c])
-                given = fields.sleepers.given[I]
-                if given[3] > 0:
-                    fields.grid.nodes[I] = fields.grid.nodes[I] + factors * given
 
 
 @ti.func
@@ -168,5 +152,3 @@ def add_parts(fields: ti.template(), step: ti.template(), first, last):
                         I = corner + ti.Vector([a, b, c])
                         fields.grid.nodes[I] = fields.grid.nodes[I] + fields.scatter_target[I + shift]
                         fields.scatter_target[I + shift] = ti.Vector.zero(fields.real, 4)
-    if ti.static(fields.features.sleep):
-        start_from_sleepers(fields, step, first, last)

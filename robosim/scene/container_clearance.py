@@ -18,6 +18,8 @@ POINTS_PER_CONTAINER = 20_000
 """Sampled points on the surface of each container: about 2 mm apart."""
 BOX_MARGIN = 1e-5
 """[m] by which the tool's bounding box is enlarged for the first selection of points: above single-precision error."""
+LOOKOUT = 5e-3
+"""Clearance [m] up to which it is measured, so that it need not be in every step."""
 DIFFERENCE_STEP = 1e-3
 """[m] of the central differences of the tool's signed distance: the spacing of its lattice."""
 
@@ -50,18 +52,28 @@ class ContainerSurface:
         low, high = self._sdf.bounds if isinstance(self._sdf, Lattice) else (-self._sdf.radius, self._sdf.radius)
         self._low, self._high = np.broadcast_to(low, 3) - BOX_MARGIN, np.broadcast_to(high, 3) + BOX_MARGIN
         self._rim = self._points[:, 2].max()
+        self._last_pose, self._clearance = Pose.identity(), 0.0
+        """Where the tool was when its clearance [m] was last measured."""
         self.penetrations = 0
         """Points inside the tool, summed over all calls of `record_penetrations`."""
         self.depth = 0.0
         """Largest penetration depth [m] over these calls."""
 
     def record_penetrations(self, pose: Pose) -> None:
-        """Add the points inside the tool at a pose to `penetrations` and `depth`."""
-        points = self._select_near(pose, 0.0)
-        if len(points):
-            distance = self._sdf.distance(points)
+        """Add the points inside the tool at a pose to `penetrations` and `depth`.
+
+        While the tool has moved less than the clearance that was found last, none can be.
+        """
+        turn = 4.0 * np.arcsin(min(0.5 * float(np.linalg.norm(pose.quaternion - self._last_pose.quaternion)), 1.0))
+        moved = float(np.linalg.norm(pose.position - self._last_pose.position)) + self._sdf.radius * turn
+        if moved < self._clearance:
+            return
+        points = self._select_near(pose, LOOKOUT)
+        distance = self._sdf.distance(points) if len(points) else np.array([LOOKOUT])
+        self._last_pose, self._clearance = pose, min(float(distance.min()), LOOKOUT)
+        if self._clearance < 0.0:
             self.penetrations += int(np.sum(distance < 0))
-            self.depth = max(self.depth, float(-distance.min()))
+            self.depth = max(self.depth, -self._clearance)
 
     def compute_displacement(self, pose: Pose, margin: float) -> np.ndarray:
         """Compute the displacement (3,) [m] of the tool that restores a clearance.
