@@ -4,7 +4,7 @@ import numpy as np
 
 from mpm.backend import put, real_type, ti
 from mpm.scene.grid import BLOCK
-from mpm.state.nodes import GridFields
+from mpm.state.nodes import GridFields, first_nodes
 from mpm.state.packs import LANES
 
 ALL_LANES = 2**LANES - 1
@@ -162,8 +162,11 @@ def adopt_rest(fields: ti.template(), P: ti.template()):
     """Take over who sleeps from the particles' `rest`; the nodes' sums are empty until shares are added again."""
     calm_time = ti.cast(fields.sleepers.limits[CALM_TIME], fields.real)
     for q in range(P.pack_count[None]):
+        base = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)[0]
         bits = 0
         for l in ti.static(range(LANES)):
+            home = ti.Vector([base[d][l] for d in range(3)]) // BLOCK
+            fields.sleepers.home[q][l] = place_of_block(fields, home)
             if P.volume[q][l] == 0.0:
                 bits |= 1 << l
             elif P.rest[q][l] >= calm_time:

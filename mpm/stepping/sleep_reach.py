@@ -55,12 +55,13 @@ def note_blocks(fields: ti.template(), k: ti.template(), index: ti.template(), m
         for j in range(first[1], last[1] + 1):
             for b in range(first[2], last[2] + 1):
                 block = ti.Vector([i, j, b])
-                if fields.sleepers.shares[block] > 0 or fields.grid.stamp[block] == stamp:
+                has_sleepers = fields.sleepers.shares[block] > 0 or fields.sleepers.void[None] > 0
+                if has_sleepers or fields.grid.stamp[block] == stamp:
                     middle = position(block * BLOCK, fields.world_origin(), fields.cell)
                     r = ti.cast(middle, fields.real) + 0.5 * (STENCIL - 1) * fields.cell - c
                     if r.norm_sqr() < ball * ball \
                             and fields.colliders[index].sdf.least_distance(R.transpose() @ r) < reach:
                         fields.sleepers.near[block] = fields.sleepers.search[None]
-                        if fields.sleepers.shares[block] > 0:
+                        if has_sleepers:
                             fields.sleepers.stirred[place_of_block(fields, block)] = fields.sleepers.look[None]
                             fields.sleepers.disturbed[None] = 1

@@ -111,33 +111,38 @@ def stir(fields: ti.template(), block, look):
 def add_sleepers(fields: ti.template(), step: ti.template(), first, last):
     """Phase: add the force of sleepers, and where mass is transferred their mass, in active blocks first .. last - 1.
 
-    Nodes that no waking particle has mass at are left alone, at zero: whatever sleeps there is in balance. But for those
-    at walls: what is folded there counts elsewhere.
+    Nodes that no waking particle has mass at are left alone, at zero: whatever sleeps there is in balance. A wall's
+    ghost counts where it is folded to.
     """
     factors = ti.Vector([step.dt, step.dt, step.dt, ti.cast(step.transfer_mass, fields.real)])
     for n in range(first, last):
         block = fields.grid.active[n]
         if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
-            walls = touches_wall(fields, block)
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 for c in ti.static(range(BLOCK)):
                     I = block * BLOCK + ti.Vector([a, b, c])
                     q = fields.grid.nodes[I]
-                    if q[3] > 0 or walls:
+                    if q[3] > 0 or is_folded_to_awake(fields, step, I):
                         given = fields.sleepers.given[I]
                         if given[3] > 0:
                             fields.grid.nodes[I] = q + factors * given
 
 
 @ti.func
-def touches_wall(fields: ti.template(), block):
-    """Return whether a block holds nodes of a wall's plane, or next to one."""
-    touches = False
+def is_folded_to_awake(fields: ti.template(), step: ti.template(), I):
+    """Return whether a node is a wall's ghost, of a node that something awake has mass at."""
+    J = I
     for d in ti.static(range(3)):
         if ti.static(not fields.features.periodic[d]):
-            touches = touches or block[d] * BLOCK <= GHOST + 1 \
-                or block[d] * BLOCK + BLOCK - 1 >= ti.static(GHOST + fields.cells[d] - 1)
-    return touches
+            low, high = ti.static(GHOST, GHOST + fields.cells[d])
+            if I[d] < low:
+                J[d] = 2 * low - I[d]
+            elif I[d] > high:
+                J[d] = 2 * high - I[d]
+    folded = False
+    if (J - I).norm_sqr() > 0 and fields.grid.stamp[J // BLOCK] == step.stamp:
+        folded = fields.grid.nodes[J][3] > 0
+    return folded
 
 
 @ti.func
