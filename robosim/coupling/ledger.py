@@ -45,7 +45,8 @@ class Ledger(NamedTuple):
         It is the scale of `residual`.
         """
         parts = [self.gravity, self.walls, self.static, self.sleepers, *self.bodies.values()]
-        return np.array([sum(np.linalg.norm(p.linear) for p in parts), sum(np.linalg.norm(p.angular) for p in parts)])
+        rows = np.array(parts)
+        return np.sqrt((rows * rows).sum(2)).sum(0)
 
 
 def _impulse(row: np.ndarray) -> Impulse:

@@ -16,6 +16,8 @@ PROBE_ARM = 0.05
 """Lever arm [m] of the probing impulse for rotations."""
 GRAVITY = 9.81
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+WELL_CONDITIONED = 1e7
+"""Condition number up to which a matrix is inverted."""
 RANK = 1e-9
 """Share of the largest singular value below which a direction of motion counts as constrained."""
 
@@ -110,14 +112,26 @@ class MobilityProbe:
             rotation = relative_rotation(IDENTITY, quaternion_of(R @ axes.T))
             offset += [pose.position + R @ centre - data.xipos[body], rotation]
         twists = self.trial.twists()
-        impulses = np.linalg.lstsq(self._mobility[rows], np.concatenate(offset), rcond=RANK)[0]
+        impulses = solve_least(self._mobility[rows], np.concatenate(offset))
         mujoco.mj_integratePos(self.model, data.qpos, self._responses @ impulses, 1.0)
         self.trial.update_frames()
         # at the new positions the same joint velocities give another twist
         responses = (self.trial.jacobian() @ self._responses)[rows]
         change = (twists - self.trial.twists()).ravel()[rows]
-        data.qvel += self._responses @ np.linalg.lstsq(responses, change, rcond=RANK)[0]
+        data.qvel += self._responses @ solve_least(responses, change)
         mujoco.mj_comVel(self.model, data)
+
+
+def solve_least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the least x, of those closest to A x = b; singular values below RANK of the largest count as zero."""
+    if A.shape[0] == A.shape[1]:
+        try:
+            inverse = np.linalg.inv(A)  # a quarter of the time, where there is no direction to leave out
+        except np.linalg.LinAlgError:
+            inverse = np.full_like(A, np.inf)
+        if np.abs(A).sum() * np.abs(inverse).sum() < WELL_CONDITIONED:
+            return inverse @ b
+    return np.linalg.lstsq(A, b, rcond=RANK)[0]
 
 
 def project_mobility(W: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 import mpm
 from robosim.coupling.coupled_bodies import CoupledBodies
+from robosim.coupling.schemes import lengths
 from robosim.coupling.trial_step import TrialStep
 
 AHEAD = 2.0
@@ -63,10 +64,9 @@ class Reach:
         """Whether the answer of the last measurement may be another for bodies at poses (B, 7)."""
         if not len(self._gaps):
             return True
-        chords = np.minimum(np.linalg.norm(poses[:, 3:] - self._poses[:, 3:], axis=1),
-                            np.linalg.norm(poses[:, 3:] + self._poses[:, 3:], axis=1))
+        chords = np.minimum(lengths(poses[:, 3:] - self._poses[:, 3:]), lengths(poses[:, 3:] + self._poses[:, 3:]))
         angles = 4.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
-        moved = np.linalg.norm(poses[:, :3] - self._poses[:, :3], axis=1) + self._radii * angles + self._travel
+        moved = lengths(poses[:, :3] - self._poses[:, :3]) + self._radii * angles + self._travel
         if self._is_apart:
             return bool(np.any(self._gaps - moved < self._needed + self._ahead()))
         return bool(np.all((moved > self._renewal) & (self._gaps + moved > self._needed + self._renewal)))
@@ -85,5 +85,5 @@ class Reach:
     def _ahead(self) -> np.ndarray:
         """How far [m] (B,) the bodies may get within a step."""
         twists = self._trial.twists()  # about centres of mass, which the balls hold: no farther than a diameter
-        speeds = np.linalg.norm(twists[:, :3], axis=1) + 2.0 * self._radii * np.linalg.norm(twists[:, 3:], axis=1)
+        speeds = lengths(twists[:, :3]) + 2.0 * self._radii * lengths(twists[:, 3:])
         return AHEAD * self._trial.model.opt.timestep * speeds

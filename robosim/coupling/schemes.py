@@ -122,6 +122,11 @@ class MobilityScheme:
 
     def _speeds(self, twists: np.ndarray) -> np.ndarray:
         """Speed [m/s] (B,) of the fastest point of each body's bounding ball, at most 1 m from its centre."""
-        radii = [min(self._solver.colliders[self._bodies.colliders[name]].sdf.radius, 1.0)
-                 for name in self._bodies.dynamic]
-        return np.linalg.norm(twists[:, :3], axis=1) + radii * np.linalg.norm(twists[:, 3:], axis=1)
+        radii = np.array([min(self._solver.colliders[self._bodies.colliders[name]].sdf.radius, 1.0)
+                          for name in self._bodies.dynamic])
+        return lengths(twists[:, :3]) + radii * lengths(twists[:, 3:])
+
+
+def lengths(rows: np.ndarray) -> np.ndarray:
+    """Return the lengths (n,) of vectors (n, 3), in a third of NumPy's time for a few."""
+    return np.sqrt((rows * rows).sum(1))
