@@ -61,8 +61,9 @@ class FieldConfig(Table):
     """Longest stride [s]: time between two transfers of velocities to the particles; 0: a transfer in every substep;
     "strides": chosen from the bound of the time step."""
 
-    sleep: bool | Annotated[float, Field(gt=0.0, le=100.0)] = False
-    """Whether grains at rest fall asleep and cost nothing; a number is a factor on the thresholds."""
+    sleep: bool | Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    """Whether grains at rest fall asleep and cost nothing; a number is a factor on the thresholds; null: true in a
+    rehearsal on a CPU, false in an environment and on a GPU."""
 
     @pydantic.model_validator(mode="after")
     def _check_size(self) -> "FieldConfig":

@@ -1,11 +1,14 @@
 """The film of a rehearsal: frames at a fixed rate, and nine of them on a sheet."""
 
 import itertools
+from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from robosim.config.output import OutputFolder
+from mpm.files import write
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS
 from robosim.rehearsal.run import RehearsalRun
@@ -15,10 +18,38 @@ from robosim.rendering.video import Mp4Writer, write_contact_sheet
 from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.models import compile_spec
 
-FRAME_RATE = 30
-"""Frames per second of simulated time."""
+FRAME_RATE = 25
+"""Frames per second of simulated time: a software renderer then keeps pace with the simulation beside it."""
+SHADOWS = 1024
+"""Side [texels] of the shadow map: on a software renderer 2048 take a seventh of the time for nothing that one sees."""
 SHEET_FRAMES = 9
 """Frames on the sheet."""
+
+
+class FilmPlan(NamedTuple):
+    """What a film shows, besides the states."""
+
+    config: RehearsalConfig
+    camera: str
+    grains: int
+    """Number of grains."""
+    grain_volume: float
+    """[m^3]"""
+    colour: tuple[float, ...]
+    """Of the material: RGBA, 0 to 1."""
+    moments: list[tuple[float, str]]
+    """Times [s] and captions of the frames on the sheet."""
+
+
+class FilmState(NamedTuple):
+    """What a frame shows."""
+
+    time: float
+    """[s]"""
+    qpos: np.ndarray
+    """Joint positions of the whole scene."""
+    positions: np.ndarray
+    """Of the grains [m] (n, 3)."""
 
 
 def check_camera(name: str) -> None:
@@ -27,60 +58,65 @@ def check_camera(name: str) -> None:
         raise UnknownName("camera", name, CAMERAS)
 
 
-class Film:
-    """A film of a rehearsal, drawn with a model of its own.
+def plan_film(run: RehearsalRun, camera: str) -> FilmPlan:
+    """Return what the film of a run shows; raises UnknownName for the camera."""
+    check_camera(camera)
+    return FilmPlan(run.config, camera, sum(run.solver.particles.counts), run.grains.grain_volume,
+                    tuple(run.material.colour), _choose_sheet_moments(run))
 
-    The simulated model has no visual extras. Writes rehearsal.mp4 and frames.png into `out`. Raises UnknownName for the
-    camera, RenderingUnavailable.
+
+def read_state(run: RehearsalRun) -> FilmState:
+    """Return the present state of a run."""
+    return FilmState(run.time, run.data.qpos.copy(), run.solver.positions().astype(np.float32))
+
+
+class Film:
+    """A film of a rehearsal, drawn with a model of its own: the simulated one has no visual extras.
+
+    Writes rehearsal.mp4 and frames.png into the folder `out`. Raises RenderingUnavailable.
     """
 
-    def __init__(self, run: RehearsalRun, out: OutputFolder, camera: str) -> None:
-        check_camera(camera)
-        self._run, self._out, self._camera = run, out, camera
-        self._model = _compile_drawn_model(run)
+    def __init__(self, plan: FilmPlan, out: Path) -> None:
+        self._plan, self._out = plan, out
+        self._model = _compile_drawn_model(plan)
         self._data = mujoco.MjData(self._model)
-        self._renderer = SceneRenderer(self._model, len(run.solver.positions()))
-        self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=FRAME_RATE)
-        self._next_frame_time = 0.0
-        self._sheet_moments = _choose_sheet_moments(run)
+        self._renderer = SceneRenderer(self._model, plan.grains)
+        self._writer = Mp4Writer(out / "rehearsal.mp4", fps=FRAME_RATE)
+        self._moments = list(plan.moments)
         self._sheet: list[np.ndarray] = []
         self._captions: list[str] = []
 
-    def add_due_frame(self) -> None:
-        """Add a frame of the present state if one is due."""
-        time = self._run.time
-        if time + 1e-9 < self._next_frame_time:
-            return
-        self._next_frame_time += 1.0 / FRAME_RATE
-        frame = self.draw()
+    def add(self, state: FilmState) -> None:
+        """Add a frame."""
+        frame = self.draw(state)
         self._writer.add(frame)
-        if self._sheet_moments and time >= self._sheet_moments[0][0]:
+        if self._moments and state.time >= self._moments[0][0]:
             self._sheet.append(frame)
-            self._captions.append(f"{self._sheet_moments.pop(0)[1]}, {time:.1f} s")
+            self._captions.append(f"{self._moments.pop(0)[1]}, {state.time:.1f} s")
 
-    def draw(self) -> np.ndarray:
-        """Draw the present state (height, width, 3)."""
-        self._data.qpos[:] = self._run.data.qpos
-        return self._renderer.draw(self._data, self._run.solver.positions(), self._camera)
+    def draw(self, state: FilmState) -> np.ndarray:
+        """Draw a state (height, width, 3)."""
+        self._data.qpos[:] = state.qpos
+        return self._renderer.draw(self._data, state.positions, self._plan.camera)
 
     def close(self) -> None:
         """Finish film and sheet, with the frames so far where the run stopped early."""
         try:
             self._writer.close()
             if self._sheet:
-                self._out.write("frames.png", lambda path: write_contact_sheet(self._sheet, self._captions, path))
+                write(self._out / "frames.png",
+                      lambda path: write_contact_sheet(self._sheet, self._captions, path))
         finally:
             self._renderer.close()
 
 
-def _compile_drawn_model(run: RehearsalRun) -> mujoco.MjModel:
+def _compile_drawn_model(plan: FilmPlan) -> mujoco.MjModel:
     """The rehearsal's scene with its grains and its target area."""
-    spec = build_rehearsal_spec(run.config)
-    apply_quality(spec)
-    if run.config.area is not None:
-        add_mark(spec, run.config.area)
-    radius = GRAIN_RADIUS * run.grains.grain_volume ** (1 / 3)
-    add_grain_skin(spec, len(run.solver.positions()), radius, run.material.colour)
+    spec = build_rehearsal_spec(plan.config)
+    apply_quality(spec, SHADOWS)
+    if plan.config.area is not None:
+        add_mark(spec, plan.config.area)
+    add_grain_skin(spec, plan.grains, GRAIN_RADIUS * plan.grain_volume ** (1 / 3), plan.colour)
     return compile_spec(spec)
 
 

@@ -81,6 +81,8 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "substep_s": run.solver.substep, "seed": run.seed, "host_dt_s": config.host_dt, "coupling": config.coupling,
         "simulated_time_s": run.time, "wall_time_s": run.wall_time,
         "realtime_factor": run.time / max(run.wall_time, 1e-9),
+        **{f"{name}_time_s": seconds for name, seconds in run.timings.items()},
+        "awake_share": run.recording.awake_share,
         **_mass_figures(run, positions),
         "tool_container_contacts": run.collisions.tool_container_contacts,
         "tool_container_depth_m": run.collisions.tool_container_depth,

@@ -20,7 +20,7 @@ AVERAGED_STEPS = 20
 def plot_report(run: RehearsalRun, path: Path) -> None:
     """Draw the readings of a rehearsal over time.
 
-    Mass in the tool, wrist wrench, joint torques, tracking error, momentum residual and energies.
+    Mass in the tool and who is awake, wrist wrench, joint torques, tracking error, momentum residual and energies.
     """
     figure, axes = plt.subplots(3, 2, figsize=(14, 11), sharex=True, constrained_layout=True)
     figure.suptitle(f"{run.config.description}: {run.config.material}, {len(run.solver.positions())} grains, "
@@ -41,7 +41,13 @@ def plot_report(run: RehearsalRun, path: Path) -> None:
 
 def _plot_mass(axis: Axes, run: RehearsalRun) -> None:
     mass = run.recording.stack_grains("mass_in_tool")[:, None] * 1e3
-    _plot_lines(axis, run.recording.stack_grains("time"), mass, ["in the tool"], "mass [g]")
+    time = run.recording.stack_grains("time")
+    _plot_lines(axis, time, mass, ["in the tool"], "mass [g]")
+    if run.solver.sleep:
+        share_axis = axis.twinx()
+        share_axis.plot(time, run.recording.stack_grains("awake"), "--", color="0.5", lw=0.8)
+        share_axis.set_ylim(0.0, 1.05)
+        share_axis.set_ylabel("grains that are awake, dashed")
 
 
 def _plot_wrist(axis: Axes, run: RehearsalRun) -> None:

@@ -64,6 +64,8 @@ class GrainSample(NamedTuple):
     """[kg]"""
     lost: int
     """Number of grains at the sides or the top of the region, or with positions that are not finite."""
+    awake: float
+    """Share of the grains that is computed: those awake."""
 
 
 class EnergySample(NamedTuple):
@@ -90,6 +92,11 @@ class Recording:
     def stack_grains(self, name: str) -> np.ndarray:
         """Stack the values of one field of `GrainSample` over all samples (m,)."""
         return np.array([getattr(sample, name) for sample in self.grains])
+
+    @property
+    def awake_share(self) -> float:
+        """Mean share of the grains that was awake."""
+        return float(self.stack_grains("awake").mean())
 
     def select_steps(self, begin: float, end: float) -> slice:
         """Select the steps whose time lies in [begin, end) [s]."""

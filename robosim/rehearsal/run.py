@@ -60,7 +60,9 @@ class RehearsalRun:
         self.duration = config.grasp_time + plan.motion.duration
         """Simulated time [s], including the grasp."""
         self.wall_time = 0.0
-        """Time [s] that `run` took."""
+        """Time [s] that the steps took: field, coupling and robot."""
+        self.timings: dict[str, float] = {}
+        """Times [s] of what stands beside the steps: "compile", and what a session adds."""
         self.scooped: np.ndarray | None = None
         """Which grains (n,) were in the tool when it was weighed; None before, or where nothing is weighed."""
         waypoint = config.weigh_at
@@ -87,10 +89,13 @@ class RehearsalRun:
         Raises mpm.SimulationDiverged or RobotDiverged.
         """
         begin = clock.perf_counter()
+        self.solver.compile()
+        self.timings["compile"] = clock.perf_counter() - begin
         for index in range(round(self.duration / self.config.host_dt)):
+            begin = clock.perf_counter()
             self.step(index)
+            self.wall_time += clock.perf_counter() - begin
             after_step()
-        self.wall_time = clock.perf_counter() - begin
 
     def step(self, index: int) -> None:
         """Simulate one host step.
@@ -173,7 +178,8 @@ class RehearsalRun:
     def _sample_grains(self) -> GrainSample:
         positions = self.solver.positions()
         mass = self._grain_mass * is_in_tool(self.config.tool, positions, self.tool_pose()).sum()
-        return GrainSample(self.time, float(mass), int(is_at_border(positions, self.solver.grid).sum()))
+        return GrainSample(self.time, float(mass), int(is_at_border(positions, self.solver.grid).sum()),
+                           float(self.solver.awake.mean()))
 
     def _store_state(self) -> None:
         self._last_good_state = self.solver.state() | {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}

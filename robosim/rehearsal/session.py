@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+import time as clock
 from pathlib import Path
 
 from tqdm import tqdm
@@ -9,15 +10,15 @@ from tqdm import tqdm
 import mpm
 from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.errors import ConfigError, RobotDiverged
-from robosim.rehearsal.film import Film, check_camera
+from robosim.rehearsal.film import check_camera
+from robosim.rehearsal.film_process import FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.paths.motion_sequence import place_target
 from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.plots import plot_report
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rendering.renderer import RenderingUnavailable
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
 
@@ -58,22 +59,21 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         folder.clear(RESULTS)
         folder.write_yaml("config.yaml", config.model_dump(mode="json"))
         folder.write_yaml("material.yaml", material_config.model_dump(mode="json"))
-        print("planning the motion ...", file=sys.stderr)
-        plan = plan_motion(config)
-        folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
-            plan.motion, config.joint_trajectory, start=config.grasp_time))
-        print("preparing grains and robot ...", file=sys.stderr)
-        run = RehearsalRun(config, plan, seed=seed)
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
-            stack.callback(_write_trajectory, run, folder)
-            film = _open_film(run, folder, camera)
+            film = None if camera is None else FilmProcess(folder)
             if film is not None:
                 stack.callback(film.close)
+            run = _prepare(config, folder, seed)
+            stack.callback(_write_trajectory, run, folder)
+            if film is not None:
+                film.begin(run, camera)
             try:
                 _simulate(run, film)
             except (mpm.SimulationDiverged, RobotDiverged):
                 folder.write("last_good_state.npz", run.save_last_good_state)
                 raise
+            stopped = clock.perf_counter()
+        run.timings["film_wait"] = clock.perf_counter() - stopped
         figures = compute_figures(run)
         missed = find_missed(figures, config)
         folder.write("report.png", lambda path: plot_report(run, path))
@@ -82,24 +82,27 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         return int(bool(missed))
 
 
+def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int) -> RehearsalRun:
+    """Plan the motion, write its trajectory, and make robot and grains."""
+    print("planning the motion ...", file=sys.stderr)
+    began = clock.perf_counter()
+    plan = plan_motion(config)
+    planned = clock.perf_counter()
+    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
+        plan.motion, config.joint_trajectory, start=config.grasp_time))
+    print("preparing grains and robot ...", file=sys.stderr)
+    run = RehearsalRun(config, plan, seed=seed)
+    run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
+    return run
+
+
 def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:
     """Write the steps that were simulated."""
     if run.recording.steps:
         folder.write("trajectory.csv", run.recording.write_csv)
 
 
-def _open_film(run: RehearsalRun, folder: OutputFolder, camera: str | None) -> Film | None:
-    """Open the film; None, with the reason on stderr, where it cannot be drawn."""
-    if camera is None:
-        return None
-    try:
-        return Film(run, folder, camera)
-    except RenderingUnavailable as error:
-        print(f"no video: {error}", file=sys.stderr)
-        return None
-
-
-def _simulate(run: RehearsalRun, film: Film | None) -> None:
+def _simulate(run: RehearsalRun, film: FilmProcess | None) -> None:
     """Run with a progress bar: simulated time, real-time factor, time left."""
     bar_format = "{l_bar}{bar}| {n:.2f}/{total:.2f} s simulated [{elapsed}<{remaining}{postfix}]"
     with tqdm(total=round(run.duration, 3), bar_format=bar_format, mininterval=0.5, file=sys.stderr) as bar:

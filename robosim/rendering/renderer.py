@@ -37,8 +37,12 @@ class SceneRenderer:
         self._model = model
         self._facets = read_facets(model, grain_count)
         self._radius = float(np.linalg.norm(self._facets, axis=2).mean()) if grain_count else 0.0
-        self._normals = compute_normals(self._facets).astype(np.float32)
-        self._facets = self._facets.astype(np.float32)
+        shape = (len(self._facets), -1, 3, 3)
+        self._normals = compute_normals(self._facets).astype(np.float32).reshape(shape)
+        self._facets = self._facets.astype(np.float32).reshape(shape)
+        a, b, c = np.moveaxis(self._facets, 2, 0)
+        self._outward = np.cross(b - a, c - a)
+        """Normals (n, 8, 3) of the faces, not of unit length."""
         self._renderer = open_renderer(model, width, height)
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
@@ -65,10 +69,16 @@ class SceneRenderer:
             raise ValueError(f"positions of {count} grains; accepted: at most {len(self._facets)}, as many as the "
                              f"scene's skin has")
         visible = np.flatnonzero(~find_hidden(positions, CELL_IN_RADII * self._radius))
-        scene, used = self._renderer.scene, len(visible) * GRAIN_VERTICES
+        scene = self._renderer.scene
+        # faces that look away from the camera are behind others of their grain
+        eye = 0.5 * (np.array(scene.camera[0].pos) + np.array(scene.camera[1].pos))
+        sight = (eye - positions[visible]).astype(np.float32)
+        grain, face = np.nonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
+        vertices = self._facets[visible[grain], face] + positions[visible[grain], None]
+        used = 3 * len(grain)
         # only the first vertices of the skin are filled, streamed and drawn
-        scene.skinvert[: 3 * used] = (self._facets[visible] + positions[visible, None]).ravel()
-        scene.skinnormal[: 3 * used] = self._normals[visible].ravel()
+        scene.skinvert[: 3 * used] = vertices.ravel()
+        scene.skinnormal[: 3 * used] = self._normals[visible[grain], face].ravel()
         scene.skinvertnum[0], scene.skinfacenum[0] = used, used // 3
 
     def close(self) -> None:

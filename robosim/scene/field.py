@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 import mpm
+from mpm.backend import is_shared
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import accepted_bound, check_step
 from robosim.config.bounds import MAX_GRAINS, MAX_SUBSTEPS
@@ -48,7 +49,7 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
         bodies=[mpm.Body(law, positions, volume=volume,
                          stress=mpm.geostatic_stress(positions, volume, law))], colliders=colliders,
         walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, transfer_interval=field.transfer_interval,
-        sleep=field.sleep,
+        sleep=field.sleep if field.sleep is not None else not is_shared(),
     )
     return GrainField(solver, 0, volume)
 

@@ -25,7 +25,7 @@ class PointRun:
 
         self.config, self.plan, self.seed, self.recording, self.wall_time = config, plan, seed, Recording(), 0.0
         self.duration, self.time = STEPS * config.host_dt, 0.0
-        self.solver = SimpleNamespace(positions=lambda: np.zeros((5, 3)))
+        self.solver, self.timings = SimpleNamespace(positions=lambda: np.zeros((5, 3)), sleep=True), {}
 
     def waypoint_time(self, name):
         return self.plan.path.times[name]
@@ -41,7 +41,7 @@ class PointRun:
                 time=self.time, q=state.q, qd=state.qd, qdd=state.qdd, torque=state.q, demanded_torque=state.q,
                 sensed_torque=state.q, external_torque=state.q, commanded=pose, reached=pose, wrist=state.q[:6],
                 residual=np.full(6, 1e-12), exchanged=np.ones(2), tool_work=0.1))
-            self.recording.grains.append(GrainSample(self.time, 0.01 * k, 0))
+            self.recording.grains.append(GrainSample(self.time, 0.01 * k, 0, 1.0))
             self.recording.energies.append(EnergySample(self.time, 1.0, 2.0, 3.0))
             after_step()
         self.wall_time = STEPS * STEP
@@ -69,19 +69,20 @@ def make_film():
     from robosim.rendering.video import Mp4Writer
 
     class NoiseFilm(film.Film):
-        def __init__(self, run, out, camera):
-            self._run, self._out = run, out
+        def __init__(self, out):
+            self._out = out.path
             self._renderer = SimpleNamespace(close=lambda: None)
             self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=film.FRAME_RATE)
-            self._next_frame_time = 0.0
-            self._sheet_moments = [(0.0, "start"), (0.03, "pour")]
+            self._moments = [(0.0, "start"), (0.03, "pour")]
             self._sheet, self._captions = [], []
 
-        def add_due_frame(self):
-            self._next_frame_time = min(self._next_frame_time, self._run.time)  # a frame a step
-            super().add_due_frame()
+        def begin(self, run, camera):
+            self._run = run
 
-        def draw(self):
+        def add_due_frame(self):
+            self.add(film.FilmState(self._run.time, np.zeros(7), np.zeros((5, 3))))
+
+        def draw(self, state):
             return np.random.default_rng(0).integers(0, 255, (96, 96, 3), np.uint8)
 
     return NoiseFilm
@@ -89,5 +90,5 @@ def make_film():
 
 def install_rehearsal(session):
     """Put the stand-ins in the place of a rehearsal's physics."""
-    session.plan_motion, session.RehearsalRun, session.Film = plan_motion, PointRun, make_film()
+    session.plan_motion, session.RehearsalRun, session.FilmProcess = plan_motion, PointRun, make_film()
     session.compute_figures, session.find_missed = compute_figures, lambda figures, config: []

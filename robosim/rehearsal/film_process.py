@@ -1,0 +1,153 @@
+"""The film of a rehearsal, drawn in a process of its own from states that are handed over."""
+
+import contextlib
+import fcntl
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+from collections import deque
+from pathlib import Path
+
+from robosim.config.output import OutputFolder
+from robosim.errors import RobosimError
+from robosim.rehearsal.film import FRAME_RATE, Film, FilmPlan, plan_film, read_state
+from robosim.rehearsal.run import RehearsalRun
+from robosim.rendering.renderer import RenderingUnavailable
+
+WAITING_BYTES = 200_000_000
+"""States that wait to be drawn take at most so much memory; then the simulation waits for the film."""
+PIPE_BYTES = 1 << 20
+"""Room of the pipe, the most that Linux gives: a few states."""
+NO_RENDERING = 3
+"""Exit status of a process that cannot draw on this machine."""
+PATIENCE = 2.0
+"""Seconds of drawing that are left from which their number is told."""
+
+
+class FilmFailed(RobosimError, RuntimeError):
+    """The film could not be written; the message says why. What was simulated is complete."""
+
+
+class FilmProcess:
+    """Draws a run's film beside the simulation: it has one core less, and waits for no picture.
+
+    The process loads what it needs while the run is prepared. Where pictures cannot be drawn on this machine, one line
+    on stderr says so, and the run goes on. States go through a pipe as it has room; no thread sends them, which would
+    have to wait for the simulation's launches.
+    """
+
+    def __init__(self, out: OutputFolder) -> None:
+        self._next_frame_time, self._is_told, self._run = 0.0, False, None
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115  (read when the process has ended)
+        # software renderers take every core they see
+        environment = {"LP_NUM_THREADS": str(max((os.cpu_count() or 1) - 1, 1))} | os.environ
+        self._process = subprocess.Popen([sys.executable, "-m", "robosim.rehearsal.film_process", str(out.path)],
+                                         stdin=subprocess.PIPE, stdout=self._log, stderr=self._log, env=environment,
+                                         bufsize=0)
+        assert self._process.stdin is not None
+        self._pipe = self._process.stdin.fileno()
+        with contextlib.suppress(OSError, AttributeError):  # Linux, from Python 3.10 on
+            fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+        os.set_blocking(self._pipe, False)
+        self._waiting: deque[memoryview] = deque()
+        """What is still to be sent."""
+
+    def begin(self, run: RehearsalRun, camera: str) -> None:
+        """Tell the process what it will be sent; raises UnknownName for the camera."""
+        self._run = run
+        self._hand_over(plan_film(run, camera))
+
+    def add_due_frame(self) -> None:
+        """Hand over the present state if a frame is due, and send what waits."""
+        assert self._run is not None
+        if self._run.time + 1e-9 >= self._next_frame_time:
+            self._next_frame_time += 1.0 / FRAME_RATE
+            self._hand_over(read_state(self._run))
+            if sum(map(len, self._waiting)) > WAITING_BYTES:
+                self._send_all()
+        self._send()
+
+    def close(self) -> None:
+        """Finish film and sheet, with the frames so far where the run stopped early; raises FilmFailed."""
+        with self._log:
+            if self._run is None:  # nothing was begun
+                self._process.kill()
+            else:
+                if len(self._waiting) > PATIENCE * FRAME_RATE:
+                    print(f"drawing the last {len(self._waiting)} frames ...", file=sys.stderr)
+                self._hand_over(None)
+                self._send_all()
+            with contextlib.suppress(OSError):
+                self._process.stdin.close()
+            status = self._process.wait()
+            if status == NO_RENDERING:
+                self._tell_that_there_is_none()
+            elif status != 0 and self._run is not None:
+                raise FilmFailed(f"no film: {self._last_line() or f'its process ended with status {status}'}")
+
+    def _hand_over(self, state: object) -> None:
+        if self._process.poll() is None:
+            self._waiting.append(memoryview(pickle.dumps(state, pickle.HIGHEST_PROTOCOL)))
+        else:
+            self._tell_that_there_is_none()
+
+    def _send(self) -> None:
+        """Send as much as the pipe has room for; what a process does not take any more is dropped."""
+        try:
+            while self._waiting:
+                sent = os.write(self._pipe, self._waiting[0])
+                self._waiting[0] = self._waiting[0][sent:]
+                if not self._waiting[0]:
+                    self._waiting.popleft()
+        except BlockingIOError:
+            pass
+        except OSError:
+            self._waiting.clear()
+
+    def _send_all(self) -> None:
+        """Send all, however long it takes the process to draw."""
+        os.set_blocking(self._pipe, True)
+        self._send()
+        os.set_blocking(self._pipe, False)
+
+    def _last_line(self) -> str:
+        self._log.seek(0)
+        return (self._log.read().strip().splitlines() or [""])[-1]
+
+    def _tell_that_there_is_none(self) -> None:
+        """Say once, where the process cannot draw, why there will be no film."""
+        if self._process.returncode == NO_RENDERING and not self._is_told:
+            self._is_told = True
+            print(f"no video: {self._last_line()}", file=sys.stderr)
+
+
+def main() -> int:
+    """Draw the plan and the states that come on stdin, until there are no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the simulation, which ends the stream
+    with contextlib.suppress(OSError):
+        os.nice(5)  # where cores are few, the simulation comes first
+    stream = sys.stdin.buffer
+    try:
+        plan: FilmPlan = pickle.load(stream)  # noqa: S301  (from our own process)
+    except EOFError:
+        return 1
+    try:
+        film = Film(plan, Path(sys.argv[1]))
+    except RenderingUnavailable as error:
+        print(error, file=sys.stderr)
+        return NO_RENDERING
+    try:
+        while (state := pickle.load(stream)) is not None:  # noqa: S301
+            film.add(state)
+    except (EOFError, pickle.UnpicklingError):  # who sends was killed; the film ends there
+        return 1
+    finally:
+        film.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
