@@ -7,7 +7,7 @@ material meets the shell, and nothing else.
 
 from mpm.backend import ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin
-from mpm.geometry.shell import FAR, SHELL_FACE
+from mpm.geometry.shell import FAR
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import activate
 from mpm.state.contact_fields import take_place

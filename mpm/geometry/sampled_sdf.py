@@ -84,7 +84,8 @@ class Lattice(Shape):
 
     @ti.func
     def least_distance(self, y):
-        s, f, away = self.cell_at(y)
+        """Return a lower bound [m] of the distance from y to the solid: within a spacing of it in the lattice."""
+        s, _, away = self.cell_at(y)
         least = s[0][0][0]
         for i, j, k in ti.static(ti.ndrange(2, 2, 2)):
             least = ti.min(least, s[i][j][k])

@@ -149,5 +149,5 @@ class ExactShape(Shape):
 
     @ti.func
     def least_distance(self, y):
-        n, phi = self.at(y)
-        return phi
+        """Return the distance [m] from y to the solid."""
+        return self.at(y)[1]

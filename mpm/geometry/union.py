@@ -49,6 +49,7 @@ class Union(Shape):
 
     @ti.func
     def least_distance(self, y):
+        """Return a lower bound [m] of the distance from y to the nearest of the solids."""
         least = 0.0 * y[0] + 1e6
         for k in ti.static(range(len(self.solids))):
             a, c = ti.static(self.axes[k]), ti.static(self.places[k])

@@ -147,7 +147,7 @@ def is_folded_to_awake(fields: ti.template(), step: ti.template(), I):
 
 @ti.func
 def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: let sleepers hold the nodes of active blocks first .. last - 1, and note nodes that are pushed all the same.
+    """Phase: let sleepers hold the nodes of active blocks first .. last - 1, and note those that move all the same.
 
     Each holds by its share of the node's mass, as static friction does: up to the limit `HOLD`. The ledger's row
     `asleep` gets what they take from nodes so, and at the end of a stride the forces of sleepers on nodes, less the

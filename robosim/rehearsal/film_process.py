@@ -24,7 +24,7 @@ PIPE_BYTES = 1 << 20
 NO_RENDERING = 3
 """Exit status of a process that cannot draw on this machine."""
 PATIENCE = 2.0
-"""Seconds of drawing that are left from which their number is told."""
+"""Seconds of drawing that are left from which their number is printed."""
 
 
 class FilmFailed(RobosimError, RuntimeError):
@@ -47,8 +47,9 @@ class FilmProcess:
         self._process = subprocess.Popen([sys.executable, "-m", "robosim.rehearsal.film_process", str(out.path)],
                                          stdin=subprocess.PIPE, stdout=self._log, stderr=self._log, env=environment,
                                          bufsize=0)
-        assert self._process.stdin is not None
-        self._pipe = self._process.stdin.fileno()
+        stdin = self._process.stdin
+        assert stdin is not None
+        self._stdin, self._pipe = stdin, stdin.fileno()
         with contextlib.suppress(OSError, AttributeError):  # Linux, from Python 3.10 on
             fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         os.set_blocking(self._pipe, False)
@@ -81,7 +82,7 @@ class FilmProcess:
                 self._hand_over(None)
                 self._send_all()
             with contextlib.suppress(OSError):
-                self._process.stdin.close()
+                self._stdin.close()
             status = self._process.wait()
             if status == NO_RENDERING:
                 self._tell_that_there_is_none()

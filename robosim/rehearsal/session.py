@@ -65,7 +65,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
                 stack.callback(film.close)
             run = _prepare(config, folder, seed)
             stack.callback(_write_trajectory, run, folder)
-            if film is not None:
+            if film is not None and camera is not None:
                 film.begin(run, camera)
             try:
                 _simulate(run, film)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from robosim.config.scene import RegionConfig
 from robosim.errors import RobosimError
-from robosim.rendering.grain_skin import GRAIN_VERTICES, compute_normals, find_hidden, read_facets
+from robosim.rendering.grain_skin import compute_normals, find_hidden, read_facets
 
 Array = NDArray[np.float64]
 

@@ -93,4 +93,5 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
             warnings.simplefilter("ignore", mpm.VolumeMismatch)
         return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
                           colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
-                          dt=requested_step(task, law), transfer_interval=field.transfer_interval, sleep=field.sleep or False)
+                          dt=requested_step(task, law), transfer_interval=field.transfer_interval,
+                          sleep=field.sleep or False)

@@ -25,7 +25,8 @@ def make_run() -> SimpleNamespace:
     grid = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), -1).reshape(-1, 3)[:60]
     run = SimpleNamespace(config=config, data=mujoco.MjData(scene.model), time=0.0,
                           material=SimpleNamespace(colour=(0.9, 0.9, 0.9, 1.0)), grains=SimpleNamespace(
-                              grain_volume=8e-6), plan=SimpleNamespace(path=SimpleNamespace(times={"dig": 0, "lift": 0})))
+                              grain_volume=8e-6))
+    run.plan = SimpleNamespace(path=SimpleNamespace(times={"dig": 0, "lift": 0}))
     run.waypoint_time = lambda name: {"dig": 0.0, "lift": 0.2}[name]
     run.solver = SimpleNamespace(particles=SimpleNamespace(counts=(60,)), positions=lambda: np.array(
         [0.7, -0.2, 0.05 + 0.2 * run.time]) + 0.02 * grid)
@@ -80,7 +81,7 @@ def test_a_film_that_never_began_leaves_nothing(tmp_path: Path) -> None:
 def test_the_film_of_a_killed_run_ends_where_it_was_killed(tmp_path: Path) -> None:
     film = shoot(tmp_path)
     film._send_all()
-    film._process.stdin.close()
+    film._stdin.close()
     assert film._process.wait() == 1
     film._log.close()
     with av.open(str(tmp_path / "rehearsal.mp4")) as whole:
