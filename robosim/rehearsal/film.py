@@ -19,7 +19,7 @@ from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.models import compile_spec
 
 FRAME_RATE = 25
-"""Frames per second of simulated time: a software renderer then keeps pace with the simulation beside it."""
+"""Frames per second of simulated time: a software renderer about keeps pace with the simulation."""
 SHADOWS = 1024
 """Side [texels] of the shadow map: on a software renderer 2048 take a seventh of the time for nothing that one sees."""
 SHEET_FRAMES = 9

@@ -2,18 +2,23 @@
 
 import contextlib
 import fcntl
+import json
 import os
-import pickle
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
 from collections import deque
 from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
 
 from robosim.config.output import OutputFolder
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import RobosimError
-from robosim.rehearsal.film import FRAME_RATE, Film, FilmPlan, plan_film, read_state
+from robosim.rehearsal.film import FRAME_RATE, Film, FilmPlan, FilmState, plan_film, read_state
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.renderer import RenderingUnavailable
 
@@ -23,6 +28,10 @@ PIPE_BYTES = 1 << 20
 """Room of the pipe, the most that Linux gives: a few states."""
 NO_RENDERING = 3
 """Exit status of a process that cannot draw on this machine."""
+HEADER = struct.Struct("<dqq")
+"""What comes before a state: its time [s], the number of its joint positions, and that of its grains."""
+END = HEADER.pack(0.0, -1, -1)
+"""Instead of a state's header: there are no more."""
 PATIENCE = 2.0
 """Seconds of drawing that are left from which their number is printed."""
 
@@ -59,14 +68,14 @@ class FilmProcess:
     def begin(self, run: RehearsalRun, camera: str) -> None:
         """Tell the process what it will be sent; raises UnknownName for the camera."""
         self._run = run
-        self._hand_over(plan_film(run, camera))
+        self._hand_over(pack_plan(plan_film(run, camera)))
 
     def add_due_frame(self) -> None:
         """Hand over the present state if a frame is due, and send what waits."""
         assert self._run is not None
         if self._run.time + 1e-9 >= self._next_frame_time:
             self._next_frame_time += 1.0 / FRAME_RATE
-            self._hand_over(read_state(self._run))
+            self._hand_over(pack_state(read_state(self._run)))
             if sum(map(len, self._waiting)) > WAITING_BYTES:
                 self._send_all()
         self._send()
@@ -79,7 +88,7 @@ class FilmProcess:
             else:
                 if len(self._waiting) > PATIENCE * FRAME_RATE:
                     print(f"drawing the last {len(self._waiting)} frames ...", file=sys.stderr)
-                self._hand_over(None)
+                self._hand_over(END)
                 self._send_all()
             with contextlib.suppress(OSError):
                 self._stdin.close()
@@ -89,9 +98,9 @@ class FilmProcess:
             elif status != 0 and self._run is not None:
                 raise FilmFailed(f"no film: {self._last_line() or f'its process ended with status {status}'}")
 
-    def _hand_over(self, state: object) -> None:
+    def _hand_over(self, content: bytes) -> None:
         if self._process.poll() is None:
-            self._waiting.append(memoryview(pickle.dumps(state, pickle.HIGHEST_PROTOCOL)))
+            self._waiting.append(memoryview(content))
         else:
             self._tell_that_there_is_none()
 
@@ -125,25 +134,60 @@ class FilmProcess:
             print(f"no video: {self._last_line()}", file=sys.stderr)
 
 
+def pack_plan(plan: FilmPlan) -> bytes:
+    """Return a plan as a line of JSON."""
+    values = plan._asdict() | {"config": plan.config.model_dump(mode="json")}
+    return json.dumps(values).encode() + b"\n"
+
+
+def unpack_plan(line: bytes) -> FilmPlan:
+    """Return the plan of a line."""
+    values = json.loads(line)
+    moments = [(float(time), str(caption)) for time, caption in values["moments"]]
+    return FilmPlan(**values | {"config": RehearsalConfig.model_validate(values["config"]), "moments": moments,
+                                "colour": tuple(values["colour"])})
+
+
+def pack_state(state: FilmState) -> bytes:
+    """Return a state as a header and its numbers."""
+    qpos, positions = np.asarray(state.qpos, "<f8"), np.asarray(state.positions, "<f4")
+    return HEADER.pack(state.time, len(qpos), len(positions)) + qpos.tobytes() + positions.tobytes()
+
+
+def read_packed_state(stream: BinaryIO) -> FilmState | None:
+    """Return the next state, or None where there are no more; raises EOFError where the stream ends before."""
+    time, joints, grains = HEADER.unpack(_read(stream, HEADER.size))
+    if joints < 0:
+        return None
+    qpos = np.frombuffer(_read(stream, 8 * joints), "<f8")
+    return FilmState(time, qpos, np.frombuffer(_read(stream, 12 * grains), "<f4").reshape(-1, 3))
+
+
+def _read(stream: BinaryIO, size: int) -> bytes:
+    content = stream.read(size)
+    if len(content) < size:
+        raise EOFError
+    return content
+
+
 def main() -> int:
     """Draw the plan and the states that come on stdin, until there are no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the simulation, which ends the stream
     with contextlib.suppress(OSError):
         os.nice(5)  # where cores are few, the simulation comes first
     stream = sys.stdin.buffer
-    try:
-        plan: FilmPlan = pickle.load(stream)  # noqa: S301  (from our own process)
-    except EOFError:
+    line = stream.readline()
+    if not line.endswith(b"\n"):
         return 1
     try:
-        film = Film(plan, Path(sys.argv[1]))
+        film = Film(unpack_plan(line), Path(sys.argv[1]))
     except RenderingUnavailable as error:
         print(error, file=sys.stderr)
         return NO_RENDERING
     try:
-        while (state := pickle.load(stream)) is not None:  # noqa: S301
+        while (state := read_packed_state(stream)) is not None:
             film.add(state)
-    except (EOFError, pickle.UnpicklingError):  # who sends was killed; the film ends there
+    except EOFError:  # who sends was killed; the film ends there
         return 1
     finally:
         film.close()

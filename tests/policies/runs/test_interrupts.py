@@ -178,7 +178,7 @@ def test_an_interrupted_evaluation_leaves_no_unfinished_film(tmp_path: Path, mon
 def test_a_rehearsal_has_a_report_only_with_all_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                             error: BaseException) -> None:
     """It ends while the picture is drawn, before which everything is there; an earlier run's report is no longer."""
-    for name in ("plan_motion", "RehearsalRun", "Film", "compute_figures", "find_missed", "plot_report"):
+    for name in ("plan_motion", "RehearsalRun", "FilmProcess", "compute_figures", "find_missed", "plot_report"):
         monkeypatch.setattr(session, name, getattr(session, name))  # as it was, afterwards
     stand_in_rehearsal.install_rehearsal(session)
     monkeypatch.setattr(stand_in_rehearsal, "STEP", 0.0)

@@ -14,6 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_path
+from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.recording import COLUMNS
@@ -70,7 +71,8 @@ def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None
     assert {name for name, value in report.items() if isinstance(value, float) and not UNIT.search(name)} == {
         "realtime_factor", "delivered_fraction", "spilled_fraction", "returned_fraction", "retained_fraction",
         "momentum_residual", "momentum_residual_linear", "momentum_residual_angular", "velocity_limit_ratio_max",
-        "torque_limit_ratio_max", "joint_limit_ratio_max", "wrist_payload_relative_error"}  # shares and ratios
+        "torque_limit_ratio_max", "joint_limit_ratio_max", "wrist_payload_relative_error",
+        "awake_share"}  # shares and ratios
     for name in ("momentum_residual", "velocity_limit_ratio_max",
                  "torque_limit_ratio_max", "joint_limit_ratio_max", "ik_position_error_max_m", "particles_lost",
                  "tool_container_contacts"):
@@ -86,7 +88,7 @@ def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None
     if drawable:
         with av.open(str(out / "rehearsal.mp4")) as container:
             frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
-        assert len(frames) == pytest.approx(report["simulated_time_s"] * 30, abs=2)
+        assert len(frames) == pytest.approx(report["simulated_time_s"] * FRAME_RATE, abs=2)
         assert frames[0].shape == (720, 1280, 3)
         assert np.ptp(frames[0]) > 100 and np.abs(frames[0].astype(int) - frames[-15]).max() > 50
         assert (out / "frames.png").exists()
