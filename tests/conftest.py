@@ -15,9 +15,10 @@ mpm.init(arch="cpu", precision="f32", threads=1)
 
 @pytest.fixture(scope="session", autouse=True)
 def starts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Settled starts are made once in a run of the suite, whichever process needs them first, and not the user's."""
+    """Settled starts and distances of meshes are made once in a run of the suite, and not the user's."""
     base = tmp_path_factory.getbasetemp()
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROBOSIM_CACHE", str(base / "starts"))
+        patch.setenv("MPM_CACHE", str(base / "distances"))
         yield

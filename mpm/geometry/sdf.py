@@ -4,6 +4,7 @@ import numpy as np
 import trimesh
 
 from mpm.errors import InvalidValue
+from mpm.geometry.distance_cache import kept_lattice
 from mpm.geometry.height_field import HeightField
 from mpm.geometry.mesh_distance import passage_width, signed_distances
 from mpm.geometry.primitives import Box, Capsule, Cylinder, Ellipsoid, Plane, Sphere
@@ -41,8 +42,11 @@ class Sdf:
         shape = np.ceil((bounds[:, 1].max(0) + margin - lower) / spacing).astype(int) + 1
         if np.prod(shape.astype(float)) > MAX_LATTICE:
             raise InvalidValue(f"Sdf.from_mesh: {tuple(shape)} lattice points; give a spacing above {spacing} m")
-        values = np.min([signed_distances(part, lower, spacing, tuple(shape)) for part in parts], axis=0)
+        places = tuple(int(n) for n in shape)
+        values, passage = kept_lattice(parts, lower, spacing, places, lambda: (
+            np.min([signed_distances(part, lower, spacing, places) for part in parts], axis=0),
+            min(passage_width(part) for part in parts)))
         lattice = Lattice(values, lower, spacing)
-        lattice.passage = min(passage_width(part) for part in parts)
+        lattice.passage = passage
         lattice.parts = parts
         return lattice

@@ -41,7 +41,8 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
     """Build the solver of a rehearsal, with the tool at its initial world pose."""
     field = config.field
     sdf = build_tool_sdf(config.tool, config.collision_thickness)
-    colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=tool_pose)]
+    # as the plugin will want it: a collider that it has to change makes the solver anew
+    colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=tool_pose, mobile=config.coupling == "mobility")]
     colliders += build_container_colliders(config.containers, field)
     positions, volume = fill(config, sdf, tool_pose, np.random.default_rng(seed))
     solver = mpm.Solver(

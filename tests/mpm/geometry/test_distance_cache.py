@@ -1,0 +1,62 @@
+"""Lattices of distances that were computed before: the same, read from a file that may be damaged or missing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import mpm
+from mpm.geometry import distance_cache, sdf
+
+
+@pytest.fixture
+def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list:
+    """A folder of its own; a list that grows with every computation."""
+    calls, compute = [], sdf.signed_distances
+    monkeypatch.setenv("MPM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(sdf, "signed_distances", lambda *given: calls.append(1) or compute(*given))
+    return calls
+
+
+def lattice(size: float = 0.02, spacing: float = 2e-3) -> mpm.geometry.sampled_sdf.Lattice:
+    """Distances of a box."""
+    return mpm.Sdf.from_mesh(trimesh.creation.box((size, size, 0.01)), spacing=spacing)
+
+
+def test_the_second_is_read_and_the_same(counted: list, tmp_path: Path) -> None:
+    first, second = lattice(), lattice()
+    assert len(counted) == 1 and np.array_equal(first.host, second.host) and first.passage == second.passage
+    lattice(0.021)
+    lattice(spacing=1e-3)
+    assert len(counted) == 3, "another mesh, and another spacing"
+    assert len(list((tmp_path / "cache" / "distances").glob("*.npz"))) == 3
+
+
+def test_a_damaged_file_is_computed_again(counted: list, tmp_path: Path) -> None:
+    expected = lattice().host
+    [file] = (tmp_path / "cache" / "distances").glob("*.npz")
+    whole = file.read_bytes()
+    for content in (b"", whole[:100], whole[: len(whole) // 2], b"x" * len(whole)):
+        file.write_bytes(content)
+        assert np.array_equal(lattice().host, expected)
+    assert len(counted) == 5 and file.read_bytes() == whole
+
+
+def test_an_empty_name_keeps_nothing_and_other_code_finds_nothing(counted: list, tmp_path: Path,
+                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
+    lattice()
+    monkeypatch.setattr(distance_cache, "_code", lambda: b"other")
+    lattice()
+    monkeypatch.setenv("MPM_CACHE", "")
+    lattice()
+    assert len(counted) == 3 and len(list((tmp_path / "cache" / "distances").glob("*"))) == 2
+
+
+def test_old_lattices_make_room(counted: list, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lattice()
+    [file] = (tmp_path / "cache" / "distances").glob("*.npz")
+    monkeypatch.setattr(distance_cache, "LARGEST_FOLDER", int(1.5 * file.stat().st_size))
+    lattice(0.0201)
+    assert not file.exists() and len(list(file.parent.glob("*.npz"))) == 1
+    assert len(counted) == 2
