@@ -53,10 +53,12 @@ def solve_path(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], 
     return PathSolution(q, errors, float(np.minimum(q - arm.lower, arm.upper - q).min()))
 
 
-def follow_path(arm: Arm, targets: list[Pose], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def follow_path(arm: Arm, targets: list[Pose], start: np.ndarray,
+                whole: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Solve densely sampled target poses, each from the solution before.
 
-    start: initial joint angles (7,) [rad]. Returns joint angles (n, 7) and errors (n, 2) [m], [rad].
+    start: initial joint angles (7,) [rad]. whole: whether to go on from a target that is not reached. Returns joint
+    angles (n, 7) and errors (n, 2) [m], [rad].
     """
     angles, errors, q = [], [], start
     for target in targets:
@@ -64,6 +66,8 @@ def follow_path(arm: Arm, targets: list[Pose], start: np.ndarray) -> tuple[np.nd
         q = solution.q
         angles.append(q)
         errors.append((solution.position_error, solution.angle_error))
+        if not (whole or solution.converged):
+            break
     return np.array(angles), np.array(errors)
 
 
@@ -77,7 +81,7 @@ def _choose_start(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]
         first = solve_pose(arm, targets[0], HOME if attempt == 0 else _draw_posture(arm, rng))
         if not first.converged:
             continue
-        q, errors = follow_path(arm, [targets[i] for i in coarse], first.q)
+        q, errors = follow_path(arm, [targets[i] for i in coarse], first.q, whole=False)
         bad = np.flatnonzero(errors.max(1) > 10 * TOLERANCE)
         if len(bad):
             if coarse[bad[0]] > furthest:
