@@ -81,7 +81,12 @@ class FilmProcess:
         self._send()
 
     def close(self) -> None:
-        """Finish film and sheet, with the frames so far where the run stopped early; raises FilmFailed."""
+        """Finish film and sheet, with the frames so far where the run stopped early; raises FilmFailed.
+
+        May be called twice.
+        """
+        if self._log.closed:
+            return
         with self._log:
             if self._run is None:  # nothing was begun
                 self._process.kill()

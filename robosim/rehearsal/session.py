@@ -13,7 +13,7 @@ from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.rehearsal.film import check_camera
-from robosim.rehearsal.film_process import FilmProcess
+from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.paths.motion_sequence import place_target
 from robosim.rehearsal.plan import plan_motion
@@ -72,13 +72,14 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
             except (mpm.SimulationDiverged, RobotDiverged):
                 folder.write("last_good_state.npz", run.save_last_good_state)
                 raise
-            stopped = clock.perf_counter()
-        run.timings["film_wait"] = clock.perf_counter() - stopped
+            failure = _finish(run, film)
         figures = compute_figures(run)
         missed = find_missed(figures, config)
         folder.write("report.png", lambda path: plot_report(run, path))
         folder.write_json("report.json", figures | {"missed": missed})
         _print(figures, missed, folder)
+        if failure is not None:
+            raise failure
         return int(bool(missed))
 
 
@@ -94,6 +95,18 @@ def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int) -> Rehear
     run = RehearsalRun(config, plan, seed=seed)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
+
+
+def _finish(run: RehearsalRun, film: FilmProcess | None) -> FilmFailed | None:
+    """Wait for the film; return why there is none, so that the report is written all the same."""
+    began, failure = clock.perf_counter(), None
+    try:
+        if film is not None:
+            film.close()
+    except FilmFailed as error:
+        failure = error
+    run.timings["film_wait"] = clock.perf_counter() - began
+    return failure
 
 
 def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:

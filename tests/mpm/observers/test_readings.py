@@ -5,6 +5,7 @@ import pytest
 
 import mpm
 from mpm.materials.elasticity import Elastic
+from mpm.observers.diagnostics import eigenvalues
 
 E, NU, RHO = 2e5, 0.3, 1300.0
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
@@ -136,3 +137,15 @@ def test_particles_that_lie_on_a_floor_are_no_such() -> None:
     for _ in range(10):
         alone.advance(0.1)
     assert alone.positions()[0, 2] < 1e-3 and alone.diagnostics().escaped == 0
+
+
+@pytest.mark.parametrize("kind", ["random", "two alike", "all alike", "zero"])
+def test_eigenvalues_are_those_of_a_solver(kind: str) -> None:
+    a = np.random.default_rng(0).normal(0.0, 1e-3, (6, 200))
+    if kind != "random":
+        a[3:] = 0.0
+        a[1] = a[0]
+        a[2] = a[0] if kind != "two alike" else a[2]
+    a *= kind != "zero"
+    expected = np.linalg.eigvalsh(a.T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]).T
+    assert np.abs(eigenvalues(a) - expected).max() < 1e-10

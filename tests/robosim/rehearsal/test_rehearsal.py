@@ -169,3 +169,16 @@ def test_the_spoon_held_by_friction_delivers_as_the_fixed_one(tmp_path: Path) ->
     assert abs(reports["friction"]["delivered_fraction"] - reports["weld"]["delivered_fraction"]) <= 0.05
     assert 0.0 < reports["friction"]["grasp_slip_m"] < 0.002
     assert reports["weld"]["grasp_slip_m"] == 0.0
+
+
+def test_a_film_that_fails_costs_no_report(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The report is there, and the exit status and the message say that the film is not."""
+    out = tmp_path / "out"
+    (out / "rehearsal.mp4.part").mkdir(parents=True)
+    (out / "rehearsal.mp4.part" / "kept").touch()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("robosim.config.output.OutputFolder.clear", lambda *_: None)
+        assert main(["rehearse", str(short), "--out", str(out)]) == 2
+    assert "no film" in capsys.readouterr().err
+    assert json.loads((out / "report.json").read_text())["grains"] > 0
+    assert (out / "trajectory.csv").is_file() and (out / "report.png").is_file()
