@@ -30,7 +30,7 @@ def look_at_rest(fields: ti.template(), motion: ti.template(), row, rows, mobile
     fallen = find_fallen(fields, fields.particles, elapsed, out)
     woken = 0
     if fields.sleepers.disturbed[None] > 0:
-        woken = wake_disturbed(fields, fields.particles, elapsed, stamp)
+        woken = wake_disturbed(fields, fields.particles, stamp)
         fields.sleepers.disturbed[None] = 0
     if fallen + woken + fields.sleepers.void[None] > 0:
         apply_changes(fields)
@@ -128,15 +128,14 @@ def put_to_sleep(fields: ti.template(), P: ti.template(), q, bits, density, out:
 
 
 @ti.func
-def wake_disturbed(fields: ti.template(), P: ti.template(), elapsed, stamp: ti.i32):
+def wake_disturbed(fields: ti.template(), P: ti.template(), stamp: ti.i32):
     """Wake sleepers in blocks near a collider, and those whose nodes were pushed away; return how many packs.
 
-    While a particle sleeps its `rest_place` is how far its nodes have been pushed, forgotten over the calm time: what
-    vibrates comes back, what flows goes on.
+    While a particle sleeps its `rest_place` is how far its nodes have been pushed since it fell asleep, so that the
+    error of its stress stays bounded: what vibrates comes back, what flows goes on, however slowly.
     """
     look, woken = fields.sleepers.look[None], 0
     push = ti.cast(fields.sleepers.limits[PUSH], fields.real)
-    kept = ti.max(1.0 - elapsed / ti.cast(fields.sleepers.limits[CALM_TIME], fields.real), 0.0)
     for q in range(P.pack_count[None]):
         stirred = stirred_lanes(fields, q, look)
         if stirred != 0:
@@ -147,8 +146,8 @@ def wake_disturbed(fields: ti.template(), P: ti.template(), elapsed, stamp: ti.i
                     node = ti.Vector([base[d][l] for d in range(3)])
                     wakes = fields.sleepers.near[node // BLOCK] == fields.sleepers.search[None]
                     if not wakes:
-                        u = kept * (displacement(fields, node, [f[0][l], f[1][l], f[2][l]], look)
-                                    + ti.Vector([P.rest_place[d][q][l] for d in range(3)]))
+                        u = displacement(fields, node, [f[0][l], f[1][l], f[2][l]], look)
+                        u += ti.Vector([P.rest_place[d][q][l] for d in range(3)])
                         wakes = u.norm_sqr() > push * push
                         for d in ti.static(range(3)):
                             P.rest_place[d][q][l] = u[d]

@@ -19,7 +19,7 @@ SPEED = 2.5e-3
 """Mean speed up to which a particle is calm, in sqrt(gravity cell): 0.5 mm/s in cells of 4 mm."""
 STRAIN = 0.1
 """Change of volume up to which a particle is calm, in that which the weight of one cell's material brings."""
-PUSH = 1.3
+PUSH = 3.5
 """Displacement of the nodes of a sleeper that wakes it, in that by which the weight of one cell compresses it."""
 HOLD = 1.0
 """Acceleration, in that of gravity, up to which sleepers hold a node that they alone have mass at: less than the weight
