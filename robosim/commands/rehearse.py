@@ -7,7 +7,7 @@ from typing import Any
 from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path
 from robosim.errors import UnknownName
-from robosim.rehearsal import CAMERAS
+from robosim.rehearsal import CAMERAS, COLOURS
 
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
@@ -33,6 +33,10 @@ def add_parser(commands: Any) -> None:
                         "alone (default: what the file says)")
     parser.add_argument("--camera", default="close",
                         help=f"camera of the video: {one_of(CAMERAS, '')} (default: close)")
+    parser.add_argument("--colour", default="material", help="what the colour of the video's grains shows: "
+                        "the material, or which grains are awake (default: material)", choices=COLOURS)
+    parser.add_number("--frame-rate", default=20, help="pictures of the video per second (default: 20, at which "
+                      "drawing them holds no simulation up)")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_number("--seed", default=0,
                         help="random seed of the grains' initial positions (default: 0)")
@@ -53,5 +57,6 @@ def run(options: argparse.Namespace) -> int:
         from robosim.rehearsal.session import rehearse
 
         return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
-                        camera=None if options.no_video else options.camera, seed=options.seed,
+                        camera=None if options.no_video else options.camera, colour=options.colour,
+                        frame_rate=options.frame_rate, seed=options.seed,
                         trajectory=options.trajectory, motions=options.motions)

@@ -5,3 +5,5 @@ Imports: config, coupling, envs, errors, evaluation, rendering, robot, scene, sh
 
 CAMERAS = ("overview", "close", "wrist")
 """Cameras of the work cell, for the film."""
+COLOURS = ("material", "awake")
+"""What the colour of the film's grains can show: their material, or also which of them are awake."""

@@ -10,18 +10,21 @@ import numpy as np
 from mpm.files import write
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import UnknownName
-from robosim.rehearsal import CAMERAS
+from robosim.rehearsal import CAMERAS, COLOURS
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
+from robosim.rendering.grain_skin import GRAIN_RADIUS, MARKED_SKIN, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
 from robosim.rendering.video import Mp4Writer, write_contact_sheet
 from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.models import compile_spec
 
-FRAME_RATE = 25
-"""Frames per second of simulated time: a software renderer about keeps pace with the simulation."""
+FRAME_RATE = 20
+"""Frames per second of simulated time, unless one asks for others: a software renderer keeps pace with the simulation.
+"""
 SHADOWS = 1024
 """Side [texels] of the shadow map: on a software renderer 2048 take a seventh of the time for nothing that one sees."""
+ASLEEP = (0.25, 0.38, 0.62, 1.0)
+"""Colour of grains that sleep: RGBA."""
 SHEET_FRAMES = 9
 """Frames on the sheet."""
 
@@ -39,6 +42,10 @@ class FilmPlan(NamedTuple):
     """Of the material: RGBA, 0 to 1."""
     moments: list[tuple[float, str]]
     """Times [s] and captions of the frames on the sheet."""
+    marks_sleepers: bool = False
+    """Whether grains that sleep have a colour of their own."""
+    rate: int = FRAME_RATE
+    """Frames per second."""
 
 
 class FilmState(NamedTuple):
@@ -50,6 +57,8 @@ class FilmState(NamedTuple):
     """Joint positions of the whole scene."""
     positions: np.ndarray
     """Of the grains [m] (n, 3)."""
+    asleep: np.ndarray | None = None
+    """Which grains sleep (n,), where they are marked."""
 
 
 def check_camera(name: str) -> None:
@@ -58,16 +67,24 @@ def check_camera(name: str) -> None:
         raise UnknownName("camera", name, CAMERAS)
 
 
-def plan_film(run: RehearsalRun, camera: str) -> FilmPlan:
-    """Return what the film of a run shows; raises UnknownName for the camera."""
+def check_colour(name: str) -> None:
+    """Raise UnknownName unless grains can be coloured by this."""
+    if name not in COLOURS:
+        raise UnknownName("colour", name, COLOURS)
+
+
+def plan_film(run: RehearsalRun, camera: str, colour: str = "material", rate: int = FRAME_RATE) -> FilmPlan:
+    """Return what the film of a run shows; raises UnknownName for camera and colour, see `COLOURS`."""
     check_camera(camera)
+    check_colour(colour)
     return FilmPlan(run.config, camera, sum(run.solver.particles.counts), run.grains.grain_volume,
-                    tuple(run.material.colour), _choose_sheet_moments(run))
+                    tuple(run.material.colour), _choose_sheet_moments(run), colour == "awake", rate)
 
 
-def read_state(run: RehearsalRun) -> FilmState:
+def read_state(run: RehearsalRun, marks_sleepers: bool = False) -> FilmState:
     """Return the present state of a run."""
-    return FilmState(run.time, run.data.qpos.copy(), run.solver.positions().astype(np.float32))
+    return FilmState(run.time, run.data.qpos.copy(), run.solver.positions().astype(np.float32),
+                     ~run.solver.awake if marks_sleepers else None)
 
 
 class Film:
@@ -81,7 +98,7 @@ class Film:
         self._model = _compile_drawn_model(plan)
         self._data = mujoco.MjData(self._model)
         self._renderer = SceneRenderer(self._model, plan.grains)
-        self._writer = Mp4Writer(out / "rehearsal.mp4", fps=FRAME_RATE)
+        self._writer = Mp4Writer(out / "rehearsal.mp4", fps=plan.rate)
         self._moments = list(plan.moments)
         self._sheet: list[np.ndarray] = []
         self._captions: list[str] = []
@@ -97,7 +114,7 @@ class Film:
     def draw(self, state: FilmState) -> np.ndarray:
         """Draw a state (height, width, 3)."""
         self._data.qpos[:] = state.qpos
-        return self._renderer.draw(self._data, state.positions, self._plan.camera)
+        return self._renderer.draw(self._data, state.positions, self._plan.camera, state.asleep)
 
     def close(self) -> None:
         """Finish film and sheet, with the frames so far where the run stopped early."""
@@ -116,7 +133,10 @@ def _compile_drawn_model(plan: FilmPlan) -> mujoco.MjModel:
     apply_quality(spec, SHADOWS)
     if plan.config.area is not None:
         add_mark(spec, plan.config.area)
-    add_grain_skin(spec, plan.grains, GRAIN_RADIUS * plan.grain_volume ** (1 / 3), plan.colour)
+    radius = GRAIN_RADIUS * plan.grain_volume ** (1 / 3)
+    add_grain_skin(spec, plan.grains, radius, plan.colour)
+    if plan.marks_sleepers:
+        add_grain_skin(spec, plan.grains, radius, ASLEEP, MARKED_SKIN)
     return compile_spec(spec)
 
 

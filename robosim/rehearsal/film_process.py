@@ -28,9 +28,10 @@ PIPE_BYTES = 1 << 20
 """Room of the pipe, the most that Linux gives: a few states."""
 NO_RENDERING = 3
 """Exit status of a process that cannot draw on this machine."""
-HEADER = struct.Struct("<dqq")
-"""What comes before a state: its time [s], the number of its joint positions, and that of its grains."""
-END = HEADER.pack(0.0, -1, -1)
+HEADER = struct.Struct("<dqq?")
+"""What comes before a state: its time [s], the numbers of its joint positions and of its grains, and whether it says
+which of these sleep."""
+END = HEADER.pack(0.0, -1, -1, False)
 """Instead of a state's header: there are no more."""
 PATIENCE = 2.0
 """Seconds of drawing that are left from which their number is printed."""
@@ -50,6 +51,7 @@ class FilmProcess:
 
     def __init__(self, out: OutputFolder) -> None:
         self._next_frame_time, self._is_told, self._run = 0.0, False, None
+        self._marks_sleepers, self._rate = False, FRAME_RATE
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115  (read when the process has ended)
         # software renderers take every core they see
         environment = {"LP_NUM_THREADS": str(max((os.cpu_count() or 1) - 1, 1))} | os.environ
@@ -65,17 +67,18 @@ class FilmProcess:
         self._waiting: deque[memoryview] = deque()
         """What is still to be sent."""
 
-    def begin(self, run: RehearsalRun, camera: str) -> None:
-        """Tell the process what it will be sent; raises UnknownName for the camera."""
-        self._run = run
-        self._hand_over(pack_plan(plan_film(run, camera)))
+    def begin(self, run: RehearsalRun, camera: str, colour: str = "material", rate: int = FRAME_RATE) -> None:
+        """Tell the process what it will be sent; raises UnknownName for camera and colour."""
+        plan = plan_film(run, camera, colour, rate)
+        self._run, self._marks_sleepers, self._rate = run, plan.marks_sleepers, rate
+        self._hand_over(pack_plan(plan))
 
     def add_due_frame(self) -> None:
         """Hand over the present state if a frame is due, and send what waits."""
         assert self._run is not None
         if self._run.time + 1e-9 >= self._next_frame_time:
-            self._next_frame_time += 1.0 / FRAME_RATE
-            self._hand_over(pack_state(read_state(self._run)))
+            self._next_frame_time += 1.0 / self._rate
+            self._hand_over(pack_state(read_state(self._run, self._marks_sleepers)))
             if sum(map(len, self._waiting)) > WAITING_BYTES:
                 self._send_all()
         self._send()
@@ -91,7 +94,7 @@ class FilmProcess:
             if self._run is None:  # nothing was begun
                 self._process.kill()
             else:
-                if len(self._waiting) > PATIENCE * FRAME_RATE:
+                if len(self._waiting) > PATIENCE * self._rate:
                     print(f"drawing the last {len(self._waiting)} frames ...", file=sys.stderr)
                 self._hand_over(END)
                 self._send_all()
@@ -156,16 +159,19 @@ def unpack_plan(line: bytes) -> FilmPlan:
 def pack_state(state: FilmState) -> bytes:
     """Return a state as a header and its numbers."""
     qpos, positions = np.asarray(state.qpos, "<f8"), np.asarray(state.positions, "<f4")
-    return HEADER.pack(state.time, len(qpos), len(positions)) + qpos.tobytes() + positions.tobytes()
+    asleep = b"" if state.asleep is None else np.asarray(state.asleep, bool).tobytes()
+    header = HEADER.pack(state.time, len(qpos), len(positions), bool(asleep))
+    return header + qpos.tobytes() + positions.tobytes() + asleep
 
 
 def read_packed_state(stream: BinaryIO) -> FilmState | None:
     """Return the next state, or None where there are no more; raises EOFError where the stream ends before."""
-    time, joints, grains = HEADER.unpack(_read(stream, HEADER.size))
+    time, joints, grains, marks = HEADER.unpack(_read(stream, HEADER.size))
     if joints < 0:
         return None
     qpos = np.frombuffer(_read(stream, 8 * joints), "<f8")
-    return FilmState(time, qpos, np.frombuffer(_read(stream, 12 * grains), "<f4").reshape(-1, 3))
+    positions = np.frombuffer(_read(stream, 12 * grains), "<f4").reshape(-1, 3)
+    return FilmState(time, qpos, positions, np.frombuffer(_read(stream, grains), bool) if marks else None)
 
 
 def _read(stream: BinaryIO, size: int) -> bytes:

@@ -12,7 +12,7 @@ from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.errors import ConfigError, RobotDiverged
-from robosim.rehearsal.film import check_camera
+from robosim.rehearsal.film import FRAME_RATE, check_camera, check_colour
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.paths.motion_sequence import place_target
@@ -36,12 +36,12 @@ PRINTED = {
 
 
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
-             camera: str | None = "close", seed: int = 0, trajectory: str | None = None,
-             motions: Path | None = None) -> int:
+             camera: str | None = "close", colour: str = "material", frame_rate: int = FRAME_RATE,
+             seed: int = 0, trajectory: str | None = None, motions: Path | None = None) -> int:
     """Run a rehearsal and write its results into the folder `out`.
 
-    Returns 0, or 1 where a figure missed its bound. camera: None for no video. trajectory: "script" or "learned", the
-    latter from a folder of motions, or with None the bundled ones.
+    Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains, see `COLOURS`.
+    frame_rate: pictures per second. trajectory: "script" or "learned", the latter from a folder of motions, or with None the bundled ones.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """
@@ -55,6 +55,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     name_joints(config.joint_trajectory)  # raises for names that cannot be used
     if camera is not None:
         check_camera(camera)
+        check_colour(colour)
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
         folder.write_yaml("config.yaml", config.model_dump(mode="json"))
@@ -66,7 +67,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
             run = _prepare(config, folder, seed)
             stack.callback(_write_trajectory, run, folder)
             if film is not None and camera is not None:
-                film.begin(run, camera)
+                film.begin(run, camera, colour, frame_rate)
             try:
                 _simulate(run, film)
             except (mpm.SimulationDiverged, RobotDiverged):

@@ -48,22 +48,23 @@ class SceneRenderer:
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
         self._option.sitegroup[:] = 0
 
-    def draw(self, data: mujoco.MjData, positions: Array | None, camera: str) -> NDArray[np.uint8]:
+    def draw(self, data: mujoco.MjData, positions: Array | None, camera: str,
+             marked: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
         """Draw the picture (height, width, 3) of a camera.
 
         positions (n, 3) [m]: of the grains. data: only its positions are used. n may be smaller than the skin's count;
-        None draws no grains.
+        None draws no grains. marked (n,): grains drawn with the second skin, which the model must have then.
         """
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
         self._renderer.update_scene(data, camera, self._option)
         if len(self._facets):
-            self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32))
+            self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32), marked)
         return self._renderer.render()
 
-    def _place_grains(self, positions: NDArray[np.floating]) -> None:
-        """Overwrite the skin, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
+    def _place_grains(self, positions: NDArray[np.floating], marked: NDArray[np.bool_] | None = None) -> None:
+        """Overwrite the skins, which update_scene places at the origin, with grains at positions (n, 3) [m]."""
         count = len(positions)
         if count > len(self._facets):
             raise ValueError(f"positions of {count} grains; accepted: at most {len(self._facets)}, as many as the "
@@ -74,12 +75,16 @@ class SceneRenderer:
         eye = 0.5 * (np.array(scene.camera[0].pos) + np.array(scene.camera[1].pos))
         sight = (eye - positions[visible]).astype(np.float32)
         grain, face = np.nonzero(np.einsum("nfd,nd->nf", self._outward[visible], sight) > 0.0)
-        vertices = self._facets[visible[grain], face] + positions[visible[grain], None]
-        used = 3 * len(grain)
-        # only the first vertices of the skin are filled, streamed and drawn
-        scene.skinvert[: 3 * used] = vertices.ravel()
-        scene.skinnormal[: 3 * used] = self._normals[visible[grain], face].ravel()
-        scene.skinvertnum[0], scene.skinfacenum[0] = used, used // 3
+        is_marked = np.zeros(len(grain), bool) if marked is None else marked[visible[grain]]
+        for skin in range(self._model.nskin):
+            chosen = np.flatnonzero(is_marked == bool(skin))
+            shown, shown_face = visible[grain[chosen]], face[chosen]
+            begin, used = 3 * int(scene.skinvertadr[skin]), 3 * len(chosen)
+            # only the first vertices of a skin are filled, streamed and drawn
+            vertices = self._facets[shown, shown_face] + positions[shown, None]
+            scene.skinvert[begin : begin + 3 * used] = vertices.ravel()
+            scene.skinnormal[begin : begin + 3 * used] = self._normals[shown, shown_face].ravel()
+            scene.skinvertnum[skin], scene.skinfacenum[skin] = used, used // 3
 
     def close(self) -> None:
         """Free the OpenGL context; osmesa prints errors at interpreter exit otherwise."""

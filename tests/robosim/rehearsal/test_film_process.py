@@ -28,16 +28,16 @@ def make_run() -> SimpleNamespace:
                               grain_volume=8e-6))
     run.plan = SimpleNamespace(path=SimpleNamespace(times={"dig": 0, "lift": 0}))
     run.waypoint_time = lambda name: {"dig": 0.0, "lift": 0.2}[name]
-    run.solver = SimpleNamespace(particles=SimpleNamespace(counts=(60,)), positions=lambda: np.array(
+    run.solver = SimpleNamespace(awake=np.arange(60) % 2 == 0, particles=SimpleNamespace(counts=(60,)), positions=lambda: np.array(
         [0.7, -0.2, 0.05 + 0.2 * run.time]) + 0.02 * grid)
     return run
 
 
-def shoot(folder: Path, steps: int = FRAMES) -> FilmProcess:
-    """Film so many frames, a step each."""
+def shoot(folder: Path, steps: int = FRAMES, colour: str = "material", rate: int = FRAME_RATE) -> FilmProcess:
+    """Film so many steps, 1 / FRAME_RATE long each."""
     run = make_run()
     film = FilmProcess(OutputFolder(folder))
-    film.begin(run, "close")
+    film.begin(run, "close", colour, rate)
     for k in range(steps):
         run.time = k / FRAME_RATE
         film.add_due_frame()
@@ -47,11 +47,30 @@ def shoot(folder: Path, steps: int = FRAMES) -> FilmProcess:
 def test_all_frames_are_drawn_and_the_grains_are_seen_to_move(tmp_path: Path) -> None:
     shoot(tmp_path).close()
     assert (tmp_path / "frames.png").is_file() and not (tmp_path / "rehearsal.mp4.part").exists()
-    with av.open(str(tmp_path / "rehearsal.mp4")) as film:
-        frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+    frames = read_film(tmp_path)
     assert len(frames) == FRAMES and frames[0].shape == (720, 1280, 3)
     changed = np.abs(frames[-1] - frames[0]).max(2) > 60
     assert 200 < changed.sum() < 0.2 * changed.size
+
+
+def read_film(folder: Path) -> list[np.ndarray]:
+    """Read the frames (height, width, 3) of a film."""
+    with av.open(str(folder / "rehearsal.mp4")) as film:
+        return [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+
+
+def test_grains_that_sleep_are_marked(tmp_path: Path) -> None:
+    shoot(tmp_path / "material").close()
+    shoot(tmp_path / "awake", colour="awake").close()
+    white, marked = read_film(tmp_path / "material")[-1], read_film(tmp_path / "awake")[-1]
+    blue = (marked[..., 2] - marked[..., 0] > 40) & (np.abs(white - marked).max(2) > 40)
+    assert 100 < blue.sum() < 0.1 * blue.size
+    assert (np.abs(white - marked).max(2) > 40).sum() < 1.5 * blue.sum()  # the others have kept their colour
+
+
+def test_frames_come_at_the_rate_that_is_asked_for(tmp_path: Path) -> None:
+    shoot(tmp_path, steps=9, rate=FRAME_RATE // 2).close()
+    assert len(read_film(tmp_path)) == 5
 
 
 def test_where_nothing_can_be_drawn_it_says_so_once_and_the_run_goes_on(
