@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from robosim.errors import UnknownName
-from robosim.verification.stability import AXES, COMPARISONS
+from robosim.verification.stability import AXES, COMPARISONS, SLEEPING_AXES
 
 EXAMPLE = """example:
   robosim stability courant drop_height --out out/stability"""
@@ -17,7 +17,8 @@ def add_parser(commands: Any) -> None:
                                  description="Run stiff and extreme cases along axes such as stiffness or drop height. "
                                  "Exit status 0 only if none is unstable.")
     parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"of {', '.join(AXES)} (default: all of these); to "
-                        f"compare couplings: {', '.join(COMPARISONS)}")
+                        f"compare couplings: {', '.join(COMPARISONS)}; with grains that sleep: "
+                        f"{', '.join(SLEEPING_AXES)}")
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
     parser.add_number("--jobs", default=1, help="number of cases at the same time (default: 1)")
     parser.set_defaults(run=run, after_interrupt="finished cells are kept; the same command continues")
@@ -26,8 +27,8 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then run the matrix."""
     for axis in options.axes:
-        if axis not in (*AXES, *COMPARISONS):
-            raise UnknownName("axis", axis, (*AXES, *COMPARISONS))
+        if axis not in (*AXES, *COMPARISONS, *SLEEPING_AXES):
+            raise UnknownName("axis", axis, (*AXES, *COMPARISONS, *SLEEPING_AXES))
     from robosim.verification.stability_report import stability
 
     return stability(options.axes, options.out, options.jobs)

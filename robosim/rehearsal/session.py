@@ -40,8 +40,9 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
              seed: int = 0, trajectory: str | None = None, motions: Path | None = None) -> int:
     """Run a rehearsal and write its results into the folder `out`.
 
-    Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains, see `COLOURS`.
-    frame_rate: pictures per second. trajectory: "script" or "learned", the latter from a folder of motions, or with None the bundled ones.
+    Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains.
+    frame_rate: pictures per second. trajectory: "script" or "learned", the latter from a folder of motions, or with
+    None the bundled ones.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """

@@ -8,3 +8,7 @@ AXES = ("E", "friction_angle_deg", "courant", "drop_height", "shell_thickness", 
 """Axes of the matrix; the judges are in `field`, `coupled` and `arm`."""
 COMPARISONS = ("lagged_mass_ratio", "lagged_host_step")
 """Axes that compare couplings."""
+SLEEPING_PREFIX = "sleeping_"
+SLEEPING_AXES = tuple(SLEEPING_PREFIX + axis for axis in (
+    "E", "friction_angle_deg", "courant", "drop_height", "degenerate", "mass_ratio", "host_step", "tool_speed"))
+"""Axes of the matrix with particles that sleep."""

@@ -7,6 +7,7 @@ momentum accounted for to 1e-5 of what was exchanged.
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 import mpm
 from robosim.errors import UnknownName
 from robosim.verification.cases.fluid import lock_gate
+from robosim.verification.stability import SLEEPING_AXES, SLEEPING_PREFIX
 from robosim.verification.stability.arm import ROBOT_AXES
 from robosim.verification.stability.cell import (
     DENSITY,
@@ -53,7 +55,7 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
         except mpm.SimulationDiverged as error:
             return str(error), readings
         rows = solver.ledger[:, :3]
-        impulse += rows.sum(0)
+        impulse += rows.sum(0) + solver.sleepers_impulse.force
         exchanged += np.abs(rows).sum()
         x, v, energy = solver.positions(), solver.velocities(), solver.energy()
         stretch = principal_stretches(solver)
@@ -77,26 +79,28 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
     return "", readings
 
 
-def build_bed(material: mpm.DruckerPrager) -> mpm.Solver:
+def build_bed(material: mpm.DruckerPrager, sleep: bool = False) -> mpm.Solver:
     """Build a bed 0.1 m deep with periodic sides, under sudden gravity."""
     side = 4 * CELL
     positions = mpm.sample_box((0, 0, 0), (side, side, 0.1), CELL / 2)
     sides = ("periodic", "periodic", "friction")
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (side, side, 0.15), CELL), walls=mpm.Walls(lower=sides, upper=sides),
-                      bodies=[mpm.Body(material, positions, volume=(CELL / 2) ** 3)])
+                      bodies=[mpm.Body(material, positions, volume=(CELL / 2) ** 3)], sleep=sleep)
 
 
-def build_block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None = None) -> mpm.Solver:
+def build_block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None = None,
+                sleep: bool = False) -> mpm.Solver:
     """Build a cube of 4 cm that has fallen by `drop` [m] onto the floor of a box, where it spreads."""
     positions = mpm.sample_box((0.06, 0.06, 0), (0.1, 0.1, 0.04), CELL / 2, np.random.default_rng(0))
     speed = np.tile([0.0, 0.0, -np.sqrt(2 * G * drop)], (len(positions), 1))
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16, 0.16, 0.12), CELL),
-                      bodies=[mpm.Body(material, positions, velocities=speed, volume=(CELL / 2) ** 3)], dt=dt)
+                      bodies=[mpm.Body(material, positions, velocities=speed, volume=(CELL / 2) ** 3)], dt=dt,
+                      sleep=sleep)
 
 
-def stiffness(E: float) -> CellResult:
+def stiffness(E: float, sleep: bool = False) -> CellResult:
     """Load a bed of Young's modulus E [Pa] by its weight: from 0.1 MPa on its height stays within 1 %."""
-    solver = build_bed(make_sand(E))
+    solver = build_bed(make_sand(E), sleep)
     failure, readings = advance_and_check(solver, 0.25, 0.1, sound_speed(E))
     top = solver.positions()[:, 2].max() + CELL / 4 if not failure else np.nan
     if not failure and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
@@ -104,20 +108,20 @@ def stiffness(E: float) -> CellResult:
     return cell_result("E", E, failure, readings | {"height_m": float(top)})
 
 
-def friction_angle(phi: float) -> CellResult:
+def friction_angle(phi: float, sleep: bool = False) -> CellResult:
     """Spread a block of friction angle phi [deg]: a fluid at 0, outside Mohr-Coulomb's range at 60."""
-    outcome = advance_and_check(build_block(make_sand(phi=phi)), 0.3, 0.04, sound_speed(1e5))
+    outcome = advance_and_check(build_block(make_sand(phi=phi), sleep=sleep), 0.3, 0.04, sound_speed(1e5))
     return cell_result("friction_angle_deg", phi, *outcome)
 
 
-def courant(number: float) -> CellResult:
+def courant(number: float, sleep: bool = False) -> CellResult:
     """Spread a block at a Courant number: its mean height stays within 3 % of the reference's.
 
     The number is the substep in units of cell over sound speed; an isolated particle's bound is 0.734 at nu = 0.3,
     of which 0.83 is accepted.
     """
     try:
-        solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5))
+        solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5), sleep=sleep)
     except mpm.MpmError as error:
         return CellResult("courant", number, "refused", str(error))
     failure, readings = advance_and_check(solver, 0.3, 0.04, sound_speed(1e5))
@@ -133,12 +137,12 @@ def _reference_height() -> float:
     return courant(REFERENCE_COURANT).readings["height_m"]
 
 
-def drop_height(height: float) -> CellResult:
+def drop_height(height: float, sleep: bool = False) -> CellResult:
     """Drop a block from a height [m]: it rebounds with at most 5 % of its energy.
 
     E = 1 MPa, because at 0.1 MPa the fall from 5 m reaches the sound speed and compresses the block to half its height.
     """
-    solver = build_block(make_sand(1e6), drop=height)
+    solver = build_block(make_sand(1e6), drop=height, sleep=sleep)
     failure, readings = advance_and_check(solver, 0.3, height + 0.04, sound_speed(1e6))
     if not failure and readings["rebound"] > 0.05:
         failure = f"rebound {readings['rebound']:.2%} of the energy"
@@ -167,9 +171,9 @@ def lone_grains(place: str) -> CellResult:
     return cell_result("lone_grain", place, *advance_and_check(solver, 20_000 * solver.dt, 0.1, sound_speed(1e5)))
 
 
-def degenerate(kind: str) -> CellResult:
+def degenerate(kind: str, sleep: bool = False) -> CellResult:
     """Start from rest, equal stretches, strong compression, or a velocity gradient that would invert F."""
-    solver = build_block(make_sand())
+    solver = build_block(make_sand(), sleep=sleep)
     if kind == "rest":
         solver.set_gravity(np.zeros(3))
     else:
@@ -196,12 +200,25 @@ AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
 """Axis -> (function that runs a cell, values)."""
 
 
+def with_sleep(axis: str) -> Callable[..., CellResult]:
+    """Return the function that runs a cell of an axis with particles that sleep once they are at rest."""
+    def run(value: float | str) -> CellResult:
+        return replace(AXES[axis][0](value, sleep=True), axis=SLEEPING_PREFIX + axis)
+
+    return run
+
+
+SLEEPING = {name: (with_sleep(name.removeprefix(SLEEPING_PREFIX)), AXES[name.removeprefix(SLEEPING_PREFIX)][1])
+            for name in SLEEPING_AXES}
+"""The same with particles that sleep; run only when they are named."""
+
+
 def find_axis(name: str) -> tuple[Callable[..., CellResult], tuple]:
     """Return the function that runs a cell, and the values of an axis.
 
     Raises UnknownName for an axis that does not exist.
     """
-    axes = AXES | COMPARISONS
+    axes = AXES | COMPARISONS | SLEEPING
     if name not in axes:
         raise UnknownName("axis", name, axes)
     return axes[name]

@@ -16,6 +16,7 @@ from robosim.verification.stability import field
 
 def test_axes_of_the_stability_matrix() -> None:
     assert tuple(field.AXES) == stability.AXES and tuple(field.COMPARISONS) == stability.COMPARISONS
+    assert tuple(field.SLEEPING) == stability.SLEEPING_AXES
 
 
 def test_sub_tasks() -> None:

@@ -28,8 +28,9 @@ def make_run() -> SimpleNamespace:
                               grain_volume=8e-6))
     run.plan = SimpleNamespace(path=SimpleNamespace(times={"dig": 0, "lift": 0}))
     run.waypoint_time = lambda name: {"dig": 0.0, "lift": 0.2}[name]
-    run.solver = SimpleNamespace(awake=np.arange(60) % 2 == 0, particles=SimpleNamespace(counts=(60,)), positions=lambda: np.array(
-        [0.7, -0.2, 0.05 + 0.2 * run.time]) + 0.02 * grid)
+    run.solver = SimpleNamespace(
+        awake=np.arange(60) % 2 == 0, particles=SimpleNamespace(counts=(60,)),
+        positions=lambda: np.array([0.7, -0.2, 0.05 + 0.2 * run.time]) + 0.02 * grid)
     return run
 
 
