@@ -10,7 +10,15 @@ from stable_baselines3.common.noise import NormalActionNoise
 
 import mpm
 from policies.learners.buffers import DemoReplayBuffer
-from policies.learners.networks import DeepSets, DelayedActorMixin, NormalisedCritic, PointNet
+from policies.learners.networks import (
+    DeepSets,
+    DelayedActorMixin,
+    EmbeddedCritic,
+    NormalisedCritic,
+    NormalisedEmbeddedCritic,
+    PartsEncoder,
+    PointNet,
+)
 from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset
 
@@ -20,7 +28,7 @@ DETERMINISTIC = ("TD3", "DDPG")
 """Learners with deterministic policies, which explore by added noise."""
 NOISE = 0.1
 """Standard deviation of that noise (Fujimoto et al. 2018)."""
-ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets}
+ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets, "parts": PartsEncoder}
 
 
 def learner_class(preset: Preset) -> Any:
@@ -41,7 +49,9 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
     kind, options = learner_class(preset), dict(preset.options)
     policy: Any = "MlpPolicy"
     policy_options = dict(options.pop("policy_kwargs", {}))
-    if preset.critic_layer_norm:
+    if preset.encoder == "parts":
+        policy = NormalisedEmbeddedCritic if preset.critic_layer_norm else EmbeddedCritic
+    elif preset.critic_layer_norm:
         policy = NormalisedCritic
     if preset.encoder is not None:
         if not slices:

@@ -1,4 +1,6 @@
-"""Networks beyond Stable-Baselines3's own: normalised critics, a delayed actor, encoders of sets of grains."""
+"""Networks beyond Stable-Baselines3's own: critics normalised or with embedded actions, a delayed actor, encoders of
+grains.
+"""
 
 from typing import Any
 
@@ -31,6 +33,44 @@ class NormalisedCritic(SACPolicy):
         return ContinuousCritic(**{**arguments, "activation_fn": NormalisedReLU}).to(self.device)
 
 
+class EmbeddedAction(nn.Module):
+    """A critic's network that embeds the action before it joins it: 3 numbers among 1000 leave little trace.
+
+    network: layers whose first takes features and action; a layer that takes the embedded action replaces it.
+    """
+
+    def __init__(self, network: nn.Sequential, actions: int, width: int = WIDTH) -> None:
+        super().__init__()
+        first: Any = network[0]
+        self._actions, self._embed = actions, embedding(actions, width)
+        self._network = nn.Sequential(nn.Linear(first.in_features - actions + width, first.out_features), *network[1:])
+
+    def forward(self, x: torch.Tensor) -> Any:
+        """Map (batch, features + actions) to (batch, 1)."""
+        features, action = x[:, : -self._actions], x[:, -self._actions :]
+        return self._network(torch.cat((features, self._embed(action)), 1))
+
+
+class EmbeddedActionMixin:
+    """Mixed into a policy of SAC: its critics embed the action."""
+
+    def make_critic(self, features_extractor: Any = None) -> ContinuousCritic:
+        """Make the critic as the policy does, with other networks."""
+        critic = super().make_critic(features_extractor)  # pyright: ignore[reportAttributeAccessIssue]
+        for i, network in enumerate(critic.q_networks):
+            critic.q_networks[i] = EmbeddedAction(network, critic.action_space.shape[0]).to(critic.device)
+            critic.add_module(f"qf{i}", critic.q_networks[i])
+        return critic
+
+
+class EmbeddedCritic(EmbeddedActionMixin, SACPolicy):
+    """SAC's policy whose critics embed the action."""
+
+
+class NormalisedEmbeddedCritic(EmbeddedActionMixin, NormalisedCritic):
+    """The same with layer normalisation in the critics."""
+
+
 class DelayedActorMixin:
     """Mixed into an actor-critic of Stable-Baselines3: a delayed, slower actor.
 
@@ -47,6 +87,31 @@ class DelayedActorMixin:
         super()._update_learning_rate(optimizers)  # pyright: ignore[reportAttributeAccessIssue]
         for group in self.actor.optimizer.param_groups:
             group["lr"] *= self.actor_rate if self.num_timesteps >= self.actor_waits else 0.0
+
+
+def embedding(size: int, width: int) -> nn.Sequential:
+    """Return layers that embed `size` numbers, in units of their own, as `width` features."""
+    return nn.Sequential(nn.Linear(size, width), nn.LayerNorm(width), nn.ReLU())
+
+
+class PartsEncoder(BaseFeaturesExtractor):
+    """Embeds all grains in one layer and the rest of the observation in another, and joins them.
+
+    slices: parts of the flat observation; "particles" holds the grains.
+    """
+
+    def __init__(self, space: gymnasium.Space, slices: dict[str, slice], width: int = WIDTH) -> None:
+        assert space.shape is not None
+        super().__init__(space, 2 * width)
+        self._grains = slices["particles"]
+        size = self._grains.stop - self._grains.start
+        self._of_grains, self._of_rest = embedding(size, width), embedding(space.shape[0] - size, width)
+
+    def forward(self, observations: torch.Tensor) -> Any:
+        """Map (batch, observation) to (batch, features)."""
+        part = self._grains
+        rest = torch.cat((observations[:, : part.start], observations[:, part.stop :]), 1)
+        return torch.cat((self._of_grains(observations[:, part]), self._of_rest(rest)), 1)
 
 
 class SetEncoder(BaseFeaturesExtractor):

@@ -18,13 +18,16 @@ class ScaledObservation(gymnasium.ObservationWrapper):
     """Flat observations of a sub-task in units of the task.
 
     Positions relative to the goal in decimetres, velocities in units of the tool's top speed, time from -1 to 1. Parts
-    of other kinds are left unchanged.
+    of other kinds are left unchanged. grains_as_one: whether the columns of n grains are divided by sqrt(n).
     """
 
-    def __init__(self, env: gymnasium.Env, layout: str) -> None:
+    def __init__(self, env: gymnasium.Env, layout: str, grains_as_one: bool = False) -> None:
         super().__init__(env)
         raw: Any = env.unwrapped
         self.offset, self.factor = observation_units(raw, layout)
+        if grains_as_one and "particles" in raw.observation_slices:
+            part = raw.observation_slices["particles"]
+            self.factor[part] /= max(len(raw.world.observer.grains), 1) ** 0.5
         space = raw.observation_space
         low, high = ((bound - self.offset) * self.factor for bound in (space.low, space.high))
         self.observation_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))

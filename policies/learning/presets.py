@@ -108,6 +108,9 @@ class Preset(pydantic.BaseModel):
     """Layout of the observation."""
     scaled: bool = True
     """Whether observations are scaled to about 1 (positions from the goal in decimetres, ...); false: SI units."""
+    grains_as_one: bool = False
+    """Whether the columns of n observed grains are divided by sqrt(n), so that together they weigh as much as one part
+    of the observation."""
     episodes: Episodes = 150
     """Largest number of episodes."""
     residual: float | None = Field(None, ge=1e-6, le=1.0)
@@ -119,8 +122,9 @@ class Preset(pydantic.BaseModel):
     """How the actor learns; null: like its critics."""
     critic_layer_norm: bool = False
     """Layer normalisation in the critics."""
-    encoder: Literal["pointnet", "deep_sets"] | None = None
-    """Permutation-invariant encoder of the grains; null: no encoder."""
+    encoder: Literal["pointnet", "deep_sets", "parts"] | None = None
+    """Encoder of the grains: permutation-invariant (pointnet, deep_sets), or one that embeds the grains, the rest of
+    the observation and the critic's action apart before it joins them (parts); null: no encoder."""
     graph: GraphSizes | None = None
     """Graph network that predicts the motion of the grains, trained on rollouts; null: none."""
     discriminator_updates: int = Field(1, ge=1, le=100_000)
@@ -178,6 +182,10 @@ class Preset(pydantic.BaseModel):
                              f"{', '.join(OFF_POLICY)}, without residual; remove `demonstrations`")
         if self.learner in ("BC", "GAIL") and self.obs == "dict":
             raise ValueError(f"learner {self.learner} with obs dict; accepted: any layout that is one array")
+        if self.grains_as_one and not self.scaled:
+            raise ValueError("grains_as_one with scaled: false; accepted: with scaled observations")
+        if self.encoder == "parts" and self.learner != "SAC":
+            raise ValueError(f"encoder parts with learner {self.learner}; accepted: SAC")
         if self.critic_layer_norm and (self.obs == "dict" or self.learner != "SAC"):
             raise ValueError(f"critic_layer_norm with learner {self.learner} and obs {self.obs}; accepted: SAC, "
                              f"any obs but dict")

@@ -81,7 +81,7 @@ class Training:
                                    f"accepted: nominal")
         self.demonstrations = select_replayable(self.demonstrations, preset, starts)
         if self.is_granular and preset.scaled and preset.obs != "dict":
-            self.base = ScaledObservation(self.base, preset.obs)
+            self.base = ScaledObservation(self.base, preset.obs, preset.grains_as_one)
         self.reset_options = {"nominal": True} if self.is_granular and starts == "nominal" else None
         self.folder = RunFolder(out, {
             "method": method, "preset": preset.model_dump(), "task": self.task, "seed": seed, "starts": starts,

@@ -4,11 +4,13 @@ import gymnasium
 import numpy as np
 import pytest
 
+import mpm
+
 torch = pytest.importorskip("torch")
 
 from policies.learners.buffers import DemoReplayBuffer  # noqa: E402
 from policies.learners.learner import ENCODERS, build_learner, learner_class  # noqa: E402
-from policies.learners.networks import NormalisedReLU  # noqa: E402
+from policies.learners.networks import WIDTH, NormalisedReLU, PartsEncoder  # noqa: E402
 from policies.learning.bundled import bundled_names  # noqa: E402
 from policies.learning.preset_files import load_preset  # noqa: E402
 
@@ -64,7 +66,36 @@ def test_a_model_has_every_setting_of_its_preset(name):
     assert critic[0].in_features == n + 3 and widths(critic) == [256, 256, 1]
 
 
-@pytest.mark.parametrize("encoder", ENCODERS)
+SET_ENCODERS = ("pointnet", "deep_sets")
+
+
+@pytest.mark.parametrize("layer_norm", [False, True])
+def test_parts_are_embedded_apart(layer_norm):
+    """In actor and critics; the targets begin as copies, and all layers learn."""
+    preset = load_preset("dg_sac", lambda table: {**table, "encoder": "parts", "critic_layer_norm": layer_norm})
+    model = build_learner(preset, Grains(), 0, SLICES)
+    critic = model.critic.qf1._network
+    assert critic[0].in_features == 3 * WIDTH and widths(critic) == [256, 256, 1]
+    assert any(isinstance(layer, NormalisedReLU) for layer in critic) == layer_norm
+    assert isinstance(model.actor.features_extractor, PartsEncoder)
+    learning = {id(p) for group in model.critic.optimizer.param_groups for p in group["params"]}
+    assert {id(p) for p in model.critic.parameters()} == learning
+    rng = np.random.default_rng(0)
+    observation = torch.as_tensor(rng.normal(size=(5, 32)), dtype=torch.float32)
+    action = torch.as_tensor(rng.uniform(-1, 1, (5, 3)), dtype=torch.float32)
+    for own, target in zip(model.critic(observation, action), model.critic_target(observation, action)):
+        assert torch.equal(own, target)
+    assert not torch.allclose(model.critic(observation, -action)[0], model.critic(observation, action)[0], atol=1e-4)
+
+
+def test_encoders_need_a_learner_and_scaled_observations_that_fit():
+    for change, named in (({"encoder": "parts", "learner": "TD3"}, "TD3"),
+                          ({"grains_as_one": True, "scaled": False}, "grains_as_one")):
+        with pytest.raises(mpm.InvalidValue, match=named):
+            load_preset("dg_sac", lambda table, change=change: {**table, **change})
+
+
+@pytest.mark.parametrize("encoder", SET_ENCODERS)
 def test_an_encoder_ignores_the_order_of_the_grains(encoder):
     """And nothing else: its features change with a grain's place and with the rest of the observation."""
     torch.manual_seed(0)

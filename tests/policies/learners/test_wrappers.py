@@ -1,5 +1,7 @@
 """Residual policies and delayed actors."""
 
+from types import SimpleNamespace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import torch
 
 import mpm
 from policies.learners.learner import build_learner
-from policies.learners.wrappers import INITIAL_NOISE, ResidualActionWrapper
+from policies.learners.wrappers import INITIAL_NOISE, ResidualActionWrapper, ScaledObservation
 from policies.learning.preset_files import load_preset
 
 
@@ -74,3 +76,22 @@ def test_a_delayed_actor_does_not_change_while_its_critics_learn():
     ppo = load_preset("ppo").model_copy(update={"actor": preset.actor})
     with pytest.raises(mpm.InvalidValue, match="actor with learner PPO; accepted: SAC"):
         build_learner(ppo, gymnasium.make("Pendulum-v1"), 0)
+
+
+class NineGrains(gymnasium.Env):
+    """Spaces, slices and task of an environment that observes nine grains."""
+
+    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (9 * 6 + 4,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
+    observation_slices = {"particles": slice(0, 54), "tool": slice(54, 57), "time": slice(57, 58)}  # noqa: RUF012
+    task = SimpleNamespace(goal=[0.1, 0.2, 0.3], action=SimpleNamespace(speed=0.5))
+    world = SimpleNamespace(observer=SimpleNamespace(grains=np.arange(9)))
+
+
+def test_grains_weigh_as_much_as_one_part():
+    env = NineGrains()
+    each, as_one = ScaledObservation(env, "flat"), ScaledObservation(env, "flat", grains_as_one=True)
+    observation = np.random.default_rng(0).uniform(-1, 1, 58).astype(np.float32)
+    expected = each.observation(observation)
+    expected[:54] /= 3.0
+    assert as_one.observation(observation) == pytest.approx(expected, rel=1e-5, abs=1e-6)
