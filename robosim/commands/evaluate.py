@@ -7,12 +7,13 @@ from typing import Any
 from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path
 from robosim.envs import TASKS, is_task_file
-from robosim.errors import UnknownName
-from robosim.evaluation import POLICIES
+from robosim.errors import ConfigError, UnknownName
+from robosim.evaluation import POLICIES, SUITES
 
 EXAMPLE = """examples:
   robosim evaluate SpoonPour --policy scripted --out out/pour
-  robosim evaluate ShovelMove --policy learned --nominal --arm"""
+  robosim evaluate ShovelMove --policy learned --nominal --arm
+  robosim evaluate SpoonPour --policy out/runs/pour --suite wide --out out/wide"""
 
 
 def add_parser(commands: Any) -> None:
@@ -21,10 +22,13 @@ def add_parser(commands: Any) -> None:
                                  description="Run episodes of a policy on a sub-task and print its scores.")
     parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
     parser.add_argument("--policy", default="scripted", help=one_of(POLICIES, "or a .npz file with an array `actions` "
-                        "or a network (default: scripted)"))
+                        "or a network; with --suite also the folder of a training run (default: scripted)"))
+    parser.add_argument("--suite", choices=SUITES, help="score on a suite of held-out starts, beside the recorded "
+                        "motion, the script and no motion: the task's own starts (nominal); tool displaced and turned, "
+                        "other fills, materials and friction (wide); thirteen materials (materials)")
     parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
-                        "--nominal)")
+                        "--nominal; 50 with --suite)")
     parser.add_number("--seed", default=0, help="random seed of the first episode (default: 0)")
     parser.add_argument("--material", help="material: " + one_of(config_names("materials")) + " (default: the task's)")
     parser.add_argument("--nominal", action="store_true", help="start at the task's nominal start, without its random "
@@ -32,7 +36,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--arm", action="store_true", help="move the tool with the whole arm")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="weld", help="with --arm: tool welded to the "
                         "hand, or held by the fingers alone (default: weld)")
-    parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode)")
+    parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode); "
+                        "with --suite evaluation.csv, a row an episode, and a picture")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_settings("task's file", "grains.count=100")
     parser.add_threads()
@@ -45,6 +50,8 @@ def run(options: argparse.Namespace) -> int:
     is_task_file(options.task)
     if options.material is not None:
         config_path("materials", options.material, "material")
+    if options.suite is not None:
+        return run_suite(options)
     check_policy(options.policy)
     with options.settings.changed("tasks", options.task, options.out) as task:
         from robosim.evaluation.evaluate import evaluate
@@ -52,6 +59,22 @@ def run(options: argparse.Namespace) -> int:
         return evaluate(task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
                         film=not options.no_video, nominal=options.nominal, material=options.material,
                         arm=options.arm, grasp=options.grasp)
+
+
+def run_suite(options: argparse.Namespace) -> int:
+    """Run a suite of episodes."""
+    given = [name for name, value in (("--nominal", options.nominal), ("--arm", options.arm), ("--seed", options.seed))
+             if value]
+    if given:
+        raise ConfigError(f"{', '.join(given)} with --suite {options.suite}; accepted: without, a suite has starts of "
+                          f"its own for the tool alone")
+    if not Path(options.policy).is_dir():
+        check_policy(options.policy)
+    with options.settings.changed("tasks", options.task, options.out) as task:
+        from robosim.evaluation.suite_run import evaluate_suite
+
+        return evaluate_suite(task, options.policy, options.suite, options.out, episodes=options.episodes,
+                              material=options.material)
 
 
 def check_policy(name: str) -> None:

@@ -12,7 +12,8 @@ from mpm.backend import check_owner
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode, Horizon, check_horizon
-from robosim.envs.world import Memory, Ranges, World, check_options, is_nominal_start
+from robosim.envs.start import DEFAULT_START, StartOptions, read_start
+from robosim.envs.world import Memory, Ranges, World, check_options
 from robosim.errors import ConfigError
 from robosim.tasks.actions import ActionScaling, check_action_repeat
 from robosim.tasks.counting import TOOL
@@ -63,23 +64,23 @@ class GrainBatch:
         Raises ConfigError where the mask leaves out an environment that has no episode yet.
         """
         check_owner()
-        nominal = is_nominal_start(options)
+        start = read_start(options)
         check_mask(mask, [rng is not None for rng in self._rngs])
         infos: list[Info] = [{} for _ in self.episodes]
         for e in np.flatnonzero(mask):
             if seeds[e] is not None or self._rngs[e] is None:
                 self._rngs[e], self._seeds[e] = seeding.np_random(seeds[e])
-            infos[e] = self._start(int(e), nominal)
+            infos[e] = self._start(int(e), start)
         return list(self._observations), infos
 
-    def _start(self, e: int, nominal: bool = False) -> Info:
+    def _start(self, e: int, options: StartOptions = DEFAULT_START) -> Info:
         """Start an episode of environment e."""
         rng, world = self._rngs[e], self.world
         assert rng is not None
         law = world.draw_law(rng)
         if law is not None:
             self.batch.set_material(e, 0, law)
-        tool, pile = world.draw_start(rng, nominal=nominal)
+        tool, pile = world.draw_start(rng, options)
         reading = self.batch.load(e, world.start_state(self._carriers[e].restart(tool), pile))
         assert reading is not None
         info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading))

@@ -12,7 +12,8 @@ from robosim.config.robot import Grip
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon, check_open
-from robosim.envs.world import Memory, World, is_nominal_start
+from robosim.envs.start import read_start
+from robosim.envs.world import Memory, World
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
 from robosim.tasks.actions import ActionScaling, check_action_repeat
 from robosim.tasks.counting import TOOL
@@ -105,17 +106,18 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; return observation and info.
 
-        options: {"nominal": True} for the start without its random displacement.
-        Raises UnknownName for another option, ConfigError once the environment is closed.
+        options: {"nominal": True} for the start without its random displacement; "shift", a displacement [m] (3,) of
+        the tool, and "turn_deg", a turn about the vertical through it, besides.
+        Raises UnknownName for another option, ConfigError for one that cannot be used and once it is closed.
         """
         check_owner()
         check_open("reset", self._is_closed)
         super().reset(seed=seed)
-        nominal, world = is_nominal_start(options), self.world
+        start, world = read_start(options), self.world
         law = world.draw_law(self.np_random)
         if law is not None:
             self.solver.set_material(0, law)
-        tool, pile = world.draw_start(self.np_random, nominal=nominal)
+        tool, pile = world.draw_start(self.np_random, start)
         self.solver.load(world.start_state(self.carrier.restart(tool), pile))
         self.counter.restart()
         counts, pose = self.counter.read(), self.solver.collider_pose(TOOL)

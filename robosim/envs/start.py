@@ -1,10 +1,11 @@
-"""The settled state that episodes of a task start from, cached in a file for each configuration."""
+"""Where episodes start: the options of a reset, and the settled state, cached in a file for each configuration."""
 
 import hashlib
 import json
 import os
 import sys
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import platformdirs
@@ -15,6 +16,7 @@ from mpm.files import write
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.input_files import MAX_STATE, read_arrays
 from robosim.config.materials import MaterialConfig
+from robosim.errors import ConfigError, UnknownName
 from robosim.scene.settle import settle
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
@@ -30,6 +32,62 @@ SPACING = 0.006
 """Distance [m] between grains that are put back."""
 NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target"}
 """Parts of a task that its start does not depend on."""
+
+
+class StartOptions(NamedTuple):
+    """Where an episode starts, as the options of a reset say."""
+
+    nominal: bool = False
+    """Whether nothing is drawn at random."""
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Displacement of the tool [m], within the box of commanded positions."""
+    turn_deg: float = 0.0
+    """Turn of the tool about the vertical through its origin."""
+
+    def turned(self, quaternion: np.ndarray) -> np.ndarray:
+        """Return a quaternion (w, x, y, z) after the turn."""
+        if self.turn_deg == 0.0:
+            return quaternion
+        half = np.radians(self.turn_deg) / 2
+        c, s = np.cos(half), np.sin(half)
+        w, x, y, z = quaternion
+        return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
+
+
+DEFAULT_START = StartOptions()
+
+
+def read_start(options: dict[str, Any] | None) -> StartOptions:
+    """Return the options of a reset.
+
+    Raises UnknownName for one that does not exist, ConfigError for a value that cannot be used.
+    """
+    given = dict(options or {})
+    unknown = set(given) - set(StartOptions._fields)
+    if unknown:
+        raise UnknownName("option of reset", sorted(unknown)[0], StartOptions._fields)
+    shift, turn = given.get("shift", (0.0, 0.0, 0.0)), given.get("turn_deg", 0.0)
+    try:
+        numbers = np.array(shift, float)
+        if numbers.shape != (3,) or not np.isfinite([*numbers, float(turn)]).all():
+            raise ValueError
+    except (TypeError, ValueError):
+        raise ConfigError(f"options of reset: shift = {shift!r}, turn_deg = {turn!r}; accepted: three lengths in "
+                          f"metres and an angle") from None
+    return StartOptions(bool(given.get("nominal", False)), tuple(map(float, numbers)), float(turn))
+
+
+def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.ndarray]:
+    """Return velocities and strains of a state after a rotation R (3, 3) of all that they belong to."""
+    if np.allclose(R, np.eye(3), rtol=0.0, atol=1e-12):
+        return {}
+    rotated = {"v": state["v"] @ R.T}
+    C = state["C"].reshape(-1, 3, 3)
+    rotated["C"] = (R @ C @ R.T).reshape(-1, 9)
+    if "e" in state:
+        e = state["e"][:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3)
+        rotated["e"] = (R @ e @ R.T).reshape(-1, 9)[:, [0, 4, 8, 1, 2, 5]]
+    return {name: values.astype(state[name].dtype) for name, values in rotated.items()}
 
 
 def cache_folder() -> Path:

@@ -14,7 +14,7 @@ from mpm.observers.diagnostics import Momentum
 from robosim.config.materials import Law, law_of, load_material, overridden
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
-from robosim.envs.start import settled_state
+from robosim.envs.start import StartOptions, rotate_grains, settled_state
 from robosim.errors import ConfigError, UnknownName
 from robosim.tasks.counting import TOOL, TaskCounter
 from robosim.tasks.field import build_solver, largest_step
@@ -94,17 +94,15 @@ class World:
         numbers = {name: float(rng.uniform(*pair)) for name, pair in self.randomize.items()}
         return law_of(overridden(self.material, numbers))
 
-    def draw_start(self, rng: np.random.Generator, *, nominal: bool) -> tuple[mpm.Pose, np.ndarray]:
-        """Draw the tool's pose and the displacement [m] (3,) of grains that are not in the tool.
-
-        nominal: the task's own start, and nothing is drawn.
-        """
+    def draw_start(self, rng: np.random.Generator, options: StartOptions) -> tuple[mpm.Pose, np.ndarray]:
+        """Draw the tool's pose and the displacement [m] (3,) of grains that are not in the tool."""
         start, action = self.task.start, self.task.action
-        if nominal:
-            return start.pose, np.zeros(3)
-        tool = rng.uniform(-1.0, 1.0, 3) * start.spread
-        pile = rng.uniform(-1.0, 1.0, 3) * start.pile_spread
-        return mpm.Pose(np.clip(start.position + tool, action.lower, action.upper), start.pose.quaternion), pile
+        tool, pile = np.array(options.shift), np.zeros(3)
+        if not options.nominal:
+            tool = tool + rng.uniform(-1.0, 1.0, 3) * start.spread
+            pile = rng.uniform(-1.0, 1.0, 3) * start.pile_spread
+        position = np.clip(start.position + tool, action.lower, action.upper) if tool.any() else start.pose.position
+        return mpm.Pose(position, options.turned(start.pose.quaternion)), pile
 
     def start_state(self, tool: mpm.Pose, pile: np.ndarray) -> dict[str, np.ndarray]:
         """Return the settled state with the tool at a pose.
@@ -114,6 +112,7 @@ class World:
         state, origin = dict(self._settled), self.solver.grid.origin
         if self.task.carried:
             local = self.task.start.pose.inverse().apply(state["x"] + origin)
+            state |= rotate_grains(state, tool.matrix @ self.task.start.pose.matrix.T)
             state["x"] = tool.apply(local) - origin
         else:
             state["x"] = state["x"] + pile
@@ -207,14 +206,3 @@ def read_generator(state: dict[str, Any] | None) -> np.random.Generator | None:
     bits = getattr(np.random, state["bit_generator"])(0)
     bits.state = state
     return np.random.Generator(bits)
-
-
-def is_nominal_start(options: dict[str, Any] | None) -> bool:
-    """Return whether the options of a reset ask for the start without random displacement.
-
-    Raises UnknownName for an option that does not exist.
-    """
-    unknown = set(options or {}) - {"nominal"}
-    if unknown:
-        raise UnknownName("option of reset", sorted(unknown)[0], ["nominal"])
-    return bool((options or {}).get("nominal", False))

@@ -5,3 +5,5 @@ Imports: config, envs, errors, rendering, reports, tasks, mpm.
 
 POLICIES = ("zero", "random", "scripted", "learned")
 """Policies by name; any other is the path of a .npz file."""
+SUITES = ("nominal", "wide", "materials")
+"""Starts and materials that policies are scored from, see `robosim.evaluation.suites`."""

@@ -43,7 +43,8 @@ class Outcome:
     """What a scene came to: its readings, and what they cost."""
 
     def __init__(self, solver: mpm.Solver) -> None:
-        self.solver, self.readings, self.seconds = solver, dict[str, float](), 0.0
+        self.particles, self.steps = sum(solver.particles.counts), 0
+        self.readings, self.seconds = dict[str, float](), 0.0
         began = time.perf_counter()
         solver.compile()
         self.compile_seconds = time.perf_counter() - began
@@ -57,7 +58,7 @@ def rehearse(name: str, sleep: float) -> Outcome:
     outcome = Outcome(run.solver)
     run.run(lambda: None)
     figures = compute_figures(run)
-    outcome.seconds = run.wall_time
+    outcome.seconds, outcome.steps = run.wall_time, run.solver.steps
     names = {"mass": "scooped_mass_kg", "unaccounted": "momentum_residual", "delivered": "delivered_fraction",
              "awake": "awake_share"}
     outcome.readings = {name: _number(figures[figure]) for name, figure in names.items()}
@@ -80,6 +81,7 @@ def play(task: str, sleep: float) -> Outcome:
         shares.append(float(env.solver.awake.mean()))
         over = terminated or truncated
     outcome.readings = {"score": float(info["tcs"]), "awake": float(np.mean(shares))}
+    outcome.steps = env.solver.steps
     env.close()
     return outcome
 
@@ -99,8 +101,8 @@ def measure(*, scene: str = "SpoonScoop", sleep: float = 1.0) -> Record:
         errors = {"mass": lost, "change": lost, "delivered": after["delivered"] - before["delivered"],
                   "unaccounted": after["unaccounted"]}
     return Record(
-        case=NAME, choices={"scene": scene, "sleep": sleep}, particles=sum(asleep.solver.particles.counts),
-        steps=asleep.solver.steps, seconds=asleep.seconds, compile_seconds=asleep.compile_seconds, errors=errors,
+        case=NAME, choices={"scene": scene, "sleep": sleep}, particles=asleep.particles,
+        steps=asleep.steps, seconds=asleep.seconds, compile_seconds=asleep.compile_seconds, errors=errors,
         readings={"speedup": awake.seconds / asleep.seconds, "seconds_awake": awake.seconds,
                   "awake_share": after["awake"], **{f"{name} awake": value for name, value in before.items()}},
         peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)

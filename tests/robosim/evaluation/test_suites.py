@@ -1,0 +1,96 @@
+"""Suites of held-out starts: the same for every policy, and what a turned start does to the grains."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robosim.commands.evaluate import check_policy
+from robosim.envs.grain_env import GrainEnv
+from robosim.errors import ConfigError, RobosimError, UnknownName
+from robosim.evaluation.material_episode import MATERIALS
+from robosim.evaluation.suite_run import bootstrap, evaluate_suite, find_policy
+from robosim.evaluation.suites import FILLS, FRICTIONS, SHIFT, TURN, begin_episode, make_environment, plan_starts
+from robosim.tasks.counting import TOOL
+from robosim.tasks.task import load_task
+
+
+def test_a_suite_is_the_same_for_all_and_a_short_one_begins_a_long_one() -> None:
+    task = load_task("SpoonTranslate")
+    wide = plan_starts("wide", task, 48)
+    assert plan_starts("wide", task, 10) == wide[:10]
+    shifts, turns = np.array([start.shift for start in wide]), np.array([start.turn_deg for start in wide])
+    assert 0.8 * SHIFT < np.abs(shifts).max() <= SHIFT and 0.8 * TURN < np.abs(turns).max() <= TURN
+    assert {start.fill for start in wide} == set(FILLS) and len({start.world for start in wide}) == 12
+    assert all(FRICTIONS[0] <= start.friction <= FRICTIONS[1] for start in wide if start.friction)
+    assert {start.label for start in plan_starts("materials", task, 13)} == set(MATERIALS)
+    assert {(start.material, start.world) for start in plan_starts("nominal", task, 5)} == {
+        ("salt", ("salt", (), 1.0))}
+    assert len({start.seed for start in wide}) == 48
+    with pytest.raises(UnknownName, match="materials, nominal, wide"):
+        plan_starts("hard", task, 1)
+
+
+def test_a_turned_start_turns_the_load_with_the_tool() -> None:
+    """The grains keep their places in the tool's frame and their elastic energy, and stay at rest."""
+    task = load_task("SpoonTranslate")
+    start = next(start for start in plan_starts("wide", task, 50) if abs(start.turn_deg) > 10.0 and start.fill == 1.0)
+    env = make_environment(task, start)
+    env.reset(seed=0, options={"nominal": True})
+    before, energy = env.solver.collider_pose(TOOL), env.solver.energy()
+    local = before.inverse().apply(env.solver.positions())
+    begin_episode(env, start)
+    pose = env.solver.collider_pose(TOOL)
+    assert pose.position - before.position == pytest.approx(start.shift, abs=1e-12)
+    cosine = float(np.trace(pose.matrix @ before.matrix.T) - 1.0) / 2.0
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(abs(start.turn_deg), abs=1e-4)
+    assert np.abs(pose.inverse().apply(env.solver.positions()) - local).max() < 1e-6
+    assert env.solver.energy().elastic == pytest.approx(energy.elastic, rel=1e-4)
+    for _ in range(5):
+        env.step(np.zeros(3, np.float32))
+    moved = env.solver.collider_pose(TOOL).inverse().apply(env.solver.positions()) - local
+    assert np.abs(moved).mean() < 1e-4
+    env.close()
+
+
+def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    assert evaluate_suite("SpoonTranslate", "scripted", "wide", tmp_path, episodes=2) == 0
+    with (tmp_path / "evaluation.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    names = list(dict.fromkeys(row["policy"] for row in rows))
+    assert names == ["scripted", "learned", "zero"] and (tmp_path / "evaluation.png").is_file()
+    starts = [[(row["seed"], row["shift_x_m"], row["turn_deg"]) for row in rows if row["policy"] == name]
+              for name in names]
+    assert starts[0] == starts[1] == starts[2] and len(set(starts[0])) == 2
+    summary = json.loads((tmp_path / "evaluation.json").read_text())
+    assert summary["is_complete"] and set(summary["policies"]) == set(names)
+    scores = {name: values["tcs"]["mean"] for name, values in summary["policies"].items()}
+    assert scores["scripted"] > 35.0 and scores["zero"] < -35.0  # 41 and -41 at most
+    assert "scripted" in capsys.readouterr().out
+
+
+def test_an_interval_covers_the_mean_about_as_often_as_it_says() -> None:
+    rng, hits = np.random.default_rng(0), 0
+    for _ in range(200):
+        low, high = bootstrap(rng.exponential(size=50))
+        hits += low <= 1.0 <= high
+    assert 0.87 <= hits / 200 <= 0.98  # of a skewed sample a little less than 0.95
+    assert bootstrap([3.0] * 10) == (3.0, 3.0)
+
+
+def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "best.npz", actions=np.zeros((100, 3), np.float32), task="SpoonPour", action_repeat=10)
+    assert find_policy(str(tmp_path)) == str(tmp_path / "best.npz")
+    cases = [({"name": str(tmp_path), "suite": "wide"}, "for SpoonPour; accepted: for SpoonTranslate"),
+             ({"name": str(tmp_path.parent), "suite": "wide"}, "best_policy.npz"),
+             ({"name": "scripted", "suite": "wide", "material": "sand"}, "--material sand with --suite wide")]
+    for arguments, message in cases:
+        with pytest.raises(RobosimError, match=message):
+            evaluate_suite("SpoonTranslate", out=None, episodes=1, **arguments)
+    with pytest.raises(UnknownName):
+        check_policy("best")
+    for shift in ((0.0, 0.0), "left", (0.0, 0.0, np.nan)):
+        with pytest.raises(ConfigError, match="three lengths"):
+            GrainEnv(task="SpoonTranslate").reset(seed=0, options={"shift": shift})
