@@ -35,6 +35,8 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--obs", help="layout of the observation (default: the method's)")
     parser.add_number("--checkpoint-every", default=10, metavar="N", help="write a checkpoint after every "
                         "N episodes; an interrupted run writes its last one (default: 10)")
+    parser.add_number("--evaluate-every", default=10, metavar="N", help="evaluate the policy without exploration after "
+                      "every N episodes; the best one is kept (default: 10)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
     parser.add_renamed("--frames", "--rollouts")
     parser.add_settings("method's file", "options.gamma=0.95")
@@ -52,4 +54,4 @@ def run(options: argparse.Namespace) -> int:
     o = options
     return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
                  starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
-                 checkpoint_every=o.checkpoint_every, change=o.settings.apply)
+                 checkpoint_every=o.checkpoint_every, evaluate_every=o.evaluate_every, change=o.settings.apply)

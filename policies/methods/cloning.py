@@ -30,7 +30,7 @@ def clone(training: Training) -> None:
 
     while not training.is_over:
         play(training.env, act)
-        training.save_if_best(policy)
+        training.evaluate(policy)
         training.keep_checkpoint(policy=policy.state_dict())
 
 

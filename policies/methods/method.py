@@ -23,7 +23,7 @@ class Method(Protocol):
       run is interrupted, or `training.save_checkpoint(**parts)`, which writes it at once. If
       `training.folder.checkpoint` is a file at the start, it must call `checkpoint.load` and `training.resume`, so that
       results are bitwise identical to those of a run without interruption;
-    - call `training.save_if_best(policy)` after an episode, if it has a policy of Stable-Baselines3.
+    - call `training.evaluate(policy)` after an episode, if it has a policy of Stable-Baselines3.
 
     It can use `training.demonstrations` (motions and their starts), `training.demonstration_transitions()` and
     `training.rollouts`, if the preset asks for them. A learner of Stable-Baselines3 needs no function: `Training.learn`

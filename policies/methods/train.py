@@ -16,7 +16,7 @@ from policies.learning.presets import Preset
 def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | None = None, episodes: int | None = None,
           material: str | None = None, starts: str = "nominal", action_repeat: int = 10, obs: str | None = None,
           force: bool = False, rollouts: Path | None = None, checkpoint_every: int = 10,
-          change: Change | None = None) -> int:
+          evaluate_every: int = 10, change: Change | None = None) -> int:
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
     episodes, obs: instead of the preset's. change: of the method's table, before it is checked. Other arguments as in
@@ -27,7 +27,7 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     """
     check_installed()
     for name, number in (("--episodes", episodes), ("--action-repeat", action_repeat),
-                         ("--checkpoint-every", checkpoint_every)):
+                         ("--checkpoint-every", checkpoint_every), ("--evaluate-every", evaluate_every)):
         if number is not None and number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
     if seed < 0:
@@ -42,7 +42,8 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     torch.set_num_threads(1)
     options: dict[str, Any] = {"material": material} if material else {}
     training = Training(method, preset, task, out, seed=seed, demos=demos, starts=starts, action_repeat=action_repeat,
-                        force=force, rollouts=rollouts, checkpoint_every=checkpoint_every, **options)
+                        force=force, rollouts=rollouts, checkpoint_every=checkpoint_every,
+                        evaluate_every=evaluate_every, **options)
     try:
         if training.folder.is_finished and not force:
             print(f"{out}: finished already")
@@ -57,6 +58,8 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
         training.folder.close()
     status = training.folder.read_json("status.json")
     print(f"{method} on {task}: best return {status['best_return']}, replayed {status['replayed']}")
+    if status.get("evaluated"):
+        print(f"deterministic policy: best {status['evaluated']['best']}, last {status['evaluated']['last']}")
     if training.is_granular:
         arguments = [f"robosim evaluate {training.source} --policy {out / 'best.npz'} --episodes 1"]
         arguments += ["--nominal"] if starts == "nominal" else []

@@ -138,11 +138,6 @@ class RunFolder:
 
         write(self.path / "episodes.csv", write_rows)
 
-    def has_reached(self, score: float | None) -> bool:
-        """Return whether each of the last LAST episodes has a score (None: never)."""
-        recent = [row.get("tcs", -np.inf) for row in self.rows[-LAST:]]
-        return score is not None and len(recent) == LAST and min(recent) >= score - 1e-9
-
     def close(self) -> None:
         """Release the folder's lock."""
         self._lock.release()

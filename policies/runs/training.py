@@ -34,6 +34,7 @@ from policies.runs import checkpoint
 from policies.runs.checkpoint import Checkpoints
 from policies.runs.demonstration_set import load_demonstrations, select_replayable
 from policies.runs.episodes import Episode, Episodes
+from policies.runs.evaluations import EVALUATE_EVERY, Evaluations
 from policies.runs.event_log import EventLog
 from policies.runs.run_folder import RunFolder, current_commit
 
@@ -51,7 +52,7 @@ class Training:
 
     starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos:
     folder of demonstrations, or one file. rollouts: folder of `robosim rollouts`. checkpoint_every: episodes between
-    checkpoints. options: of the environment.
+    checkpoints, evaluate_every: between evaluations of the deterministic policy. options: of the environment.
 
     Raises:
         mpm.InvalidValue: arguments that do not fit each other, or a folder that holds another run.
@@ -59,7 +60,8 @@ class Training:
 
     def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
                  starts: str = "nominal", action_repeat: int = 10, force: bool = False, rollouts: Path | None = None,
-                 checkpoint_every: int = CHECKPOINT_EVERY, **options: Any) -> None:
+                 checkpoint_every: int = CHECKPOINT_EVERY, evaluate_every: int = EVALUATE_EVERY,
+                 **options: Any) -> None:
         self.preset, self.seed, self.action_repeat = preset, seed, action_repeat
         self.checkpoints = Checkpoints(checkpoint_every)
         self.base: Any = make_training_environment(task, preset.obs, action_repeat, **options)
@@ -70,7 +72,6 @@ class Training:
         """Decisions of an episode."""
         if self.decisions is None or not isinstance(self.base.action_space, gymnasium.spaces.Box):
             raise mpm.InvalidValue(f"task {task!r}: accepted: continuous actions and episodes of a fixed length")
-        self.highest_score: float | None = raw.reward.extremes()[1] if self.is_granular else None
         self.task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
         self.source = getattr(raw, "source", "") or self.task
         self.demonstrations = load_demonstrations(preset, demos, self.decisions, action_repeat, self.dimensions,
@@ -98,7 +99,7 @@ class Training:
                                                    preset.correction_cost)
         self.progress: tqdm = tqdm(total=preset.episodes, desc=f"{method} {self.task} seed {seed}", file=sys.stderr)
         self.model: Any = None
-        self._has_improved = False
+        self.evaluations = self._make_evaluations(evaluate_every) if self.is_granular else None
 
     @property
     def dimensions(self) -> int:
@@ -107,8 +108,16 @@ class Training:
 
     @property
     def is_over(self) -> bool:
-        """Whether all episodes are done, or the last ones all reached the highest score."""
-        return self.env.count >= self.preset.episodes or self.folder.has_reached(self.highest_score)
+        """Whether all episodes are done."""
+        return self.env.count >= self.preset.episodes
+
+    def _make_evaluations(self, every: int) -> Evaluations:
+        """Return the evaluations of the run's policy, in the environment without what counts its episodes."""
+        env = self.base
+        if self.preset.residual is not None:
+            assert self.demonstrations.first is not None
+            env = ResidualActionWrapper(env, self.demonstrations.first, self.preset.residual)
+        return Evaluations(env, self.folder.path, every, self.reset_options)
 
     def _check_buffer(self) -> None:
         """Refuse a replay buffer that would fill more memory in this run's episodes than a computer has."""
@@ -138,15 +147,23 @@ class Training:
         return digests
 
     def _on_episode_end(self, episode: Episode) -> None:
-        self._has_improved |= self.folder.add(episode, self.action_repeat)
+        self.folder.add(episode, self.action_repeat)
         self.progress.set_postfix({key: f"{episode.row[key]:.2f}" for key in ("return", "tcs") if key in episode.row})
         self.progress.update()
-        self.folder.write_status("running")
+        self.folder.write_status("running", evaluated=self.evaluated)
+
+    @property
+    def evaluated(self) -> dict[str, Any]:
+        """Last and best evaluation of the deterministic policy; empty without any."""
+        return self.evaluations.summary if self.evaluations else {}
 
     def resume(self, state: dict[str, Any]) -> None:
         """Restore episodes and random numbers from the parts of a checkpoint."""
         self.folder.rows, self.folder.best_return = state["rows"], state["best"]
         self.env.count = self.checkpoints.stored = len(state["rows"])
+        if self.evaluations:
+            self.evaluations.rows = state.get("evaluations", [])
+            self.evaluations.write_rows()
         self.progress.update(self.env.count)
         self.folder.write_episodes()  # a run that was killed has written more of them
         self.folder.write_status("running")
@@ -160,7 +177,8 @@ class Training:
     def keep_checkpoint(self, **parts: Any) -> None:
         """Make a checkpoint, to be written when it is due or when the run is interrupted."""
         self.checkpoints.keep(self.env.count, checkpoint.pack(
-            self.model, rows=self.folder.rows, best=self.folder.best_return, **parts))
+            self.model, rows=self.folder.rows, best=self.folder.best_return,
+            evaluations=self.evaluations.rows if self.evaluations else [], **parts))
         if self.checkpoints.is_due:
             self.checkpoints.write(self.folder.checkpoint)
 
@@ -183,13 +201,18 @@ class Training:
         write = self.folder.write_status if is_resumed else self.folder.update_status
         write(end_state(error), reason=reason)
 
-    def save_if_best(self, policy: Any) -> None:
-        """Write the policy to best_policy.npz if an episode since the last call was the best so far."""
-        if self._has_improved and self.preset.residual is None:  # a correction is no policy without its motion
+    def evaluate(self, policy: Any) -> None:
+        """Evaluate the policy where that is due, and write it to best_policy.npz if it is the best so far.
+
+        Raises SaturatedActor.
+        """
+        if self.evaluations is None or not self.evaluations.is_due(self.env.count, self.is_over):
+            return
+        # a correction is no policy without its motion
+        if self.evaluations.add(policy, self.env.count) and self.preset.residual is None:
             units = (self.base.offset, self.base.factor) if isinstance(self.base, ScaledObservation) else None
             export_policy(policy, self.folder.path / "best_policy.npz", units, obs=self.preset.obs,
                           action_repeat=self.action_repeat, task=self.task, method=self.folder.manifest["method"])
-        self._has_improved = False
 
     def demonstration_transitions(self) -> Iterator[Transition]:
         """Yield the transitions of all demonstrations, played in the run's environment, each from its own start."""
@@ -239,8 +262,8 @@ class Training:
     def finish(self) -> None:
         """Replay the best actions and write the final status."""
         self.progress.close()
-        reason = "score stayed at its highest" if self.folder.has_reached(self.highest_score) else "every episode done"
-        self.folder.write_status("finished", reason=reason, replayed=self.replay_best(), highest=self.highest_score)
+        self.folder.write_status("finished", reason="every episode done", replayed=self.replay_best(),
+                                 evaluated=self.evaluated)
 
 
 class StatefulCallback(Protocol):
@@ -254,7 +277,7 @@ class StatefulCallback(Protocol):
 
 
 class CheckpointCallback(BaseCallback):
-    """Stores the best policy at the end of an episode and checkpoints between episodes; stops when the run is over."""
+    """Evaluates the policy and checkpoints between episodes; stops when the run is over."""
 
     def __init__(self, training: Training, callback: StatefulCallback | None) -> None:
         super().__init__()
@@ -272,5 +295,5 @@ class CheckpointCallback(BaseCallback):
             self._kept_at = count
 
     def _on_step(self) -> bool:
-        self.training.save_if_best(self.model.policy)
+        self.training.evaluate(self.model.policy)
         return not self.training.is_over

@@ -76,7 +76,7 @@ def make_film():
             self._moments = [(0.0, "start"), (0.03, "pour")]
             self._sheet, self._captions = [], []
 
-        def begin(self, run, camera):
+        def begin(self, run, camera, colour, rate):
             self._run = run
 
         def add_due_frame(self):
