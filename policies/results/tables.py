@@ -20,6 +20,8 @@ COLUMNS = ("task", "method", "material", "seed", "starts", "action_repeat", "obs
 """Of a row. tcs_of_best_return: score of the motion with the highest return, replayed, as are delivered to
 turn_error_deg; tcs_last10, return: means of the last ten episodes; seconds: of an episode; preset, demonstrations:
 digests, that of the preset over all its keys but obs and episodes."""
+ADDED = {"grains_as_one": False}
+"""Keys of presets that earlier versions lacked -> values with which a preset has the digest that it had then."""
 OPTIONAL = ("turn_error_deg", "preset", "demonstrations")
 """Columns that the files of earlier versions lack."""
 ROW: dict[str, Any] = {
@@ -83,7 +85,8 @@ def read_table(path: Path) -> list[dict[str, Any]]:
 
 def preset_digest(preset: dict[str, Any]) -> str:
     """Return a digest of a preset's settings, without its description and what are columns of their own."""
-    return digest({name: value for name, value in preset.items() if name != "description"}
+    return digest({name: value for name, value in preset.items()
+                   if name != "description" and (name not in ADDED or value != ADDED[name])}
                   | {"obs": None, "episodes": None})
 
 
