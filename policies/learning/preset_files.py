@@ -1,5 +1,6 @@
 """Files of methods and sweeps: reading, with errors that name the key; migration of what earlier versions wrote."""
 
+import copy
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -20,6 +21,21 @@ ROW_KEYS = {"hold": "action_repeat", "wanted": "max_episodes", "best": "tcs_of_b
 """Old key -> new key."""
 SHOWN = 10
 """Errors of a file that are described."""
+
+
+def change_keys(table: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Return a copy of a table with values for dotted keys; raises mpm.InvalidValue for a key below one that has none.
+    """
+    changed = copy.deepcopy(table)
+    for key, value in changes.items():
+        *parents, last = key.split(".")
+        place = changed
+        for parent in parents:
+            place = place.setdefault(parent, {})
+            if not isinstance(place, dict):
+                raise mpm.InvalidValue(f"set: {key}: {parent} is {quote(place)}; accepted: a key of a table")
+        place[last] = value
+    return changed
 
 
 def load_preset(name: str, change: Change | None = None) -> Preset:

@@ -93,7 +93,7 @@ def preset_digest(preset: dict[str, Any]) -> str:
 def make_row(manifest: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
     """Return the row of a run from its manifest and status."""
     replayed, last, preset = status["replayed"], status["last"], manifest["preset"]
-    method = manifest["method"]
+    method = manifest.get("label") or manifest["method"]
     if method == "dg_sac" and preset["obs"] != "flat":
         method = preset["obs"]  # the paper names its ablations after the observation
     return {"task": manifest["task"], "method": method, "material": manifest["material"], "seed": manifest["seed"],

@@ -1,5 +1,7 @@
 """Sweep files: tasks x methods x seeds, and the runs that they stand for."""
 
+import json
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -10,13 +12,41 @@ from pydantic import ConfigDict, Field
 import mpm
 from mpm.input_files import read_json
 from policies.learning.bundled import bundled_names, is_task_file, is_unknown_task
-from policies.learning.preset_files import Change, load_model, load_preset, migrate_preset
+from policies.learning.preset_files import Change, change_keys, load_model, load_preset, migrate_preset
 from policies.learning.presets import Episodes, Preset
 
 Short = Annotated[str, Field(max_length=4096)]
 """A name, an argument or a path; Linux takes paths of up to 4096 characters."""
 MAX_RUNS = 10_000
 """Runs of a sweep: at an hour each, a year of one core."""
+
+
+class Entry(pydantic.BaseModel):
+    """A method with changes of its own, where a name alone does not say enough."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")]
+    """Folder of its runs, and their line in tables."""
+    method: Short
+    set: dict[Short, Any] = Field({}, max_length=1000)
+    """Dotted key of the method's file -> value in place of its own."""
+    demos: Short | None = None
+    """Folder of the demonstrations; null: the sweep's."""
+    options: list[Short] = Field([], max_length=1000)
+    """Further arguments of `robosim train`, after those of the sweep."""
+
+    @classmethod
+    def of(cls, method: "str | Entry") -> "Entry":
+        """Return the entry of a method without changes, or an entry as it is."""
+        return method if isinstance(method, Entry) else cls.model_construct(name=Path(method).stem, method=method)
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of `robosim train` that tell its runs from others of the method."""
+        changes = [word for key, value in self.set.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+        label = [] if self.name == Path(self.method).stem else ["--label", self.name]
+        return [*self.options, *changes, *label]
 
 
 class SweepFile(pydantic.BaseModel):
@@ -27,7 +57,8 @@ class SweepFile(pydantic.BaseModel):
     """Keys of earlier versions -> their names now."""
 
     tasks: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
-    methods: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
+    methods: list[Short | Entry] = Field(min_length=1, max_length=MAX_RUNS)
+    """Methods by name or file, and entries that change one."""
     seeds: list[Annotated[int, Field(ge=0, le=2**31 - 1)]] = Field(min_length=1, max_length=MAX_RUNS)
     """Seeds; numpy takes up to 2^32 - 1, and later episodes have larger ones."""
     demos: Short | None = None
@@ -39,7 +70,7 @@ class SweepFile(pydantic.BaseModel):
     options: list[Short] = Field([], max_length=1000)
     """Further arguments of `robosim train`."""
     out: Path
-    """Runs are written to out/task/method/seed_k."""
+    """Runs are written to out/task/method/seed_k, or out/task/name/seed_k for an entry."""
 
     @pydantic.model_validator(mode="after")
     def _check_count(self) -> "SweepFile":
@@ -89,32 +120,36 @@ def plan_runs(file: SweepFile) -> list[SweepRun]:
     if unknown:
         raise mpm.InvalidValue(f"tasks {', '.join(unknown)}; accepted: {', '.join(bundled_names('tasks'))}, a "
                                f"task's .yaml file, or an id of Gymnasium such as Pendulum-v1")
-    runs = [_plan_run(file, seed, task, method)
-            for seed, task, method in product(file.seeds, file.tasks, file.methods)]
-    if len({run.out for run in runs}) < len(runs):
-        raise mpm.InvalidValue("two runs would share a folder; accepted: tasks, methods and seeds of different names")
-    return runs
+    runs: dict[Path, SweepRun] = {}
+    for seed, task, method in product(file.seeds, file.tasks, file.methods):
+        run = _plan_run(file, seed, task, Entry.of(method))
+        if run.out in runs:
+            both = [" ".join(["robosim", *one.arguments]) for one in (runs[run.out], run)]
+            raise mpm.InvalidValue(f"two runs would share the folder {run.out}: {both[0]!r} and {both[1]!r}; accepted: "
+                                   f"tasks, methods, seeds and names that differ")
+        runs[run.out] = run
+    return list(runs.values())
 
 
-def _plan_run(file: SweepFile, seed: int, task: str, method: str) -> SweepRun:
-    name = Path(task).stem if is_task_file(task) else task
-    out = file.out / name / Path(method).stem / f"seed_{seed}"
-    preset = load_preset(method)
+def _plan_run(file: SweepFile, seed: int, task: str, entry: Entry) -> SweepRun:
+    name, method = Path(task).stem if is_task_file(task) else task, entry.method
+    out = file.out / name / entry.name / f"seed_{seed}"
+    preset = load_preset(method, partial(change_keys, changes=entry.set))
     arguments = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options,
-                 *_input_arguments(file, preset, method, name)]
+                 *_input_arguments(file, preset, entry, name), *entry.arguments]
     if file.episodes is not None:
         arguments += ["--episodes", str(file.episodes)]
         preset = preset.model_copy(update={"episodes": file.episodes})
     return SweepRun(out, arguments, preset.model_dump())
 
 
-def _input_arguments(file: SweepFile, preset: Preset, method: str, task: str) -> list[str]:
+def _input_arguments(file: SweepFile, preset: Preset, entry: Entry, task: str) -> list[str]:
     """Return the arguments for the demonstrations or rollouts that a method needs."""
     arguments = []
-    for key, folder, is_needed in (("demos", file.demos, preset.needs_demonstrations),
+    for key, folder, is_needed in (("demos", entry.demos or file.demos, preset.needs_demonstrations),
                                    ("rollouts", file.rollouts, preset.needs_rollouts)):
         if is_needed:
             if folder is None:
-                raise mpm.InvalidValue(f"method {method} learns from {key}; give their folder as `{key}`")
+                raise mpm.InvalidValue(f"method {entry.method} learns from {key}; give their folder as `{key}`")
             arguments += [f"--{key}", folder.replace("{task}", task)]
     return arguments

@@ -52,7 +52,8 @@ class Training:
 
     starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos:
     folder of demonstrations, or one file. rollouts: folder of `robosim rollouts`. checkpoint_every: episodes between
-    checkpoints, evaluate_every: between evaluations of the deterministic policy. options: of the environment.
+    checkpoints, evaluate_every: between evaluations of the deterministic policy. label: name of the run's line in
+    tables, in place of the method. options: of the environment.
 
     Raises:
         mpm.InvalidValue: arguments that do not fit each other, or a folder that holds another run.
@@ -61,7 +62,7 @@ class Training:
     def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
                  starts: str = "nominal", action_repeat: int = 10, force: bool = False, rollouts: Path | None = None,
                  checkpoint_every: int = CHECKPOINT_EVERY, evaluate_every: int = EVALUATE_EVERY,
-                 **options: Any) -> None:
+                 label: str | None = None, **options: Any) -> None:
         self.preset, self.seed, self.action_repeat = preset, seed, action_repeat
         self.checkpoints = Checkpoints(checkpoint_every)
         self.base: Any = make_training_environment(task, preset.obs, action_repeat, **options)
@@ -85,7 +86,8 @@ class Training:
             self.base = ScaledObservation(self.base, preset.obs, preset.grains_as_one)
         self.reset_options = {"nominal": True} if self.is_granular and starts == "nominal" else None
         self.folder = RunFolder(out, {
-            "method": method, "preset": preset.model_dump(), "task": self.task, "seed": seed, "starts": starts,
+            "method": method, "label": label, "preset": preset.model_dump(), "task": self.task, "seed": seed,
+            "starts": starts,
             "action_repeat": action_repeat,
             "material": options.get("material") or (raw.task.material if self.is_granular else None),
             "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),

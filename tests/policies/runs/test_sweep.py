@@ -128,3 +128,28 @@ def test_the_last_line_of_a_log_is_read_from_its_end(tmp_path: Path) -> None:
         file.seek(2**34)
         file.write(b"\nstopped\n")
     assert read_last_line(log) == "stopped"
+
+
+def test_entries_differ_in_any_option_each_in_a_folder_of_its_own(tmp_path):
+    entries = [{"name": "parts", "method": "dg_sac", "set": {"encoder": "parts"}},
+               {"name": "slow", "method": "dg_sac", "set": {"options.learning_rate": 3e-4}, "demos": "ten/{task}"},
+               "dg_sac"]
+    runs = plan_runs(SweepFile(tasks=["SpoonPour"], methods=entries, seeds=[0], demos="one/{task}", out=tmp_path))
+    assert [run.out.relative_to(tmp_path).as_posix() for run in runs] == [
+        f"SpoonPour/{name}/seed_0" for name in ("parts", "slow", "dg_sac")]
+    assert [run.arguments[7:] for run in runs] == [
+        ["--demos", "one/SpoonPour", "--set", 'encoder="parts"', "--label", "parts"],
+        ["--demos", "ten/SpoonPour", "--set", "options.learning_rate=0.0003", "--label", "slow"],
+        ["--demos", "one/SpoonPour"]]
+    assert [run.preset["encoder"] for run in runs] == ["parts", None, None]
+    assert runs[1].preset["options"] == {**runs[2].preset["options"], "learning_rate": 3e-4}
+
+
+def test_entries_that_do_not_fit_are_refused_by_name(tmp_path):
+    whole = {"tasks": ["SpoonPour"], "seeds": [0], "demos": "one", "out": tmp_path}
+    twice = [{"name": "dg_sac", "method": "sac", "set": {"options.tau": 0.01}}, "dg_sac"]
+    with pytest.raises(mpm.InvalidValue, match="share the folder .*seed_0: '.*tau=0.01.*' and '.*train dg_sac"):
+        plan_runs(SweepFile(methods=twice, **whole))
+    for change, message in (({"encodr": "parts"}, "encodr"), ({"learner.name": "SAC"}, "learner is 'SAC'")):
+        with pytest.raises(mpm.InvalidValue, match=message):
+            plan_runs(SweepFile(methods=[{"name": "x", "method": "dg_sac", "set": change}], **whole))
