@@ -39,9 +39,9 @@ class EmbeddedAction(nn.Module):
     network: layers whose first takes features and action; a layer that takes the embedded action replaces it.
     """
 
-    def __init__(self, network: nn.Sequential, actions: int, width: int = WIDTH) -> None:
+    def __init__(self, network: Any, actions: int, width: int = WIDTH) -> None:
         super().__init__()
-        first: Any = network[0]
+        first = network[0]
         self._actions, self._embed = actions, embedding(actions, width)
         self._network = nn.Sequential(nn.Linear(first.in_features - actions + width, first.out_features), *network[1:])
 

@@ -102,11 +102,14 @@ def _describe_item(item: Any, kind: type[pydantic.BaseModel]) -> str:
 
 
 def model_at(kind: type[pydantic.BaseModel], keys: Sequence[int | str]) -> type[pydantic.BaseModel]:
-    """Return the model of a table within another; each key holds a table or null."""
+    """Return the model of a table within another; each key holds a table or null, or is a place in a list of tables."""
     for key in keys:
-        annotation = kind.model_fields[str(key)].annotation
-        kind = next(one for one in (annotation, *get_args(annotation))
-                    if isinstance(one, type) and issubclass(one, pydantic.BaseModel))
+        if isinstance(key, int):
+            continue
+        pending: list[Any] = [kind.model_fields[key].annotation]
+        for one in pending:  # grows while it is read
+            pending += get_args(one)
+        kind = next(one for one in pending if isinstance(one, type) and issubclass(one, pydantic.BaseModel))
     return kind
 
 

@@ -26,7 +26,7 @@ class Entry(pydantic.BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$")]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
     """Folder of its runs, and their line in tables."""
     method: Short
     set: dict[Short, Any] = Field({}, max_length=1000)
@@ -36,10 +36,11 @@ class Entry(pydantic.BaseModel):
     options: list[Short] = Field([], max_length=1000)
     """Further arguments of `robosim train`, after those of the sweep."""
 
+    @pydantic.model_validator(mode="before")
     @classmethod
-    def of(cls, method: "str | Entry") -> "Entry":
-        """Return the entry of a method without changes, or an entry as it is."""
-        return method if isinstance(method, Entry) else cls.model_construct(name=Path(method).stem, method=method)
+    def _read_name(cls, given: object) -> object:
+        """Read the name of a method alone as its entry without changes."""
+        return {"name": Path(given).stem, "method": given} if isinstance(given, str) else given
 
     @property
     def arguments(self) -> list[str]:
@@ -57,8 +58,8 @@ class SweepFile(pydantic.BaseModel):
     """Keys of earlier versions -> their names now."""
 
     tasks: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
-    methods: list[Short | Entry] = Field(min_length=1, max_length=MAX_RUNS)
-    """Methods by name or file, and entries that change one."""
+    methods: list[Entry] = Field(min_length=1, max_length=MAX_RUNS)
+    """Methods, each a name, a file, or a table that changes one."""
     seeds: list[Annotated[int, Field(ge=0, le=2**31 - 1)]] = Field(min_length=1, max_length=MAX_RUNS)
     """Seeds; numpy takes up to 2^32 - 1, and later episodes have larger ones."""
     demos: Short | None = None
@@ -122,7 +123,7 @@ def plan_runs(file: SweepFile) -> list[SweepRun]:
                                f"task's .yaml file, or an id of Gymnasium such as Pendulum-v1")
     runs: dict[Path, SweepRun] = {}
     for seed, task, method in product(file.seeds, file.tasks, file.methods):
-        run = _plan_run(file, seed, task, Entry.of(method))
+        run = _plan_run(file, seed, task, method)
         if run.out in runs:
             both = [" ".join(["robosim", *one.arguments]) for one in (runs[run.out], run)]
             raise mpm.InvalidValue(f"two runs would share the folder {run.out}: {both[0]!r} and {both[1]!r}; accepted: "

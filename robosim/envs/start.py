@@ -74,7 +74,8 @@ def read_start(options: dict[str, Any] | None) -> StartOptions:
     except (TypeError, ValueError):
         raise ConfigError(f"options of reset: shift = {shift!r}, turn_deg = {turn!r}; accepted: three lengths in "
                           f"metres and an angle") from None
-    return StartOptions(bool(given.get("nominal", False)), tuple(map(float, numbers)), float(turn))
+    x, y, z = (float(value) for value in numbers)
+    return StartOptions(bool(given.get("nominal", False)), (x, y, z), float(turn))
 
 
 def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.ndarray]:

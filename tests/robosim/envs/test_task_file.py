@@ -92,7 +92,7 @@ def test_a_sweep_names_folders_after_a_task_file() -> None:
     Path("below").mkdir()
     Path("sweep.yaml").write_text(f"tasks: [{own}, {written('below/mine.yaml')}]\nmethods: [sac]\nseeds: [0]\n"
                                   f"out: runs\n")
-    with pytest.raises(mpm.InvalidValue, match="share a folder"):
+    with pytest.raises(mpm.InvalidValue, match="share the folder"):
         plan_runs(load_sweep(Path("sweep.yaml")))
 
 
