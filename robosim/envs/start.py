@@ -55,6 +55,7 @@ class StartOptions(NamedTuple):
 
 
 DEFAULT_START = StartOptions()
+"""Of a reset without options."""
 
 
 def read_start(options: dict[str, Any] | None) -> StartOptions:

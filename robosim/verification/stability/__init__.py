@@ -9,6 +9,5 @@ AXES = ("E", "friction_angle_deg", "courant", "drop_height", "shell_thickness", 
 COMPARISONS = ("lagged_mass_ratio", "lagged_host_step")
 """Axes that compare couplings."""
 SLEEPING_PREFIX = "sleeping_"
-SLEEPING_AXES = tuple(SLEEPING_PREFIX + axis for axis in (
-    "E", "friction_angle_deg", "courant", "drop_height", "degenerate", "mass_ratio", "host_step", "tool_speed"))
-"""Axes of the matrix with particles that sleep."""
+SLEEPING_AXES = tuple(SLEEPING_PREFIX + axis for axis in ("friction_angle_deg", "courant", "drop_height"))
+"""Axes of the matrix with particles that sleep: those in whose scenes some come to rest away from colliders."""

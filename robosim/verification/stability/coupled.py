@@ -37,15 +37,14 @@ BOX = """
 
 def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: float, lift: float,
           bed: tuple[float, float, float], quat: str = "1 0 0 0", floats: bool = False,
-          dt: float = 2e-4, sleep: bool = False) -> GranularPlugin:
+          dt: float = 2e-4) -> GranularPlugin:
     """Build a box above a bed of sand.
 
     mass [kg]; half: of its side [m]; lift: of its lower face above the bed [m]; bed: size [m]; floats: without weight.
     """
     positions = mpm.sample_box((0, 0, 0), bed, CELL / 2)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (bed[0], bed[1], bed[2] + 0.12), CELL), walls=mpm.Walls(friction=0.5),
-                        bodies=[mpm.Body(make_sand(E), positions, volume=float(np.prod(bed)) / len(positions))], dt=dt,
-                        sleep=sleep)
+                        bodies=[mpm.Body(make_sand(E), positions, volume=float(np.prod(bed)) / len(positions))], dt=dt)
     x = bed[0] / 2 if not floats else 0.3 * bed[0]
     model = mujoco.MjModel.from_xml_string(BOX.format(
         host_step=host_step, half=half, mass=mass, x=x, y=bed[1] / 2, z=bed[2] + lift + half, quat=quat,
@@ -104,7 +103,7 @@ def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> 
 
 
 def ploughing(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3, axis: str = "mass_ratio",
-              value: float | None = None, sleep: bool = False) -> CellResult:
+              value: float | None = None) -> CellResult:
     """Push a box, half sunk and without weight, through sand.
 
     ratio: of its mass to that of the particles in contact with it; speed [m/s]; axis, value: of the cell.
@@ -112,7 +111,7 @@ def ploughing(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3,
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mpm.GrainsInSolid)  # the box is emptied below
         plugin = build_scene(ratio * TOUCHED, 2e-3, coupling, half=SIDE / 2, lift=-SIDE / 2, bed=(0.2, 0.112, 0.048),
-                             floats=True, sleep=sleep)
+                             floats=True)
     _empty_the_box(plugin)
     plugin.data.qvel[0] = speed
     result = advance_and_check(plugin, min(0.1, 0.06 / speed), speed)
@@ -128,9 +127,9 @@ def _empty_the_box(plugin: GranularPlugin) -> None:
     solver.load(state)
 
 
-def mass_ratio(ratio: float, sleep: bool = False) -> CellResult:
+def mass_ratio(ratio: float) -> CellResult:
     """Plough with the default coupling."""
-    return ploughing(ratio, sleep=sleep)
+    return ploughing(ratio)
 
 
 def lagged_mass_ratio(ratio: float) -> CellResult:
@@ -138,16 +137,15 @@ def lagged_mass_ratio(ratio: float) -> CellResult:
     return ploughing(ratio, "lagged", axis="lagged_mass_ratio")
 
 
-def tool_speed(speed: float, sleep: bool = False) -> CellResult:
+def tool_speed(speed: float) -> CellResult:
     """Plough with a heavy tool at a speed [m/s]."""
-    return ploughing(1e3, speed=speed, axis="tool_speed", value=speed, sleep=sleep)
+    return ploughing(1e3, speed=speed, axis="tool_speed", value=speed)
 
 
-def rest_height(host_step: float, coupling: Coupling = "mobility",
-                sleep: bool = False) -> tuple[str, dict[str, float]]:
+def rest_height(host_step: float, coupling: Coupling = "mobility") -> tuple[str, dict[str, float]]:
     """Drop a tilted box of 10 g on 200 g of sand; the readings include its rest height [m]."""
     plugin = build_scene(0.01, host_step, coupling, half=0.01, lift=0.02, bed=(0.08, 0.08, 0.0208),
-                         quat="0.98 0.15 0.1 0", dt=1e-4, sleep=sleep)
+                         quat="0.98 0.15 0.1 0", dt=1e-4)
     failure, readings = advance_and_check(plugin, 0.8, np.sqrt(2 * G * 0.03))
     return failure, readings | {"height_m": float(plugin.data.qpos[2])}
 
@@ -158,9 +156,9 @@ def _reference_height() -> float:
     return rest_height(2e-4)[1]["height_m"]
 
 
-def host_step(step: float, sleep: bool = False) -> CellResult:
+def host_step(step: float) -> CellResult:
     """Compare the rest height at MuJoCo steps [s] with that at 0.2 ms: within 0.3 mm."""
-    failure, readings = rest_height(step, sleep=sleep)
+    failure, readings = rest_height(step)
     return _check_height("host_step", step, failure, readings)
 
 

@@ -48,7 +48,8 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
     scale = energy.kinetic + solver.masses().sum() * G * max(drop, solver.grid.cell)
     impulse, exchanged = np.zeros(3), 0.0
     limit = 2 * np.sqrt(2 * G * drop) + 0.1 * wave
-    readings = {"fastest_m_s": 0.0, "energy_gain": -np.inf, "smallest_stretch": np.inf, "momentum": 0.0, "rebound": 0.0}
+    readings = {"fastest_m_s": 0.0, "energy_gain": -np.inf, "smallest_stretch": np.inf, "momentum": 0.0, "rebound": 0.0,
+                "least_awake": 1.0}
     while solver.time < duration - 1e-9:
         try:
             solver.advance(WINDOW)
@@ -65,6 +66,7 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
         readings["smallest_stretch"] = min(readings["smallest_stretch"], float(stretch.min()))
         readings["momentum"] = float(np.abs(solver.momentum().linear - start - impulse).max() / max(exchanged, 1e-12))
         readings["rebound"] = max(readings["rebound"], 0.5 * rise**2 / (G * max(drop, solver.grid.cell)))
+        readings["least_awake"] = min(readings["least_awake"], float(solver.awake.mean()))
         at = f" at t = {solver.time:.4g} s"
         if np.any(x < lower - 1e-6) or np.any(x > upper + 1e-6):
             return "a particle outside the walls" + at, readings
@@ -79,13 +81,13 @@ def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: fl
     return "", readings
 
 
-def build_bed(material: mpm.DruckerPrager, sleep: bool = False) -> mpm.Solver:
+def build_bed(material: mpm.DruckerPrager) -> mpm.Solver:
     """Build a bed 0.1 m deep with periodic sides, under sudden gravity."""
     side = 4 * CELL
     positions = mpm.sample_box((0, 0, 0), (side, side, 0.1), CELL / 2)
     sides = ("periodic", "periodic", "friction")
     return mpm.Solver(grid=mpm.Grid((0, 0, 0), (side, side, 0.15), CELL), walls=mpm.Walls(lower=sides, upper=sides),
-                      bodies=[mpm.Body(material, positions, volume=(CELL / 2) ** 3)], sleep=sleep)
+                      bodies=[mpm.Body(material, positions, volume=(CELL / 2) ** 3)])
 
 
 def build_block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None = None,
@@ -98,9 +100,9 @@ def build_block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None
                       sleep=sleep)
 
 
-def stiffness(E: float, sleep: bool = False) -> CellResult:
+def stiffness(E: float) -> CellResult:
     """Load a bed of Young's modulus E [Pa] by its weight: from 0.1 MPa on its height stays within 1 %."""
-    solver = build_bed(make_sand(E), sleep)
+    solver = build_bed(make_sand(E))
     failure, readings = advance_and_check(solver, 0.25, 0.1, sound_speed(E))
     top = solver.positions()[:, 2].max() + CELL / 4 if not failure else np.nan
     if not failure and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
@@ -171,9 +173,9 @@ def lone_grains(place: str) -> CellResult:
     return cell_result("lone_grain", place, *advance_and_check(solver, 20_000 * solver.dt, 0.1, sound_speed(1e5)))
 
 
-def degenerate(kind: str, sleep: bool = False) -> CellResult:
+def degenerate(kind: str) -> CellResult:
     """Start from rest, equal stretches, strong compression, or a velocity gradient that would invert F."""
-    solver = build_block(make_sand(), sleep=sleep)
+    solver = build_block(make_sand())
     if kind == "rest":
         solver.set_gravity(np.zeros(3))
     else:
