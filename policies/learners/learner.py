@@ -7,18 +7,13 @@ import numpy as np
 import sb3_contrib
 import stable_baselines3
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.torch_layers import CombinedExtractor
 
 import mpm
 from policies.learners.buffers import DemoReplayBuffer
-from policies.learners.networks import (
-    DeepSets,
-    DelayedActorMixin,
-    EmbeddedCritic,
-    NormalisedCritic,
-    NormalisedEmbeddedCritic,
-    PartsEncoder,
-    PointNet,
-)
+from policies.learners.critics import EnsemblePolicy
+from policies.learners.networks import DeepSets, DelayedActorMixin, PartsEncoder, PointNet
+from policies.learners.soft_actor_critic import EnsembleSAC
 from policies.learners.wrappers import zero_residual
 from policies.learning.presets import Preset
 
@@ -34,7 +29,7 @@ ENCODERS = {"pointnet": PointNet, "deep_sets": DeepSets, "parts": PartsEncoder}
 def learner_class(preset: Preset) -> Any:
     """Return the class of a preset's learner; GAIL's policy learns by PPO."""
     name = "PPO" if preset.learner == "GAIL" else preset.learner
-    kind = getattr(sb3_contrib if name in CONTRIBUTED else stable_baselines3, name)
+    kind = EnsembleSAC if name == "SAC" else getattr(sb3_contrib if name in CONTRIBUTED else stable_baselines3, name)
     return type(f"DelayedActor{name}", (DelayedActorMixin, kind), {}) if preset.actor is not None else kind
 
 
@@ -47,12 +42,17 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
         mpm.InvalidValue: options that the learner's class does not have, or parts of the preset that do not fit it.
     """
     kind, options = learner_class(preset), dict(preset.options)
-    policy: Any = "MlpPolicy"
     policy_options = dict(options.pop("policy_kwargs", {}))
-    if preset.encoder == "parts":
-        policy = NormalisedEmbeddedCritic if preset.critic_layer_norm else EmbeddedCritic
-    elif preset.critic_layer_norm:
-        policy = NormalisedCritic
+    is_dict = isinstance(env.observation_space, gymnasium.spaces.Dict)
+    policy: Any = "MultiInputPolicy" if is_dict else "MlpPolicy"
+    if preset.learner == "SAC":
+        policy = EnsemblePolicy
+        policy_options = {"layer_norm": preset.critic_layer_norm, "embed_actions": preset.encoder == "parts",
+                          "optimizer_kwargs": {"fused": True}, **policy_options}
+        if is_dict:
+            policy_options["features_extractor_class"] = CombinedExtractor
+        if preset.critics is not None:
+            policy_options["n_critics"] = preset.critics.count
     if preset.encoder is not None:
         if not slices:
             raise mpm.InvalidValue(f"encoder {preset.encoder}: needs a task with grains, and obs: flat")
@@ -67,8 +67,6 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
         options["replay_buffer_class"] = DemoReplayBuffer
         options["replay_buffer_kwargs"] = {"demo_size": demos.size, "demo_fraction": demos.fraction} if demos else {
             "demo_size": 1}
-    if isinstance(env.observation_space, gymnasium.spaces.Dict):
-        policy = "MultiInputPolicy"
     try:
         model = kind(policy, env, seed=seed, policy_kwargs=policy_options, device="cpu", **options)
     except (TypeError, ValueError, AssertionError, LookupError) as error:  # as Stable-Baselines3 refuses them
@@ -79,4 +77,8 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
         if not hasattr(getattr(model, "actor", None), "optimizer"):
             raise mpm.InvalidValue(f"actor with learner {preset.learner}; accepted: SAC, TD3, DDPG, TQC or CrossQ")
         model.actor_waits, model.actor_rate = preset.actor.waits, preset.actor.rate
+        if preset.learner == "SAC":
+            model.actor_every = preset.actor.every
+    if preset.critics is not None:
+        model.subset = preset.critics.subset
     return model

@@ -1,74 +1,14 @@
-"""Networks beyond Stable-Baselines3's own: critics normalised or with embedded actions, a delayed actor, encoders of
-grains.
-"""
+"""Networks beyond Stable-Baselines3's own: encoders of grains, and a delayed actor."""
 
 from typing import Any
 
 import gymnasium
 import torch
-from stable_baselines3.common.policies import ContinuousCritic
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
-from torch.nn import functional
 
 WIDTH = 64
 """Features per grain."""
-
-
-class NormalisedReLU(nn.Module):
-    """Layer normalisation without parameters, then max(0, x)."""
-
-    def forward(self, x: Any) -> Any:
-        """Map (..., features) to the same shape."""
-        return functional.relu(functional.layer_norm(x, x.shape[-1:]))
-
-
-class NormalisedCritic(SACPolicy):
-    """SAC's policy with layer normalisation in its critics (Ball et al. 2023)."""
-
-    def make_critic(self, features_extractor: Any = None) -> ContinuousCritic:
-        """Make the critic as Stable-Baselines3 does, with another activation."""
-        arguments = self._update_features_extractor(self.critic_kwargs, features_extractor)
-        return ContinuousCritic(**{**arguments, "activation_fn": NormalisedReLU}).to(self.device)
-
-
-class EmbeddedAction(nn.Module):
-    """A critic's network that embeds the action before it joins it: 3 numbers among 1000 leave little trace.
-
-    network: layers whose first takes features and action; a layer that takes the embedded action replaces it.
-    """
-
-    def __init__(self, network: Any, actions: int, width: int = WIDTH) -> None:
-        super().__init__()
-        first = network[0]
-        self._actions, self._embed = actions, embedding(actions, width)
-        self._network = nn.Sequential(nn.Linear(first.in_features - actions + width, first.out_features), *network[1:])
-
-    def forward(self, x: torch.Tensor) -> Any:
-        """Map (batch, features + actions) to (batch, 1)."""
-        features, action = x[:, : -self._actions], x[:, -self._actions :]
-        return self._network(torch.cat((features, self._embed(action)), 1))
-
-
-class EmbeddedActionMixin:
-    """Mixed into a policy of SAC: its critics embed the action."""
-
-    def make_critic(self, features_extractor: Any = None) -> ContinuousCritic:
-        """Make the critic as the policy does, with other networks."""
-        critic = super().make_critic(features_extractor)  # pyright: ignore[reportAttributeAccessIssue]
-        for i, network in enumerate(critic.q_networks):
-            critic.q_networks[i] = EmbeddedAction(network, critic.action_space.shape[0]).to(critic.device)
-            critic.add_module(f"qf{i}", critic.q_networks[i])
-        return critic
-
-
-class EmbeddedCritic(EmbeddedActionMixin, SACPolicy):
-    """SAC's policy whose critics embed the action."""
-
-
-class NormalisedEmbeddedCritic(EmbeddedActionMixin, NormalisedCritic):
-    """The same with layer normalisation in the critics."""
 
 
 class DelayedActorMixin:

@@ -69,6 +69,24 @@ class Actor(pydantic.BaseModel):
     """Number of actions before the actor's first update."""
     rate: float = Field(1.0, ge=1e-6, le=1e3)
     """The actor's learning rate divided by the critics'."""
+    every: int = Field(1, ge=1, le=10_000)
+    """Updates of the critics for one of the actor."""
+
+
+class Critics(pydantic.BaseModel):
+    """An ensemble of critics (Chen et al. 2021, Ball et al. 2023)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    count: int = Field(10, ge=2, le=100)
+    subset: int = Field(2, ge=1, le=100)
+    """Critics, drawn for each update, whose minimum is the target; the actor follows the mean of all."""
+
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "Critics":
+        if self.subset > self.count:
+            raise ValueError(f"subset {self.subset} of {self.count} critics; accepted: up to {self.count}")
+        return self
 
 
 class GraphSizes(pydantic.BaseModel):
@@ -122,6 +140,8 @@ class Preset(pydantic.BaseModel):
     """How the actor learns; null: like its critics."""
     critic_layer_norm: bool = False
     """Layer normalisation in the critics."""
+    critics: Critics | None = None
+    """Ensemble of critics; null: two, whose minimum is the target and what the actor follows."""
     encoder: Literal["pointnet", "deep_sets", "parts"] | None = None
     """Encoder of the grains: permutation-invariant (pointnet, deep_sets), or one that embeds the grains, the rest of
     the observation and the critic's action apart before it joins them (parts); null: no encoder."""
@@ -184,11 +204,11 @@ class Preset(pydantic.BaseModel):
             raise ValueError(f"learner {self.learner} with obs dict; accepted: any layout that is one array")
         if self.grains_as_one and not self.scaled:
             raise ValueError("grains_as_one with scaled: false; accepted: with scaled observations")
-        if self.encoder == "parts" and self.learner != "SAC":
-            raise ValueError(f"encoder parts with learner {self.learner}; accepted: SAC")
-        if self.critic_layer_norm and (self.obs == "dict" or self.learner != "SAC"):
-            raise ValueError(f"critic_layer_norm with learner {self.learner} and obs {self.obs}; accepted: SAC, "
-                             f"any obs but dict")
+        for name, is_given in (("critic_layer_norm", self.critic_layer_norm), ("critics", self.critics is not None),
+                               ("actor.every", self.actor is not None and self.actor.every > 1),
+                               ("encoder parts", self.encoder == "parts")):
+            if is_given and self.learner != "SAC":
+                raise ValueError(f"{name} with learner {self.learner}; accepted: SAC")
         required = REQUIRED.get(self.learner, ())
         missing = [name for name in required if self.options.get(name) is None]
         if missing:

@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 
 from policies.learners.buffers import DemoReplayBuffer  # noqa: E402
 from policies.learners.learner import ENCODERS, build_learner, learner_class  # noqa: E402
-from policies.learners.networks import WIDTH, NormalisedReLU, PartsEncoder  # noqa: E402
+from policies.learners.networks import WIDTH, PartsEncoder  # noqa: E402
 from policies.learning.bundled import bundled_names  # noqa: E402
 from policies.learning.preset_files import load_preset  # noqa: E402
 
@@ -58,12 +58,20 @@ def test_a_model_has_every_setting_of_its_preset(name):
     if demos is not None:
         assert (buffer.demo.buffer_size, buffer.demo_fraction) == (demos.size, demos.fraction)
     assert (model.action_noise is not None) == (preset.learner in ("TD3", "DDPG"))
-    critic, n = model.critic.qf0, 32
-    assert any(isinstance(layer, NormalisedReLU) for layer in critic) == preset.critic_layer_norm
+    critic, n = model.critic, 32
     if preset.encoder is not None:
-        assert type(model.critic.features_extractor) is ENCODERS[preset.encoder]
-        n = 64 * ENCODERS[preset.encoder].POOLS + 8
-    assert critic[0].in_features == n + 3 and widths(critic) == [256, 256, 1]
+        assert type(critic.features_extractor) is ENCODERS[preset.encoder]
+        n = 2 * WIDTH if preset.encoder == "parts" else WIDTH * ENCODERS[preset.encoder].POOLS + 8
+    if preset.learner != "SAC":
+        assert widths(critic.qf0) == [256, 256, 1]
+        return
+    assert (critic.norms is not None) == preset.critic_layer_norm
+    assert (critic.embed is not None) == (preset.encoder == "parts")
+    assert critic.n == (preset.critics.count if preset.critics else 2)
+    assert model.subset == (preset.critics.subset if preset.critics else None)
+    assert model.actor_every == (preset.actor.every if preset.actor else 1)
+    assert critic.of_features.weight.shape == (n, critic.n, 256)
+    assert [layer.weight.shape[2] for layer in critic.layers] == [256, 1]
 
 
 SET_ENCODERS = ("pointnet", "deep_sets")
@@ -74,17 +82,13 @@ def test_parts_are_embedded_apart(layer_norm):
     """In actor and critics; the targets begin as copies, and all layers learn."""
     preset = load_preset("dg_sac", lambda table: {**table, "encoder": "parts", "critic_layer_norm": layer_norm})
     model = build_learner(preset, Grains(), 0, SLICES)
-    critic = model.critic.qf1._network
-    assert critic[0].in_features == 3 * WIDTH and widths(critic) == [256, 256, 1]
-    assert any(isinstance(layer, NormalisedReLU) for layer in critic) == layer_norm
     assert isinstance(model.actor.features_extractor, PartsEncoder)
     learning = {id(p) for group in model.critic.optimizer.param_groups for p in group["params"]}
     assert {id(p) for p in model.critic.parameters()} == learning
     rng = np.random.default_rng(0)
     observation = torch.as_tensor(rng.normal(size=(5, 32)), dtype=torch.float32)
     action = torch.as_tensor(rng.uniform(-1, 1, (5, 3)), dtype=torch.float32)
-    for own, target in zip(model.critic(observation, action), model.critic_target(observation, action)):
-        assert torch.equal(own, target)
+    assert torch.equal(model.critic(observation, action), model.critic_target(observation, action))
     assert not torch.allclose(model.critic(observation, -action)[0], model.critic(observation, action)[0], atol=1e-4)
 
 

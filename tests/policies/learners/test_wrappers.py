@@ -71,7 +71,7 @@ def test_a_delayed_actor_does_not_change_while_its_critics_learn():
     assert not torch.equal(parameters(model.actor), actor)
     rates = {part: getattr(model, part).optimizer.param_groups[0]["lr"] for part in ("actor", "critic")}
     assert rates["actor"] == pytest.approx(preset.actor.rate * rates["critic"])
-    plain = build_learner(load_preset("sac"), gymnasium.make("Pendulum-v1"), 0)
+    plain = build_learner(load_preset("td3"), gymnasium.make("Pendulum-v1"), 0)
     assert type(plain).__module__.startswith("stable_baselines3")
     ppo = load_preset("ppo").model_copy(update={"actor": preset.actor})
     with pytest.raises(mpm.InvalidValue, match="actor with learner PPO; accepted: SAC"):

@@ -1,0 +1,109 @@
+"""Critics of soft actor-critic as one ensemble: a product of matrices computes a layer of all of them."""
+
+from typing import Any
+
+import torch
+from stable_baselines3.common.policies import BaseModel
+from stable_baselines3.sac.policies import SACPolicy
+from torch import nn
+from torch.nn import functional
+
+EMBEDDING = 64
+"""Features of an embedded action."""
+
+
+class EnsembleLayer(nn.Module):
+    """A layer of n networks: y = x W + b, its input their own or shared by all; initialised as `nn.Linear`.
+
+    fan_in: inputs that the initialisation counts, where the layer is a part of a wider one.
+    """
+
+    def __init__(self, n: int, inputs: int, outputs: int, fan_in: int | None = None, bias: bool = True) -> None:
+        super().__init__()
+        bound = (fan_in or inputs) ** -0.5
+        self.weight = nn.Parameter(torch.empty(inputs, n, outputs).uniform_(-bound, bound))
+        """(inputs, n, outputs), so that a shared input is one product."""
+        self.bias = nn.Parameter(torch.empty(n, 1, outputs).uniform_(-bound, bound)) if bias else None
+
+    def forward(self, x: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
+        """Map (batch, inputs), or (n, batch, inputs), to (n, batch, outputs), of the given members (None: all)."""
+        W = self.weight if members is None else self.weight[:, members]
+        if x.dim() == 2:
+            y = (x @ W.flatten(1)).unflatten(1, W.shape[1:]).transpose(0, 1)
+        else:
+            y = torch.bmm(x, W.transpose(0, 1))
+        if self.bias is None:
+            return y
+        return y + (self.bias if members is None else self.bias[members])
+
+
+class EnsembleNorm(nn.Module):
+    """Layer normalisation of n networks, each with its own scale and shift."""
+
+    def __init__(self, n: int, width: int) -> None:
+        super().__init__()
+        self.scale, self.shift = nn.Parameter(torch.ones(n, 1, width)), nn.Parameter(torch.zeros(n, 1, width))
+
+    def forward(self, x: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
+        """Map (n, batch, width) to the same shape."""
+        scale, shift = (part if members is None else part[members] for part in (self.scale, self.shift))
+        return functional.layer_norm(x, x.shape[-1:]) * scale + shift
+
+
+class CriticEnsemble(BaseModel):
+    """n critics of an observation and an action.
+
+    layer_norm: whether hidden layers are normalised (Ball et al. 2023). embed_actions: whether each critic embeds the
+    action before it joins it to the observation: 3 numbers among 1000 leave little trace.
+    """
+
+    def __init__(self, observation_space: Any, action_space: Any, net_arch: list[int], features_extractor: Any,
+                 features_dim: int, n_critics: int = 2, layer_norm: bool = False, embed_actions: bool = False,
+                 normalize_images: bool = True) -> None:
+        super().__init__(observation_space, action_space, features_extractor=features_extractor,
+                         normalize_images=normalize_images)
+        self.n, actions = n_critics, action_space.shape[0]
+        width = EMBEDDING if embed_actions else actions
+        self.embed = EnsembleLayer(self.n, actions, width) if embed_actions else None
+        self.embed_norm = EnsembleNorm(self.n, width) if embed_actions else None
+        first = net_arch[0] if net_arch else 1
+        self.of_features = EnsembleLayer(self.n, features_dim, first, features_dim + width)
+        self.of_action = EnsembleLayer(self.n, width, first, features_dim + width, bias=False)
+        sizes = [*net_arch, 1]
+        self.layers = nn.ModuleList(EnsembleLayer(self.n, a, b) for a, b in zip(sizes, sizes[1:]))
+        self.norms = nn.ModuleList(EnsembleNorm(self.n, size) for size in net_arch) if layer_norm else None
+
+    def forward(self, observations: Any, actions: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
+        """Return values (n, batch), of the given members only."""
+        return self.evaluate(self.features(observations), actions, members)
+
+    def features(self, observations: Any) -> torch.Tensor:
+        """Return what all critics see of observations (batch, ...): features (batch, features)."""
+        return self.extract_features(observations, self.features_extractor)
+
+    def evaluate(self, features: torch.Tensor, actions: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
+        """Return values (n, batch) of features and actions."""
+        x = actions
+        if self.embed is not None:
+            assert self.embed_norm is not None
+            x = functional.relu(self.embed_norm(self.embed(actions, members), members))
+        x = self.of_features(features, members) + self.of_action(x, members)
+        for k, layer in enumerate(self.layers):
+            if self.norms is not None:
+                x = self.norms[k](x, members)
+            x = layer(functional.relu(x), members)
+        return x.squeeze(2)
+
+
+class EnsemblePolicy(SACPolicy):
+    """SAC's policy with its critics as an ensemble; options as of `CriticEnsemble`."""
+
+    def __init__(self, *arguments: Any, layer_norm: bool = False, embed_actions: bool = False, **options: Any) -> None:
+        self._critic_options = {"layer_norm": layer_norm, "embed_actions": embed_actions}
+        super().__init__(*arguments, **options)
+
+    def make_critic(self, features_extractor: Any = None) -> Any:
+        """Make the critics."""
+        given = self._update_features_extractor(self.critic_kwargs, features_extractor)
+        kept = {key: value for key, value in given.items() if key not in ("activation_fn", "share_features_extractor")}
+        return CriticEnsemble(**kept, **self._critic_options).to(self.device)

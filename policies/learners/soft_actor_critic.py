@@ -1,0 +1,83 @@
+"""Soft actor-critic with an ensemble of critics."""
+
+from typing import Any
+
+import torch
+from stable_baselines3 import SAC
+from torch.nn import functional
+
+
+class EnsembleSAC(SAC):
+    """SAC of Stable-Baselines3 with updates of its own; its policy is an `EnsemblePolicy`.
+
+    With two critics the updates are those of Stable-Baselines3 up to rounding, in fewer operations: no gradients that
+    nothing uses, and all critics in one product. subset: number of critics, drawn for each update, whose minimum is
+    the target (Chen et al. 2021); the actor then follows the mean of all critics. None: the minimum of all, for both.
+    actor_every: updates of the critics for one of the actor and the temperature.
+    """
+
+    subset: int | None = None
+    actor_every = 1
+
+    def train(self, gradient_steps: int, batch_size: int = 64) -> None:
+        """Make updates with batches of the replay buffer."""
+        self.policy.set_training_mode(True)
+        learned = self.ent_coef_optimizer is not None
+        self._update_learning_rate([self.actor.optimizer, self.critic.optimizer,
+                                    *([self.ent_coef_optimizer] if learned else [])])
+        losses: dict[str, list[torch.Tensor]] = {name: [] for name in ("critic_loss", "actor_loss", "ent_coef_loss",
+                                                                       "ent_coef")}
+        for _ in range(gradient_steps):
+            self._n_updates += 1
+            self._update(self._n_updates % self.actor_every == 0, batch_size, losses)
+        self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+        for name, values in losses.items():
+            if values:
+                self.logger.record(f"train/{name}", float(torch.stack(values).mean()))
+
+    def _update(self, is_actors: bool, batch_size: int, losses: dict[str, list[torch.Tensor]]) -> None:
+        """Update the critics with one batch, and the actor and the temperature too where it is their turn."""
+        buffer: Any = self.replay_buffer
+        batch = buffer.sample(batch_size, env=self._vec_normalize_env)
+        if self.use_sde:
+            self.actor.reset_noise()
+        temperature: Any = self.ent_coef_tensor if self.log_ent_coef is None else self.log_ent_coef.detach().exp()
+        losses["ent_coef"].append(temperature.mean())
+        actions, log_prob = self.actor.action_log_prob(batch.observations) if is_actors else (None, None)
+        if log_prob is not None and self.ent_coef_optimizer is not None:
+            assert self.log_ent_coef is not None and isinstance(self.target_entropy, float)
+            loss = -(self.log_ent_coef * (log_prob.detach() + self.target_entropy)).mean()
+            step(self.ent_coef_optimizer, loss)
+            losses["ent_coef_loss"].append(loss.detach())
+        losses["critic_loss"].append(self._update_critics(batch, temperature))
+        if actions is not None:
+            with torch.no_grad():
+                features = self.critic.features(batch.observations)
+            values = self.critic.evaluate(features, actions)
+            value = values.min(0)[0] if self.subset is None else values.mean(0)
+            loss = (temperature * log_prob - value).mean()
+            step(self.actor.optimizer, loss)
+            losses["actor_loss"].append(loss.detach())
+        if self._n_updates % self.target_update_interval == 0:
+            with torch.no_grad():
+                torch._foreach_lerp_(list(self.critic_target.parameters()), list(self.critic.parameters()), self.tau)
+
+    def _update_critics(self, batch: Any, temperature: torch.Tensor) -> torch.Tensor:
+        """Fit the critics to the rewards and the values of the next observations; return the loss."""
+        with torch.no_grad():
+            actions, log_prob = self.actor.action_log_prob(batch.next_observations)
+            members = None if self.subset is None else torch.randperm(self.critic.n)[: self.subset]
+            value = self.critic_target(batch.next_observations, actions, members).min(0)[0] - temperature * log_prob
+            discount = self.gamma if batch.discounts is None else batch.discounts[:, 0]
+            target = batch.rewards[:, 0] + (1 - batch.dones[:, 0]) * discount * value
+        values = self.critic(batch.observations, batch.actions)
+        loss = 0.5 * functional.mse_loss(values, target.expand_as(values)) * len(values)  # a sum over the critics
+        step(self.critic.optimizer, loss)
+        return loss.detach()
+
+
+def step(optimizer: torch.optim.Optimizer, loss: torch.Tensor) -> None:
+    """Move an optimizer's parameters down the gradient of a loss; no other parameter's gradient is computed."""
+    optimizer.zero_grad()
+    loss.backward(inputs=[parameter for group in optimizer.param_groups for parameter in group["params"]])
+    optimizer.step()

@@ -1,0 +1,157 @@
+"""Soft actor-critic with an ensemble of critics, against Stable-Baselines3's own and against its definition."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+from stable_baselines3 import SAC  # noqa: E402
+from stable_baselines3.common.logger import Logger  # noqa: E402
+
+from policies.learners.critics import CriticEnsemble, EnsembleLayer, EnsembleNorm, EnsemblePolicy  # noqa: E402
+from policies.learners.soft_actor_critic import EnsembleSAC  # noqa: E402
+
+torch.set_num_threads(1)
+OBSERVED, ACTED, BATCH = 7, 3, 16
+
+
+class Noise(gymnasium.Env):
+    """An environment for models that are trained on transitions drawn at random."""
+
+    observation_space = gymnasium.spaces.Box(-1.0, 1.0, (OBSERVED,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (ACTED,), np.float32)
+
+
+def make_model(kind=EnsembleSAC, policy=EnsemblePolicy, net_arch=(12, 10), **policy_options):
+    """A model with a full buffer."""
+    model = kind(policy, Noise(), seed=5, batch_size=BATCH, buffer_size=64, learning_rate=1e-2, device="cpu",
+                 policy_kwargs={"net_arch": list(net_arch), **policy_options})
+    model.set_logger(Logger(None, []))
+    rng = np.random.default_rng(0)
+    for _ in range(64):
+        model.replay_buffer.add(*(rng.normal(size=(1, n)).astype(np.float32) for n in (OBSERVED, OBSERVED, ACTED)),
+                                rng.normal(size=1), rng.random(1) < 0.2, [{}])
+    return model
+
+
+def copy_critics(source, target: CriticEnsemble) -> None:
+    """Give an ensemble the weights of Stable-Baselines3's critics."""
+    with torch.no_grad():
+        for i, network in enumerate(source.q_networks):
+            linear = [layer for layer in network if isinstance(layer, torch.nn.Linear)]
+            target.of_features.weight[:, i] = linear[0].weight.T[:OBSERVED]
+            target.of_action.weight[:, i] = linear[0].weight.T[OBSERVED:]
+            target.of_features.bias[i, 0] = linear[0].bias
+            for layer, one in zip(target.layers, linear[1:], strict=True):
+                layer.weight[:, i], layer.bias[i, 0] = one.weight.T, one.bias
+
+
+def test_updates_are_those_of_the_library():
+    """With two critics, from the same weights, batches and random numbers: actor, critics, targets and temperature."""
+    theirs, ours = make_model(SAC, "MlpPolicy"), make_model()
+    ours.actor.load_state_dict(theirs.actor.state_dict())
+    for mine, other in ((ours.critic, theirs.critic), (ours.critic_target, theirs.critic_target)):
+        copy_critics(other, mine)
+    before = [parameter.clone() for parameter in ours.policy.parameters()]
+    for model in (theirs, ours):
+        np.random.seed(3)  # noqa: NPY002  (the buffer draws from it)
+        torch.manual_seed(3)
+        model.train(20, BATCH)
+    for mine, other in zip(ours.actor.parameters(), theirs.actor.parameters(), strict=True):
+        assert torch.allclose(mine, other, atol=2e-5)
+    for mine, other in ((ours.critic, theirs.critic), (ours.critic_target, theirs.critic_target)):
+        expected = make_model().critic
+        copy_critics(other, expected)
+        for one, two in zip(mine.parameters(), expected.parameters(), strict=True):
+            assert torch.allclose(one, two, atol=2e-5)
+    assert float(ours.log_ent_coef.detach()) == pytest.approx(float(theirs.log_ent_coef.detach()), abs=1e-5)
+    assert any((old - new).abs().max() > 1e-2 for old, new in zip(before, ours.policy.parameters()))
+
+
+@pytest.mark.parametrize("options", [{}, {"layer_norm": True}, {"embed_actions": True},
+                                     {"layer_norm": True, "embed_actions": True}])
+def test_members_do_not_depend_on_each_other(options):
+    """A critic's value is the same alone and among others, and its gradient touches its own weights only."""
+    critic = make_model(n_critics=4, **options).critic
+    observations, actions = torch.randn(5, OBSERVED), torch.rand(5, ACTED) * 2 - 1
+    values = critic(observations, actions)
+    assert values.shape == (4, 5)
+    chosen = torch.tensor([2, 0])
+    assert torch.allclose(critic(observations, actions, chosen), values[chosen], atol=1e-6)
+    values[1].sum().backward()
+    for module in critic.modules():
+        if isinstance(module, EnsembleLayer):
+            sizes = module.weight.grad.abs().amax((0, 2))
+            assert sizes[1] > 0 and sizes[[0, 2, 3]].max() == 0
+        elif isinstance(module, EnsembleNorm):
+            assert module.shift.grad[[0, 2, 3]].abs().max() == 0
+    assert {id(p) for group in make_optimizer_groups(critic) for p in group} == {id(p) for p in critic.parameters()}
+
+
+def make_optimizer_groups(critic):
+    """Parameters that the critic's optimizer moves."""
+    return [group["params"] for group in critic.optimizer.param_groups]
+
+
+def test_normalised_values_ignore_the_scale_of_the_layer_before():
+    """Layer normalisation does what it is for; without it values grow with the weights."""
+    observations, actions = torch.randn(5, OBSERVED), torch.rand(5, ACTED)
+    for layer_norm in (True, False):
+        critic = make_model(layer_norm=layer_norm).critic
+        before = critic(observations, actions).detach()
+        with torch.no_grad():
+            for parameter in (critic.of_features.weight, critic.of_features.bias, critic.of_action.weight):
+                parameter.mul_(1000.0)
+        change = (critic(observations, actions) - before).abs().max() / before.abs().max()
+        assert (change < 1e-3) == layer_norm
+
+
+def test_an_update_of_the_actor_leaves_the_critics_gradients_alone():
+    """Only what an optimizer moves gets a gradient."""
+    model = make_model()
+    model.train(1, BATCH)
+    grads = [parameter.grad.clone() for parameter in model.critic.parameters()]
+    actions, log_prob = model.actor.action_log_prob(torch.randn(4, OBSERVED))
+    from policies.learners.soft_actor_critic import step
+
+    step(model.actor.optimizer, (log_prob - model.critic(torch.randn(4, OBSERVED), actions).min(0)[0]).mean())
+    for parameter, grad in zip(model.critic.parameters(), grads, strict=True):
+        assert torch.equal(parameter.grad, grad)
+
+
+def test_a_subset_gives_the_target_and_the_mean_moves_the_actor(monkeypatch):
+    """Critics that answer with constants: the target is the smaller of two that were drawn, at random."""
+    model = make_model(n_critics=5)
+    model.subset, model.gamma = 2, 0.5
+    constants = torch.arange(5.0)
+    with torch.no_grad():
+        model.critic_target.layers[-1].weight.zero_()
+        model.critic_target.layers[-1].bias.copy_(constants[:, None, None])
+    drawn, target = [], []
+    forward = model.critic_target.forward
+    monkeypatch.setattr(model.critic_target, "forward", lambda *given: drawn.append(given[2]) or forward(*given))
+    batch = model.replay_buffer.sample(BATCH)
+    monkeypatch.setattr("policies.learners.soft_actor_critic.functional.mse_loss",
+                        lambda values, expected: target.append(expected) or ((values - expected) ** 2).mean())
+    for _ in range(200):
+        model._update_critics(batch, torch.tensor(0.0))
+    least = torch.stack([constants[members].min() for members in drawn])
+    assert all(len(set(members.tolist())) == 2 for members in drawn)
+    seen = torch.stack([one[0] for one in target])
+    expected = batch.rewards[:, 0] + (1 - batch.dones[:, 0]) * 0.5 * least[:, None]
+    assert torch.allclose(seen, expected)
+    # The smaller of two of 0..4 is 0 with probability 2/5: 80 of 200 draws, deviation 6.9; five of them are allowed.
+    assert 45 <= int((least == 0).sum()) <= 115
+
+
+def test_the_actor_waits_its_turn():
+    """It moves in every third update; the critics in all."""
+    model = make_model(n_critics=3)
+    model.subset, model.actor_every = 2, 3
+    moved = []
+    for _ in range(6):
+        actor, critic = ([p.clone() for p in part.parameters()] for part in (model.actor, model.critic))
+        model.train(1, BATCH)
+        moved.append(any((a - b).abs().max() > 0 for a, b in zip(actor, model.actor.parameters())))
+        assert any((a - b).abs().max() > 0 for a, b in zip(critic, model.critic.parameters()))
+    assert moved == [False, False, True, False, False, True]
