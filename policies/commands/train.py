@@ -37,6 +37,8 @@ def add_parser(commands: Any) -> None:
                         "N episodes; an interrupted run writes its last one (default: 10)")
     parser.add_number("--evaluate-every", default=10, metavar="N", help="evaluate the policy without exploration after "
                       "every N episodes; the best one is kept (default: 10)")
+    parser.add_number("--n-envs", default=1, metavar="N", help="sub-tasks that are simulated together, with as many "
+                      "updates a transition as for one alone (default: 1)")
     parser.add_argument("--label", help="name of the run's line in `robosim tables`, for a method with changes "
                         "(default: the method)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
@@ -57,4 +59,4 @@ def run(options: argparse.Namespace) -> int:
     return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
                  starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
                  checkpoint_every=o.checkpoint_every, evaluate_every=o.evaluate_every,
-                 label=o.label, change=o.settings.apply)
+                 label=o.label, n_envs=o.n_envs, change=o.settings.apply)

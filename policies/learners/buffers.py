@@ -31,14 +31,14 @@ class DemoReplayBuffer(ReplayBuffer):
     """
 
     def __init__(self, buffer_size: int, observation_space: spaces.Space, action_space: spaces.Space, *args: Any,
-                 demo_size: int = 50_000, demo_fraction: float = 0.5, **options: Any) -> None:
+                 demo_size: int = 50_000, demo_fraction: float = 0.5, n_envs: int = 1, **options: Any) -> None:
         if not 0.0 <= demo_fraction <= 1.0:
             raise mpm.InvalidValue(f"demo_fraction {demo_fraction}; accepted: 0 to 1")
         # The base class allocates for its own arrays, which are not used.
         super().__init__(1, spaces.Box(0.0, 1.0, (1,), np.float32), action_space, *args, **options)
         self.observation_space = observation_space
         kind: Any = DictReplayBuffer if isinstance(observation_space, spaces.Dict) else ReplayBuffer
-        self.own = kind(buffer_size, observation_space, action_space, *args, **options)
+        self.own = kind(buffer_size, observation_space, action_space, *args, n_envs=n_envs, **options)
         self.demo = kind(demo_size, observation_space, action_space, *args, **options)
         self.demo_fraction, self._target = demo_fraction, self.own
 
@@ -51,9 +51,16 @@ class DemoReplayBuffer(ReplayBuffer):
         finally:
             self._target = self.own
 
-    def add(self, *transition: Any) -> None:
-        """Add a transition: observation, next observation, action, reward, done, infos, each with a leading index."""
-        self._target.add(*transition)
+    def add(self, *transitions: Any) -> None:
+        """Add observations, next observations, actions, rewards, dones and infos, each with a leading index.
+
+        It is the agent's environments, one transition of each; of demonstrations as many as there are.
+        """
+        if self._target is self.own:
+            self.own.add(*transitions)
+            return
+        for k in range(len(transitions[-1])):
+            self.demo.add(*(select_row(part, k) for part in transitions))
 
     def size(self) -> int:
         """Return the number of transitions in both buffers."""
@@ -91,6 +98,11 @@ class DemoReplayBuffer(ReplayBuffer):
         vars(self).update(state)
         self.own, self.demo = restore(*state["own"]), restore(*state["demo"])
         self._target = self.own
+
+
+def select_row(part: Any, k: int) -> Any:
+    """Return a row of an array, a list or a dictionary of arrays, with a leading index of size one."""
+    return {key: value[k : k + 1] for key, value in part.items()} if isinstance(part, dict) else part[k : k + 1]
 
 
 def concatenate(own: Any, demo: Any) -> Any:
@@ -135,24 +147,26 @@ def restore(kind: Any, state: dict[str, Any], capacity: int) -> Any:
 
 
 def prefill_demo_buffer(model: Any, transitions: Iterable[Transition], updates: int) -> int:
-    """Add transitions to a model's demonstrations, with `updates` gradient updates after each.
+    """Add transitions to a model's demonstrations, with `updates` gradient updates after each; all at once for none.
 
     Returns the number of transitions. Source: arXiv 2406.09178, Algorithm 3, lines 2 to 11.
     """
     count = 0
-    for step in transitions:
+    for part in ([step] for step in transitions) if updates else [list(transitions)]:
         with model.replay_buffer.demonstrating():
-            arrays = (model.policy.scale_action(step.action[None]), np.array([step.reward], np.float32),
-                      np.array([step.done]))
-            model.replay_buffer.add(batched(step.observation), batched(step.next_observation), *arrays, [step.info])
+            model.replay_buffer.add(
+                batched([step.observation for step in part]), batched([step.next_observation for step in part]),
+                model.policy.scale_action(np.array([step.action for step in part])),
+                np.array([step.reward for step in part], np.float32), np.array([step.done for step in part]),
+                [step.info for step in part])
         if updates:
             model.train(updates, model.batch_size)
-        count += 1
+        count += len(part)
     return count
 
 
-def batched(observation: Any) -> Any:
-    """Return an observation with a leading index of size one."""
-    if isinstance(observation, dict):
-        return {key: np.asarray(value)[None] for key, value in observation.items()}
-    return np.asarray(observation)[None]
+def batched(observations: list[Any]) -> Any:
+    """Return observations, arrays or dictionaries of arrays, as one with a leading index."""
+    if isinstance(observations[0], dict):
+        return {key: np.array([one[key] for one in observations]) for key in observations[0]}
+    return np.array(observations)

@@ -67,6 +67,9 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
         options["replay_buffer_class"] = DemoReplayBuffer
         options["replay_buffer_kwargs"] = {"demo_size": demos.size, "demo_fraction": demos.fraction} if demos else {
             "demo_size": 1}
+        n, updates = getattr(env, "num_envs", 1), options.get("gradient_steps", 1)
+        if n > 1 and updates > 0:  # a number of updates for each transition, as with one environment
+            options["gradient_steps"] = n * updates
     try:
         model = kind(policy, env, seed=seed, policy_kwargs=policy_options, device="cpu", **options)
     except (TypeError, ValueError, AssertionError, LookupError) as error:  # as Stable-Baselines3 refuses them

@@ -16,14 +16,16 @@ class SB3VecEnv(VecEnv):
 
     `SB3VecEnv(gymnasium.make_vec("robosim:robosim/SpoonPour-v0", num_envs=8))`
 
+    mode: the environment's autoreset mode, which only a subclass that starts episodes itself has another one of.
+
     Raises:
         mpm.InvalidValue: the environment does not reset in the same step (AutoresetMode.SAME_STEP), as robosim's do.
     """
 
-    def __init__(self, vector: gymnasium.vector.VectorEnv) -> None:
-        if vector.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
+    def __init__(self, vector: gymnasium.vector.VectorEnv, mode: AutoresetMode = AutoresetMode.SAME_STEP) -> None:
+        if vector.metadata.get("autoreset_mode") is not mode:
             raise mpm.InvalidValue(f"SB3VecEnv: autoreset_mode = {vector.metadata.get('autoreset_mode')}; accepted: "
-                                   f"{AutoresetMode.SAME_STEP}")
+                                   f"{mode}")
         self.vector = vector
         super().__init__(vector.num_envs, vector.single_observation_space, vector.single_action_space)
 

@@ -33,6 +33,19 @@ def make_environment(task: str, **options: Any) -> gymnasium.Env:
         raise mpm.InvalidValue(f"task {task!r}: {error}") from error
 
 
+def make_vector_environment(task: str, n: int, **options: Any) -> Any:
+    """Make n environments of a sub-task that this process simulates together, as `make_environment` makes one.
+
+    Raises:
+        mpm.InvalidValue: the task is none of robosim's.
+    """
+    if is_task_file(task):
+        return gymnasium.make_vec("robosim:robosim/Task-v0", num_envs=n, workers=1, task=task, **options)
+    name = task.split("/")[-1].split("-v")[0]
+    check_task(name, " for several environments at once")
+    return gymnasium.make_vec(f"robosim:robosim/{name}-v0", num_envs=n, workers=1, **options)
+
+
 def make_training_environment(task: str, obs: str, action_repeat: int, **options: Any) -> gymnasium.Env:
     """Make the environment of a sub-task, or the one that Gymnasium registers under another id ("Pendulum-v1").
 

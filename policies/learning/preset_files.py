@@ -127,7 +127,7 @@ def migrate_preset(preset: dict[str, Any]) -> dict[str, Any]:
 
 def migrate_manifest(manifest: dict[str, Any]) -> dict[str, Any]:
     """Return the manifest of a run folder with today's keys and a migrated preset."""
-    renamed = _rename_keys(manifest, MANIFEST_KEYS)
+    renamed = {"n_envs": 1, **_rename_keys(manifest, MANIFEST_KEYS)}
     return {**renamed, "preset": migrate_preset(renamed["preset"])} if isinstance(renamed.get("preset"), dict) \
         else renamed
 

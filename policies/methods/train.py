@@ -16,7 +16,7 @@ from policies.learning.presets import Preset
 def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | None = None, episodes: int | None = None,
           material: str | None = None, starts: str = "nominal", action_repeat: int = 10, obs: str | None = None,
           force: bool = False, rollouts: Path | None = None, checkpoint_every: int = 10,
-          evaluate_every: int = 10, label: str | None = None, change: Change | None = None) -> int:
+          evaluate_every: int = 10, label: str | None = None, n_envs: int = 1, change: Change | None = None) -> int:
     """Run a method in a folder to its end; return 0. A finished run is not repeated.
 
     episodes, obs: instead of the preset's. change: of the method's table, before it is checked. Other arguments as in
@@ -27,7 +27,8 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     """
     check_installed()
     for name, number in (("--episodes", episodes), ("--action-repeat", action_repeat),
-                         ("--checkpoint-every", checkpoint_every), ("--evaluate-every", evaluate_every)):
+                         ("--checkpoint-every", checkpoint_every), ("--evaluate-every", evaluate_every),
+                         ("--n-envs", n_envs)):
         if number is not None and number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
     if seed < 0:
@@ -43,7 +44,7 @@ def train(method: str, task: str, out: Path, *, seed: int = 0, demos: Path | Non
     options: dict[str, Any] = {"material": material} if material else {}
     training = Training(method, preset, task, out, seed=seed, demos=demos, starts=starts, action_repeat=action_repeat,
                         force=force, rollouts=rollouts, checkpoint_every=checkpoint_every,
-                        evaluate_every=evaluate_every, label=label, **options)
+                        evaluate_every=evaluate_every, label=label, n_envs=n_envs, **options)
     try:
         if training.folder.is_finished and not force:
             print(f"{out}: finished already")

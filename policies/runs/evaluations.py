@@ -32,11 +32,12 @@ class Evaluations:
 
     Nothing of the run depends on it: neither random numbers nor episodes. env: without what counts the run's episodes.
     folder: of the run, whose evaluations.csv has a row each. every: episodes between two. options: of every reset; the
-    task's own start needs one episode.
+    task's own start needs one episode. is_running: whether the run's episodes are in `env`, too.
     """
 
-    def __init__(self, env: gymnasium.Env, folder: Path, every: int, options: dict[str, Any] | None) -> None:
-        self.env, self.folder, self.every, self._options = env, folder, every, options
+    def __init__(self, env: gymnasium.Env, folder: Path, every: int, options: dict[str, Any] | None,
+                 is_running: bool = True) -> None:
+        self.env, self.folder, self.every, self._options, self._is_running = env, folder, every, options, is_running
         self.seeds = [HELD_OUT] if options else [HELD_OUT + k for k in range(RANDOM_STARTS)]
         self.rows: list[Row] = []
 
@@ -51,11 +52,12 @@ class Evaluations:
         Raises SaturatedActor.
         """
         raw: Any = self.env.unwrapped
-        state, began = raw.state(), time.perf_counter()
+        state, began = raw.state() if self._is_running else None, time.perf_counter()
         try:
             episodes = [self._play(policy, seed) for seed in self.seeds]
         finally:
-            raw.load(state)
+            if state is not None:
+                raw.load(state)
         row = {"episode": count, "episodes": len(episodes),
                **{key: float(np.mean([episode[key] for episode in episodes])) for key in episodes[0]},
                "seconds": round(time.perf_counter() - began, 3)}

@@ -22,8 +22,8 @@ from policies.learning.files import lock_folder
 from policies.learning.preset_files import migrate_manifest
 from policies.runs.episodes import Episode
 
-IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_repeat", "fingerprint", "demonstrations",
-            "commit")
+IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_repeat", "n_envs", "fingerprint",
+            "demonstrations", "commit")
 """Entries of a manifest that a run must share with the run that its folder holds."""
 LAST = 10
 """Episodes at the end whose mean the paper reports."""
@@ -150,9 +150,15 @@ class RunFolder:
             keys = [key for key in ("return", "tcs", "delivered", "spilled", "collisions") if key in self.rows[0]]
             status["best_return"] = self.best_return if np.isfinite(self.best_return) else None
             status["last"] = {key: float(np.mean([row[key] for row in last])) for key in keys}
-            status["seconds"] = sum(row["seconds"] for row in self.rows)
-            status["simulating_s"] = sum(row["simulating"] for row in self.rows)
+            status |= self._times(more.get("evaluating_s", 0.0))
         write_status(self.path, state, **status, **more)
+
+    def _times(self, evaluating: float) -> dict[str, float]:
+        """Return the seconds of all episodes, and what they were spent in."""
+        total, simulating, updating = (sum(row.get(key, 0.0) for row in self.rows)
+                                       for key in ("seconds", "simulating", "updating"))
+        return {"seconds": total, "simulating_s": simulating, "updating_s": updating,
+                "rest_s": total - simulating - updating - evaluating}
 
     def update_status(self, state: str, **more: Any) -> None:
         """Write status.json with the figures that it has."""

@@ -2,6 +2,7 @@
 
 import math
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
@@ -29,10 +30,11 @@ from policies.learning.environments import (
     run_episode,
 )
 from policies.learning.files import digest
-from policies.learning.presets import Preset
+from policies.learning.presets import OFF_POLICY, Preset
 from policies.runs import checkpoint
 from policies.runs.checkpoint import Checkpoints
 from policies.runs.demonstration_set import load_demonstrations, select_replayable
+from policies.runs.episode_batch import EpisodeBatch
 from policies.runs.episodes import Episode, Episodes
 from policies.runs.evaluations import EVALUATE_EVERY, Evaluations
 from policies.runs.event_log import EventLog
@@ -53,7 +55,8 @@ class Training:
     starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos:
     folder of demonstrations, or one file. rollouts: folder of `robosim rollouts`. checkpoint_every: episodes between
     checkpoints, evaluate_every: between evaluations of the deterministic policy. label: name of the run's line in
-    tables, in place of the method. options: of the environment.
+    tables, in place of the method. n_envs: sub-tasks that are simulated together, with as many updates a transition as
+    for one alone; for learners of Stable-Baselines3. options: of the environment.
 
     Raises:
         mpm.InvalidValue: arguments that do not fit each other, or a folder that holds another run.
@@ -62,8 +65,8 @@ class Training:
     def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
                  starts: str = "nominal", action_repeat: int = 10, force: bool = False, rollouts: Path | None = None,
                  checkpoint_every: int = CHECKPOINT_EVERY, evaluate_every: int = EVALUATE_EVERY,
-                 label: str | None = None, **options: Any) -> None:
-        self.preset, self.seed, self.action_repeat = preset, seed, action_repeat
+                 label: str | None = None, n_envs: int = 1, **options: Any) -> None:
+        self.preset, self.seed, self.action_repeat, self.n_envs = preset, seed, action_repeat, n_envs
         self.checkpoints = Checkpoints(checkpoint_every)
         self.base: Any = make_training_environment(task, preset.obs, action_repeat, **options)
         """The environment, with scaled observations where the preset asks for them."""
@@ -88,12 +91,17 @@ class Training:
         self.folder = RunFolder(out, {
             "method": method, "label": label, "preset": preset.model_dump(), "task": self.task, "seed": seed,
             "starts": starts,
-            "action_repeat": action_repeat,
+            "action_repeat": action_repeat, "n_envs": n_envs,
             "material": options.get("material") or (raw.task.material if self.is_granular else None),
             "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),
             "demonstrations": self._input_digests(), "commit": current_commit(), "command": " ".join(sys.argv)}, force)
-        self.env = Episodes(self.base, seed, self.reset_options, self._on_episode_end)
-        self.agent_env: gymnasium.Env = self.env
+        self.env: Any = Episodes(self.base, seed, self.reset_options, self._on_episode_end)
+        """What reports the run's episodes."""
+        if n_envs > 1:
+            self._check_batch()
+            self.env = EpisodeBatch(task, n_envs, self.base, seed, self.reset_options, self._on_episode_end,
+                                    preset.episodes, obs=preset.obs, action_repeat=action_repeat, **options)
+        self.agent_env: Any = self.env
         """The environment that a learner acts in: `env`, or corrections of a motion in it."""
         if preset.residual is not None:
             assert self.demonstrations.first is not None
@@ -113,13 +121,22 @@ class Training:
         """Whether all episodes are done."""
         return self.env.count >= self.preset.episodes
 
+    def _check_batch(self) -> None:
+        """Refuse several environments where the method or the task cannot have them."""
+        preset, n = self.preset, self.n_envs
+        if not self.is_granular:
+            raise mpm.InvalidValue(f"--n-envs {n} with task {self.task}; accepted: 1, or a sub-task with grains")
+        if preset.learner not in (*OFF_POLICY, "PPO") or preset.residual is not None:
+            raise mpm.InvalidValue(f"--n-envs {n} with learner {preset.learner} and residual {preset.residual}; "
+                                   f"accepted: 1, or {', '.join((*OFF_POLICY, 'PPO'))} without residual")
+
     def _make_evaluations(self, every: int) -> Evaluations:
         """Return the evaluations of the run's policy, in the environment without what counts its episodes."""
         env = self.base
         if self.preset.residual is not None:
             assert self.demonstrations.first is not None
             env = ResidualActionWrapper(env, self.demonstrations.first, self.preset.residual)
-        return Evaluations(env, self.folder.path, every, self.reset_options)
+        return Evaluations(env, self.folder.path, every, self.reset_options, self.n_envs == 1)
 
     def _check_buffer(self) -> None:
         """Refuse a replay buffer that would fill more memory in this run's episodes than a computer has."""
@@ -152,12 +169,15 @@ class Training:
         self.folder.add(episode, self.action_repeat)
         self.progress.set_postfix({key: f"{episode.row[key]:.2f}" for key in ("return", "tcs") if key in episode.row})
         self.progress.update()
-        self.folder.write_status("running", evaluated=self.evaluated)
+        self.folder.write_status("running", **self.evaluated)
 
     @property
     def evaluated(self) -> dict[str, Any]:
-        """Last and best evaluation of the deterministic policy; empty without any."""
-        return self.evaluations.summary if self.evaluations else {}
+        """Last and best evaluation of the deterministic policy, and the seconds of all of them."""
+        if self.evaluations is None:
+            return {"evaluated": {}}
+        return {"evaluated": self.evaluations.summary,
+                "evaluating_s": sum(row["seconds"] for row in self.evaluations.rows)}
 
     def resume(self, state: dict[str, Any]) -> None:
         """Restore episodes and random numbers from the parts of a checkpoint."""
@@ -178,6 +198,8 @@ class Training:
 
     def keep_checkpoint(self, **parts: Any) -> None:
         """Make a checkpoint, to be written when it is due or when the run is interrupted."""
+        if self.n_envs > 1:
+            parts["batch"] = self.env.state()
         self.checkpoints.keep(self.env.count, checkpoint.pack(
             self.model, rows=self.folder.rows, best=self.folder.best_return,
             evaluations=self.evaluations.rows if self.evaluations else [], **parts))
@@ -228,14 +250,18 @@ class Training:
         venv: the vectorized environment, by default of `agent_env` alone. callback: one whose state is part of
         checkpoints.
         """
-        venv = venv or DummyVecEnv([lambda: self.agent_env])
+        if venv is None:
+            venv = self.env if self.n_envs > 1 else DummyVecEnv([lambda: self.agent_env])
         if self.folder.checkpoint.is_file():
             self.model, state = checkpoint.load(self.folder.checkpoint, learner_class(self.preset), venv)
             self.model.set_logger(EventLog.resume(self.folder.event_log, state.get("log")))
             if callback is not None:
                 callback.load(state["callback"])
             self.resume(state)
-            self.model._last_obs = venv.reset()
+            if self.n_envs > 1:
+                self.env.load(state["batch"])
+            else:
+                self.model._last_obs = venv.reset()
         else:
             self._check_buffer()
             self.model = build_learner(self.preset, venv, self.seed,
@@ -265,7 +291,7 @@ class Training:
         """Replay the best actions and write the final status."""
         self.progress.close()
         self.folder.write_status("finished", reason="every episode done", replayed=self.replay_best(),
-                                 evaluated=self.evaluated)
+                                 **self.evaluated)
 
 
 class StatefulCallback(Protocol):
@@ -284,8 +310,14 @@ class CheckpointCallback(BaseCallback):
     def __init__(self, training: Training, callback: StatefulCallback | None) -> None:
         super().__init__()
         self.training, self._callback, self._kept_at = training, callback, training.env.count
+        self._acted: float | None = None
+
+    def _on_rollout_end(self) -> None:
+        self._acted = time.perf_counter()
 
     def _on_rollout_start(self) -> None:
+        if self._acted is not None:  # what lies between two rollouts is updates
+            self.training.env.updating += time.perf_counter() - self._acted
         count = self.training.env.count
         # Once an episode has ended early, PPO's batches may never again end between episodes: then the checkpoint is
         # made within an episode, which a resumed run starts again.
