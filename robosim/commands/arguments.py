@@ -38,6 +38,7 @@ NUMBERS = {
     "--n": Number(1, 10_000),  # at 5 minutes each, a month
     "--iterations": Number(1, 100_000),  # a day for each demonstration, at 1 s each
     "--checkpoint-every": Number(1, 1_000_000),  # as episodes
+    "--n-envs": Number(1, 4096),  # such a batch of 300 grains each takes 1 GB
     "--evaluate-every": Number(1, 1_000_000),
     "--action-repeat": Number(1, 10_000),  # 20 s at steps of 2 ms, ten episodes
     "--seed": Number(0, 2**31 - 1),  # numpy takes up to 2^32 - 1; later episodes have larger seeds
