@@ -17,7 +17,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "verification.md": verification.page,
     "stability.md": verification.stability_page,
     "performance.md": performance.page,
-    "learning_scores.md": learning.scores_page,
+    "learning_release_0_1.md": learning.release_page,
     "learning_materials.md": learning.materials_page,
     "materials.md": catalogue.materials,
     "tasks.md": catalogue.tasks,

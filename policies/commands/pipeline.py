@@ -9,7 +9,7 @@ from policies.learning.bundled import bundled_names, check_material, check_metho
 
 EXAMPLE = """examples:
   robosim pipeline spoon --jobs 2 --out out/pipeline
-  robosim pipeline shovel --method rlpd --episodes 50 --material sugar --out out/shovel
+  robosim pipeline shovel --method dg_sac --episodes 50 --material sugar --out out/shovel
 an interrupted pipeline continues with the same command; finished steps are not repeated"""
 METHOD = "residual"
 """Corrections of a demonstration stay where the arm can follow; a free policy may turn a tool over its handle, where

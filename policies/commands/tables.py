@@ -4,8 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+import mpm
+
 EXAMPLE = """example:
-  robosim tables out/runs --out out/tables"""
+  robosim tables out/runs --out out/tables
+  robosim tables policies/trained/tables.json --check"""
 
 
 def add_parser(commands: Any) -> None:
@@ -14,12 +17,21 @@ def add_parser(commands: Any) -> None:
                                  description="Tabulate the results of finished training runs, method by method, beside "
                                  "published numbers.")
     parser.add_argument("runs", type=Path, nargs="+", help="folders that contain runs, or a tables.json")
-    parser.add_argument("--out", type=Path, required=True, help="folder for index.html, tables.json and tables.csv")
+    parser.add_argument("--out", type=Path, help="folder for index.html, tables.json, tables.csv and "
+                        "curves.png")
+    parser.add_argument("--mixed", action="store_true", help="show means over runs that differ, with a note, where "
+                        "they would be refused")
+    parser.add_argument("--check", action="store_true", help="only name the rows that are older than the code that "
+                        "they exercise; the exit status is 1 if there are any")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the tables."""
-    from policies.results.tables import tables
+    """Write the tables, or check the rows."""
+    from policies.results.tables import check, tables
 
-    return tables(options.runs, options.out)
+    if options.check:
+        return check(options.runs)
+    if options.out is None:
+        raise mpm.InvalidValue("tables: no --out; accepted: a folder, or --check, which writes nothing")
+    return tables(options.runs, options.out, options.mixed)

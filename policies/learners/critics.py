@@ -1,5 +1,6 @@
 """Critics of soft actor-critic as one ensemble: a product of matrices computes a layer of all of them."""
 
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -62,16 +63,16 @@ class CriticEnsemble(BaseModel):
                  normalize_images: bool = True) -> None:
         super().__init__(observation_space, action_space, features_extractor=features_extractor,
                          normalize_images=normalize_images)
-        self.n, actions = n_critics, action_space.shape[0]
+        self.count, actions = n_critics, action_space.shape[0]
         width = EMBEDDING if embed_actions else actions
-        self.embed = EnsembleLayer(self.n, actions, width) if embed_actions else None
-        self.embed_norm = EnsembleNorm(self.n, width) if embed_actions else None
+        self.embed = EnsembleLayer(self.count, actions, width) if embed_actions else None
+        self.embed_norm = EnsembleNorm(self.count, width) if embed_actions else None
         first = net_arch[0] if net_arch else 1
-        self.of_features = EnsembleLayer(self.n, features_dim, first, features_dim + width)
-        self.of_action = EnsembleLayer(self.n, width, first, features_dim + width, bias=False)
+        self.of_features = EnsembleLayer(self.count, features_dim, first, features_dim + width)
+        self.of_action = EnsembleLayer(self.count, width, first, features_dim + width, bias=False)
         sizes = [*net_arch, 1]
-        self.layers = nn.ModuleList(EnsembleLayer(self.n, a, b) for a, b in zip(sizes, sizes[1:]))
-        self.norms = nn.ModuleList(EnsembleNorm(self.n, size) for size in net_arch) if layer_norm else None
+        self.layers = nn.ModuleList(EnsembleLayer(self.count, a, b) for a, b in pairwise(sizes))
+        self.norms = nn.ModuleList(EnsembleNorm(self.count, size) for size in net_arch) if layer_norm else None
 
     def forward(self, observations: Any, actions: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
         """Return values (n, batch), of the given members only."""
@@ -79,9 +80,11 @@ class CriticEnsemble(BaseModel):
 
     def features(self, observations: Any) -> torch.Tensor:
         """Return what all critics see of observations (batch, ...): features (batch, features)."""
+        assert self.features_extractor is not None
         return self.extract_features(observations, self.features_extractor)
 
-    def evaluate(self, features: torch.Tensor, actions: torch.Tensor, members: torch.Tensor | None = None) -> torch.Tensor:
+    def evaluate(self, features: torch.Tensor, actions: torch.Tensor,
+                 members: torch.Tensor | None = None) -> torch.Tensor:
         """Return values (n, batch) of features and actions."""
         x = actions
         if self.embed is not None:
@@ -99,7 +102,7 @@ class EnsemblePolicy(SACPolicy):
     """SAC's policy with its critics as an ensemble; options as of `CriticEnsemble`."""
 
     def __init__(self, *arguments: Any, layer_norm: bool = False, embed_actions: bool = False, **options: Any) -> None:
-        self._critic_options = {"layer_norm": layer_norm, "embed_actions": embed_actions}
+        self._critic_options: dict[str, Any] = {"layer_norm": layer_norm, "embed_actions": embed_actions}
         super().__init__(*arguments, **options)
 
     def make_critic(self, features_extractor: Any = None) -> Any:

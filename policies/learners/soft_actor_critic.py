@@ -18,13 +18,14 @@ class EnsembleSAC(SAC):
 
     subset: int | None = None
     actor_every = 1
+    critic: Any
+    critic_target: Any
 
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
         """Make updates with batches of the replay buffer."""
         self.policy.set_training_mode(True)
-        learned = self.ent_coef_optimizer is not None
-        self._update_learning_rate([self.actor.optimizer, self.critic.optimizer,
-                                    *([self.ent_coef_optimizer] if learned else [])])
+        of_temperature = [] if self.ent_coef_optimizer is None else [self.ent_coef_optimizer]
+        self._update_learning_rate([self.actor.optimizer, self.critic.optimizer, *of_temperature])
         losses: dict[str, list[torch.Tensor]] = {name: [] for name in ("critic_loss", "actor_loss", "ent_coef_loss",
                                                                        "ent_coef")}
         for _ in range(gradient_steps):
@@ -60,13 +61,14 @@ class EnsembleSAC(SAC):
             losses["actor_loss"].append(loss.detach())
         if self._n_updates % self.target_update_interval == 0:
             with torch.no_grad():
-                torch._foreach_lerp_(list(self.critic_target.parameters()), list(self.critic.parameters()), self.tau)
+                for target, own in zip(self.critic_target.parameters(), self.critic.parameters(), strict=True):
+                    target.lerp_(own, self.tau)
 
     def _update_critics(self, batch: Any, temperature: torch.Tensor) -> torch.Tensor:
         """Fit the critics to the rewards and the values of the next observations; return the loss."""
         with torch.no_grad():
             actions, log_prob = self.actor.action_log_prob(batch.next_observations)
-            members = None if self.subset is None else torch.randperm(self.critic.n)[: self.subset]
+            members = None if self.subset is None else torch.randperm(self.critic.count)[: self.subset]
             value = self.critic_target(batch.next_observations, actions, members).min(0)[0] - temperature * log_prob
             discount = self.gamma if batch.discounts is None else batch.discounts[:, 0]
             target = batch.rewards[:, 0] + (1 - batch.dones[:, 0]) * discount * value

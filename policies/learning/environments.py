@@ -65,6 +65,18 @@ def fingerprint(env: Any, *settings: object) -> str:
                    *settings])
 
 
+def task_digest(env: Any) -> str:
+    """Return a digest of an environment's task, without its description."""
+    return digest(env.task.model_dump(exclude={"description"}))
+
+
+def field_digest(env: Any) -> str:
+    """Return a digest of an environment's field: its settings, its material and what the solver makes of them."""
+    solver = env.solver
+    return digest([env.task.field.model_dump(), env.material.model_dump(exclude={"description"}), solver.dt,
+                   solver.precision, solver.integrator, solver.transfer_interval, solver.sleep])
+
+
 class Transition(NamedTuple):
     """One decision and its outcome."""
 

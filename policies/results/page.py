@@ -38,22 +38,44 @@ def format_table(summaries: Summaries, published: dict, figure: str,
     return lines
 
 
-def format_scores(summaries: Summaries, published: dict) -> str:
-    """Return the scores of the best motions as text."""
-    def form(cell: dict) -> str:
-        spread = f"±{cell['std']:.1f}" if cell["n"] > 1 else ""
-        return f"{cell['mean']:.1f}{spread} n={cell['n']}" \
-            + (f" ({cell['published'][0]:.1f})" if cell["published"] else "")
+SCORES = {"tcs_evaluated": "evaluated", "tcs_last10": "last ten", "tcs_of_best_return": "best motion"}
+"""Figures of the table of scores, and their columns."""
 
-    figure = "tcs_of_best_return"
-    return f"{FIGURES[figure]}, in brackets {published['source']}:\n" \
-        + align_columns(format_table(summaries, published, figure, form))
+
+def score_table(summaries: Summaries, published: dict) -> TextTable:
+    """Return the scores of every task and method, ours in a column each, beside the published one."""
+    def form(cell: dict | None) -> str:
+        if cell is None:
+            return "-"
+        return f"{cell['mean']:.1f}" + (f" ± {cell['std']:.1f}" if cell["n"] > 1 else "")
+
+    tasks = [*published["tasks"], *sorted({task for row in summaries.values() for task in row}
+                                          - set(published["tasks"]))]
+    rows = []
+    for task in tasks:
+        for line in sorted(line for line in summaries if task in summaries[line]):
+            cells = summaries[line][task]
+            theirs = cells.get("tcs_last10", {}).get("published")
+            rows.append([task, line, str(max(cell["n"] for cell in cells.values())),
+                         *(form(cells.get(figure)) for figure in SCORES),
+                         "-" if theirs is None else f"{theirs[0]:.1f} ± {theirs[1]:.1f}"])
+    return TextTable(f"scores: the best policy without exploration, the last ten episodes, the motion with the highest "
+                     f"return; last column {published['source']}, last ten episodes",
+                     ["task", "method", "runs", *SCORES.values(), "published"], rows)
+
+
+def format_scores(summaries: Summaries, published: dict) -> str:
+    """Return the table of scores as text."""
+    table = score_table(summaries, published)
+    return f"{table.title}:\n{align_columns([table.head, *table.rows])}"
 
 
 def make_page(summaries: Summaries, published: dict, sources: list[Path], further_tables: list[TextTable],
               notes: dict[str, list[str]]) -> str:
     """Return all tables, and lists of notes by title, as an HTML page."""
-    tables = [TextTable(title, *_split(format_table(summaries, published, figure, _format_cell)))
+    scores = score_table(summaries, published)
+    tables = [scores._replace(rows=[[html.escape(cell) for cell in row] for row in scores.rows])]
+    tables += [TextTable(title, *_split(format_table(summaries, published, figure, _format_cell)))
               for figure, title in FIGURES.items()]
     tables += [table._replace(rows=[[row[0], *map(html.escape, row[1:])] for row in table.rows])
                for table in further_tables]

@@ -1,20 +1,26 @@
 """Summaries over runs: which runs are pooled, and the statistics of their figures."""
 
+import json
 from collections import Counter, defaultdict
 from typing import Any
 
 import numpy as np
 
-FIGURES = {"tcs_of_best_return": "score of the motion with the highest return, replayed",
-           "tcs_last10": "score, mean of the last ten episodes", "return": "return, mean of the last ten episodes",
+FIGURES = {"tcs_evaluated": "score of the best policy, without exploration",
+           "tcs_last10": "score, mean of the last ten episodes",
+           "tcs_of_best_return": "score of the motion with the highest return, replayed",
+           "return": "return, mean of the last ten episodes",
            "delivered": "delivered by the motion with the highest return",
            "spilled": "spilled by the motion with the highest return",
            "collisions": "collisions of the motion with the highest return",
            "turn_error_deg": "turn error of the motion with the highest return [deg]", "seconds": "seconds an episode"}
 """Columns that are summarised, and their titles."""
-SETTINGS = {"material": "{}", "starts": "{} starts", "action_repeat": "action repeat {}", "obs": "observes {}",
+SETTINGS = {"material": "{}", "starts": "{} starts", "action_repeat": "action repeat {}",
+            "n_envs": "{} environments at once", "obs": "observes {}",
             "max_episodes": "at most {} episodes"}
 """Columns of settings in which the runs of a method may differ, and their texts in a table."""
+PUBLISHED_AS = {"dg_sac_literal": "dg_sac"}
+"""Methods that the paper has under another name."""
 RESAMPLES = 2000
 """Resamples of the bootstrap."""
 
@@ -51,11 +57,12 @@ def name_lines(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def describe_mixture(line: str, task: str, members: list[dict[str, Any]]) -> list[str]:
-    """Return notes on pooled runs that share a seed, or differ in their preset or demonstrations."""
+    """Return notes on pooled runs that share a seed, or differ in what made them; what one lacks differs, too."""
     seeds = [str(seed) for seed, count in Counter(row["seed"] for row in members).items() if count > 1]
     notes = [f"{line}, {task}: seed {', '.join(seeds)} more than once"] if seeds else []
-    for key, name in (("preset", "settings of the method"), ("demonstrations", "demonstrations")):
-        count = len({row[key] for row in members} - {None})
+    for key, name in (("preset", "settings of the method"), ("demonstrations", "demonstrations"),
+                      ("task_digest", "tasks"), ("field", "fields"), ("code", "versions of the code")):
+        count = len({json.dumps(row[key], sort_keys=True) for row in members})
         notes += [f"{line}, {task}: {count} different {name}"] if count > 1 else []
     return notes
 
@@ -82,10 +89,7 @@ def interquartile_mean(data: np.ndarray) -> float:
 
 
 def published_value(published: dict, key: str, method: str, task: str) -> list[float] | None:
-    """Return the published mean and deviation of a figure, None where there is none.
-
-    The published score is a mean of the last ten episodes; it is also given for the best motion, for comparison.
-    """
-    name = {"tcs_of_best_return": "tcs", "tcs_last10": "tcs", "return": "return"}.get(key)
-    values = published[name].get(method) if name is not None else None
+    """Return the published mean and deviation of a figure, None where there is none; it is of the last ten episodes."""
+    name = {"tcs_last10": "tcs", "return": "return"}.get(key)
+    values = published[name].get(PUBLISHED_AS.get(method, method)) if name is not None else None
     return values[published["tasks"].index(task)] if values and task in published["tasks"] else None

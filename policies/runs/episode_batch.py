@@ -50,8 +50,8 @@ class EpisodeBatch(SB3VecEnv):
         """Start the next episodes in the environments of a mask (n,); return the observations of all."""
         seeds: list[int | None] = [None] * self.num_envs
         for e in np.flatnonzero(mask):
-            seeds[e] = start_seed(self.seed_of_run, self._next)
-            self._records[e] = EpisodeRecord(self._next, seeds[e])
+            seeds[e] = start = start_seed(self.seed_of_run, self._next)
+            self._records[e] = EpisodeRecord(self._next, start)
             self._next += 1
         observations, infos = self.vector.reset(seed=seeds,  # pyright: ignore[reportArgumentType]
                                                 options={**(self.reset_options or {}), "reset_mask": mask})

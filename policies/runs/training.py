@@ -21,13 +21,16 @@ from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
 from policies.learners.policy_file import export_policy
 from policies.learners.wrappers import ResidualActionWrapper, ScaledObservation
+from policies.learning.code_digests import exercised_code
 from policies.learning.environments import (
     Transition,
+    field_digest,
     fingerprint,
     make_training_environment,
     play,
     read_scores,
     run_episode,
+    task_digest,
 )
 from policies.learning.files import digest
 from policies.learning.presets import OFF_POLICY, Preset
@@ -94,6 +97,8 @@ class Training:
             "action_repeat": action_repeat, "n_envs": n_envs,
             "material": options.get("material") or (raw.task.material if self.is_granular else None),
             "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),
+            "task_digest": task_digest(raw) if self.is_granular else None,
+            "field": field_digest(raw) if self.is_granular else None, "code": exercised_code(),
             "demonstrations": self._input_digests(), "commit": current_commit(), "command": " ".join(sys.argv)}, force)
         self.env: Any = Episodes(self.base, seed, self.reset_options, self._on_episode_end)
         """What reports the run's episodes."""
@@ -234,9 +239,11 @@ class Training:
             return
         # a correction is no policy without its motion
         if self.evaluations.add(policy, self.env.count) and self.preset.residual is None:
+            raw: Any = self.base.unwrapped
             units = (self.base.offset, self.base.factor) if isinstance(self.base, ScaledObservation) else None
             export_policy(policy, self.folder.path / "best_policy.npz", units, obs=self.preset.obs,
-                          action_repeat=self.action_repeat, task=self.task, method=self.folder.manifest["method"])
+                          action_repeat=self.action_repeat, task=self.task, method=self.folder.manifest["method"],
+                          task_table=raw.task.model_dump_json(exclude={"description"}))
 
     def demonstration_transitions(self) -> Iterator[Transition]:
         """Yield the transitions of all demonstrations, played in the run's environment, each from its own start."""

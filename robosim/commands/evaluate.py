@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
 
         return evaluate(task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
                         film=not options.no_video, nominal=options.nominal, material=options.material,
-                        arm=options.arm, grasp=options.grasp)
+                        arm=options.arm, grasp=options.grasp, changed=changed_keys(options))
 
 
 def run_suite(options: argparse.Namespace) -> int:
@@ -74,7 +74,12 @@ def run_suite(options: argparse.Namespace) -> int:
         from robosim.evaluation.suite_run import evaluate_suite
 
         return evaluate_suite(task, options.policy, options.suite, options.out, episodes=options.episodes,
-                              material=options.material)
+                              material=options.material, changed=changed_keys(options))
+
+
+def changed_keys(options: argparse.Namespace) -> set[str]:
+    """Return the top-level keys of the task's file that the command changes."""
+    return {setting.path[0] for setting in options.settings}
 
 
 def check_policy(name: str) -> None:

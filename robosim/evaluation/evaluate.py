@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -11,25 +12,28 @@ from tqdm import tqdm
 from robosim.config.output import OutputFolder
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
-from robosim.evaluation.policies import make_policy, training_options
+from robosim.evaluation.policies import check_task, make_policy, training_options
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
+from robosim.tasks.task import load_task
 
 RESULTS = ("evaluation.json", "episode.mp4")
 """Files that a run writes."""
 
 
 def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = None, seed: int = 0, film: bool = True,
-             nominal: bool = False, **options: Any) -> int:
+             nominal: bool = False, changed: Collection[str] = (), **options: Any) -> int:
     """Run episodes of a policy, print their scores, and write evaluation.json and episode.mp4 into a folder.
 
     name: of the policy, or its file, whose own options of the environment prevail. episodes: None: five, or one where
     all are the same because they begin at the task's own start (nominal). seed: of the first; the next one's is one
-    higher. options: of the environment. Returns 0.
+    higher. changed: top-level keys of the task that differ on purpose from what the policy was learned on. options: of
+    the environment. Returns 0.
     Raises ConfigError, UnknownName for what cannot be used, before any work.
     """
     episodes = episodes or (1 if nominal else 5)
     options |= training_options(name)
+    check_task(name, load_task(task), changed)
     made = make(task, render_mode="rgb_array" if film and out else None, **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)

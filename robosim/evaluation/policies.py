@@ -1,6 +1,7 @@
 """Policies of an environment: none, random, scripted, recorded actions, a learned network."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -8,16 +9,19 @@ import numpy as np
 
 import mpm
 from mpm.geometry.rigid_motion import relative_rotation
-from mpm.input_files import StoredArrays, read_arrays
+from mpm.input_files import StoredArrays, quote, read_arrays
 from robosim.config.resources import trained
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
+from robosim.tasks.task import TaskConfig
 
 Policy = Callable[[], np.ndarray]
 """Returns the next action (dimensions,) of the episode."""
 LARGEST = 1e30
 """Largest number of an action, which the environment clips; single precision has numbers of up to 3e38."""
+SHOWN = 3
+"""Differences that an error names."""
 MAX_REPEAT = 10_000
 """Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
 
@@ -77,6 +81,38 @@ def load_policy(path: Path) -> StoredArrays:
     except (OSError, mpm.InvalidValue) as error:
         raise ConfigError(f"{error}") from None
     return arrays
+
+
+def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> None:
+    """Raise ConfigError where a network's file was learned on another task, or on another version of it.
+
+    changed: top-level keys of the task's file that were changed on purpose.
+    """
+    if not Path(name).is_file():
+        return
+    arrays = load_policy(Path(name))
+    if "weight_0" not in arrays or "task_table" not in arrays:
+        return
+    try:
+        learned = json.loads(arrays.text("task_table", ""))
+    except ValueError as error:
+        raise ConfigError(f"{name}: task_table: not JSON: {error}") from None
+    now = json.loads(task.model_dump_json(exclude={"description"}))
+    differing = {key: values for key, values in differences(learned, now).items()
+                 if key.split(".")[0] not in changed}
+    if differing:
+        texts = [f"{key} {quote(values[0])}, here {quote(values[1])}" for key, values in differing.items()]
+        more = f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
+        raise ConfigError(f"policy {name}: learned on {arrays.text('task', 'another task')} with "
+                          f"{'; '.join(texts[:SHOWN])}{more}; accepted: the task that it was learned on")
+
+
+def differences(one: Any, other: Any, place: str = "") -> dict[str, tuple[Any, Any]]:
+    """Return the dotted keys in which two tables differ, with both values."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return {key: values for name in {**one, **other}
+                for key, values in differences(one.get(name), other.get(name), f"{place}.{name}".strip(".")).items()}
+    return {} if one == other else {place or "the table": (one, other)}
 
 
 class ScriptedPolicy:

@@ -2,7 +2,7 @@
 
 import csv
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from robosim.envs import is_task_file, task_name  # noqa: E402
 from robosim.envs.grain_env import GrainEnv  # noqa: E402
 from robosim.errors import ConfigError  # noqa: E402
 from robosim.evaluation import POLICIES  # noqa: E402
-from robosim.evaluation.policies import load_policy, make_policy, training_options  # noqa: E402
+from robosim.evaluation.policies import check_task, load_policy, make_policy, training_options  # noqa: E402
 from robosim.evaluation.suites import Start, begin_episode, make_environment, plan_starts  # noqa: E402
 from robosim.reports.provenance import provenance  # noqa: E402
 from robosim.tasks.task import load_task  # noqa: E402
@@ -39,16 +39,18 @@ Row = dict[str, Any]
 
 
 def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episodes: int | None = None,
-                   material: str | None = None) -> int:
+                   material: str | None = None, changed: Collection[str] = ()) -> int:
     """Score a policy on a suite; print means with intervals, and write a row an episode, a summary and a picture.
 
-    name: of the policy, its file, or the folder of a training run. Returns 0.
+    name: of the policy, its file, or the folder of a training run. changed: top-level keys of the task that differ on
+    purpose from what the policy was learned on. Returns 0.
     Raises ConfigError, UnknownName for what cannot be used, before any episode runs.
     """
     if material is not None and suite != "nominal":
         raise ConfigError(f"--material {material} with --suite {suite}; accepted: with --suite nominal, others have "
                           f"materials of their own")
     config, found = load_task(task), find_policy(name)
+    check_task(found, config, changed)
     starts = plan_starts(suite, config, episodes or EPISODES, material)
     files = {label: policy_file(policy, task) for label, policy in
              {name: found, **{other: other for other in COMPARED if other != found}}.items()

@@ -10,7 +10,7 @@ from generators.markdown import table
 from generators.results.measured import ROOT
 
 TRAINED = ROOT / "policies" / "trained"
-METHODS = ("demo", "bc", "rlpd", "residual", "dg_sac", "sac", "td3", "ddpg", "ppo", "gail")
+METHODS = ("demo", "bc", "dg_sac_utd4", "residual", "dg_sac_literal", "sac", "td3", "ddpg", "ppo", "gail")
 
 
 def spread(values: list[float]) -> str:
@@ -20,9 +20,9 @@ def spread(values: list[float]) -> str:
     return f"{fmean(values):.1f}" + (f" ± {stdev(values):.1f}" if len(values) > 1 else "")
 
 
-def scores_page() -> str:
-    """Score of the best motion and of the last ten episodes, method by method, with published scores below."""
-    data = json.loads((TRAINED / "tables.json").read_text())
+def release_page() -> str:
+    """Scores of release 0.1: of the best motion and of the last ten episodes, method by method."""
+    data = json.loads((TRAINED / "release_0_1.json").read_text())
     published = yaml.safe_load((ROOT / "configs" / "published" / "arxiv_2406_09178.yaml").read_text())
     tasks = published["tasks"]
     groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
@@ -40,8 +40,7 @@ def scores_page() -> str:
     seeds = [[f"`{method}`", *(str(len(groups[method, task]) or "") for task in tasks)] for method in methods]
     head = ["method", *tasks]
     return f"""{len(data["runs"])} training runs, made by: {data["made_by"]}. The tables are made from
-`policies/trained/tables.json`. `robosim tables policies/trained/tables.json --out out/tables` also shows interquartile
-means and their confidence intervals. An empty cell was not run.
+`policies/trained/release_0_1.json`. An empty cell was not run.
 
 ## Score of the best motion
 

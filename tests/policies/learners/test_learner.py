@@ -63,14 +63,16 @@ def test_a_model_has_every_setting_of_its_preset(name):
         assert type(critic.features_extractor) is ENCODERS[preset.encoder]
         n = 2 * WIDTH if preset.encoder == "parts" else WIDTH * ENCODERS[preset.encoder].POOLS + 8
     if preset.learner != "SAC":
-        assert widths(critic.qf0) == [256, 256, 1]
+        width = 512 if name == "dg_crossq" else 256
+        outputs = preset.options["policy_kwargs"].get("n_quantiles", 1)
+        assert widths(critic.qf0 if hasattr(critic, "qf0") else critic.quantile_critics[0]) == [width, width, outputs]
         return
     assert (critic.norms is not None) == preset.critic_layer_norm
     assert (critic.embed is not None) == (preset.encoder == "parts")
-    assert critic.n == (preset.critics.count if preset.critics else 2)
+    assert critic.count == (preset.critics.count if preset.critics else 2)
     assert model.subset == (preset.critics.subset if preset.critics else None)
     assert model.actor_every == (preset.actor.every if preset.actor else 1)
-    assert critic.of_features.weight.shape == (n, critic.n, 256)
+    assert critic.of_features.weight.shape == (n, critic.count, 256)
     assert [layer.weight.shape[2] for layer in critic.layers] == [256, 1]
 
 

@@ -3,34 +3,41 @@
 import json
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 
 import mpm
 from policies.learning.bundled import bundled_names
+from policies.learning.code_digests import exercised_code, source_digest
 from policies.learning.preset_files import ROW_KEYS, load_preset
+from policies.results.curves import group_curves
+from policies.results.rows import preset_digest
 from policies.results.summary import summarise
-from policies.results.tables import collect_rows, preset_digest, tables
+from policies.results.tables import check, collect_rows, tables
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task
 
 
 def write_run(folder: Path, seed: int, score: float, *, method: str = "dg_sac", task: str = "SpoonPour",
               material: str = "salt", starts: str = "nominal", action_repeat: int = 10,
-              demonstrations: dict[str, str] | None = None, **changes) -> None:
+              demonstrations: dict[str, str] | None = None, n_envs: int = 1, code: dict[str, str] | None = None,
+              commit: str = "c", **changes) -> None:
     """Write the two files of a finished run that tables are made of."""
     folder.mkdir(parents=True)
     preset = load_preset(method).model_copy(update=changes).model_dump()
     (folder / "manifest.json").write_text(json.dumps({
         "method": method, "task": task, "seed": seed, "material": material, "starts": starts,
-        "action_repeat": action_repeat, "preset": preset, "demonstrations": demonstrations or {}, "commit": "c"}))
+        "action_repeat": action_repeat, "n_envs": n_envs, "preset": preset, "demonstrations": demonstrations or {},
+        "commit": commit, "task_digest": "t", "field": "f", "code": code, "command": "robosim train"}))
     (folder / "status.json").write_text(json.dumps({
-        "state": "finished", "episodes": 10, "seconds": 20.0, "last": {"return": score}, "replayed": {"tcs": score}}))
+        "state": "finished", "episodes": 10, "seconds": 20.0, "last": {"return": score, "tcs": score - 2.0},
+        "replayed": {"tcs": score}, "evaluated": {"best": {"tcs": score - 1.0}}}))
 
 
-def make_cells(folder: Path) -> dict:
+def make_cells(folder: Path, is_mixed: bool = False) -> dict:
     """Make the tables of a folder; return line -> task -> (runs, mean score)."""
-    assert tables([folder], folder / "tables") == 0
+    assert tables([folder], folder / "tables", is_mixed) == 0
     stored = json.loads((folder / "tables" / "tables.json").read_text())["tables"]
     return {line: {task: (cell["tcs_of_best_return"]["n"], cell["tcs_of_best_return"]["mean"])
                    for task, cell in row.items()} for line, row in stored.items()}
@@ -49,6 +56,7 @@ def test_seeds_are_pooled(tmp_path: Path) -> None:
 @pytest.mark.parametrize("setting, lines", [
     ({"material": "sugar"}, ("salt", "sugar")),
     ({"starts": "random"}, ("nominal starts", "random starts")),
+    ({"n_envs": 8}, ("1 environments at once", "8 environments at once")),
     ({"action_repeat": 20}, ("action repeat 10", "action repeat 20")),
     ({"method": "rlpd", "obs": "flat"}, ("observes moments", "observes flat")),
     ({"episodes": 151}, ("at most 150 episodes", "at most 151 episodes")),
@@ -63,23 +71,32 @@ def test_runs_with_other_settings_are_another_line(tmp_path: Path, setting: dict
     assert make_cells(tmp_path) == {f"{method}, {lines[0]}": {"SpoonPour": (1, 10.0)},
                               f"{method}, {lines[1]}": {"SpoonPour": (1, 30.0), "ShovelMove": (1, 40.0)}}
     stored = json.loads((tmp_path / "tables" / "tables.json").read_text())
-    cell = stored["tables"][f"{method}, {lines[1]}"]["SpoonPour"]["tcs_of_best_return"]
+    assert stored["tables"][f"{method}, {lines[1]}"]["SpoonPour"]["tcs_of_best_return"]["published"] is None
+    cell = stored["tables"][f"{method}, {lines[1]}"]["SpoonPour"]["tcs_last10"]
     place = stored["published"]["tasks"].index("SpoonPour")
     assert cell["published"] == stored["published"]["tcs"].get(method, {place: None})[place]
 
 
-def test_means_over_different_runs_are_noted(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """A seed that counts twice, other settings of the method, other demonstrations; no note where nothing differs."""
+def test_means_over_different_runs_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A seed that counts twice, other settings of the method, other demonstrations, other code; nothing is written.
+
+    With --mixed they are noted; there is no note where nothing differs.
+    """
     write_run(tmp_path / "a", 0, 10.0)
     write_run(tmp_path / "b", 1, 20.0)
     make_cells(tmp_path)
     assert "mean over" not in capsys.readouterr().out
     write_run(tmp_path / "c", 1, 30.0, demonstrations={"demonstration_0.npz": "a"})
-    write_run(tmp_path / "d", 2, 30.0, options={"gamma": 0.5})
-    assert make_cells(tmp_path) == {"dg_sac": {"SpoonPour": (4, 22.5)}}
+    write_run(tmp_path / "d", 2, 30.0, options={"gamma": 0.5}, code={"mpm": "1"})
+    refused = r"seed 1 more than once; .*2 different demonstrations.*--label.*--mixed"
+    with pytest.raises(mpm.InvalidValue, match=refused):
+        tables([tmp_path], tmp_path / "refused")
+    assert not (tmp_path / "refused").exists()
+    assert make_cells(tmp_path, True) == {"dg_sac": {"SpoonPour": (4, 22.5)}}
     notes = [line for line in capsys.readouterr().out.splitlines() if "different runs" in line]
     assert notes == [f"mean over different runs: dg_sac, SpoonPour: {text}" for text in (
-        "seed 1 more than once", "2 different settings of the method", "2 different demonstrations")]
+        "seed 1 more than once", "2 different settings of the method", "2 different demonstrations",
+        "2 different versions of the code")]
 
 
 def test_ablations_have_the_name_of_their_observation(tmp_path: Path) -> None:
@@ -151,7 +168,7 @@ def test_summaries_follow_their_definitions() -> None:
 
 def test_the_bundled_table_has_distinct_runs_within_the_tasks_bounds() -> None:
     """No score is above the highest of its task's reward; presets are those of today, where a row has their digest."""
-    path = Path(__file__).resolve().parents[3] / "policies" / "trained" / "tables.json"
+    path = Path(__file__).resolve().parents[3] / "policies" / "trained" / "release_0_1.json"
     rows, unfinished = collect_rows([path])
     assert len(rows) == len(json.loads(path.read_text())["runs"]) and not unfinished
     highest = {task: Reward(load_task(task)).extremes()[1] for task in bundled_names("tasks")}
@@ -160,3 +177,60 @@ def test_the_bundled_table_has_distinct_runs_within_the_tasks_bounds() -> None:
         assert row["preset"] in (None, preset_digest(presets[row["method"]])), row
         assert max(row["tcs_of_best_return"], row["tcs_last10"]) <= highest[row["task"]] + 1e-9, row
         assert row["episodes"] <= row["max_episodes"] and 0.0 <= row["delivered"] + row["spilled"] <= 1.0 + 1e-9, row
+
+
+def test_each_score_has_a_column_beside_the_published_one(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The evaluation, the last ten episodes and the best motion are not taken for each other."""
+    write_run(tmp_path / "a", 0, 10.0)
+    write_run(tmp_path / "b", 0, 9.0, method="dg_sac_literal")
+    make_cells(tmp_path)
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    theirs = ["18.6", "±", "0.3"]
+    assert ["SpoonPour", "dg_sac", "1", "9.0", "8.0", "10.0", *theirs] in lines
+    assert ["SpoonPour", "dg_sac_literal", "1", "8.0", "7.0", "9.0", *theirs] in lines
+
+
+def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """By the modules that changed; also rows of a dirty tree, of other settings, and those that cannot tell."""
+    now = exercised_code()
+    assert {"policies.results.tables", "policies.commands.tables"}.isdisjoint(now) and "mpm.solver" in now
+    assert len(now) > 30
+    write_run(tmp_path / "a", 0, 10.0, code=now)
+    assert check([tmp_path / "a"]) == 0 and "all made by the code of today" in capsys.readouterr().out
+    for name, changes in (("b", {"code": {**now, "mpm.solver": "0", "mpm.gone": "1"}}), ("c", {}),
+                          ("d", {"code": now, "commit": "c-dirty"}), ("e", {"code": now, "options": {"gamma": 0.5}})):
+        write_run(tmp_path / name, ord(name), 10.0, **changes)
+    assert check([tmp_path]) == 1
+    told = capsys.readouterr().out
+    for text in ("mpm.solver, mpm.gone have changed:\n  dg_sac SpoonPour seed 98, commit c",
+                 "did not store the digests", "no commit has:\n  dg_sac SpoonPour seed 100",
+                 "settings of dg_sac have changed:\n  dg_sac SpoonPour seed 101"):
+        assert text in told, text
+    assert tables([tmp_path / "a"], tmp_path / "out") == 0
+    stored = json.loads((tmp_path / "out" / "tables.json").read_text())
+    assert list(stored["code"].values()) == [now] and stored["runs"][0]["code"] in stored["code"]
+    assert check([tmp_path / "out" / "tables.json"]) == 0  # as a file has them
+
+
+def test_curves_are_means_of_ten_episodes_and_are_drawn(tmp_path: Path) -> None:
+    """Kept in a tables.json, from which they are drawn again; a run without scores has none."""
+    for seed, offset in ((0, 0.0), (1, 4.0)):
+        write_run(tmp_path / "runs" / str(seed), seed, 10.0)
+        scores = "\n".join(f"{k},{k + offset}" for k in range(25))
+        (tmp_path / "runs" / str(seed) / "episodes.csv").write_text(f"episode,tcs\n{scores}\n")
+    write_run(tmp_path / "runs" / "c", 0, 10.0, method="sac")
+    assert tables([tmp_path / "runs"], tmp_path / "first") == 0
+    rows, _ = collect_rows([tmp_path / "first" / "tables.json"])
+    assert [row["curve"] for row in rows] == [[4.5, 14.5, 22.0], [8.5, 18.5, 26.0], None]
+    picture = matplotlib.image.imread(tmp_path / "first" / "curves.png")
+    assert picture.shape[1] > 400 and np.ptp(picture[..., :3]) > 0.9
+    assert tables([tmp_path / "first" / "tables.json"], tmp_path / "second") == 0
+    assert (tmp_path / "second" / "curves.png").read_bytes() == (tmp_path / "first" / "curves.png").read_bytes()
+    assert group_curves(rows) == {"SpoonPour": {"dg_sac": [row["curve"] for row in rows[:2]]}}
+
+
+def test_a_digest_of_code_is_one_of_its_statements() -> None:
+    """Comments, docstrings and layout do not count; a number does."""
+    source = '"""A module."""\nLENGTH = 1.0\n"""[m]"""\n\n\ndef f(x):\n    """Do."""\n    return x + 1  # more\n'
+    plain = "LENGTH = 1.0\ndef f(x): return x + 1"
+    assert source_digest(source) == source_digest(plain) != source_digest(plain.replace("1.0", "2.0"))

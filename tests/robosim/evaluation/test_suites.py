@@ -10,9 +10,20 @@ import pytest
 from robosim.commands.evaluate import check_policy
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, RobosimError, UnknownName
+from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.material_episode import MATERIALS
+from robosim.evaluation.policies import check_task
 from robosim.evaluation.suite_run import bootstrap, evaluate_suite, find_policy
-from robosim.evaluation.suites import FILLS, FRICTIONS, SHIFT, TURN, begin_episode, make_environment, plan_starts
+from robosim.evaluation.suites import (
+    FILLS,
+    FRICTIONS,
+    SHIFT,
+    TURN,
+    Start,
+    begin_episode,
+    make_environment,
+    plan_starts,
+)
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
 
@@ -27,7 +38,9 @@ def test_a_suite_is_the_same_for_all_and_a_short_one_begins_a_long_one() -> None
     assert all(FRICTIONS[0] <= start.friction <= FRICTIONS[1] for start in wide if start.friction)
     assert {start.label for start in plan_starts("materials", task, 13)} == set(MATERIALS)
     assert {(start.material, start.world) for start in plan_starts("nominal", task, 5)} == {
-        ("salt", ("salt", (), 1.0))}
+        ("salt", ("salt", (), 1.0, (0.0, 0.0)))}
+    places = np.array([start.place for start in wide])
+    assert len({start.place for start in wide}) == 12 and 0.8 * SHIFT < np.abs(places).max() <= SHIFT
     assert len({start.seed for start in wide}) == 48
     with pytest.raises(UnknownName, match="materials, nominal, wide"):
         plan_starts("hard", task, 1)
@@ -53,6 +66,53 @@ def test_a_turned_start_turns_the_load_with_the_tool() -> None:
     moved = env.solver.collider_pose(TOOL).inverse().apply(env.solver.positions()) - local
     assert np.abs(moved).mean() < 1e-4
     env.close()
+
+
+@pytest.mark.parametrize("task", ["SpoonPour", "SpoonScoop"])
+def test_a_displaced_place_displaces_the_task(task: str) -> None:
+    """By whole cells: the grains in the container or the tool move along, and the reward is what it is at home.
+
+    With the place alone, what is carried is farther from the target, what is scooped is out of the tool's reach.
+    """
+    config, cells = load_task(task), (2, -1)
+    place = (cells[0] * config.field.cell, cells[1] * config.field.cell)
+    wide, home = (config.action.model_copy(update={"lower": (-9.0, -9.0, -9.0), "upper": (9.0, 9.0, 9.0)}),
+                  Start(0, "salt", {}, "salt"))
+    config = config.model_copy(update={"action": wide, "steps": 100})
+    scores, piles = [], []
+    for start in (home, home._replace(place=place, shift=(*place, 0.0)), home._replace(place=place)):
+        env = make_environment(config, start)
+        env.reset(seed=0, options={"nominal": True, "shift": start.shift})
+        piles.append(env.solver.positions().mean(0))
+        total = sum(env.step(np.full(config.action.dimensions, 0.3, np.float32))[1] for _ in range(10))
+        scores.append(float(total))
+        env.close()
+    assert piles[1] - piles[0] == pytest.approx([*place, 0.0], abs=2e-4)
+    assert scores[1] == pytest.approx(scores[0], rel=0.02)
+    if task == "SpoonPour":
+        assert abs(scores[2] - scores[0]) > 5 * abs(scores[1] - scores[0])
+
+
+def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) -> None:
+    """By what differs; not for what the command changed on purpose, and not for the suite's own changes."""
+    task = load_task("SpoonTranslate")
+    learned = json.loads(task.model_dump_json(exclude={"description"}))
+    learned["field"]["cell"], learned["goal"] = 0.004, [0.0, 0.0, 0.0]
+    path = tmp_path / "p.npz"
+    n = GrainEnv(task="SpoonTranslate", obs="moments").observation_space.shape[0]
+    network = {"weight_0": np.zeros((3, n), np.float32), "bias_0": np.zeros(3, np.float32), "bound": "tanh",
+               "activations": ["none"], "obs": "moments", "task": "SpoonTranslate", "action_repeat": 100}
+    np.savez(path, **network, task_table=json.dumps(learned))
+    for run in (lambda: evaluate("SpoonTranslate", str(path), None),
+                lambda: evaluate_suite("SpoonTranslate", str(path), "wide", None)):
+        with pytest.raises(ConfigError, match=r"learned on SpoonTranslate with field.cell 0.004, here 0.008; goal "):
+            run()
+    check_task(str(path), task, {"field", "goal"})
+    np.savez(path, **network, task_table=task.model_dump_json(exclude={"description"}))
+    assert evaluate_suite("SpoonTranslate", str(path), "wide", None, episodes=1) == 0
+    np.savez(path, **network, task_table="{")
+    with pytest.raises(ConfigError, match="task_table: not JSON"):
+        check_task(str(path), task)
 
 
 def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

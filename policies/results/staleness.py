@@ -1,0 +1,49 @@
+"""Whether stored rows are older than the code that they exercise."""
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+from policies.learning.bundled import bundled_names
+from policies.learning.code_digests import changed_modules
+from policies.learning.preset_files import load_preset
+from policies.results.rows import preset_digest
+
+SHOWN = 5
+"""Modules of a row that are named."""
+
+
+def find_stale(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows that today's code did not make, by what has changed since."""
+    stale: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    presets = {name: preset_digest(load_preset(name).model_dump()) for name in bundled_names("training")}
+    for row in rows:
+        reason = describe_age(row, presets)
+        if reason:
+            stale[reason].append(row)
+    return stale
+
+
+def describe_age(row: dict[str, Any], presets: dict[str, str]) -> str:
+    """Return what has changed since a row was made; empty where nothing has. presets: digests of the methods today."""
+    if not row["code"]:
+        return "made by a version that did not store the digests of its code"
+    if row["commit"].endswith("-dirty"):
+        return "made from files that no commit has"
+    if row["method"] in presets and presets[row["method"]] != row["preset"]:
+        return f"the settings of {row['method']} have changed"
+    changed = changed_modules(row["code"])
+    more = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
+    return f"{', '.join(changed[:SHOWN])}{more} have changed" if changed else ""
+
+
+def report_stale(rows: list[dict[str, Any]], sources: list[Path]) -> int:
+    """Print the rows that are older than the code; return 1 if there are any, 0 otherwise."""
+    stale = find_stale(rows)
+    for reason, group in stale.items():
+        print(f"{len(group)} of {len(rows)} rows: {reason}:")
+        for row in group:
+            print(f"  {row['method']} {row['task']} seed {row['seed']}, commit {row['commit']}")
+    if not stale:
+        print(f"{', '.join(map(str, sources))}: {len(rows)} rows, all made by the code of today")
+    return 1 if stale else 0
