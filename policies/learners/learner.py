@@ -8,6 +8,7 @@ import sb3_contrib
 import stable_baselines3
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.torch_layers import CombinedExtractor
+from stable_baselines3.common.utils import LinearSchedule
 
 import mpm
 from policies.learners.buffers import DemoReplayBuffer
@@ -58,6 +59,9 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
             raise mpm.InvalidValue(f"encoder {preset.encoder}: needs a task with grains, and obs: flat")
         policy_options |= {"features_extractor_class": ENCODERS[preset.encoder],
                            "features_extractor_kwargs": {"slices": slices}}
+    if preset.decay != 1.0:
+        rate = options["learning_rate"]
+        options["learning_rate"] = LinearSchedule(rate, rate * preset.decay, 1.0)
     if preset.learner in DETERMINISTIC:
         n = env.action_space.shape[0]
         options["action_noise"] = NormalActionNoise(np.zeros(n), np.full(n, NOISE))

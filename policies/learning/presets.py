@@ -149,6 +149,8 @@ class Preset(pydantic.BaseModel):
     """Graph network that predicts the motion of the grains, trained on rollouts; null: none."""
     discriminator_updates: int = Field(1, ge=1, le=100_000)
     """Updates of GAIL's discriminator for each batch of the policy's transitions."""
+    decay: float = Field(1.0, ge=1e-6, le=1.0)
+    """Learning rate at the end of the run divided by that at the start; it falls linearly."""
     options: dict[str, Any] = {}  # noqa: RUF012
     """Arguments of the learner's class."""
 
@@ -209,6 +211,9 @@ class Preset(pydantic.BaseModel):
                                ("encoder parts", self.encoder == "parts")):
             if is_given and self.learner != "SAC":
                 raise ValueError(f"{name} with learner {self.learner}; accepted: SAC")
+        if self.decay != 1.0 and (self.learner not in (*OFF_POLICY, "PPO") or "learning_rate" not in self.options):
+            raise ValueError(f"decay {self.decay} with learner {self.learner}; accepted: one of "
+                             f"{', '.join((*OFF_POLICY, 'PPO'))} with options.learning_rate")
         required = REQUIRED.get(self.learner, ())
         missing = [name for name in required if self.options.get(name) is None]
         if missing:

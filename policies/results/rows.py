@@ -14,7 +14,7 @@ turn_error_deg; tcs_last10, return: means of the last ten episodes; tcs_evaluate
 exploration; seconds: of an episode; preset, demonstrations, task_digest, field: digests, that of the preset over all
 its keys but obs and episodes; code: modules that the run exercised, with a digest each; curve: score,
 means of ten episodes."""
-ADDED: dict[str, Any] = {"grains_as_one": False, "critics": None}
+ADDED: dict[str, Any] = {"grains_as_one": False, "critics": None, "decay": 1.0}
 ADDED_TO_ACTOR = {"every": 1}
 """Keys of presets, and of their table `actor`, that earlier versions lacked -> values with which a preset has the
 digest that it had then."""
