@@ -35,8 +35,11 @@ def group_curves(rows: list[dict[str, Any]]) -> dict[str, dict[str, list[list[fl
     return {task: dict(sorted(lines.items())) for task, lines in sorted(groups.items())}
 
 
-def draw_curves(path: Path, groups: dict[str, dict[str, list[list[float]]]]) -> None:
-    """Draw a panel a task: the median of each line's runs, and the band from their worst to their best."""
+def draw_curves(file: Any, groups: dict[str, dict[str, list[list[float]]]], kind: str = "png") -> None:
+    """Draw a panel a task: the median of each line's runs, and the band from their worst to their best.
+
+    file: path, or a file that is open for writing. kind: "png" or "svg".
+    """
     mpl.use("Agg")
     from matplotlib import pyplot as plt  # the backend comes first
     from matplotlib.lines import Line2D
@@ -58,5 +61,5 @@ def draw_curves(path: Path, groups: dict[str, dict[str, list[list[float]]]]) -> 
         axes.axis("off")
     figure.legend([Line2D([], [], color=colours[name]) for name in names], names, loc="outside lower center",
                   ncols=min(4, len(names)), frameon=False)
-    figure.savefig(path, format="png", dpi=120)
+    figure.savefig(file, format=kind, dpi=120, metadata={"Date": None} if kind == "svg" else None)
     plt.close(figure)

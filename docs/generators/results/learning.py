@@ -1,13 +1,20 @@
 """Scores of the learning methods, from the committed runs in policies/trained."""
 
+import io
 import json
 from collections import defaultdict
-from statistics import fmean, stdev
+from statistics import fmean, median, stdev
 
+import matplotlib as mpl
 import yaml
 
 from generators.markdown import table
 from generators.results.measured import ROOT
+from policies.results.curves import draw_curves, group_curves
+from policies.results.page import score_table
+from policies.results.staleness import find_stale
+from policies.results.summary import summarise_runs
+from policies.results.tables import collect_rows
 
 TRAINED = ROOT / "policies" / "trained"
 METHODS = ("demo", "bc", "dg_sac_utd4", "residual", "dg_sac_literal", "sac", "td3", "ddpg", "ppo", "gail")
@@ -20,10 +27,61 @@ def spread(values: list[float]) -> str:
     return f"{fmean(values):.1f}" + (f" ± {stdev(values):.1f}" if len(values) > 1 else "")
 
 
+def read_runs(name: str) -> tuple[list[dict], dict]:
+    """The rows of a table, and their statistics by line, task and figure."""
+    rows, _ = collect_rows([TRAINED / name])
+    return rows, summarise_runs(rows, published_results())[0]
+
+
+def published_results() -> dict:
+    """The results of arXiv 2406.09178."""
+    return yaml.safe_load((ROOT / "configs" / "published" / "arxiv_2406_09178.yaml").read_text())
+
+
+def age(rows: list[dict]) -> str:
+    """A sentence for each part of the rows that today's code did not make."""
+    return " ".join(f"**Older than the code:** {len(group)} of {len(rows)} runs; {reason}."
+                    for reason, group in find_stale(rows).items())
+
+
+def scores_page() -> str:
+    """Scores of today's runs, each figure of ours in a column, and published scores."""
+    rows, summaries = read_runs("tables.json")
+    scores = score_table(summaries, published_results())
+    commits = ", ".join(f"`{commit}`" for commit in sorted({row["commit"] for row in rows}))
+    return f"""{len(rows)} training runs at {commits}. {age(rows)}
+
+{table(scores.head, [[row[0], f"`{row[1]}`", *row[2:]] for row in scores.rows])}"""
+
+
+def changes_page() -> str:
+    """What single changes of the literal method do: evaluation and last ten episodes, median, worst and best seed."""
+    rows, _ = read_runs("single_changes.json")
+    tasks = list(dict.fromkeys(row["task"] for row in rows))
+
+    def cell(method: str, task: str, key: str) -> str:
+        values = sorted(row[key] for row in rows if (row["method"], row["task"]) == (method, task))
+        return f"{median(values):.1f} ({values[0]:.1f} to {values[-1]:.1f})" if values else ""
+
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    head = ["change", *(f"{task}, {name}" for task in tasks for name in ("evaluated", "last ten"))]
+    lines = [[f"`{method}`", *(cell(method, task, key) for task in tasks for key in ("tcs_evaluated", "tcs_last10"))]
+             for method in methods]
+    return f"{len(rows)} runs. {age(rows)}\n\n{table(head, lines)}"
+
+
+def changes_figure() -> str:
+    """Learning curves of the single changes, as an SVG."""
+    text = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "robosim", "font.size": 9}):
+        draw_curves(text, group_curves(read_runs("single_changes.json")[0]), "svg")
+    return text.getvalue()
+
+
 def release_page() -> str:
     """Scores of release 0.1: of the best motion and of the last ten episodes, method by method."""
     data = json.loads((TRAINED / "release_0_1.json").read_text())
-    published = yaml.safe_load((ROOT / "configs" / "published" / "arxiv_2406_09178.yaml").read_text())
+    published = published_results()
     tasks = published["tasks"]
     groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
     for run in data["runs"]:
@@ -42,31 +100,31 @@ def release_page() -> str:
     return f"""{len(data["runs"])} training runs, made by: {data["made_by"]}. The tables are made from
 `policies/trained/release_0_1.json`. An empty cell was not run.
 
-## Score of the best motion
+### Score of the best motion
 
 Score of the episode with the highest return in training. Mean ± standard deviation over the seeds.
 
 {table(head, rows("tcs_of_best_return"))}
-## Score of the last ten episodes
+### Score of the last ten episodes
 
 Mean over the last ten episodes of training, as arXiv 2406.09178 reports it.
 
 {table(head, rows("tcs_last10"))}
-## Scores in arXiv 2406.09178
+### Scores in arXiv 2406.09178
 
 Mean ± standard deviation of five runs. The geometry of the paper is not published and differs from that of the tables
 above: compare the order of the methods, not single values.
 
 {table(head, theirs)}
-## Delivered fraction of the best motion
+### Delivered fraction of the best motion
 
 {table(head, rows("delivered"))}
-## Seconds per episode
+### Seconds per episode
 
 Run time [s] on one core of a machine with other load.
 
 {table(head, rows("seconds"))}
-## Number of runs
+### Number of runs
 
 {table(head, seeds)}"""
 

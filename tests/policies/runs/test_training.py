@@ -25,16 +25,27 @@ def make_preset(**changes) -> Preset:
     return load_preset("sac").model_copy(update={"episodes": 4, "options": SMALL, **changes})
 
 
-@pytest.mark.parametrize("learner", ["SAC", "PPO"])
-def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner):
-    """Interrupted after two of four episodes, where its checkpoint is; continued with other global random states."""
+@pytest.mark.parametrize(("learner", "decay"), [("SAC", 1.0), ("SAC", 0.1), ("PPO", 1.0)])
+def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay):
+    """Interrupted after three of four episodes, with its checkpoint after two; continued with other global random states.
+
+    A learning rate that falls is at the same place of its fall.
+    """
     options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
-    preset = make_preset(learner=learner, options=options)
+    preset = make_preset(learner=learner, options=options, decay=decay)
     whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole", seed=1, checkpoint_every=2)
     whole.learn()
     interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
-    interrupted.preset = preset.model_copy(update={"episodes": 3})
-    interrupted.learn()
+    report = interrupted.env.on_end
+
+    def interrupt(episode) -> None:
+        report(episode)
+        if interrupted.env.count == 3:
+            raise KeyboardInterrupt
+
+    interrupted.env.on_end = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        interrupted.learn()
     with pytest.raises(mpm.InvalidValue, match="another process"):
         Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
     interrupted.folder.close()
