@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names, config_path
-from robosim.envs import TASKS, is_task_file
+from robosim.config.resources import config_names, config_path, trained_network
+from robosim.envs import TASKS, is_task_file, task_name
 from robosim.errors import ConfigError, UnknownName
-from robosim.evaluation import POLICIES, SUITES
+from robosim.evaluation import NETWORK, POLICIES, SUITES
 
 EXAMPLE = """examples:
   robosim evaluate SpoonPour --policy scripted --out out/pour
@@ -21,11 +21,11 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("evaluate", help="score a policy on a sub-task", epilog=EXAMPLE,
                                  description="Run episodes of a policy on a sub-task and print its scores.")
     parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
-    parser.add_argument("--policy", default="scripted", help=one_of(POLICIES, "or a .npz file with an array `actions` "
+    parser.add_argument("--policy", default="scripted", help=one_of((*POLICIES, NETWORK), "or a .npz file with an array `actions` "
                         "or a network; with --suite also the folder of a training run (default: scripted)"))
     parser.add_argument("--suite", choices=SUITES, help="score on a suite of held-out starts, beside the recorded "
-                        "motion, the script and no motion: the task's own starts (nominal); tool displaced and turned, "
-                        "other fills, materials and friction (wide); thirteen materials (materials)")
+                        "motion, the script and no motion: the task's own starts (nominal); target, container and tool "
+                        "displaced, other fills, materials and friction (wide); thirteen materials (materials)")
     parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
                         "--nominal; 50 with --suite)")
@@ -52,6 +52,7 @@ def run(options: argparse.Namespace) -> int:
         config_path("materials", options.material, "material")
     if options.suite is not None:
         return run_suite(options)
+    options.policy = find_network(options.policy, options.task)
     check_policy(options.policy)
     with options.settings.changed("tasks", options.task, options.out) as task:
         from robosim.evaluation.evaluate import evaluate
@@ -68,8 +69,10 @@ def run_suite(options: argparse.Namespace) -> int:
     if given:
         raise ConfigError(f"{', '.join(given)} with --suite {options.suite}; accepted: without, a suite has starts of "
                           f"its own for the tool alone")
+    options.policy = find_network(options.policy, options.task)
     if not Path(options.policy).is_dir():
-        check_policy(options.policy)
+        options.policy = find_network(options.policy, options.task)
+    check_policy(options.policy)
     with options.settings.changed("tasks", options.task, options.out) as task:
         from robosim.evaluation.suite_run import evaluate_suite
 
@@ -80,6 +83,21 @@ def run_suite(options: argparse.Namespace) -> int:
 def changed_keys(options: argparse.Namespace) -> set[str]:
     """Return the top-level keys of the task's file that the command changes."""
     return {setting.path[0] for setting in options.settings}
+
+
+def find_network(name: str, task: str) -> str:
+    """Return the file of a task's bundled network for "network", any other name as it is.
+
+    Raises ConfigError where there is none.
+    """
+    if name != NETWORK:
+        return name
+    path = trained_network(task_name(task))
+    if path is None:
+        having = sorted(other for other in config_names("tasks") if trained_network(other))
+        raise ConfigError(f"policy {NETWORK}: none is bundled for {task}; accepted: for {', '.join(having)}; "
+                          f"`robosim train` learns one")
+    return str(path)
 
 
 def check_policy(name: str) -> None:

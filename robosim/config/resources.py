@@ -21,6 +21,12 @@ def trained(task: str) -> Path | None:
     return path if path.is_file() else None
 
 
+def trained_network(task: str) -> Path | None:
+    """Return the path of the bundled network of a sub-task, a policy that observes; None where there is none."""
+    path = CHECKOUT / "policies" / "trained" / "networks" / f"{task}.npz"
+    return path if path.is_file() else None
+
+
 def config_names(kind: str) -> list[str]:
     """Stems of configs/<kind>/*.yaml, sorted."""
     return sorted(path.stem for path in (folder("configs") / kind).glob("*.yaml"))

@@ -5,5 +5,7 @@ Imports: config, envs, errors, rendering, reports, tasks, mpm.
 
 POLICIES = ("zero", "random", "scripted", "learned")
 """Policies by name; any other is the path of a .npz file."""
+NETWORK = "network"
+"""The bundled policy that observes, of the sub-tasks that have one."""
 SUITES = ("nominal", "wide", "materials")
 """Starts and materials that policies are scored from, see `robosim.evaluation.suites`."""
