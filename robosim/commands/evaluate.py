@@ -21,8 +21,9 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("evaluate", help="score a policy on a sub-task", epilog=EXAMPLE,
                                  description="Run episodes of a policy on a sub-task and print its scores.")
     parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
-    parser.add_argument("--policy", default="scripted", help=one_of((*POLICIES, NETWORK), "or a .npz file with an array `actions` "
-                        "or a network; with --suite also the folder of a training run (default: scripted)"))
+    parser.add_argument("--policy", default="scripted", help=one_of((*POLICIES, NETWORK), "or a .npz file with an "
+                        "array `actions` or a network; with --suite also the folder of a training run (default: "
+                        "scripted)"))
     parser.add_argument("--suite", choices=SUITES, help="score on a suite of held-out starts, beside the recorded "
                         "motion, the script and no motion: the task's own starts (nominal); target, container and tool "
                         "displaced, other fills, materials and friction (wide); thirteen materials (materials)")

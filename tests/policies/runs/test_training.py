@@ -27,7 +27,7 @@ def make_preset(**changes) -> Preset:
 
 @pytest.mark.parametrize(("learner", "decay"), [("SAC", 1.0), ("SAC", 0.1), ("PPO", 1.0)])
 def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay):
-    """Interrupted after three of four episodes, with its checkpoint after two; continued with other global random states.
+    """Interrupted after three of four episodes, with a checkpoint after two; continued with other random states.
 
     A learning rate that falls is at the same place of its fall.
     """
