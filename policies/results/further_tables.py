@@ -57,7 +57,7 @@ def make_further_tables(summaries: Summaries, rows: list[dict[str, Any]], source
 
 
 def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Return seconds of an episode of dg_sac that observes all grains / one that observes some, by task.
+    """Return seconds of an episode of dg_sac_literal that observes all grains / one that observes some, by task.
 
     Mean over the settings that both were run with.
     """
@@ -65,7 +65,7 @@ def downsampling_gain(rows: list[dict[str, Any]]) -> dict[str, float]:
     for row in rows:
         seconds[row["method"], row["task"], tuple(row[key] for key in TIMED_SETTINGS)].append(row["seconds"])
     for (method, task, settings), values in seconds.items():
-        of_some = seconds.get(("dg_sac", task, settings))
+        of_some = seconds.get(("dg_sac_literal", task, settings))
         if method == "all" and of_some and fmean(of_some) > 0.0:
             ratios[task].append(fmean(values) / fmean(of_some))
     return {task: fmean(values) for task, values in ratios.items()}

@@ -51,7 +51,7 @@ def make_row(manifest: dict[str, Any], status: dict[str, Any], curve: list[float
     """Return the row of a run from its manifest, its status and its learning curve."""
     replayed, last, preset = status["replayed"], status["last"], manifest["preset"]
     method = manifest.get("label") or manifest["method"]
-    if method == "dg_sac" and preset["obs"] != "flat":
+    if method == "dg_sac_literal" and preset["obs"] != "flat":
         method = preset["obs"]  # the paper names its ablations after the observation
     return {"task": manifest["task"], "method": method, "material": manifest["material"], "seed": manifest["seed"],
             "starts": manifest["starts"], "action_repeat": manifest["action_repeat"], "n_envs": manifest["n_envs"],

@@ -46,6 +46,8 @@ def test_a_model_has_every_setting_of_its_preset(name):
     for option, value in preset.options.items():
         if option == "policy_kwargs":
             assert model.policy.net_arch == value["net_arch"]
+        elif option == "learning_rate" and preset.decay != 1.0:
+            assert model.learning_rate(1.0) == value and model.learning_rate(0.0) == pytest.approx(value * preset.decay)
         elif option == "ent_coef" and value.startswith("auto_"):
             assert float(torch.exp(model.log_ent_coef.detach())) == pytest.approx(float(value[5:]))
         else:
@@ -72,8 +74,9 @@ def test_a_model_has_every_setting_of_its_preset(name):
     assert critic.count == (preset.critics.count if preset.critics else 2)
     assert model.subset == (preset.critics.subset if preset.critics else None)
     assert model.actor_every == (preset.actor.every if preset.actor else 1)
-    assert critic.of_features.weight.shape == (n, critic.count, 256)
-    assert [layer.weight.shape[2] for layer in critic.layers] == [256, 1]
+    hidden = preset.options["policy_kwargs"]["net_arch"]
+    assert critic.of_features.weight.shape == (n, critic.count, hidden[0])
+    assert [layer.weight.shape[2] for layer in critic.layers] == [*hidden[1:], 1]
 
 
 SET_ENCODERS = ("pointnet", "deep_sets")
@@ -82,7 +85,7 @@ SET_ENCODERS = ("pointnet", "deep_sets")
 @pytest.mark.parametrize("layer_norm", [False, True])
 def test_parts_are_embedded_apart(layer_norm):
     """In actor and critics; the targets begin as copies, and all layers learn."""
-    preset = load_preset("dg_sac", lambda table: {**table, "encoder": "parts", "critic_layer_norm": layer_norm})
+    preset = load_preset("dg_sac_literal", lambda table: {**table, "encoder": "parts", "critic_layer_norm": layer_norm})
     model = build_learner(preset, Grains(), 0, SLICES)
     assert isinstance(model.actor.features_extractor, PartsEncoder)
     learning = {id(p) for group in model.critic.optimizer.param_groups for p in group["params"]}
@@ -98,7 +101,7 @@ def test_encoders_need_a_learner_and_scaled_observations_that_fit():
     for change, named in (({"encoder": "parts", "learner": "TD3"}, "TD3"),
                           ({"grains_as_one": True, "scaled": False}, "grains_as_one")):
         with pytest.raises(mpm.InvalidValue, match=named):
-            load_preset("dg_sac", lambda table, change=change: {**table, **change})
+            load_preset("dg_sac_literal", lambda table, change=change: {**table, **change})
 
 
 @pytest.mark.parametrize("encoder", SET_ENCODERS)

@@ -27,7 +27,7 @@ def test_settings_without_effect_are_refused(method):
 
 
 def test_a_manifest_of_an_earlier_version_is_migrated():
-    """`hold` is action_repeat now; a preset without newer keys has their defaults."""
+    """`hold` is action_repeat now; what did not exist has its default."""
     preset = load_preset("sac").model_dump()
     stored = {"method": "sac", "preset": {key: value for key, value in preset.items() if key != "graph"}, "hold": 10}
-    assert migrate_manifest(stored) == {"method": "sac", "preset": preset, "action_repeat": 10}
+    assert migrate_manifest(stored) == {"method": "sac", "preset": preset, "action_repeat": 10, "n_envs": 1}

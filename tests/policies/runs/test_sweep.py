@@ -131,7 +131,7 @@ def test_the_last_line_of_a_log_is_read_from_its_end(tmp_path: Path) -> None:
 
 
 def test_entries_differ_in_any_option_each_in_a_folder_of_its_own(tmp_path):
-    entries = [{"name": "parts", "method": "dg_sac", "set": {"encoder": "parts"}},
+    entries = [{"name": "parts", "method": "dg_sac_literal", "set": {"encoder": "parts"}},
                {"name": "slow", "method": "dg_sac", "set": {"options.learning_rate": 3e-4}, "demos": "ten/{task}"},
                "dg_sac"]
     runs = plan_runs(SweepFile(tasks=["SpoonPour"], methods=entries, seeds=[0], demos="one/{task}", out=tmp_path))
