@@ -185,14 +185,15 @@ EXPLAINED = {"scene": "SpoonPour", "code": "d", "results": [{"setting": setting,
 ROW: dict[str, Any] = {
     **dict.fromkeys(COLUMNS, 1.5), "task": "SpoonPour", "method": "dg_sac", "material": "salt", "seed": 0,
     "starts": "nominal", "action_repeat": 10, "obs": "flat", "max_episodes": 5, "commit": "c", "episodes": 5,
-    "preset": "p", "demonstrations": None}
+    "preset": "p", "demonstrations": None, "n_envs": 1, "task_digest": "t", "field": "f", "code": {"mpm.solver": "d"},
+    "command": "robosim train", "curve": [1.0, 2.0]}
 REPORT: dict[str, Any] = {
     "made_by": {"commit": "c", "machine": "m"}, "runs": [
         {"case": "vortex", "choices": {"cells": 8}, "failed": "", "record": {
             "case": "vortex", "choices": {"cells": 8}, "particles": 10, "steps": 5, "seconds": 1.0,
             "compile_seconds": 2.0, "errors": {"velocity": 0.01}, "readings": {}, "peak_bytes": 100}}]}
 MANIFEST = {"method": "sac", "preset": PRESET, "task": "SpoonPour", "seed": 0, "material": "salt", "starts": "nominal",
-            "action_repeat": 10, "commit": "c", "command": "robosim train sac"}
+            "action_repeat": 10, "n_envs": 1, "commit": "c", "command": "robosim train sac"}
 STATUS = {"state": "finished", "replayed": {"tcs": 5.0, "delivered": 0.5}, "last": {"tcs": 4.0, "return": 1.0},
           "seconds": 10.0, "episodes": 5, "best_return": 1.0}
 CHAIN = {"sub_tasks": [{"task": "SpoonPour", "from_previous": {"grains": 100, "delivered": 0.9, "rotation_deg": 1.0,
