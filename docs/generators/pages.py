@@ -18,8 +18,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "stability.md": verification.stability_page,
     "performance.md": performance.page,
     "learning_scores.md": learning.scores_page,
-    "learning_changes.md": learning.changes_page,
-    "learning_changes.svg": learning.changes_figure,
     "learning_release_0_1.md": learning.release_page,
     "learning_materials.md": learning.materials_page,
     "materials.md": catalogue.materials,

@@ -62,7 +62,8 @@ def make_row(manifest: dict[str, Any], status: dict[str, Any], curve: list[float
             **{key: replayed.get(key) for key in ("delivered", "spilled", "collisions", "turn_error_deg")},
             "preset": preset_digest(preset), "demonstrations": digest(manifest.get("demonstrations", {})),
             "task_digest": manifest.get("task_digest"), "field": manifest.get("field"), "code": manifest.get("code"),
-            "command": manifest.get("command"), "curve": curve}
+            "command": manifest.get("command") and " ".join(["robosim", *manifest["command"].split(" ")[1:]]),
+            "curve": curve}
 
 
 def is_same_run(row: dict[str, Any], other: dict[str, Any]) -> bool:

@@ -1,16 +1,13 @@
 """Scores of the learning methods, from the committed runs in policies/trained."""
 
-import io
 import json
 from collections import defaultdict
-from statistics import fmean, median, stdev
+from statistics import fmean, stdev
 
-import matplotlib as mpl
 import yaml
 
 from generators.markdown import table
 from generators.results.measured import ROOT
-from policies.results.curves import draw_curves, group_curves
 from policies.results.page import score_table
 from policies.results.staleness import find_stale
 from policies.results.summary import summarise_runs
@@ -52,30 +49,6 @@ def scores_page() -> str:
     return f"""{len(rows)} training runs at {commits}. {age(rows)}
 
 {table(scores.head, [[row[0], f"`{row[1]}`", *row[2:]] for row in scores.rows])}"""
-
-
-def changes_page() -> str:
-    """What single changes of the literal method do: evaluation and last ten episodes, median, worst and best seed."""
-    rows, _ = read_runs("single_changes.json")
-    tasks = list(dict.fromkeys(row["task"] for row in rows))
-
-    def cell(method: str, task: str, key: str) -> str:
-        values = sorted(row[key] for row in rows if (row["method"], row["task"]) == (method, task))
-        return f"{median(values):.1f} ({values[0]:.1f} to {values[-1]:.1f})" if values else ""
-
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    head = ["change", *(f"{task}, {name}" for task in tasks for name in ("evaluated", "last ten"))]
-    lines = [[f"`{method}`", *(cell(method, task, key) for task in tasks for key in ("tcs_evaluated", "tcs_last10"))]
-             for method in methods]
-    return f"{len(rows)} runs. {age(rows)}\n\n{table(head, lines)}"
-
-
-def changes_figure() -> str:
-    """Learning curves of the single changes, as an SVG."""
-    text = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": "robosim", "font.size": 9}):
-        draw_curves(text, group_curves(read_runs("single_changes.json")[0]), "svg")
-    return text.getvalue()
 
 
 def release_page() -> str:

@@ -29,7 +29,7 @@ def write_run(folder: Path, seed: int, score: float, *, method: str = "dg_sac", 
     (folder / "manifest.json").write_text(json.dumps({
         "method": method, "task": task, "seed": seed, "material": material, "starts": starts,
         "action_repeat": action_repeat, "n_envs": n_envs, "preset": preset, "demonstrations": demonstrations or {},
-        "commit": commit, "task_digest": "t", "field": "f", "code": code, "command": "robosim train"}))
+        "commit": commit, "task_digest": "t", "field": "f", "code": code, "command": "/home/x/bin/robosim train dg_sac"}))
     (folder / "status.json").write_text(json.dumps({
         "state": "finished", "episodes": 10, "seconds": 20.0, "last": {"return": score, "tcs": score - 2.0},
         "replayed": {"tcs": score}, "evaluated": {"best": {"tcs": score - 1.0}}}))
@@ -208,6 +208,7 @@ def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.Captu
         assert text in told, text
     assert tables([tmp_path / "a"], tmp_path / "out") == 0
     stored = json.loads((tmp_path / "out" / "tables.json").read_text())
+    assert stored["runs"][0]["command"] == "robosim train dg_sac"  # whatever the machine's folders
     assert list(stored["code"].values()) == [now] and stored["runs"][0]["code"] in stored["code"]
     assert check([tmp_path / "out" / "tables.json"]) == 0  # as a file has them
 
