@@ -29,7 +29,8 @@ def write_run(folder: Path, seed: int, score: float, *, method: str = "dg_sac", 
     (folder / "manifest.json").write_text(json.dumps({
         "method": method, "task": task, "seed": seed, "material": material, "starts": starts,
         "action_repeat": action_repeat, "n_envs": n_envs, "preset": preset, "demonstrations": demonstrations or {},
-        "commit": commit, "task_digest": "t", "field": "f", "code": code, "command": "/home/x/bin/robosim train dg_sac"}))
+        "commit": commit, "task_digest": "t", "field": "f", "code": code,
+        "command": "/home/x/bin/robosim train dg_sac"}))
     (folder / "status.json").write_text(json.dumps({
         "state": "finished", "episodes": 10, "seconds": 20.0, "last": {"return": score, "tcs": score - 2.0},
         "replayed": {"tcs": score}, "evaluated": {"best": {"tcs": score - 1.0}}}))
