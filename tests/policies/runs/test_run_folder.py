@@ -18,7 +18,7 @@ def test_the_best_motion_outlasts_a_resume(tmp_path):
         return Episode({"episode": k, "return": total, "seconds": 1.0, "simulating": 0.5, "diverged": ""},
                        np.full((5, 1), total))
 
-    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"}
+    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f", "n_envs": 1}
     folder = RunFolder(tmp_path, manifest)
     assert folder.add(row(0, 1.0), 10) and not folder.add(row(1, 0.5), 10)
     checkpoint.save(folder.checkpoint, None, rows=folder.rows, best=folder.best_return)
@@ -33,7 +33,7 @@ def test_the_best_motion_outlasts_a_resume(tmp_path):
 
 def test_a_folder_of_another_run_is_refused(tmp_path):
     """With each entry in which it differs, unless forced."""
-    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"}
+    manifest = {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f", "n_envs": 1}
     RunFolder(tmp_path / "a", manifest).close()
     with pytest.raises(mpm.InvalidValue, match="seed 0, now 1"):
         RunFolder(tmp_path / "a", {**manifest, "seed": 1})
@@ -70,7 +70,8 @@ def test_needed_decisions():
 
 def test_episodes_with_different_columns_share_a_table(tmp_path):
     """The rows of an earlier version, without a column that was added since."""
-    folder = RunFolder(tmp_path, {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f"})
+    folder = RunFolder(tmp_path, {"task": "t", "material": "m", "method": "x", "seed": 0, "fingerprint": "f",
+                                  "n_envs": 1})
     folder.rows = [{"episode": 0, "return": 1.0, "seconds": 1.0, "simulating": 0.5, "diverged": ""}]
     folder.add(Episode({**folder.rows[0], "episode": 1, "needed": 4}, np.zeros((5, 1))), 10)
     lines = (tmp_path / "episodes.csv").read_text().splitlines()
