@@ -93,7 +93,7 @@ def test_every_method_runs_on_grains(tmp_path, method):
         assert np.array_equal(best["actions"], demonstration)
     if preset.residual is not None:
         assert np.abs(best["actions"] - demonstration).max() <= preset.residual + 1e-6
-    has_policy_file = preset.learner in ("BC", "GAIL", "PPO", "SAC", "TD3", "DDPG") and preset.residual is None \
+    has_policy_file = preset.learner in ("BC", "GAIL", "PPO", "SAC", "TD3", "DDPG", "TQC") and preset.residual is None \
         and preset.encoder is None
     assert (out / "best_policy.npz").is_file() == has_policy_file
     if has_policy_file:
