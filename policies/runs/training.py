@@ -81,6 +81,8 @@ class Training:
             raise mpm.InvalidValue(f"task {task!r}: accepted: continuous actions and episodes of a fixed length")
         self.task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
         self.source = getattr(raw, "source", "") or self.task
+        if n_envs > 1:
+            self._check_batch()
         self.demonstrations = load_demonstrations(preset, demos, self.decisions, action_repeat, self.dimensions,
                                                   self.task if self.is_granular else "")
         self.rollouts = self._load_rollouts(rollouts)
@@ -103,7 +105,6 @@ class Training:
         self.env: Any = Episodes(self.base, seed, self.reset_options, self._on_episode_end)
         """What reports the run's episodes."""
         if n_envs > 1:
-            self._check_batch()
             self.env = EpisodeBatch(task, n_envs, self.base, seed, self.reset_options, self._on_episode_end,
                                     preset.episodes, obs=preset.obs, action_repeat=action_repeat, **options)
         self.agent_env: Any = self.env

@@ -125,6 +125,7 @@ def test_what_has_no_batch_is_refused(tmp_path, task, preset, named):
     demos = tmp_path if preset.needs_demonstrations else None
     with pytest.raises(mpm.InvalidValue, match=f"--n-envs 2 with .*{named}"):
         Training("x", preset, task, tmp_path / "run", n_envs=2, demos=demos)
+    assert not (tmp_path / "run").exists()
 
 
 def test_environments_of_a_batch_may_end_apart(tmp_path):
