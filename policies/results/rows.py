@@ -73,12 +73,12 @@ def is_same_run(row: dict[str, Any], other: dict[str, Any]) -> bool:
 
 def unpack_rows(table: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the rows of a tables.json with today's column names, and with their code in place of its digest."""
-    known = table.get("code") or {}
+    versions = table.get("code") or {}
     rows = [migrate_row(row) for row in table["runs"]]
-    return [{**row, "code": known[row["code"]]} if isinstance(row.get("code"), str) else row for row in rows]
+    return [{**row, "code": versions[row["code"]]} if isinstance(row.get("code"), str) else row for row in rows]
 
 
 def pack_rows(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return rows as a tables.json has them: what many runs share, their code, is there once."""
-    known = {digest(row["code"]): row["code"] for row in rows if row["code"]}
-    return {"runs": [{**row, "code": digest(row["code"]) if row["code"] else None} for row in rows], "code": known}
+    versions = {digest(row["code"]): row["code"] for row in rows if row["code"]}
+    return {"runs": [{**row, "code": digest(row["code"]) if row["code"] else None} for row in rows], "code": versions}

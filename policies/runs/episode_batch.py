@@ -42,7 +42,7 @@ class EpisodeBatch(SB3VecEnv):
         self._next, self._records = 0, [EpisodeRecord(0, 0)] * n
 
     def reset(self) -> Any:
-        """Start an episode in every environment, unless a restored state has them; returns observations (n, ...)."""
+        """Start the run's next episodes, one in every environment; returns observations (n, ...)."""
         self._next = self.count
         return self._start(np.ones(self.num_envs, bool))
 

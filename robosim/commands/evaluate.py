@@ -21,7 +21,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("evaluate", help="score a policy on a sub-task", epilog=EXAMPLE,
                                  description="Run episodes of a policy on a sub-task and print its scores.")
     parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
-    parser.add_argument("--policy", default="scripted", help=one_of((*POLICIES, NETWORK), "or a .npz file with an "
+    named = (*POLICIES, *([NETWORK] if with_network() else []))
+    parser.add_argument("--policy", default="scripted", help=one_of(named, "or a .npz file with an "
                         "array `actions` or a network; with --suite also the folder of a training run (default: "
                         "scripted)"))
     parser.add_argument("--suite", choices=SUITES, help="score on a suite of held-out starts, beside the recorded "
@@ -89,16 +90,21 @@ def changed_keys(options: argparse.Namespace) -> set[str]:
 def find_network(name: str, task: str) -> str:
     """Return the file of a task's bundled network for "network", any other name as it is.
 
-    Raises ConfigError where there is none.
+    Raises ConfigError for a task without one, where others have one.
     """
-    if name != NETWORK:
+    tasks = with_network()
+    if name != NETWORK or not tasks:
         return name
     path = trained_network(task_name(task))
     if path is None:
-        having = sorted(other for other in config_names("tasks") if trained_network(other))
-        raise ConfigError(f"policy {NETWORK}: none is bundled for {task}; accepted: for {', '.join(having)}; "
+        raise ConfigError(f"policy {NETWORK}: none is bundled for {task}; accepted: for {', '.join(tasks)}; "
                           f"`robosim train` learns one")
     return str(path)
+
+
+def with_network() -> list[str]:
+    """Return the sub-tasks that a network is bundled for."""
+    return [task for task in config_names("tasks") if trained_network(task)]
 
 
 def check_policy(name: str) -> None:

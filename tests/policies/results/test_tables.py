@@ -202,11 +202,11 @@ def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.Captu
                           ("d", {"code": now, "commit": "c-dirty"}), ("e", {"code": now, "options": {"gamma": 0.5}})):
         write_run(tmp_path / name, ord(name), 10.0, **changes)
     assert check([tmp_path]) == 1
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for text in ("mpm.solver, mpm.gone have changed:\n  dg_sac SpoonPour seed 98, commit c",
                  "did not store the digests", "no commit has:\n  dg_sac SpoonPour seed 100",
                  "settings of dg_sac have changed:\n  dg_sac SpoonPour seed 101"):
-        assert text in told, text
+        assert text in printed, text
     assert tables([tmp_path / "a"], tmp_path / "out") == 0
     stored = json.loads((tmp_path / "out" / "tables.json").read_text())
     assert stored["runs"][0]["command"] == "robosim train dg_sac"  # whatever the machine's folders

@@ -113,7 +113,8 @@ def test_a_run_with_demonstrations_ends_with_its_times(tmp_path):
     with (tmp_path / "run" / "episodes.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [int(row["episode"]) for row in rows] == list(range(8))
-    assert {row["start"] for row in rows} and len((tmp_path / "run" / "evaluations.csv").read_text().splitlines()) == 3
+    assert len({row["start"] for row in rows}) == 8
+    assert len((tmp_path / "run" / "evaluations.csv").read_text().splitlines()) == 3
     assert json.loads((tmp_path / "run" / "manifest.json").read_text())["n_envs"] == 4
 
 
