@@ -132,6 +132,14 @@ def check_form(value: Any, form: Any, name: str = "file") -> None:
         raise InvalidValue(f"{name}: {quote(value)}; accepted: {FORMS[form if isinstance(form, type) else type(form)]}")
 
 
+def differing_entries(one: Any, other: Any, place: str = "") -> dict[str, tuple[Any, Any]]:
+    """Return the dotted keys in which two tables of JSON differ, with both values; None stands for a missing one."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return {key: values for name in {**one, **other} for key, values in
+                differing_entries(one.get(name), other.get(name), f"{place}.{name}".strip(".")).items()}
+    return {} if one == other else {place: (one, other)}
+
+
 def _has_type(value: Any, kind: Any) -> bool:
     """Return whether a value has a type of JSON; numbers whose squares a float does not hold have none."""
     if kind in (int, float):

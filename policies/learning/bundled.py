@@ -26,6 +26,11 @@ def is_task_file(task: str) -> bool:
     return task.endswith((".yaml", ".yml"))
 
 
+def task_name(task: str) -> str:
+    """Return a sub-task's name, given as such or as its id ("robosim/SpoonPour-v0")."""
+    return task.split("/")[-1].split("-v")[0]
+
+
 def is_unknown_task(task: str) -> bool:
     """Return whether a task is no bundled sub-task, no existing file and no Gymnasium id such as Pendulum-v1."""
     return not Path(task).is_file() if is_task_file(task) else "-v" not in task and task not in bundled_names("tasks")
@@ -45,7 +50,7 @@ def check_task(name: str, also: str = "") -> None:
     if is_task_file(name):
         if not Path(name).is_file():
             raise mpm.InvalidValue(f"task {name}: no such file")
-    elif name.split("/")[-1].split("-v")[0] not in bundled_names("tasks"):
+    elif task_name(name) not in bundled_names("tasks"):
         raise mpm.InvalidValue(f"task {name!r}; accepted: {', '.join(bundled_names('tasks'))}, or a task's .yaml "
                                f"file{also}")
 

@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 import mpm
-from policies.learning.bundled import check_task, is_task_file
+from policies.learning.bundled import check_task, is_task_file, task_name
 from policies.learning.files import digest
 
 
@@ -25,10 +25,9 @@ def make_environment(task: str, **options: Any) -> gymnasium.Env:
     given = {key: value for key, value in options.items() if key != "material" or value is not None}
     if is_task_file(task):
         return gymnasium.make("robosim:robosim/Task-v0", task=task, **given)
-    name = task.split("/")[-1].split("-v")[0]
     check_task(task, "; for training also an id of Gymnasium such as Pendulum-v1")
     try:
-        return gymnasium.make(f"robosim:robosim/{name}-v0", **given)
+        return gymnasium.make(f"robosim:robosim/{task_name(task)}-v0", **given)
     except gymnasium.error.Error as error:
         raise mpm.InvalidValue(f"task {task!r}: {error}") from error
 
@@ -41,9 +40,8 @@ def make_vector_environment(task: str, n: int, **options: Any) -> Any:
     """
     if is_task_file(task):
         return gymnasium.make_vec("robosim:robosim/Task-v0", num_envs=n, workers=1, task=task, **options)
-    name = task.split("/")[-1].split("-v")[0]
-    check_task(name, " for several environments at once")
-    return gymnasium.make_vec(f"robosim:robosim/{name}-v0", num_envs=n, workers=1, **options)
+    check_task(task, " for several environments at once")
+    return gymnasium.make_vec(f"robosim:robosim/{task_name(task)}-v0", num_envs=n, workers=1, **options)
 
 
 def make_training_environment(task: str, obs: str, action_repeat: int, **options: Any) -> gymnasium.Env:

@@ -26,6 +26,9 @@ class EpisodeBatch(SB3VecEnv):
     goes beyond is simulated, as all environments step together, but not reported.
     """
 
+    is_resumable = True
+    """At any decision: a checkpoint has the running episodes, too."""
+
     def __init__(self, task: str, n: int, single: gymnasium.Env, seed: int, reset_options: dict[str, Any] | None,
                  on_end: Callable[[Episode], None], most: int, **options: Any) -> None:
         vector = make_vector_environment(task, n, autoreset_mode=AutoresetMode.DISABLED, **options)
@@ -37,8 +40,6 @@ class EpisodeBatch(SB3VecEnv):
         """Finished episodes."""
         self.updating = 0.0
         """Seconds of updates since the last episodes ended."""
-        self.is_under_way = False
-        """False: a checkpoint has the running episodes, too, and can be made at any decision."""
         self._next, self._records = 0, [EpisodeRecord(0, 0)] * n
 
     def reset(self) -> Any:

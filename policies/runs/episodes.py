@@ -75,9 +75,9 @@ class Episodes(gymnasium.Wrapper):
         self._record, self._began = EpisodeRecord(0, 0), time.perf_counter()
 
     @property
-    def is_under_way(self) -> bool:
-        """Whether an episode has made a decision and not ended."""
-        return bool(self._record.actions)
+    def is_resumable(self) -> bool:
+        """Whether no episode is under way: a checkpoint has none."""
+        return not self._record.actions
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start the next episode; `seed` is ignored, the run's own seed applies."""

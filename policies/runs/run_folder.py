@@ -17,7 +17,7 @@ import numpy as np
 
 import mpm
 from mpm.files import write, write_json, write_status
-from mpm.input_files import read_json
+from mpm.input_files import differing_entries, read_json
 from policies.learning.files import lock_folder
 from policies.learning.preset_files import migrate_manifest
 from policies.runs.episodes import Episode
@@ -39,16 +39,6 @@ def current_commit() -> str:
     except OSError:  # git is not installed
         process = None
     return process.stdout.strip() if process is not None and process.returncode == 0 else version("robosim")
-
-
-def describe_differences(name: str, stored: Any, now: Any) -> list[str]:
-    """Return the entries in which two values of a manifest differ, a text each."""
-    if json.dumps(stored) == json.dumps(now):
-        return []
-    if isinstance(stored, dict) and isinstance(now, dict):
-        return [text for key in {**stored, **now}
-                for text in describe_differences(f"{name}.{key}", stored.get(key), now.get(key))]
-    return [f"{name} {stored!r}, now {now!r}"]
 
 
 class RunFolder:
@@ -77,8 +67,9 @@ class RunFolder:
         if stored is None or force:
             return
         stored = migrate_manifest(stored)
-        differences = [text for key in IDENTITY
-                       for text in describe_differences(key, stored.get(key), self.manifest.get(key))]
+        now = json.loads(json.dumps({key: self.manifest.get(key) for key in IDENTITY}))
+        differences = [f"{key} {before!r}, now {after!r}" for key, (before, after) in differing_entries(
+            {key: stored.get(key) for key in IDENTITY}, now).items()]
         if differences:
             raise mpm.InvalidValue(f"{self.path}: holds another run: {'; '.join(differences)}; give another --out, or "
                                    f"--force to continue it")

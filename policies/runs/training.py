@@ -330,7 +330,7 @@ class CheckpointCallback(BaseCallback):
         # Once an episode has ended early, PPO's batches may never again end between episodes: then the checkpoint is
         # made within an episode, which a resumed run starts again.
         is_late = count >= self._kept_at + CHECKPOINT_LATEST
-        if count > self._kept_at and (not self.training.env.is_under_way or is_late):
+        if count > self._kept_at and (self.training.env.is_resumable or is_late):
             log: Any = self.logger.output_formats[0]
             self.training.keep_checkpoint(callback=self._callback.state() if self._callback else None,
                                           log=log.state(self.logger))

@@ -9,7 +9,7 @@ import numpy as np
 
 import mpm
 from mpm.geometry.rigid_motion import relative_rotation
-from mpm.input_files import StoredArrays, quote, read_arrays
+from mpm.input_files import StoredArrays, differing_entries, quote, read_arrays
 from robosim.config.resources import trained
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, UnknownName
@@ -98,21 +98,13 @@ def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> No
     except ValueError as error:
         raise ConfigError(f"{name}: task_table: not JSON: {error}") from None
     now = json.loads(task.model_dump_json(exclude={"description"}))
-    differing = {key: values for key, values in differences(learned, now).items()
+    differing = {key: values for key, values in differing_entries(learned, now).items()
                  if key.split(".")[0] not in changed}
     if differing:
         texts = [f"{key} {quote(values[0])}, here {quote(values[1])}" for key, values in differing.items()]
         more = f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
         raise ConfigError(f"policy {name}: learned on {arrays.text('task', 'another task')} with "
                           f"{'; '.join(texts[:SHOWN])}{more}; accepted: the task that it was learned on")
-
-
-def differences(one: Any, other: Any, place: str = "") -> dict[str, tuple[Any, Any]]:
-    """Return the dotted keys in which two tables differ, with both values."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        return {key: values for name in {**one, **other}
-                for key, values in differences(one.get(name), other.get(name), f"{place}.{name}".strip(".")).items()}
-    return {} if one == other else {place or "the table": (one, other)}
 
 
 class ScriptedPolicy:
