@@ -56,7 +56,7 @@ def rehearsal_spoon(out: Path) -> dict[str, Any]:
               "spoon_torque": f"{figures['torque_limit_ratio_max']:.2f}",
               "spoon_speed": f"{figures['velocity_limit_ratio_max']:.2f}",
               "spoon_tracking_mm": f"{1e3 * figures['tool_tracking_error_max_m']:.1f}"}
-    return {"made_by": made_by([*words, "--out", "out/spoon"]), "code": code_digest("robosim.commands.rehearse"),
+    return {"made_by": made_by([*words, "--out", "out/spoon"]), "code": code_digest("robosim.commands.runs.rehearse"),
             "seconds": seconds, "figures": figures, "quoted": quoted}
 
 

@@ -67,7 +67,7 @@ def test_public_names_exist(package: str) -> None:
 
 def run_time_modules() -> list[str]:
     """Modules that the commands import when they run."""
-    paths = [path for package in ("robosim", "policies") for path in (ROOT / package / "commands").glob("*.py")]
+    paths = [path for package in ("robosim", "policies") for path in (ROOT / package / "commands").rglob("*.py")]
     functions = [node for path in paths for node in ast.walk(ast.parse(path.read_text()))
                  if isinstance(node, ast.FunctionDef)]
     return sorted({line.module for function in functions for line in ast.walk(function)

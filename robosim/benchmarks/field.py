@@ -27,7 +27,9 @@ YARDSTICKS = {
 PROBE, PROBE_SPEED = "limit_probe.cpp", r"total ([0-9.]+) Mp/s"
 """C++ program of that folder, built where there is a compiler, and the pattern of its million particles a second."""
 NODES = 64
-"""Cells along each side of the unit cube that is the workspace."""
+"""Cells along each side of the unit cube that is the workspace; more where the block of grains would not fit."""
+CORNER, MARGIN = 0.3, 6.0
+"""Corner of the block of grains [m], and the least distance from its other side to the walls in cells."""
 SUBSTEPS = 10
 """Substeps of one launch, a typical host step."""
 MOST_WORK = 3e6
@@ -135,14 +137,15 @@ def time_scene(scene: str, grains: int, repetitions: int = 9) -> dict[str, float
 
 def build_scene(scene: str, grains: int) -> mpm.Solver:
     """Build a block of particles on the floor of a unit cube, with the scene's law and collider."""
-    cell = 1.0 / NODES
+    edge = (grains / 8) ** (1 / 3)
+    cell = 1.0 / max(NODES, int(np.ceil((edge + MARGIN) / (1.0 - CORNER))))
     laws = {
         "fluid": mpm.NewtonianFluid(bulk_modulus=1000.0, density=1.0),
         "clay": mpm.VonMises(E=1000.0, nu=0.2, density=1.0, yield_stress=10.0),
     }
     law = laws.get(scene, mpm.DruckerPrager(E=1000.0, nu=0.2, density=1.0, friction_angle_deg=30.0))
-    side = (grains / 8) ** (1 / 3) * cell
-    corner = np.array([0.3, 0.3, 2 * cell])
+    side = edge * cell
+    corner = np.array([CORNER, CORNER, 2 * cell])
     positions = np.random.default_rng(0).uniform(0, 1, (2 * grains, 3)) * side + corner
     if scene == "sand_with_shell":  # no particle starts in the wall
         height = np.linalg.norm(positions - corner - [side / 2, side / 2, side], axis=1)

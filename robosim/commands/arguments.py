@@ -46,6 +46,7 @@ NUMBERS = {
     # a process has 0.5 GB; more of them than cores do not finish earlier
     "--jobs": Number(1, max(16, 4 * CORES)),
     "--threads": Number(1, max(16, 4 * CORES)),
+    "--port": Number(1, 65_535),
     "--frame-rate": Number(1, 1000),  # a picture of every step of 1 ms
     "--rate": Number(1e-6, 1.0, False),  # actions reach from -1 to 1; below, single precision does not change them
     "--until": Number(1e-4, 600.0, False),  # [s], as the episode of a task

@@ -15,8 +15,10 @@ from mpm.files import describe_end
 from robosim.commands.arguments import CommandParser
 from robosim.errors import RobosimError, RobotDiverged
 
-COMMANDS = ("rehearse", "evaluate", "materials", "chain", "explain", "report", "stability", "bench", "keys", "new")
-"""Modules of this package that add a command each."""
+COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view", "materials": "runs.materials",
+            "chain": "runs.chain", "explain": "checks.explain", "report": "checks.report",
+            "stability": "checks.stability", "bench": "checks.bench", "keys": "keys", "new": "new"}
+"""Command -> the module of this package that adds it."""
 RENAMED = {"frames": "rollouts"}
 """Commands of earlier versions -> their names now."""
 GROUP = "robosim.commands"
@@ -39,8 +41,8 @@ def parser() -> argparse.ArgumentParser:
     # the metavar is as long as the longest name, on a line of its own otherwise
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND ...", title="commands",
                                   prog="robosim")
-    for name in COMMANDS:
-        import_module(f"robosim.commands.{name}").add_parser(commands)
+    for module in COMMANDS.values():
+        import_module(f"robosim.commands.{module}").add_parser(commands)
     for entry in entry_points(group=GROUP):
         try:
             entry.load()(commands)

@@ -1,6 +1,6 @@
-"""Whole-arm rehearsals: plan, run, recording, metrics, plots and film.
+"""Whole-arm rehearsals: plan, run, readings, metrics, plots and film.
 
-Imports: config, coupling, envs, errors, evaluation, rendering, robot, scene, shapes, tasks, mpm.
+Imports: config, coupling, envs, errors, evaluation, recordings, rendering, reports, robot, scene, shapes, tasks, mpm.
 """
 
 CAMERAS = ("overview", "close", "wrist")

@@ -50,9 +50,9 @@ def compute_scooped_mass(run: RehearsalRun) -> float:
     if waypoint is None:
         return float(run.solver.masses().sum())
     begin, end = find_weighing_interval(run, waypoint)
-    times = run.recording.stack_grains("time")
+    times = run.readings.stack_grains("time")
     selected = (times >= begin) & (times < end)
-    return float(run.recording.stack_grains("mass_in_tool")[selected].mean()) if selected.any() else 0.0
+    return float(run.readings.stack_grains("mass_in_tool")[selected].mean()) if selected.any() else 0.0
 
 
 def find_weighing_interval(run: RehearsalRun, waypoint: str) -> tuple[float, float]:
@@ -69,7 +69,7 @@ def weigh_at_wrist(run: RehearsalRun) -> float | None:
     if run.config.weigh_at is None:
         return None
     begin, end = find_weighing_interval(run, run.config.weigh_at)
-    steps = run.recording.select_steps(begin, end)
+    steps = run.readings.select_steps(begin, end)
     hand = run.model.body("palm").subtreemass[0]  # includes the tool, however it is held
     # the sensor measures the child on the parent; at rest only the magnitude along gravity matters
-    return float(abs(run.recording.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - hand)
+    return float(abs(run.readings.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - hand)

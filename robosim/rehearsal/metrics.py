@@ -1,4 +1,4 @@
-"""Figures of a rehearsal's report, computed from its recording, and the ranges in which they are accepted."""
+"""Figures of a rehearsal's report, computed from its readings, and the ranges in which they are accepted."""
 
 from typing import NamedTuple
 
@@ -82,7 +82,7 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "simulated_time_s": run.time, "wall_time_s": run.wall_time,
         "realtime_factor": run.time / max(run.wall_time, 1e-9),
         **{f"{name}_time_s": seconds for name, seconds in run.timings.items()},
-        "awake_share": run.recording.awake_share,
+        "awake_share": run.readings.awake_share,
         **_mass_figures(run, positions),
         "tool_container_contacts": run.collisions.tool_container_contacts,
         "tool_container_depth_m": run.collisions.tool_container_depth,
@@ -93,7 +93,7 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         **_learned_path_figures(run),
         "grasp": config.grasp, "grasp_slip_m": run.grasp.slip,
         "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
-        "particles_lost": int(run.recording.stack_grains("lost").max()),
+        "particles_lost": int(run.readings.stack_grains("lost").max()),
     }
 
 
@@ -106,7 +106,7 @@ def _mass_figures(run: RehearsalRun, positions: np.ndarray) -> dict[str, object]
 
 def _momentum_figures(run: RehearsalRun) -> dict[str, object]:
     """Momentum that no impulse accounts for, relative to all that was exchanged."""
-    residual, exchanged = run.recording.stack_steps("residual"), run.recording.stack_steps("exchanged").sum(0)
+    residual, exchanged = run.readings.stack_steps("residual"), run.readings.stack_steps("exchanged").sum(0)
     linear = compute_ratio(np.linalg.norm(residual[:, :3], axis=1).sum(), exchanged[0])
     angular = compute_ratio(np.linalg.norm(residual[:, 3:], axis=1).sum(), exchanged[1])
     return {"momentum_residual": max(linear or 0.0, angular or 0.0), "momentum_residual_linear": linear,
@@ -115,13 +115,13 @@ def _momentum_figures(run: RehearsalRun) -> dict[str, object]:
 
 def _arm_figures(run: RehearsalRun) -> dict[str, object]:
     """Joints and motors relative to their limits; errors of inverse kinematics and tracking."""
-    recording, arm = run.recording, run.plan.arm
+    readings, arm = run.readings, run.plan.arm
     middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
     return {
-        "velocity_limit_ratio_max": float((np.abs(recording.stack_steps("qd")) / SPEED_LIMITS).max()),
-        "torque_limit_ratio_max": float((np.abs(recording.stack_steps("demanded_torque")) / arm.torque_limits).max()),
+        "velocity_limit_ratio_max": float((np.abs(readings.stack_steps("qd")) / SPEED_LIMITS).max()),
+        "torque_limit_ratio_max": float((np.abs(readings.stack_steps("demanded_torque")) / arm.torque_limits).max()),
         "torque_saturations": run.servo.saturations,
-        "joint_limit_ratio_max": float((np.abs(recording.stack_steps("q") - middle) / half).max()),
+        "joint_limit_ratio_max": float((np.abs(readings.stack_steps("q") - middle) / half).max()),
         "ik_position_error_max_m": float(run.plan.solution.errors[:, 0].max()),
         "tool_tracking_error_max_m": float(compute_tracking_errors(run).max()),
         "path_error_inside_max_m": compute_path_error_inside(run),
@@ -139,7 +139,7 @@ def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:
 
 def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:
     """Compute the tracking errors [m] (n,) of the tool's position at each step."""
-    commanded, reached = run.recording.stack_steps("commanded"), run.recording.stack_steps("reached")
+    commanded, reached = run.readings.stack_steps("commanded"), run.readings.stack_steps("reached")
     return np.linalg.norm(commanded[:, :3] - reached[:, :3], axis=1)
 
 
@@ -151,7 +151,7 @@ def compute_path_error_inside(run: RehearsalRun) -> float | None:
     """
     head = tool_shape(run.config.tool).head(WALL).vertices
     tip = head[np.linalg.norm(head, axis=1).argmax()]
-    times, reached = run.recording.stack_steps("time"), run.recording.stack_steps("reached")
+    times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
     worst = None
     for time, row in list(zip(times, reached))[::PATH_ERROR_STRIDE]:
         pose = Pose(row[:3], row[3:])

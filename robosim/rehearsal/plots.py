@@ -10,7 +10,7 @@ import numpy as np  # noqa: E402
 from matplotlib.axes import Axes  # noqa: E402
 
 from robosim.rehearsal.metrics import compute_tracking_errors  # noqa: E402
-from robosim.rehearsal.recording import ARM  # noqa: E402
+from robosim.rehearsal.readings import ARM  # noqa: E402
 from robosim.rehearsal.run import RehearsalRun  # noqa: E402
 
 AVERAGED_STEPS = 20
@@ -28,7 +28,7 @@ def plot_report(run: RehearsalRun, path: Path) -> None:
     _plot_mass(axes[0, 0], run)
     _plot_wrist(axes[0, 1], run)
     _plot_torques(axes[1, 0], run)
-    time = run.recording.stack_steps("time")
+    time = run.readings.stack_steps("time")
     _plot_lines(axes[1, 1], time, compute_tracking_errors(run)[:, None] * 1e3, ["tool position"], "tracking error [mm]")
     _plot_momentum(axes[2, 0], run)
     _plot_energies(axes[2, 1], run)
@@ -40,18 +40,18 @@ def plot_report(run: RehearsalRun, path: Path) -> None:
 
 
 def _plot_mass(axis: Axes, run: RehearsalRun) -> None:
-    mass = run.recording.stack_grains("mass_in_tool")[:, None] * 1e3
-    time = run.recording.stack_grains("time")
+    mass = run.readings.stack_grains("mass_in_tool")[:, None] * 1e3
+    time = run.readings.stack_grains("time")
     _plot_lines(axis, time, mass, ["in the tool"], "mass [g]")
     if run.solver.sleep:
         share_axis = axis.twinx()
-        share_axis.plot(time, run.recording.stack_grains("awake"), "--", color="0.5", lw=0.8)
+        share_axis.plot(time, run.readings.stack_grains("awake"), "--", color="0.5", lw=0.8)
         share_axis.set_ylim(0.0, 1.05)
         share_axis.set_ylabel("grains that are awake, dashed")
 
 
 def _plot_wrist(axis: Axes, run: RehearsalRun) -> None:
-    time, wrist = run.recording.stack_steps("time"), _average(run.recording.stack_steps("wrist"))
+    time, wrist = run.readings.stack_steps("time"), _average(run.readings.stack_steps("wrist"))
     _plot_lines(axis, time, wrist[:, :3], ["Fx", "Fy", "Fz"], "wrist force [N]")
     torque_axis = axis.twinx()
     torque_axis.plot(time, wrist[:, 3:], "--", lw=0.8)
@@ -59,26 +59,26 @@ def _plot_wrist(axis: Axes, run: RehearsalRun) -> None:
 
 
 def _plot_torques(axis: Axes, run: RehearsalRun) -> None:
-    share = run.recording.stack_steps("torque") / run.plan.arm.torque_limits
-    _plot_lines(axis, run.recording.stack_steps("time"), share, ARM, "joint torque / limit")
+    share = run.readings.stack_steps("torque") / run.plan.arm.torque_limits
+    _plot_lines(axis, run.readings.stack_steps("time"), share, ARM, "joint torque / limit")
     axis.set_ylim(-1.05, 1.05)
 
 
 def _plot_momentum(axis: Axes, run: RehearsalRun) -> None:
-    recording = run.recording
-    exchanged = np.cumsum(recording.stack_steps("exchanged"), axis=0) + 1e-12
-    drift = np.abs(np.cumsum(recording.stack_steps("residual"), axis=0))
+    readings = run.readings
+    exchanged = np.cumsum(readings.stack_steps("exchanged"), axis=0) + 1e-12
+    drift = np.abs(np.cumsum(readings.stack_steps("residual"), axis=0))
     relative = np.stack([drift[:, :3].max(1) / exchanged[:, 0], drift[:, 3:].max(1) / exchanged[:, 1]], -1)
-    _plot_lines(axis, recording.stack_steps("time"), relative + 1e-12, ["linear", "angular"],
+    _plot_lines(axis, readings.stack_steps("time"), relative + 1e-12, ["linear", "angular"],
                 "momentum residual / exchanged")
     axis.set_yscale("log")
 
 
 def _plot_energies(axis: Axes, run: RehearsalRun) -> None:
-    recording, start = run.recording, run.recording.energies[0].potential
-    time = np.array([e.time for e in recording.energies])
-    energies = np.array([[e.kinetic, e.potential - start, e.elastic] for e in recording.energies])
-    work = np.interp(time, recording.stack_steps("time"), np.cumsum(recording.stack_steps("tool_work")))
+    readings, start = run.readings, run.readings.energies[0].potential
+    time = np.array([e.time for e in readings.energies])
+    energies = np.array([[e.kinetic, e.potential - start, e.elastic] for e in readings.energies])
+    work = np.interp(time, readings.stack_steps("time"), np.cumsum(readings.stack_steps("tool_work")))
     dissipated = work - (energies.sum(1) - energies.sum(1)[0])
     _plot_lines(axis, time, np.column_stack([energies, work, dissipated]) * 1e3,
                 ["kinetic", "potential", "elastic", "work of the tool", "dissipated"], "energy [mJ]")

@@ -12,7 +12,7 @@ from robosim.config.materials import MaterialConfig, law_of, load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.coupling.plugin import GranularPlugin
 from robosim.rehearsal.plan import Plan
-from robosim.rehearsal.recording import EnergySample, GrainSample, Recording, Step
+from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.robot.joint_control import Servo, TorqueSensors
 from robosim.robot.timing import JointState
 from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
@@ -56,7 +56,7 @@ class RehearsalRun:
         self.servo = Servo(plan.arm, config.servo)
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self.collisions = CollisionMonitor(self.model, self.data, config)
-        self.recording = Recording()
+        self.readings = Readings()
         self.duration = config.grasp_time + plan.motion.duration
         """Simulated time [s], including the grasp."""
         self.wall_time = 0.0
@@ -112,7 +112,7 @@ class RehearsalRun:
         self.plugin.step()
         self.grasp.measure_slip()
         self.collisions.count()
-        self.recording.steps.append(self._read_step(torque, q, qd, velocity))
+        self.readings.steps.append(self._read_step(torque, q, qd, velocity))
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:
@@ -156,7 +156,7 @@ class RehearsalRun:
             demanded_torque=self.servo.demanded_torque, sensed_torque=self.sensors.read(), external_torque=external,
             commanded=np.concatenate(commanded), reached=np.concatenate(end), wrist=self._wrist_wrench(),
             residual=np.concatenate(ledger.residual), exchanged=ledger.exchanged,
-            tool_work=float(-power) * self.config.host_dt)
+            tool_force=wrench.force, tool_work=float(-power) * self.config.host_dt)
 
     def _wrist_wrench(self) -> np.ndarray:
         """Force and torque of the wrist sensor in world axes (6,)."""
@@ -167,11 +167,11 @@ class RehearsalRun:
     def _record_grains(self, index: int) -> None:
         """Record what needs all grains, where the step's index is a multiple of its interval."""
         if index % GRAIN_SAMPLE_INTERVAL == 0:
-            self.recording.grains.append(self._sample_grains())
+            self.readings.grains.append(self._sample_grains())
         if self.scooped is None and self.time >= self._weighing_end:
             self.scooped = is_in_tool(self.config.tool, self.solver.positions(), self.tool_pose())
         if index % ENERGY_SAMPLE_INTERVAL == 0:
-            self.recording.energies.append(EnergySample(self.time, *self.solver.energy()))
+            self.readings.energies.append(EnergySample(self.time, *self.solver.energy()))
         if index % STATE_INTERVAL == 0:
             self._store_state()
 

@@ -12,18 +12,21 @@ from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.errors import ConfigError, RobotDiverged
+from robosim.recordings.reader import FILE as RECORDING
+from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rehearsal.film import FRAME_RATE, check_camera, check_colour
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.paths.motion_sequence import place_target
 from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.plots import plot_report
+from robosim.rehearsal.recorder import RunReadings, make_recorder
 from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
 
-RESULTS = ("report.json", "report.png", "rehearsal.mp4", "frames.png", "trajectory.csv", "joint_trajectory.yaml",
-           "last_good_state.npz")
+RESULTS = ("report.json", "report.png", "index.html", "rehearsal.mp4", "frames.png", "trajectory.csv",
+           "joint_trajectory.yaml", RECORDING, "last_good_state.npz")
 """Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
@@ -67,10 +70,12 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
                 stack.callback(film.close)
             run = _prepare(config, folder, seed)
             stack.callback(_write_trajectory, run, folder)
+            recorder = make_recorder(run, folder.path / RECORDING)
+            stack.callback(recorder.close)
             if film is not None and camera is not None:
                 film.begin(run, camera, colour, frame_rate)
             try:
-                _simulate(run, film)
+                _simulate(run, film, recorder)
             except (mpm.SimulationDiverged, RobotDiverged):
                 folder.write("last_good_state.npz", run.save_last_good_state)
                 raise
@@ -113,17 +118,22 @@ def _finish(run: RehearsalRun, film: FilmProcess | None) -> FilmFailed | None:
 
 def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:
     """Write the steps that were simulated."""
-    if run.recording.steps:
-        folder.write("trajectory.csv", run.recording.write_csv)
+    if run.readings.steps:
+        folder.write("trajectory.csv", run.readings.write_csv)
 
 
-def _simulate(run: RehearsalRun, film: FilmProcess | None) -> None:
+def _simulate(run: RehearsalRun, film: FilmProcess | None, recorder: SceneRecorder) -> None:
     """Run with a progress bar: simulated time, real-time factor, time left."""
     bar_format = "{l_bar}{bar}| {n:.2f}/{total:.2f} s simulated [{elapsed}<{remaining}{postfix}]"
+    readings = RunReadings(run)
+    run.timings["record"] = 0.0
     with tqdm(total=round(run.duration, 3), bar_format=bar_format, mininterval=0.5, file=sys.stderr) as bar:
         def after_step() -> None:
             if film is not None:
                 film.add_due_frame()
+            began = clock.perf_counter()
+            recorder.add(run.data, readings, run.plugin.wrench(run.config.tool))
+            run.timings["record"] += clock.perf_counter() - began
             bar.update(min(run.config.host_dt, bar.total - bar.n))
             elapsed = bar.format_dict["elapsed"]
             bar.set_postfix_str(f"real-time factor {run.time / max(elapsed, 1e-9):.4f}", refresh=False)

@@ -41,7 +41,7 @@ def substitutions() -> dict[str, str]:
     from robosim.reports.provenance import code_digest
 
     spoon = stored("rehearsal_spoon")
-    is_old = spoon.get("code") != code_digest("robosim.commands.rehearse")
+    is_old = spoon.get("code") != code_digest("robosim.commands.runs.rehearse")
     age = ", before the code changed last" if is_old else ""
     made_by = spoon["made_by"]
     bounds = {f"bound_{name}": f"{bound.low:g} to {bound.high:g}" if isfinite(bound.high) else f"from {bound.low:g}"

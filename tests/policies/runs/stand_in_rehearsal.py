@@ -3,8 +3,12 @@
 import time
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 
+import mpm
+
+SCENE = '<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>'
 STEPS, STEP = 60, 2e-3
 """Host steps of a rehearsal, and the real time [s] that one takes."""
 
@@ -21,28 +25,31 @@ class PointRun:
     """A rehearsal whose readings are known in closed form."""
 
     def __init__(self, config, plan, seed=0):
-        from robosim.rehearsal.recording import Recording
+        from robosim.rehearsal.readings import Readings
 
-        self.config, self.plan, self.seed, self.recording, self.wall_time = config, plan, seed, Recording(), 0.0
+        self.config, self.plan, self.seed, self.readings, self.wall_time = config, plan, seed, Readings(), 0.0
         self.duration, self.time = STEPS * config.host_dt, 0.0
+        self.model = mujoco.MjModel.from_xml_string(SCENE)
+        self.data = mujoco.MjData(self.model)
+        self.plugin = SimpleNamespace(wrench=lambda body: mpm.Wrench(np.zeros(3), np.zeros(3)))
         self.solver, self.timings = SimpleNamespace(positions=lambda: np.zeros((5, 3)), sleep=True), {}
 
     def waypoint_time(self, name):
         return self.plan.path.times[name]
 
     def run(self, after_step):
-        from robosim.rehearsal.recording import EnergySample, GrainSample, Step
+        from robosim.rehearsal.readings import EnergySample, GrainSample, Step
 
         for k in range(STEPS):
             time.sleep(STEP)
-            self.time = (k + 1) * self.config.host_dt
+            self.time = self.data.time = (k + 1) * self.config.host_dt
             state, pose = wave(self.time), np.array([np.sin(self.time), 0.0, 0.3, 1.0, 0.0, 0.0, 0.0])
-            self.recording.steps.append(Step(
+            self.readings.steps.append(Step(
                 time=self.time, q=state.q, qd=state.qd, qdd=state.qdd, torque=state.q, demanded_torque=state.q,
                 sensed_torque=state.q, external_torque=state.q, commanded=pose, reached=pose, wrist=state.q[:6],
-                residual=np.full(6, 1e-12), exchanged=np.ones(2), tool_work=0.1))
-            self.recording.grains.append(GrainSample(self.time, 0.01 * k, 0, 1.0))
-            self.recording.energies.append(EnergySample(self.time, 1.0, 2.0, 3.0))
+                residual=np.full(6, 1e-12), exchanged=np.ones(2), tool_work=0.1, tool_force=state.q[:3]))
+            self.readings.grains.append(GrainSample(self.time, 0.01 * k, 0, 1.0))
+            self.readings.energies.append(EnergySample(self.time, 1.0, 2.0, 3.0))
             after_step()
         self.wall_time = STEPS * STEP
 
@@ -57,10 +64,17 @@ def plan_motion(config):
 
 def compute_figures(run):
     """Return figures that depend on every step."""
-    mass = run.recording.stack_grains("mass_in_tool")
-    return {"scooped_mass_kg": float(mass.max()), "delivered_fraction": float(len(run.recording.steps) / STEPS),
+    mass = run.readings.stack_grains("mass_in_tool")
+    return {"scooped_mass_kg": float(mass.max()), "delivered_fraction": float(len(run.readings.steps) / STEPS),
             "spilled_fraction": 0.0, "wrist_payload_relative_error": 0.0, "realtime_factor": 1.0,
-            "momentum_residual": float(run.recording.stack_steps("residual").max())}
+            "momentum_residual": float(run.readings.stack_steps("residual").max())}
+
+
+def make_recorder(run, path):
+    """Record the body of the stand-in's scene."""
+    from robosim.recordings.scene_recorder import SceneRecorder
+
+    return SceneRecorder(path, run.model, run.data, None, kind="rehearsal", title="a stand-in")
 
 
 def make_film():
@@ -91,4 +105,5 @@ def make_film():
 def install_rehearsal(session):
     """Put the stand-ins in the place of a rehearsal's physics."""
     session.plan_motion, session.RehearsalRun, session.FilmProcess = plan_motion, PointRun, make_film()
+    session.make_recorder, session.RunReadings = make_recorder, lambda run: None
     session.compute_figures, session.find_missed = compute_figures, lambda figures, config: []

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robosim.commands.evaluate import check_policy, find_network
+from robosim.commands.runs.evaluate import check_policy, find_network
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, RobosimError, UnknownName
 from robosim.evaluation.evaluate import evaluate
@@ -117,10 +117,10 @@ def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) ->
 
 def test_a_bundled_network_is_a_policy_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without any, "network" is no name of a policy; a task without one is refused by naming those with one."""
-    monkeypatch.setattr("robosim.commands.evaluate.trained_network", lambda task: None)
+    monkeypatch.setattr("robosim.commands.runs.evaluate.trained_network", lambda task: None)
     with pytest.raises(UnknownName, match="network"):
         check_policy(find_network("network", "SpoonPour"))
-    monkeypatch.setattr("robosim.commands.evaluate.trained_network",
+    monkeypatch.setattr("robosim.commands.runs.evaluate.trained_network",
                         lambda task: Path("p.npz") if task == "SpoonPour" else None)
     assert find_network("network", "SpoonPour") == "p.npz" and find_network("zero", "SpoonPour") == "zero"
     with pytest.raises(ConfigError, match="none is bundled for ShovelMove; accepted: for SpoonPour;"):

@@ -17,7 +17,7 @@ from robosim.config.resources import config_path
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.plan import plan_motion
-from robosim.rehearsal.recording import COLUMNS
+from robosim.rehearsal.readings import COLUMNS
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rehearsal.session import rehearse
 from robosim.robot.model import Arm

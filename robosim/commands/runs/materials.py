@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from robosim.commands.arguments import one_of
-from robosim.commands.evaluate import check_policy
+from robosim.commands.runs.evaluate import check_policy
 from robosim.envs import TASKS, is_task_file
 from robosim.evaluation import POLICIES
 

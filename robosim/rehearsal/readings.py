@@ -1,4 +1,4 @@
-"""The recording of a rehearsal, step by step."""
+"""The readings of a rehearsal, step by step."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -51,6 +51,8 @@ class Step(NamedTuple):
     """Change of the grains' momentum (6,) [N s], [N m s] that no impulse accounts for."""
     exchanged: np.ndarray
     """Sum of the magnitudes of all impulses (2,): linear [N s], angular [N m s]."""
+    tool_force: np.ndarray
+    """Mean force [N] (3,) of the grains on the tool during the step, in world axes."""
     tool_work: float
     """Work [J] of the tool on the grains."""
 
@@ -77,7 +79,7 @@ class EnergySample(NamedTuple):
     elastic: float
 
 
-class Recording:
+class Readings:
     """All readings of a run."""
 
     def __init__(self) -> None:

@@ -1,0 +1,4 @@
+"""Commands that simulate, and show what was simulated.
+
+Imports: config, envs, errors, evaluation, rehearsal, viewer, mpm.
+"""

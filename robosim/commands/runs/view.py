@@ -1,0 +1,57 @@
+"""`robosim view`: a run, a rehearsal or a recording in a browser."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.commands.arguments import one_of
+from robosim.config.resources import config_names, config_path
+from robosim.errors import ConfigError
+
+EXAMPLE = """examples:
+  robosim view out/sugar
+  robosim view spoon --material sugar --out out/sugar
+  robosim view lab.yaml --plan
+  ssh -L 8080:127.0.0.1:8080 server robosim view out/sugar"""
+PORT = 8080
+
+
+def add_parser(commands: Any) -> None:
+    """Add `view` to the command line."""
+    parser = commands.add_parser("view", help="show a run or a rehearsal in a browser", epilog=EXAMPLE,
+                                 description="Serve a page with robot, tool and grains: of a run that is finished or "
+                                 "still goes on, or of a rehearsal that is begun here. Ctrl-C ends it.")
+    parser.add_argument("what", metavar="RUN|REHEARSAL", help="folder of a run, a recording, or " +
+                        one_of(config_names("rehearsals"), "or a rehearsal's .yaml file"))
+    parser.add_argument("--plan", action="store_true", help="show the planned motion of a rehearsal, without grains; "
+                        "waypoints can be dragged and saved back to its file")
+    parser.add_argument("--material", help="material of a rehearsal that is begun: " +
+                        one_of(config_names("materials"), "or a .yaml file") + " (default: the rehearsal's)")
+    parser.add_argument("--out", type=Path, help="folder of the results of a rehearsal that is begun (default: a "
+                        "temporary one, which is removed at the end)")
+    parser.add_number("--port", default=PORT, help=f"port that the page is served at (default: {PORT})")
+    parser.add_argument("--host", default="127.0.0.1", help="address that it is served at (default: 127.0.0.1, which "
+                        "this machine alone reaches)")
+    parser.add_argument("--allow-others", action="store_true", help="with another --host: let others see and control "
+                        "it, with a token in the address that is printed")
+    parser.add_settings("rehearsal's file", "field.cell=0.005")
+    parser.set_defaults(run=run, after_interrupt="")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check what is to be shown, then serve it until interrupted."""
+    if options.plan:
+        config_path("rehearsals", options.what, "rehearsal")
+    elif Path(options.what).is_dir() or options.what.endswith((".rec", ".rec.part")):
+        given = [name for name, value in (("--material", options.material), ("--out", options.out)) if value]
+        if given or list(options.settings):
+            raise ConfigError(f"{' '.join(given) or '--set'} with {options.what}: what was recorded does not change; "
+                              f"accepted: with a rehearsal that is begun here")
+    else:
+        config_path("rehearsals", options.what, "run, recording or rehearsal")
+    if options.material is not None:
+        config_path("materials", options.material, "material")
+    from robosim.viewer.session import view
+
+    return view(options.what, plan=options.plan, material=options.material, out=options.out, port=options.port,
+                host=options.host, allows_others=options.allow_others, settings=list(options.settings))

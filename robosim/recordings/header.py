@@ -1,0 +1,129 @@
+"""What a recording says about its scene, before its frames."""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+import mpm
+from robosim.config.bounds import MAX_ENTRIES, Coordinate, Intensity, Name, Text
+from robosim.config.table import Table, Vector3
+
+VERSION = 1
+MOST_BODIES = 10_000
+MOST_CURVES = 1000
+Quaternion = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
+LARGEST_HALF = 100.0
+"""Half size [m] in place of an infinite one."""
+
+
+class RegionEntry(Table):
+    """A region that counts grains, or the inside of a tool: a box, or an upright cylinder of its own frame."""
+
+    name: Name
+    body: Name = ""
+    """Body that it moves with; empty: the world."""
+    position: Vector3
+    """Of its centre, in the frame of the body [m]."""
+    quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """(w, x, y, z)"""
+    half: Vector3
+    """Half sizes [m]."""
+    round: bool = False
+    """Whether it is a cylinder."""
+    is_place: bool = True
+    """Whether grains in it are where they may be: those in none of these are drawn as spilled."""
+
+
+class WaypointEntry(Table):
+    """A waypoint of the tool."""
+
+    name: Name
+    time: float = Field(ge=0.0, le=1e6)
+    """At which it is passed [s]."""
+    position: Vector3
+    """[m]"""
+
+
+class CurveEntry(Table):
+    """A quantity that every frame has a value of."""
+
+    name: Name
+    unit: Name = ""
+    chart: Name
+    """Chart that it is drawn in, with the others of the same name."""
+
+
+class CameraEntry(Table):
+    """A view of the scene."""
+
+    name: Name
+    position: Vector3
+    target: Vector3
+    fov_deg: float = Field(gt=1.0, lt=170.0)
+    """Vertical angle [deg]."""
+
+
+class BodyEntry(Table):
+    """A rigid body with its pose in the first frame."""
+
+    name: Name
+    moves: bool
+    """Whether frames have its pose; otherwise that of here holds."""
+    position: Vector3
+    quaternion: Quaternion
+
+
+class RecordingHeader(Table):
+    """The scene of a recording."""
+
+    version: int = Field(ge=1, le=1_000_000)
+    kind: Name
+    """What was recorded: rehearsal, task, plan or scene."""
+    title: Text
+    command: Text = ""
+    commit: Name = ""
+    frame_rate: float = Field(gt=0.0, le=1e4)
+    """Frames per second of simulated time."""
+    grains: int = Field(ge=0, le=100_000_000)
+    grain_radius: float = Field(ge=0.0, le=10.0)
+    """At which a grain is drawn [m]."""
+    colour: tuple[Intensity, Intensity, Intensity]
+    """Of the material: RGB."""
+    lower: Vector3
+    """Corners of the box in which positions of grains are resolved [m]."""
+    upper: Vector3
+    bodies: Annotated[list[BodyEntry], Field(max_length=MOST_BODIES)]
+    tool: Name = ""
+    """Body whose path is drawn and at which grains act; empty: none."""
+    curves: Annotated[list[CurveEntry], Field(max_length=MOST_CURVES)] = []  # noqa: RUF012
+    regions: Annotated[list[RegionEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
+    waypoints: Annotated[list[WaypointEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
+    cameras: Annotated[list[CameraEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
+
+    @property
+    def moving(self) -> list[BodyEntry]:
+        """The bodies whose poses frames have, in their order."""
+        return [body for body in self.bodies if body.moves]
+
+
+def three(values: ArrayLike) -> tuple[float, float, float]:
+    """Return a vector (3,) as numbers of Python."""
+    x, y, z = map(float, np.asarray(values))
+    return x, y, z
+
+
+def four(values: ArrayLike) -> tuple[float, float, float, float]:
+    """Return a quaternion (4,) as numbers of Python."""
+    w, x, y, z = map(float, np.asarray(values))
+    return w, x, y, z
+
+
+def region_entry(name: str, region: mpm.Region, pose: mpm.Pose | None = None, body: str = "",
+                 is_place: bool = True) -> RegionEntry:
+    """Make the entry of a region of the field; pose: of its frame in the world, or in that of its body."""
+    centre = region.centre if pose is None else pose.apply(np.array([region.centre]))[0]
+    return RegionEntry(name=name, body=body, position=three(centre), half=three(np.minimum(region.half, LARGEST_HALF)),
+                       quaternion=(1.0, 0.0, 0.0, 0.0) if pose is None else four(pose.quaternion), round=region.round,
+                       is_place=is_place)

@@ -1,0 +1,175 @@
+"""Reading a recording: its scene, and any of its frames."""
+
+import json
+from collections import OrderedDict
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+import pydantic
+import zstandard
+
+from robosim.config.table import describe, list_errors
+from robosim.errors import ConfigError
+from robosim.recordings.frames import KEY_INTERVAL, GrainCodec, GrainState, SceneState, unpack_scene
+from robosim.recordings.header import VERSION, RecordingHeader
+from robosim.recordings.writer import BLOCK, GRAINS, HEADER, MAGIC, PATH, SCENE, SHAPE
+
+FILE = "recording.rec"
+"""Name of a recording in the folder of a run."""
+MOST_BLOCK = 1 << 30
+"""Bytes of one block, unpacked."""
+KEPT_GROUPS = 4
+"""Groups of frames, from one with whole positions to the next, that are kept unpacked."""
+
+
+class Block(NamedTuple):
+    """Where the content of a block lies in the file."""
+
+    start: int
+    size: int
+
+
+class Recording:
+    """A recording, opened for reading, also while it is still written.
+
+    Raises ConfigError for what is no recording, one of another version, or a damaged one. One that was cut short, as by
+    a crash, is read as far as it goes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.shapes: dict[str, bytes] = {}
+        """Body -> .glb file."""
+        self.paths: dict[str, np.ndarray] = {}
+        """Name -> positions (n, 3) [m]."""
+        self._header: RecordingHeader | None = None
+        self._scenes: list[Block] = []
+        self._grains: list[Block] = []
+        self._groups: OrderedDict[int, list[GrainState]] = OrderedDict()
+        try:
+            self._file: BinaryIO = path.open("rb")
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+        self._next = len(MAGIC)
+        try:
+            if self._file.read(len(MAGIC)) != MAGIC:
+                raise ConfigError(f"{path}: no recording; accepted: {FILE} of a run's folder")
+            self.refresh()
+            if self._header is None:
+                raise ConfigError(f"{path}: ends before its header; record the run again")
+        except ConfigError:
+            self.close()
+            raise
+
+    @property
+    def header(self) -> RecordingHeader:
+        """What it says about its scene."""
+        assert self._header is not None
+        return self._header
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether its run has come to its end: until then, and after a crash, its name ends in .part."""
+        return self.path.suffix != ".part" or not self.path.exists()
+
+    def refresh(self) -> int:
+        """Read what was appended since; return the number of new frames."""
+        before, end = len(self), self._file.seek(0, 2)
+        while self._next + BLOCK.size <= end:
+            self._file.seek(self._next)
+            kind, size = BLOCK.unpack(self._file.read(BLOCK.size))
+            place = Block(self._next + BLOCK.size, size)
+            if place.start + size > end:
+                break  # still being written, or cut
+            self._take(kind, place)
+            self._next = place.start + size
+        if before % KEY_INTERVAL:
+            self._groups.pop(before // KEY_INTERVAL, None)
+        return len(self) - before
+
+    def _take(self, kind: bytes, place: Block) -> None:
+        """Take over a block."""
+        if kind == SCENE:
+            self._scenes.append(place)
+        elif kind == GRAINS:
+            self._grains.append(place)
+        elif kind == HEADER:
+            self._header = self._parse_header(self._content(place))
+        elif kind in (SHAPE, PATH):
+            name, _, content = self._content(place).partition(b"\n")
+            if kind == SHAPE:
+                self.shapes[name.decode(errors="replace")] = content
+            elif len(content) % 12 == 0:
+                self.paths[name.decode(errors="replace")] = np.frombuffer(content, "<f4").reshape(-1, 3)
+        else:
+            raise self._damage(ValueError(f"at byte {place.start}: a block of kind {kind!r}"))
+
+    def __len__(self) -> int:
+        return len(self._grains)
+
+    def scene(self, k: int) -> SceneState:
+        """Return poses and readings of the k-th frame. Raises ConfigError for a damaged one."""
+        try:
+            return unpack_scene(self._content(self._scenes[k]))
+        except ValueError as error:
+            raise self._damage(error) from None
+
+    def grains(self, k: int) -> GrainState:
+        """Return the grains of the k-th frame. Raises ConfigError for a damaged one."""
+        group = k // KEY_INTERVAL
+        if group not in self._groups:
+            self._groups[group] = self._unpack_group(group)
+            if len(self._groups) > KEPT_GROUPS:
+                self._groups.popitem(last=False)
+        self._groups.move_to_end(group)
+        return self._groups[group][k % KEY_INTERVAL]
+
+    def _unpack_group(self, group: int) -> list[GrainState]:
+        codec = GrainCodec(self.header.lower, self.header.upper)
+        try:
+            return [codec.unpack(self._content(place))
+                    for place in self._grains[group * KEY_INTERVAL : (group + 1) * KEY_INTERVAL]]
+        except ValueError as error:
+            raise self._damage(error) from None
+
+    def _damage(self, error: ValueError) -> ConfigError:
+        return ConfigError(f"{self.path}: damaged: {error}; record the run again")
+
+    def _content(self, place: Block) -> bytes:
+        self._file.seek(place.start)
+        try:
+            return zstandard.ZstdDecompressor().decompress(self._file.read(place.size), max_output_size=MOST_BLOCK)
+        except zstandard.ZstdError as error:
+            raise self._damage(ValueError(f"at byte {place.start}: {error}")) from None
+
+    def _parse_header(self, content: bytes) -> RecordingHeader:
+        try:
+            values = json.loads(content)
+        except ValueError:
+            raise ConfigError(f"{self.path}: its header is not JSON; record the run again") from None
+        version = values.get("version") if isinstance(values, dict) else None
+        if version != VERSION:
+            raise ConfigError(f"{self.path}: recording of version {version}; accepted: {VERSION}; record the run again "
+                              f"with this robosim, or view it with the one that wrote it (commit "
+                              f"{values.get('commit') if isinstance(values, dict) else 'unknown'})")
+        try:
+            return RecordingHeader.model_validate(values)
+        except pydantic.ValidationError as error:
+            raise ConfigError(f"{self.path}: header: " + list_errors([describe(e, RecordingHeader)
+                                                                    for e in error.errors()])) from None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> "Recording":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def find_recording(folder: Path) -> Path | None:
+    """Return the recording of a run's folder, also an unfinished one; None where it has none."""
+    return next((path for path in (folder / FILE, folder / f"{FILE}.part") if path.is_file()), None)

@@ -1,0 +1,121 @@
+"""Recording a MuJoCo scene with its field, at a fixed rate of simulated time."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.errors import ConfigError
+from robosim.recordings.frames import GrainState, SceneState
+from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, CurveEntry, RecordingHeader, four, three
+from robosim.recordings.shapes import body_shapes
+from robosim.recordings.writer import RecordingWriter
+
+FRAME_RATE = 20.0
+"""Frames per second of simulated time, unless one asks for others."""
+RADIUS_SHARE = 0.62
+"""Radius of a drawn grain in distances of neighbours: a heap looks closed."""
+VIEW_DISTANCE = 0.6
+"""Distance [m] from a camera without a target body to the point that a view turns about."""
+NO_GRAINS = GrainState(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool))
+
+
+class SceneRecorder:
+    """Records poses, grains and readings of a scene into a file.
+
+    solver: None for a scene without grains. tool: body whose path is drawn and at which grains act. curves: what `add`
+    is given values of. more: further entries of `RecordingHeader`. paths: name -> positions (n, 3) [m].
+    Raises OSError where the file cannot be written.
+    """
+
+    def __init__(self, path: Path, model: mujoco.MjModel, data: mujoco.MjData, solver: mpm.Solver | None, *,
+                 kind: str, title: str, curves: Sequence[CurveEntry] = (), frame_rate: float = FRAME_RATE,
+                 grain_volume: float | None = None, colour: Sequence[float] = (0.85, 0.82, 0.75), tool: str = "",
+                 paths: dict[str, np.ndarray] | None = None, **more: Any) -> None:
+        if not 0.0 < frame_rate <= 1000.0:
+            raise ConfigError(f"frame rate of a recording: {frame_rate} 1/s; accepted: above 0, up to 1000")
+        self._solver, self._interval, self._next = solver, 1.0 / frame_rate, float(data.time)
+        shapes = body_shapes(model)
+        drawn = sorted(shapes)
+        self._moving = [body for body in drawn if moves(model, body)]
+        grid = solver.grid if solver is not None else None
+        read_grains(solver)  # compiles what reads stresses
+        volume = 1e-9 if solver is None else grain_volume or _mean_volume(solver)
+        header = RecordingHeader(
+            version=VERSION, kind=kind, title=title, frame_rate=frame_rate, tool=tool,
+            grains=0 if solver is None else int(sum(solver.particles.counts)),
+            grain_radius=RADIUS_SHARE * volume ** (1 / 3), colour=three(np.asarray(colour[:3])),
+            lower=three(np.zeros(3) if grid is None else grid.lower),
+            upper=three(np.ones(3) if grid is None else np.asarray(grid.lower) + grid.cells * grid.cell),
+            bodies=[_body_entry(model, data, body, body in self._moving) for body in drawn],
+            cameras=list(_cameras(model, data)), curves=list(curves), **more)
+        self.writer = RecordingWriter(path, header, {_name(model, body): shapes[body] for body in drawn}, paths)
+
+    def is_due(self, time: float) -> bool:
+        """Return whether a frame is due at a time [s]."""
+        return time + 1e-9 >= self._next
+
+    def add(self, data: mujoco.MjData, values: Callable[[GrainState], Sequence[float]] | None = None,
+            wrench: mpm.Wrench | None = None) -> bool:
+        """Record the present state if a frame is due; return whether it was.
+
+        values: called with the grains for the values of the curves. wrench: of the grains on the tool.
+        """
+        if not self.is_due(data.time):
+            return False
+        while self.is_due(data.time):
+            self._next += self._interval
+        poses = np.concatenate([data.xpos[self._moving], data.xquat[self._moving]], axis=1)
+        row = np.zeros(6) if wrench is None else np.concatenate(wrench)
+        grains = read_grains(self._solver)
+        numbers = np.asarray(values(grains) if values else [], float)
+        self.writer.add(SceneState(float(data.time), poses, row, numbers), grains)
+        return True
+
+    def close(self) -> None:
+        """Finish the file under its name. May be called twice."""
+        self.writer.close()
+
+
+def read_grains(solver: mpm.Solver | None) -> GrainState:
+    """Return what a frame has of a solver's grains."""
+    if solver is None:
+        return NO_GRAINS
+    pressures = -np.trace(solver.stresses(), axis1=1, axis2=2) / 3.0
+    return GrainState(solver.positions(), np.linalg.norm(solver.velocities(), axis=1), pressures, solver.awake)
+
+
+def moves(model: mujoco.MjModel, body: int) -> bool:
+    """Return whether the pose of a body can change: by joints, or as a mocap body's part."""
+    root = int(model.body_weldid[body])
+    return root != 0 or model.body_mocapid[model.body_rootid[body]] >= 0
+
+
+def _mean_volume(solver: mpm.Solver) -> float:
+    return float(np.mean(solver.masses() / solver.densities()))
+
+
+def _name(model: mujoco.MjModel, body: int) -> str:
+    return model.body(body).name or f"body_{body}"
+
+
+def _body_entry(model: mujoco.MjModel, data: mujoco.MjData, body: int, is_moving: bool) -> BodyEntry:
+    return BodyEntry(name=_name(model, body), moves=is_moving, position=three(data.xpos[body]),
+                     quaternion=four(data.xquat[body]))
+
+
+def _cameras(model: mujoco.MjModel, data: mujoco.MjData) -> list[CameraEntry]:
+    """Return the cameras that stand still."""
+    entries = []
+    for camera in range(model.ncam):
+        if model.body_weldid[model.cam_bodyid[camera]] != 0:
+            continue
+        position, aimed = data.cam_xpos[camera], int(model.cam_targetbodyid[camera])
+        target = data.xpos[aimed] if aimed >= 0 else \
+            position - VIEW_DISTANCE * data.cam_xmat[camera].reshape(3, 3)[:, 2]
+        entries.append(CameraEntry(name=model.camera(camera).name or f"camera {camera}", position=three(position),
+                                   target=three(target), fov_deg=float(np.clip(model.cam_fovy[camera], 2.0, 160.0))))
+    return entries

@@ -1,0 +1,107 @@
+"""The recording of a rehearsal: what the viewer plays, and its page shows."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+import mpm
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.recordings.frames import GrainState
+from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
+from robosim.recordings.places import find_placed
+from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
+from robosim.rehearsal.mass_balance import GRAVITY
+from robosim.rehearsal.paths.waypoint_path import is_in_container
+from robosim.rehearsal.readings import Step
+from robosim.rehearsal.run import RehearsalRun
+from robosim.reports.provenance import commit
+from robosim.robot.model import SPEED_LIMITS
+from robosim.scene.frames import container_pose
+from robosim.scene.grains import RIM_MARGIN, is_in_tool
+from robosim.scene.models import read_inner_size
+from robosim.shapes import tool_shape
+
+FORCES = ("Fx", "Fy", "Fz")
+PATH_POINTS = 500
+"""Points of the commanded path."""
+CURVES = [
+    CurveEntry(name="in the tool", unit="g", chart="mass"),
+    CurveEntry(name="outside of tool and places", unit="g", chart="mass"),
+    *(CurveEntry(name=name, unit="N", chart="force of the grains on the tool") for name in FORCES),
+    *(CurveEntry(name=f"wrist {name}", unit="N", chart="wrist force, without hand and tool") for name in FORCES),
+    CurveEntry(name="tool's distance from its command", unit="mm", chart="tracking"),
+    CurveEntry(name="largest joint torque", unit="% of its limit", chart="joints"),
+    CurveEntry(name="largest joint speed", unit="% of its limit", chart="joints"),
+    CurveEntry(name="awake", unit="%", chart="grains that are computed"),
+]
+"""What every frame has a value of, in this order."""
+
+
+def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneRecorder:
+    """Open the recording of a run."""
+    config, motion_path = run.config, run.plan.path
+    times = np.linspace(0.0, motion_path.duration, PATH_POINTS)
+    commanded = np.array([motion_path.pose(t).position for t in times])
+    waypoints = [WaypointEntry(name=name, time=run.waypoint_time(name),
+                               position=three(motion_path.pose(time).position))
+                 for name, time in motion_path.times.items()]
+    return SceneRecorder(
+        path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
+        curves=CURVES, frame_rate=FRAME_RATE, grain_volume=run.grains.grain_volume, colour=run.material.colour,
+        tool=config.tool, paths={"commanded": commanded}, regions=list(counting_regions(config)), waypoints=waypoints,
+        command=command, commit=commit())
+
+
+def counting_regions(config: RehearsalConfig) -> list[RegionEntry]:
+    """Return where grains may be at the end: containers, the area, and the tool; and the pile of the start."""
+    entries = []
+    for name, container in config.containers.items():
+        size = read_inner_size(name)
+        height = size[2] + RIM_MARGIN
+        half = (*(size[:2] / 2.0 + 1e-3), height / 2.0 + 5e-3)
+        entries.append(region_entry(name, mpm.Region((0.0, 0.0, height / 2.0), half), container_pose(container)))
+    if config.area is not None:
+        entries.append(region_entry("area", config.area.region))
+    if config.pile is not None:
+        entries.append(region_entry("pile", config.pile.region))
+    entries.append(region_entry(config.tool, tool_shape(config.tool).interior, body=config.tool))
+    return entries
+
+
+class RunReadings:
+    """The values of `CURVES` of a run, as they are at its last step."""
+
+    def __init__(self, run: RehearsalRun) -> None:
+        self._run, self._regions = run, counting_regions(run.config)
+        self._limits = SPEED_LIMITS, run.plan.arm.torque_limits
+        self._grain_masses, self._seen = run.solver.masses(), 0
+        """Steps that earlier values were computed from: forces are means since then."""
+
+    def __call__(self, grains: GrainState) -> list[float]:
+        """Return the values (curves,)."""
+        steps = self._run.readings.steps
+        new, step = steps[self._seen :] or steps[-1:], steps[-1]
+        self._seen = len(steps)
+        speeds, torques = self._limits
+        return [*self._masses(grains.positions), *np.mean([s.tool_force for s in new], axis=0), *self._wrist(new),
+                1e3 * float(np.linalg.norm(step.commanded[:3] - step.reached[:3])),
+                100.0 * float(max(np.abs(s.torque / torques).max() for s in new)),
+                100.0 * float(max(np.abs(s.qd / speeds).max() for s in new)), 100.0 * float(grains.awake.mean())]
+
+    def _masses(self, positions: np.ndarray) -> tuple[float, float]:
+        """Masses [g] in the tool, and outside of all places.
+
+        The region of the tool is larger than its bowl: while it digs, it holds a part of the bed, which is no load.
+        """
+        run, config = self._run, self._run.config
+        pose, masses = run.tool_pose(), self._grain_masses
+        held = masses[is_in_tool(config.tool, positions, pose)].sum()
+        outside = masses[~find_placed(self._regions, {config.tool: pose}, positions)].sum()
+        return (np.nan if is_in_container(pose, config) else 1e3 * float(held)), 1e3 * float(outside)
+
+    def _wrist(self, steps: Sequence[Step]) -> np.ndarray:
+        """Force (3,) [N] at the wrist, world axes, without the weight of hand and tool."""
+        force = np.mean([step.wrist[:3] for step in steps], axis=0)
+        weight = GRAVITY * float(self._run.model.body("palm").subtreemass[0])
+        return force - [0.0, 0.0, np.copysign(weight, force[2])]

@@ -1,0 +1,85 @@
+"""The curves of a recording, with a cursor in step with its scene."""
+
+from typing import Any
+
+import numpy as np
+import viser
+from viser import uplot
+
+from robosim.recordings.header import CurveEntry
+from robosim.viewer.history import History
+
+WIDTH, HEIGHT = 380, 130
+"""Of the panel beside the scene, and of a chart in it [pixels]."""
+MARGIN = 0.05
+"""Above and below the curves, as a share of their range."""
+COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f")
+
+
+class Charts:
+    """One chart for each name that curves give, in a panel of its own."""
+
+    def __init__(self, server: viser.ViserServer, curves: list[CurveEntry], history: History) -> None:
+        self._history = history
+        groups: dict[str, list[int]] = {}
+        for k, curve in enumerate(curves):
+            groups.setdefault(curve.chart, []).append(k)
+        self._columns = list(groups.values())
+        self._handles: list[Any] = []
+        self._ranges: list[tuple[float, float]] = []
+        if not groups:
+            return
+        panel = server.gui.add_panel()
+        with panel.add_tab("curves"):
+            for name, columns in groups.items():
+                drawn = [curves[k] for k in columns]
+                self._handles.append(server.gui.add_uplot(
+                    data=tuple(np.zeros(2) for _ in range(len(columns) + 2)), series=make_series(drawn),
+                    title=f"{name} [{drawn[0].unit}]" if drawn[0].unit else name, height=HEIGHT,
+                    scales=make_scales(0.0, 1.0), legend=uplot.Legend(show=True)))
+        panel.dock_left()
+        panel.set_width(WIDTH)
+
+    def refresh(self) -> None:
+        """Follow the history, which has grown."""
+        self._ranges = [value_range(self._history.values[:, columns]) for columns in self._columns]
+        for handle, one in zip(self._handles, self._ranges):
+            handle.scales = make_scales(*one)
+
+    def show(self, time: float) -> None:
+        """Move the cursor to a time [s]."""
+        times, values = self._history.times, self._history.values
+        if len(times) < 2:
+            return
+        for handle, columns, (low, high) in zip(self._handles, self._columns, self._ranges):
+            handle.data = add_cursor(times, values[:, columns].T, self._history.nearest(time), low, high)
+
+
+def make_series(curves: list[CurveEntry]) -> tuple[uplot.Series, ...]:
+    """Return the series of a chart: time, curves and cursor."""
+    lines = [uplot.Series(label=curve.name, stroke=COLOURS[k % len(COLOURS)], width=1.5)
+             for k, curve in enumerate(curves)]
+    return (uplot.Series(label="t [s]"), *lines, uplot.Series(label="now", stroke="#222222", width=1.0))
+
+
+def make_scales(low: float, high: float) -> dict[str, uplot.Scale]:
+    """Return the axes of a chart; the browser's own range of values fails where some are missing."""
+    return {"x": uplot.Scale(time=False), "y": uplot.Scale(range=(low, high))}
+
+
+def value_range(values: np.ndarray) -> tuple[float, float]:
+    """Return a range that holds the finite values with a margin; (0, 1) without any."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return 0.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    margin = MARGIN * max(high - low, 1e-6 * max(abs(low), abs(high)), 1e-9)
+    return low - margin, high + margin
+
+
+def add_cursor(times: np.ndarray, rows: np.ndarray, near: int, low: float, high: float) -> tuple[np.ndarray, ...]:
+    """Return times, curves (k, n) and a vertical line at a frame, as rows of one length for a chart."""
+    x = np.insert(times, near, times[near])
+    cursor = np.full(len(x), np.nan)
+    cursor[near], cursor[near + 1] = low, high
+    return (x, *(np.insert(row, near, row[near]) for row in rows), cursor)

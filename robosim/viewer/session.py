@@ -1,0 +1,98 @@
+"""`robosim view`: from what is asked for to a page that is served."""
+
+import contextlib
+import subprocess
+import sys
+import tempfile
+import time as clock
+from collections.abc import Iterator
+from pathlib import Path
+
+from robosim.config.settings import Setting
+from robosim.errors import ConfigError, RobosimError
+from robosim.recordings.reader import FILE, Recording, find_recording
+from robosim.viewer.playback import Playback
+from robosim.viewer.server import choose_token, open_server
+
+WAIT = 0.2
+"""Time [s] between two looks for the recording of a rehearsal that prepares."""
+
+
+class RunFailed(RobosimError, RuntimeError):
+    """The rehearsal that was to be shown ended before its first frame; its own message says why."""
+
+
+def view(what: str, *, port: int, host: str, plan: bool = False, material: str | None = None, out: Path | None = None,
+         allows_others: bool = False, settings: list[Setting] | None = None) -> int:
+    """Serve a page of a run's folder, a recording or a rehearsal until interrupted.
+
+    plan: the planned motion of a rehearsal. material, out, settings: of a rehearsal that is begun, whose results go
+    into the folder `out`; None: a temporary one. Raises ConfigError for what cannot be shown or served, RunFailed.
+    """
+    token = choose_token(host, allows_others)
+    with contextlib.ExitStack() as stack:
+        if plan:
+            from robosim.viewer.plan_editor import PlanEditor
+
+            shown = PlanEditor(what, settings or [])
+        else:
+            path = find_path(what) or stack.enter_context(begin_run(what, material, out, settings or []))
+            shown = Recording(path)
+        server, address = open_server(host, port, token)
+        print(f"{address}   (Ctrl-C ends it)", flush=True)
+        if plan:
+            shown.run(server)  # pyright: ignore[reportAttributeAccessIssue]
+        else:
+            Playback(server, shown).run()  # pyright: ignore[reportArgumentType]
+    return 0
+
+
+def find_path(what: str) -> Path | None:
+    """Return the recording of a run's folder or a file; None for the name of a rehearsal or a .yaml file.
+
+    Raises ConfigError for a folder without a recording.
+    """
+    path = Path(what)
+    if path.is_dir():
+        found = find_recording(path)
+        if found is None:
+            files = ", ".join(sorted(p.name for p in path.iterdir() if not p.name.startswith("."))[:10]) or "nothing"
+            raise ConfigError(f"{what}: holds no {FILE} ({files}); accepted: the folder of a run of `robosim rehearse` "
+                              f"or `robosim evaluate`, made with this version")
+        return found
+    return path if what.endswith((".rec", ".rec.part")) else None
+
+
+@contextlib.contextmanager
+def begin_run(name: str, material: str | None, out: Path | None, settings: list[Setting]) -> Iterator[Path]:
+    """Begin a rehearsal in a process of its own; give its recording as soon as it has a header.
+
+    The process is ended with the viewer. Raises RunFailed.
+    """
+    with tempfile.TemporaryDirectory(prefix="robosim-view-") as temporary:
+        folder = out or Path(temporary)
+        command = [sys.executable, "-m", "robosim", "rehearse", name, "--no-video", "--out", str(folder)]
+        command += [word for s in settings for word in ("--set", s.text)]
+        command += ["--material", material] if material else []
+        for old in (folder / FILE, folder / f"{FILE}.part"):
+            old.unlink(missing_ok=True)
+        process = subprocess.Popen(command)
+        try:
+            yield wait_for_recording(folder, process)
+        finally:
+            process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(10.0)
+
+
+def wait_for_recording(folder: Path, process: "subprocess.Popen[bytes]") -> Path:
+    """Wait until a run has begun its recording; raises RunFailed where it ends before."""
+    while True:
+        path = find_recording(folder)
+        if path is not None:
+            with contextlib.suppress(ConfigError):  # its header is still being written
+                Recording(path).close()
+                return path
+        if process.poll() is not None and find_recording(folder) is None:
+            raise RunFailed(f"nothing to show: the rehearsal ended with status {process.returncode}")
+        clock.sleep(WAIT)
