@@ -154,13 +154,13 @@ def compare(path: Path) -> None:
     page.html()
 
 
-def draw_points(path: Path, *, as_svg: bool = False) -> None:
+def draw_points(path: Path, *, as_html: bool = False) -> None:
     """Add other codes' results to a plot."""
     peers, plot = read_peers(path), Plot("collapse", "seconds", "error")
     try:
         draw_peers(plot, peers, 5.0)
-        if as_svg:  # takes half a second
-            plot.svg()
+        if as_html:  # takes half a second
+            plot.html()
     finally:
         plt.close("all")
 
@@ -260,7 +260,7 @@ def test_points_of_other_codes_can_be_drawn(tmp_path: Path) -> None:
     @given(json_files(reader.content))
     def attempt(content: bytes) -> None:
         path.write_bytes(content)
-        handle(lambda: draw_points(path, as_svg=True))
+        handle(lambda: draw_points(path, as_html=True))
 
     attempt()
 

@@ -55,7 +55,7 @@ def _add_settings(page: Page, scene: str, rows: list[dict[str, Any]], readings: 
         errors = "\n".join(f"{reading} {value:.3%}" for reading, value in row["errors"].items())
         plot.add_series([(row["seconds"], max(row["error"], 1e-4))], [f"{name}\n{errors}"], name)
     page.add_heading("Settings")
-    page.add_plot(plot.svg())
+    page.add_plot(plot.html())
     page.add_table(["setting", "seconds", "speed-up over the finest", *(f"error of {key}" for key in readings)],
                    [[describe_setting(r["setting"]), r["seconds"], r["speedup"], *(r["errors"][k] for k in readings)]
                     for r in rows])

@@ -15,9 +15,10 @@ from mpm.files import describe_end
 from robosim.commands.arguments import CommandParser
 from robosim.errors import RobosimError, RobotDiverged
 
-COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view", "materials": "runs.materials",
-            "chain": "runs.chain", "explain": "checks.explain", "report": "checks.report",
-            "stability": "checks.stability", "bench": "checks.bench", "keys": "keys", "new": "new"}
+COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view",
+            "materials": "runs.materials", "chain": "runs.chain", "explain": "checks.explain",
+            "report": "checks.report", "stability": "checks.stability", "bench": "checks.bench", "keys": "keys",
+            "new": "new"}
 """Command -> the module of this package that adds it."""
 RENAMED = {"frames": "rollouts"}
 """Commands of earlier versions -> their names now."""

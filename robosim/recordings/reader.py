@@ -133,6 +133,11 @@ class Recording:
         except ValueError as error:
             raise self._damage(error) from None
 
+    def values(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the times (frames,) [s] and the values of the curves (frames, curves) of all frames."""
+        scenes = [self.scene(k) for k in range(len(self))]
+        return np.array([scene.time for scene in scenes]), np.array([scene.values for scene in scenes])
+
     def _damage(self, error: ValueError) -> ConfigError:
         return ConfigError(f"{self.path}: damaged: {error}; record the run again")
 

@@ -1,6 +1,7 @@
 """Whole-arm rehearsals: plan, run, readings, metrics, plots and film.
 
-Imports: config, coupling, envs, errors, evaluation, recordings, rendering, reports, robot, scene, shapes, tasks, mpm.
+Imports: config, coupling, envs, errors, evaluation, recordings, rendering, reports, robot, scene, shapes,
+tasks, viewer, mpm.
 """
 
 CAMERAS = ("overview", "close", "wrist")

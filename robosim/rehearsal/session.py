@@ -17,16 +17,16 @@ from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rehearsal.film import FRAME_RATE, check_camera, check_colour
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
+from robosim.rehearsal.page import make_page
 from robosim.rehearsal.paths.motion_sequence import place_target
 from robosim.rehearsal.plan import plan_motion
-from robosim.rehearsal.plots import plot_report
 from robosim.rehearsal.recorder import RunReadings, make_recorder
 from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
 
-RESULTS = ("report.json", "report.png", "index.html", "rehearsal.mp4", "frames.png", "trajectory.csv",
-           "joint_trajectory.yaml", RECORDING, "last_good_state.npz")
+RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "trajectory.csv", "joint_trajectory.yaml",
+           RECORDING, "last_good_state.npz")
 """Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
@@ -82,7 +82,8 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
             failure = _finish(run, film)
         figures = compute_figures(run)
         missed = find_missed(figures, config)
-        folder.write("report.png", lambda path: plot_report(run, path))
+        recorder.close()
+        folder.write_text("index.html", make_page(run, figures, missed, folder.path).html())
         folder.write_json("report.json", figures | {"missed": missed})
         _print(figures, missed, folder)
         if failure is not None:

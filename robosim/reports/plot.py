@@ -1,75 +1,56 @@
-"""Plots as SVG text, with a tooltip on every point."""
+"""Plots of points with tooltips, such as errors against run time."""
 
-import io
-import re
 from collections.abc import Sequence
-from xml.etree import ElementTree
 
-import matplotlib
+from plotly.graph_objects import Figure, Scatter
 
-matplotlib.use("svg")
-import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)
-from matplotlib.figure import Figure  # noqa: E402
-
-SVG = "http://www.w3.org/2000/svg"
-MARKERS = "osD^vP*X<>"
+MARKERS = ("circle", "square", "diamond", "triangle-down", "triangle-up", "star", "pentagon", "x", "triangle-right",
+           "triangle-left")
+COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f", "#c2489b", "#5b6770", "#8f9a1f", "#1c9fb0")
+LAYOUT = {"template": "plotly_white", "font": {"family": "system-ui, sans-serif", "size": 12},
+          "margin": {"l": 70, "r": 20, "t": 46, "b": 50}}
+"""Of all figures."""
+CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
 
 
 class Plot:
-    """A plot of series of points, logarithmic by default."""
+    """A plot of series of points, logarithmic by default. size: height [pixels]."""
 
-    def __init__(self, title: str, x: str, y: str, *, logarithmic: bool = True,
-                 size: tuple[float, float] = (10.0, 4.6)) -> None:
-        self.figure, self.axes = plt.subplots(figsize=size, layout="constrained")
-        self.axes.set(title=title, xlabel=x, ylabel=y)
-        if logarithmic:
-            self.axes.set(xscale="log", yscale="log")
-        self.axes.grid(True, which="major", alpha=0.3)
-        self._tooltips: dict[str, str] = {}
+    def __init__(self, title: str, x: str, y: str, *, logarithmic: bool = True, height: int = 440) -> None:
+        scale = "log" if logarithmic else "linear"
+        self.figure = Figure(layout={**LAYOUT, "title": {"text": title}, "height": height,
+                                     "xaxis": {"title": {"text": x}, "type": scale, "exponentformat": "power"},
+                                     "yaxis": {"title": {"text": y}, "type": scale, "exponentformat": "power"}})
         self._series = 0
 
     def add_series(self, points: Sequence[tuple[float, float]], tooltips: Sequence[str], label: str, *,
                    joined: bool = True) -> None:
         """Add a series of points (x, y) with a tooltip each; joined: by a line, otherwise larger open marks."""
-        marker = MARKERS[self._series % len(MARKERS)]
-        line, = self.axes.plot(*zip(*points), "-" if joined else "", lw=1, alpha=0.7, label="_")
-        for k, (point, tooltip) in enumerate(zip(points, tooltips)):
-            mark, = self.axes.plot(*point, marker, ms=7 if joined else 9, color=line.get_color(),
-                                   mfc=None if joined else "none", label=label if k == 0 else "_")
-            mark.set_gid(f"point-{len(self._tooltips)}")
-            self._tooltips[mark.get_gid() or ""] = tooltip
+        marker, colour = (choices[self._series % len(choices)] for choices in (MARKERS, COLOURS))
+        x, y = zip(*points)
+        self.figure.add_trace(Scatter(
+            x=x, y=y, name=label, mode="lines+markers" if joined else "markers", line={"width": 1, "color": colour},
+            marker={"symbol": marker if joined else f"{marker}-open", "size": 8 if joined else 10, "color": colour},
+            hovertext=[tooltip.replace("\n", "<br>") for tooltip in tooltips], hoverinfo="text"))
         self._series += 1
 
     def add_front(self, points: Sequence[tuple[float, float]]) -> None:
         """Add the Pareto front as a dotted line."""
         if len(points) > 1:
-            self.axes.plot(*zip(*points), "k:", lw=2.5, alpha=0.35, label="Pareto front", zorder=0)
+            x, y = zip(*points)
+            self.figure.add_trace(Scatter(x=x, y=y, name="Pareto front", mode="lines", hoverinfo="skip",
+                                          line={"width": 3, "dash": "dot", "color": "rgba(0,0,0,0.35)"}))
 
     def add_band(self, high: float) -> None:
         """Mark the values that are accepted: all up to an upper end."""
-        self.axes.axhspan(self.axes.get_ylim()[0], high, color="#2a2", alpha=0.08, lw=0, zorder=-1)
-        self.axes.axhline(high, color="#2a2", lw=1, ls="--", label=f"accepted up to {high:g}")
+        self.figure.add_hline(high, line={"color": "#2a2", "width": 1, "dash": "dash"},
+                              annotation={"text": f"accepted up to {high:g}", "font": {"color": "#282"}})
 
-    def svg(self) -> str:
-        """Return the plot as an <svg> element and free the figure."""
-        if self._series:
-            self.figure.legend(fontsize=7, loc="outside right upper")
-        text = to_svg(self.figure, self._tooltips)
-        plt.close(self.figure)
-        return text
+    def html(self) -> str:
+        """Return the plot as HTML, for a page that has the script."""
+        return to_html(self.figure)
 
 
-def to_svg(figure: Figure, tooltips: dict[str, str]) -> str:
-    """Convert a figure to an <svg> element, with tooltips for the parts of these ids."""
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    ElementTree.register_namespace("", SVG)
-    ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
-    root = ElementTree.fromstring(re.sub(r"<!DOCTYPE[^>]*>", "", buffer.getvalue()))
-    for element in root.iter(f"{{{SVG}}}g"):
-        tooltip = tooltips.get(element.get("id", ""))
-        if tooltip is not None:
-            title = ElementTree.Element(f"{{{SVG}}}title")
-            title.text = tooltip
-            element.insert(0, title)
-    return ElementTree.tostring(root, encoding="unicode")
+def to_html(figure: Figure) -> str:
+    """Return a figure as HTML, for a page that has the script."""
+    return figure.to_html(full_html=False, include_plotlyjs=False, config=CONFIG)

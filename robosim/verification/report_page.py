@@ -65,7 +65,7 @@ def _add_runs(page: Page, records: list[Record]) -> None:
 
 
 def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, speed: float | None) -> str:
-    """Draw a case's main error against seconds; return the plot as SVG."""
+    """Draw a case's main error against seconds; return it as HTML."""
     module = find(name)
     plot = Plot(name.replace("_", " "), "seconds", f"error ({module.MAIN_ERROR})")
     all_points = []
@@ -82,7 +82,7 @@ def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, sp
               and claim.high > 0]
     if bounds:
         plot.add_band(min(bounds))
-    return plot.svg()
+    return plot.html()
 
 
 def draw_peers(plot: Plot, peers: dict[str, Any], speed: float | None) -> None:

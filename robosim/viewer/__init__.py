@@ -1,4 +1,4 @@
-"""The viewer in a browser: recordings, runs that go on, and planned motions.
+"""The viewer in a browser: recordings, also of runs that go on.
 
-Imports: config, errors, recordings, rehearsal, scene, mpm.
+Imports: errors, recordings, mpm.
 """

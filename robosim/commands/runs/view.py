@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
         config_path("rehearsals", options.what, "run, recording or rehearsal")
     if options.material is not None:
         config_path("materials", options.material, "material")
-    from robosim.viewer.session import view
+    from robosim.rehearsal.browser.view import view
 
     return view(options.what, plan=options.plan, material=options.material, out=options.out, port=options.port,
                 host=options.host, allows_others=options.allow_others, settings=list(options.settings))

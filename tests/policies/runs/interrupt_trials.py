@@ -38,7 +38,7 @@ METHODS = {"sac": (["--set", "options.batch_size=16", "--set", "options.policy_k
            "cmaes": (["--set", "options.population=2", "--set", "options.knots=3"], 2),
            "bc": (["--set", "options.updates=50", "--demos", "{demos}"], 1)}
 """Method -> further arguments, and the episodes that an interrupt may lose."""
-REHEARSAL = ("report.png", "rehearsal.mp4", "frames.png", "trajectory.csv", "joint_trajectory.yaml", "config.yaml",
+REHEARSAL = ("index.html", "rehearsal.mp4", "frames.png", "trajectory.csv", "joint_trajectory.yaml", "config.yaml",
              "material.yaml")
 """Files of a rehearsal besides report.json, which is the last."""
 WEIGHTS = {"train sac": 5, "train ppo": 3, "train cmaes": 3, "train bc": 2, "demo descent": 4, "demo cmaes": 3,

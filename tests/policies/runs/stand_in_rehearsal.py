@@ -29,6 +29,7 @@ class PointRun:
 
         self.config, self.plan, self.seed, self.readings, self.wall_time = config, plan, seed, Readings(), 0.0
         self.duration, self.time = STEPS * config.host_dt, 0.0
+        self.material = SimpleNamespace(model_dump=lambda mode: {})
         self.model = mujoco.MjModel.from_xml_string(SCENE)
         self.data = mujoco.MjData(self.model)
         self.plugin = SimpleNamespace(wrench=lambda body: mpm.Wrench(np.zeros(3), np.zeros(3)))
@@ -64,8 +65,11 @@ def plan_motion(config):
 
 def compute_figures(run):
     """Return figures that depend on every step."""
+    from robosim.rehearsal.metrics import BOUNDS
+
     mass = run.readings.stack_grains("mass_in_tool")
-    return {"scooped_mass_kg": float(mass.max()), "delivered_fraction": float(len(run.readings.steps) / STEPS),
+    return dict.fromkeys(BOUNDS, 0.0) | {
+        "scooped_mass_kg": float(mass.max()), "delivered_fraction": float(len(run.readings.steps) / STEPS),
             "spilled_fraction": 0.0, "wrist_payload_relative_error": 0.0, "realtime_factor": 1.0,
             "momentum_residual": float(run.readings.stack_steps("residual").max())}
 
@@ -73,8 +77,16 @@ def compute_figures(run):
 def make_recorder(run, path):
     """Record the body of the stand-in's scene."""
     from robosim.recordings.scene_recorder import SceneRecorder
+    from robosim.rehearsal.recorder import CURVES
 
-    return SceneRecorder(path, run.model, run.data, None, kind="rehearsal", title="a stand-in")
+    return SceneRecorder(path, run.model, run.data, None, kind="rehearsal", title="a stand-in", curves=CURVES)
+
+
+def read_curves(run):
+    """Return readings of curves that are as long as the real ones."""
+    from robosim.rehearsal.recorder import CURVES
+
+    return lambda grains: [run.time] * len(CURVES)
 
 
 def make_film():
@@ -105,5 +117,5 @@ def make_film():
 def install_rehearsal(session):
     """Put the stand-ins in the place of a rehearsal's physics."""
     session.plan_motion, session.RehearsalRun, session.FilmProcess = plan_motion, PointRun, make_film()
-    session.make_recorder, session.RunReadings = make_recorder, lambda run: None
+    session.make_recorder, session.RunReadings = make_recorder, read_curves
     session.compute_figures, session.find_missed = compute_figures, lambda figures, config: []

@@ -177,27 +177,28 @@ def test_an_interrupted_evaluation_leaves_no_unfinished_film(tmp_path: Path, mon
 @pytest.mark.parametrize("error", [KeyboardInterrupt("SIGTERM"), OSError(errno.ENOSPC, "No space left on device")])
 def test_a_rehearsal_has_a_report_only_with_all_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                             error: BaseException) -> None:
-    """It ends while the picture is drawn, before which everything is there; an earlier run's report is no longer."""
-    for name in ("plan_motion", "RehearsalRun", "FilmProcess", "compute_figures", "find_missed", "plot_report"):
+    """It ends while the page is made, before which everything is there; an earlier run's report is no longer."""
+    for name in ("plan_motion", "RehearsalRun", "FilmProcess", "compute_figures", "find_missed", "make_recorder",
+                 "RunReadings", "make_page"):
         monkeypatch.setattr(session, name, getattr(session, name))  # as it was, afterwards
     stand_in_rehearsal.install_rehearsal(session)
     monkeypatch.setattr(stand_in_rehearsal, "STEP", 0.0)
     assert session.rehearse("spoon", tmp_path) == 0
     whole = {path.name for path in tmp_path.glob("[!.]*")}
-    assert {"report.json", "report.png", "rehearsal.mp4", "frames.png", "trajectory.csv"} <= whole
-    draw = session.plot_report
+    assert {"report.json", "index.html", "rehearsal.mp4", "frames.png", "trajectory.csv"} <= whole
+    draw = session.make_page
 
     def fail(*arguments: object) -> None:
         raise error
 
-    monkeypatch.setattr(session, "plot_report", fail)
+    monkeypatch.setattr(session, "make_page", fail)
     with pytest.raises(type(error)):
         session.rehearse("spoon", tmp_path)
-    assert whole - {path.name for path in tmp_path.glob("[!.]*")} == {"report.json", "report.png"}
+    assert whole - {path.name for path in tmp_path.glob("[!.]*")} == {"report.json", "index.html"}
     assert read_status(tmp_path) == ("interrupted" if isinstance(error, KeyboardInterrupt) else "failed")
     assert not find_unfinished(tmp_path)
     check_files(tmp_path)
-    monkeypatch.setattr(session, "plot_report", draw)
+    monkeypatch.setattr(session, "make_page", draw)
     assert session.rehearse("spoon", tmp_path) == 0 and {path.name for path in tmp_path.glob("[!.]*")} == whole
 
 

@@ -50,7 +50,8 @@ def write(path: Path, **changes: object) -> RecordingWriter:
     return writer
 
 
-def test_a_recording_is_what_was_recorded_within_its_resolution(opened: Callable[[Path], Recording], tmp_path: Path) -> None:
+def test_a_recording_is_what_was_recorded_within_its_resolution(opened: Callable[[Path], Recording],
+                                                                tmp_path: Path) -> None:
     write(tmp_path / "recording.rec").close()
     recording = opened(tmp_path / "recording.rec")
     assert len(recording) == FRAMES and recording.is_finished and recording.header == header()

@@ -84,7 +84,7 @@ def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None
     assert len(rows) == pytest.approx(report["simulated_time_s"] / 1e-3, abs=1)
     check_the_trajectories(out, rows, Arm("spoon"))
     assert load_rehearsal(str(out / "config.yaml")) == load_rehearsal(str(short))
-    assert (out / "report.png").stat().st_size > 20_000
+    assert (out / "index.html").stat().st_size > 20_000
     if drawable:
         with av.open(str(out / "rehearsal.mp4")) as container:
             frames = [f.to_ndarray(format="rgb24") for f in container.decode(video=0)]
@@ -181,4 +181,4 @@ def test_a_film_that_fails_costs_no_report(short: Path, tmp_path: Path, capsys: 
         assert main(["rehearse", str(short), "--out", str(out)]) == 2
     assert "no film" in capsys.readouterr().err
     assert json.loads((out / "report.json").read_text())["grains"] > 0
-    assert (out / "trajectory.csv").is_file() and (out / "report.png").is_file()
+    assert (out / "trajectory.csv").is_file() and (out / "index.html").is_file()

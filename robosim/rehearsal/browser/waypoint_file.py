@@ -53,11 +53,11 @@ def replace_positions(text: str, source: Path, config: RehearsalConfig, names: l
 
     Raises ConfigError where the file has no such waypoint.
     """
-    yaml: Any = YAML()
-    yaml.preserve_quotes, yaml.width = True, 4096
-    yaml.indent(mapping=2, sequence=4, offset=2)
+    editor: Any = YAML()
+    editor.preserve_quotes, editor.width = True, 4096
+    editor.indent(mapping=2, sequence=4, offset=2)
     try:
-        table = yaml.load(text)
+        table = editor.load(text)
         entries = {str(entry["name"]): entry for entry in table["waypoints"]}
     except (YAMLError, KeyError, TypeError) as error:
         raise ConfigError(f"{source}: cannot be read as a rehearsal: {error}") from None
@@ -70,7 +70,7 @@ def replace_positions(text: str, source: Path, config: RehearsalConfig, names: l
             position.fa.set_flow_style()
             entries[waypoint.name]["position"] = position
     out = io.StringIO()
-    yaml.dump(table, out)
+    editor.dump(table, out)
     return out.getvalue()
 
 

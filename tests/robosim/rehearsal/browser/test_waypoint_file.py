@@ -9,8 +9,8 @@ import pytest
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_path
 from robosim.errors import ConfigError
+from robosim.rehearsal.browser.waypoint_file import WaypointFile, move_waypoint
 from robosim.scene.frames import waypoint_pose
-from robosim.viewer.waypoint_file import WaypointFile, move_waypoint
 
 
 @pytest.fixture

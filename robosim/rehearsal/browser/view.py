@@ -32,7 +32,7 @@ def view(what: str, *, port: int, host: str, plan: bool = False, material: str |
     token = choose_token(host, allows_others)
     with contextlib.ExitStack() as stack:
         if plan:
-            from robosim.viewer.plan_editor import PlanEditor
+            from robosim.rehearsal.browser.plan_editor import PlanEditor
 
             shown = PlanEditor(what, settings or [])
         else:

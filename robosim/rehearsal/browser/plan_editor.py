@@ -12,8 +12,8 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.settings import Setting
 from robosim.errors import RobosimError
 from robosim.recordings.reader import FILE, Recording
+from robosim.rehearsal.browser.waypoint_file import WaypointFile, move_waypoint
 from robosim.viewer.playback import PERIOD, Playback
-from robosim.viewer.waypoint_file import WaypointFile, move_waypoint
 
 
 class PlanEditor:
@@ -48,7 +48,7 @@ class PlanEditor:
 
     def _plan(self, server: viser.ViserServer) -> None:
         """Plan the motion with the waypoints as they are now, and show it."""
-        from robosim.rehearsal.plan_recording import record_plan
+        from robosim.rehearsal.browser.plan_recording import record_plan
 
         config, message = self._config(), ""
         path = Path(self._folder.name) / f"{self._count}-{FILE}"

@@ -1,0 +1,119 @@
+"""The page of a rehearsal: verdict, film, recording, curves, figures, configuration."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from robosim.recordings.reader import FILE, Recording
+from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
+from robosim.rehearsal.readings import ARM
+from robosim.rehearsal.run import RehearsalRun
+from robosim.reports.curves import Chart, Curve, draw_charts
+from robosim.reports.page import Page
+
+AVERAGED_STEPS = 20
+"""Steps over which plotted forces are averaged; those in trajectory.csv are not."""
+UNITS = {"m": "m", "kg": "kg", "s": "s", "deg": "deg"}
+"""Last word of a figure's name -> its unit."""
+
+
+def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], folder: Path) -> Page:
+    """Make the page of a run whose other results are in a folder."""
+    config = run.config
+    page = Page(f"{config.description}: {config.material}")
+    bounds = get_bounds(config)
+    page.set_verdict("every bound held" if not missed else f"{len(missed)} of {len(bounds)} bounds missed: "
+                     + "; ".join(missed), holds=not missed)
+    film = folder / "rehearsal.mp4"
+    if film.is_file():
+        page.add_film(film.read_bytes(), f"{run.time:.1f} s simulated; drawn from the simulated states")
+    page.add_heading("In 3-D")
+    with Recording(folder / FILE) as recording:
+        from robosim.viewer.embed import embed_html
+
+        page.add_scene(embed_html(recording), f"Turn with the mouse, scrub below. With colours, forces, regions and "
+                       f"curves: robosim view {folder}")
+        charts = make_charts(run, recording)
+    page.add_heading("Curves")
+    page.add_plot(draw_charts(charts, {name: run.waypoint_time(name) for name in run.plan.path.times}),
+                  "Drag to zoom, double-click to come back; a click in the legend hides a curve.")
+    page.add_heading("Bounds")
+    page.add_table(["figure", "value", "unit", "accepted from", "to", "verdict", "margin"],
+                   [bound_row(name, figures[name], bound) for name, bound in bounds.items()])
+    page.add_heading("All figures")
+    page.add_table(["figure", "value", "unit"],
+                   [[split_unit(name)[0], value, split_unit(name)[1]] for name, value in figures.items()
+                    if not isinstance(value, list | dict)])
+    page.add_details("Configuration", yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False))
+    page.add_details("Material", yaml.safe_dump(run.material.model_dump(mode="json"), sort_keys=False))
+    return page
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return a figure's name as words, and its unit."""
+    words = name.split("_")
+    unit = UNITS.get(words[-1], "1" if re.search("fraction|ratio|share|residual|error$", name) else "")
+    return " ".join(words[:-1] if words[-1] in UNITS else words), unit
+
+
+def bound_row(name: str, value: object, bound: Bound) -> list[object]:
+    """Return a line of the table of bounds; margin: to the nearer end, negative outside."""
+    words, unit = split_unit(name)
+    low, high = (None if np.isinf(end) else end for end in bound)
+    if not isinstance(value, int | float):
+        return [words, None, unit, low, high, "not run", None]
+    margin = min(value - bound.low, bound.high - value)
+    return [words, value, unit, low, high, "held" if margin >= 0 else "missed", None if np.isinf(margin) else margin]
+
+
+def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
+    """Return the charts of a run, from the readings of all its steps and from its recording."""
+    readings, bounds = run.readings, get_bounds(run.config)
+    time, grain_time = readings.stack_steps("time"), readings.stack_grains("time")
+    frame_times, values = recording.values()
+    names = [curve.name for curve in recording.header.curves]
+    masses = [Curve(name, frame_times, values[:, names.index(name)])
+              for name in ("in the tool", "outside of tool and places")]
+    wrist = [Curve(name, frame_times, values[:, names.index(f"wrist {name}")]) for name in ("Fx", "Fy", "Fz")]
+    force = average(readings.stack_steps("tool_force"))
+    torques = readings.stack_steps("torque") / run.plan.arm.torque_limits
+    drift, exchanged = (np.cumsum(np.abs(readings.stack_steps(name)), axis=0) for name in ("residual", "exchanged"))
+    charts = [
+        Chart("mass [g]; none while the tool digs", masses),
+        Chart("force of the grains on the tool [N]", [Curve(f"F{a}", time, force[:, k]) for k, a in enumerate("xyz")]),
+        Chart("wrist force without the weight of hand and tool [N]", wrist),
+        Chart("joint torque, share of its limit [1]", [Curve(a, time, torques[:, k]) for k, a in enumerate(ARM)],
+              most=1.0, least=-1.0),
+        Chart("distance of the tool from its command [mm]", [Curve("tool", time, 1e3 * compute_tracking_errors(run))]),
+        Chart("momentum that no impulse accounts for, of all that was exchanged [1]",
+              [Curve("linear", time, drift[:, :3].max(1) / (exchanged[:, 0] + 1e-12) + 1e-12),
+               Curve("angular", time, drift[:, 3:].max(1) / (exchanged[:, 1] + 1e-12) + 1e-12)],
+              most=bounds["momentum_residual"].high, is_logarithmic=True),
+        Chart("energy of the grains since the start [mJ]", energy_curves(run)),
+    ]
+    if run.solver.sleep:
+        charts.append(Chart("grains that are computed [%]",
+                            [Curve("awake", grain_time, 100.0 * readings.stack_grains("awake"))]))
+    return charts
+
+
+def energy_curves(run: RehearsalRun) -> list[Curve]:
+    """Return energies, the tool's work and what was dissipated [mJ]."""
+    readings, start = run.readings, run.readings.energies[0].potential
+    time = np.array([e.time for e in readings.energies])
+    energies = np.array([[e.kinetic, e.potential - start, e.elastic] for e in readings.energies])
+    work = np.interp(time, readings.stack_steps("time"), np.cumsum(readings.stack_steps("tool_work")))
+    rows = {"kinetic": energies[:, 0], "potential": energies[:, 1], "elastic": energies[:, 2], "work of the tool": work,
+            "dissipated": work - (energies.sum(1) - energies.sum(1)[0])}
+    return [Curve(name, time, 1e3 * row, dashed=name == "dissipated") for name, row in rows.items()]
+
+
+def average(values: np.ndarray) -> np.ndarray:
+    """Return the moving average of values (n, k) over AVERAGED_STEPS."""
+    if len(values) < AVERAGED_STEPS:
+        return values
+    kernel = np.ones(AVERAGED_STEPS) / AVERAGED_STEPS
+    return np.stack([np.convolve(column, kernel, mode="same") for column in values.T], -1)

@@ -1,0 +1,95 @@
+"""Curves over time, one above the other on one axis of time, with marks and accepted ranges."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from plotly.graph_objects import Scatter
+from plotly.subplots import make_subplots
+
+from robosim.reports.plot import COLOURS, LAYOUT, to_html
+
+MOST_POINTS = 1500
+"""Points of a curve; longer ones are means over equal parts, with the extremes of each part kept."""
+ROW_HEIGHT, HEAD_HEIGHT = 190, 110
+"""Of a chart, and of what is above and below all charts [pixels]."""
+
+
+class Curve(NamedTuple):
+    """A curve of a chart."""
+
+    name: str
+    times: np.ndarray
+    """(n,) [s]"""
+    values: np.ndarray
+    """(n,) in the chart's unit; NaN leaves a gap."""
+    dashed: bool = False
+
+
+class Chart(NamedTuple):
+    """Curves of one unit."""
+
+    title: str
+    """With the unit."""
+    curves: Sequence[Curve]
+    most: float | None = None
+    """Upper end of what is accepted, drawn as a line; `least` likewise."""
+    least: float | None = None
+    is_logarithmic: bool = False
+
+
+def draw_charts(charts: Sequence[Chart], marks: dict[str, float]) -> str:
+    """Draw charts with the marks of times [s], named above the first one; return HTML."""
+    figure = make_subplots(len(charts), 1, shared_xaxes=True, vertical_spacing=0.25 / max(len(charts), 2),
+                           subplot_titles=[chart.title for chart in charts])
+    for row, chart in enumerate(charts, 1):
+        for k, curve in enumerate(chart.curves):
+            times, values = thin_out(curve.times, curve.values)
+            figure.add_trace(Scatter(x=times, y=values, name=curve.name, mode="lines", legend=legend_name(row),
+                                     hovertemplate=f"{curve.name}: %{{y:.4g}}<extra></extra>",
+                                     line={"width": 1.4, "color": COLOURS[k % len(COLOURS)],
+                                           "dash": "dash" if curve.dashed else "solid"}), row=row, col=1)
+        for value in (chart.most, chart.least):
+            if value is not None:
+                figure.add_hline(value, row=row, col=1, line={"color": "#2a2", "width": 1, "dash": "dot"},  # pyright: ignore[reportArgumentType]
+                                 annotation={"text": f"accepted: {value:g}", "font": {"color": "#282", "size": 10}})
+        if chart.is_logarithmic:
+            figure.update_yaxes(type="log", exponentformat="power", row=row, col=1)
+    _add_marks(figure, marks)
+    figure.update_xaxes(title_text="time [s]", row=len(charts), col=1)
+    figure.update_layout({**LAYOUT, "height": HEAD_HEIGHT + ROW_HEIGHT * len(charts), "hovermode": "x unified",
+                          "margin": {"l": 60, "r": 20, "t": 90, "b": 40}, "showlegend": True})
+    for row in range(1, len(charts) + 1):  # beside its chart
+        top = figure.to_dict()["layout"][f"yaxis{row if row > 1 else ''}"]["domain"][1]
+        figure.update_layout({legend_name(row): {"x": 1.01, "xanchor": "left", "y": top, "yanchor": "top",
+                                                 "font": {"size": 11}, "tracegroupgap": 2}})
+    return to_html(figure)
+
+
+def legend_name(row: int) -> str:
+    """Return the name of the legend of a chart, as plotly counts them."""
+    return "legend" if row == 1 else f"legend{row}"
+
+
+def _add_marks(figure: object, marks: dict[str, float]) -> None:
+    """Add vertical lines through all charts, with their names above the first one."""
+    for name, time in marks.items():
+        figure.add_vline(time, line={"color": "rgba(0,0,0,0.18)", "width": 1})  # pyright: ignore[reportAttributeAccessIssue]
+        figure.add_annotation(x=time, y=1.0, xref="x", yref="paper", text=name, textangle=-60, showarrow=False,  # pyright: ignore[reportAttributeAccessIssue]
+                              xanchor="left", yanchor="bottom", yshift=18, font={"size": 10, "color": "#555"})
+
+
+def thin_out(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return at most MOST_POINTS points of a curve, with the least and the largest value of each part of it."""
+    n = len(times)
+    if n <= MOST_POINTS:
+        return times, values
+    parts = np.array_split(np.arange(n), MOST_POINTS // 2)
+    kept: list[int] = []
+    for part in parts:
+        finite = part[np.isfinite(values[part])]
+        if len(finite):
+            kept += sorted({int(finite[np.argmin(values[finite])]), int(finite[np.argmax(values[finite])])})
+        else:
+            kept.append(int(part[0]))
+    return times[kept], values[kept]
