@@ -85,7 +85,7 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
             raise mpm.InvalidValue(f"actor with learner {preset.learner}; accepted: SAC, TD3, DDPG, TQC or CrossQ")
         model.actor_waits, model.actor_rate = preset.actor.waits, preset.actor.rate
         if preset.learner == "SAC":
-            model.actor_every = preset.actor.every
+            model.actor_every, model.imitation = preset.actor.every, preset.actor.imitation
     if preset.critics is not None:
         model.subset = preset.critics.subset
     return model

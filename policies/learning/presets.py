@@ -71,6 +71,9 @@ class Actor(pydantic.BaseModel):
     """The actor's learning rate divided by the critics'."""
     every: int = Field(1, ge=1, le=10_000)
     """Updates of the critics for one of the actor."""
+    imitation: float = Field(0.0, ge=0.0, le=1e3)
+    """Weight of the actor's distance from demonstrated actions that the critics value higher than its own (Nair et al.
+    2018), in units of the mean value."""
 
 
 class Critics(pydantic.BaseModel):
@@ -208,6 +211,7 @@ class Preset(pydantic.BaseModel):
             raise ValueError("grains_as_one with scaled: false; accepted: with scaled observations")
         for name, is_given in (("critic_layer_norm", self.critic_layer_norm), ("critics", self.critics is not None),
                                ("actor.every", self.actor is not None and self.actor.every > 1),
+                               ("actor.imitation", self.actor is not None and self.actor.imitation > 0),
                                ("encoder parts", self.encoder == "parts")):
             if is_given and self.learner != "SAC":
                 raise ValueError(f"{name} with learner {self.learner}; accepted: SAC")

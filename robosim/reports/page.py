@@ -100,13 +100,13 @@ def templates() -> Environment:
 @cache
 def read_part(name: str) -> str:
     """Return a file beside the templates."""
-    return files("robosim.reports").joinpath("templates", name).read_text(encoding="utf-8")
+    return files("robosim.reports").joinpath("templates").joinpath(name).read_text(encoding="utf-8")
 
 
 @cache
 def plot_script() -> str:
     """Return the script that draws plots."""
-    return files("plotly").joinpath("package_data", "plotly.min.js").read_text(encoding="utf-8")
+    return files("plotly").joinpath("package_data").joinpath("plotly.min.js").read_text(encoding="utf-8")
 
 
 def make_cell(value: object) -> Cell:
