@@ -6,6 +6,8 @@ import torch
 from stable_baselines3 import SAC
 from torch.nn import functional
 
+from policies.learners.best_episode import BestEpisode
+
 
 class EnsembleSAC(SAC):
     """SAC of Stable-Baselines3 with updates of its own; its policy is an `EnsemblePolicy`.
@@ -14,13 +16,13 @@ class EnsembleSAC(SAC):
     nothing uses, and all critics in one product. subset: number of critics, drawn for each update, whose minimum is
     the target (Chen et al. 2021); the actor then follows the mean of all critics. None: the minimum of all, for both.
     actor_every: updates of the critics for one of the actor and the temperature. imitation: weight of the actor's
-    distance from demonstrated actions that the critics value higher than its own (Nair et al. 2018), in units of the
-    mean value.
+    distance from the actions of the best episode so far, a demonstration at first, in units of the mean value.
     """
 
     subset: int | None = None
     actor_every = 1
     imitation = 0.0
+    best: BestEpisode | None = None
     critic: Any
     critic_target: Any
 
@@ -29,6 +31,9 @@ class EnsembleSAC(SAC):
         self.policy.set_training_mode(True)
         of_temperature = [] if self.ent_coef_optimizer is None else [self.ent_coef_optimizer]
         self._update_learning_rate([self.actor.optimizer, self.critic.optimizer, *of_temperature])
+        if self.imitation:
+            self.best = self.best or BestEpisode()
+            self.best.follow(self.replay_buffer)
         losses: dict[str, list[torch.Tensor]] = {name: [] for name in ("critic_loss", "actor_loss", "ent_coef_loss",
                                                                        "ent_coef")}
         for _ in range(gradient_steps):
@@ -60,25 +65,14 @@ class EnsembleSAC(SAC):
             values = self.critic.evaluate(features, actions)
             value = values.min(0)[0] if self.subset is None else values.mean(0)
             loss = (temperature * log_prob - value).mean()
-            if self.imitation and buffer.demo.size():
-                loss = loss + self.imitation * value.detach().abs().mean() * self._distance_from_demonstrations(batch_size)
+            if self.best is not None:
+                loss = loss + self.imitation * value.detach().abs().mean() * self.best.distance(self.actor)
             step(self.actor.optimizer, loss)
             losses["actor_loss"].append(loss.detach())
         if self._n_updates % self.target_update_interval == 0:
             with torch.no_grad():
                 for target, own in zip(self.critic_target.parameters(), self.critic.parameters(), strict=True):
                     target.lerp_(own, self.tau)
-
-    def _distance_from_demonstrations(self, batch_size: int) -> torch.Tensor:
-        """Return the mean square of the actor's distance from demonstrated actions that the critics value higher."""
-        buffer: Any = self.replay_buffer
-        batch = buffer.demo.sample(batch_size, env=self._vec_normalize_env)
-        actions = self.actor(batch.observations, deterministic=True)
-        with torch.no_grad():
-            features = self.critic.features(batch.observations)
-            own, shown = (self.critic.evaluate(features, a).mean(0) for a in (actions, batch.actions))
-        distance = (actions - batch.actions).pow(2).mean(1)
-        return (distance * (shown > own).flatten()).mean()
 
     def _update_critics(self, batch: Any, temperature: torch.Tensor) -> torch.Tensor:
         """Fit the critics to the rewards and the values of the next observations; return the loss."""

@@ -72,8 +72,8 @@ class Actor(pydantic.BaseModel):
     every: int = Field(1, ge=1, le=10_000)
     """Updates of the critics for one of the actor."""
     imitation: float = Field(0.0, ge=0.0, le=1e3)
-    """Weight of the actor's distance from demonstrated actions that the critics value higher than its own (Nair et al.
-    2018), in units of the mean value."""
+    """Weight of the actor's distance from the actions of the best episode so far, a demonstration at first (compare
+    Oh et al. 2018), in units of the mean value."""
 
 
 class Critics(pydantic.BaseModel):

@@ -1,4 +1,4 @@
-"""`robosim sweep`: runs of a sweep, each in a process of its own, several at a time or as jobs of SLURM."""
+"""`robosim sweep`: runs of a sweep, each in a process of its own, several at a time or as jobs of a cluster."""
 
 import contextlib
 import os
@@ -7,6 +7,7 @@ import sys
 import time
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -20,15 +21,13 @@ GRACE = 30.0
 """Time [s] that a run has to end after an interrupt."""
 POLL = 0.2
 """Time [s] between two checks of the processes."""
-TIMEOUT_MIN = 24 * 60
-"""Time limit of a job of SLURM [min]."""
 
 
-def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry_run: bool = False,
+def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = False,
           change: Change | None = None) -> int:
     """Run what is not finished of a sweep file; return 0, or 1 when some runs failed.
 
-    jobs: processes at a time. slurm: partition to submit to instead. dry_run: only print the runs. change: of the
+    jobs: processes at a time. launcher: what runs them elsewhere, with `configure` and `run`; None: here. dry_run: only print the runs. change: of the
     file's table, before it is checked.
 
     Raises:
@@ -44,12 +43,13 @@ def sweep(path: Path, *, jobs: int = 1, slurm: str | None = None, dry_run: bool 
         for run in unfinished:
             print(f"  {run.state:9s} robosim {' '.join(run.arguments)}")
         return 0
-    if slurm is not None:
-        return submit(unfinished, slurm, path)
+    if launcher is not None:
+        launcher.configure(file.launch)
     file.out.mkdir(parents=True, exist_ok=True)
     try:
         with keep_status(file.out):
-            failed = run_queue(unfinished, jobs, len(runs))
+            failed = run_queue(unfinished, jobs, len(runs)) if launcher is None else \
+                run_elsewhere(unfinished, launcher, file.out / "launch", len(runs))
     finally:
         write_json(file.out / "sweep.json", {"runs": {str(run.out): run.state for run in runs}})
     for run, reason in failed:
@@ -118,23 +118,14 @@ def failure_reason(run: SweepRun, code: int) -> str:
     return read_last_line(run.out / "log.txt") or f"exit status {code}"
 
 
-def submit(runs: list[SweepRun], partition: str, sweep_file: Path) -> int:
-    """Submit runs as an array of jobs of one core each; return 0.
-
-    Raises:
-        mpm.InvalidValue: submitit is not installed.
-    """
-    try:
-        import submitit  # pyright: ignore[reportMissingImports]  (of the extra `cluster`)
-    except ImportError as error:
-        raise mpm.InvalidValue("--slurm needs submitit: pip install '.[cluster]' in the checkout") from error
-    executor = submitit.AutoExecutor(folder=str(sweep_file.with_suffix(".slurm")))
-    executor.update_parameters(slurm_partition=partition, cpus_per_task=1, timeout_min=TIMEOUT_MIN)
-    jobs = executor.map_array(run_to_end, runs)
-    print(f"{len(jobs)} jobs: {', '.join(job.job_id for job in jobs)}")
-    return 0
-
-
-def run_to_end(run: SweepRun) -> int:
-    """Run to the end in a process of its own; return its exit status."""
-    return start_process(run).wait()
+def run_elsewhere(runs: list[SweepRun], launcher: Any, folder: Path, total: int) -> list[tuple[SweepRun, str]]:
+    """Run all of them by a launcher; return those that failed, with the reason. folder: of what the launcher writes."""
+    commands = [(["robosim", *run.arguments], (run.out / "log.txt").resolve()) for run in runs]
+    failed, progress = [], tqdm(initial=total - len(runs), total=total, desc="runs", file=sys.stderr)
+    for ended in launcher.run(commands, folder.resolve()):
+        progress.update()
+        run = runs[ended.index]
+        if ended.reason or run.state != "finished":
+            failed.append((run, ended.reason or f"ended, but {run.out} is {run.state}"))
+    progress.close()
+    return failed

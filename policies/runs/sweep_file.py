@@ -70,6 +70,8 @@ class SweepFile(pydantic.BaseModel):
     """Largest number of episodes; null: the method's own."""
     options: list[Short] = Field([], max_length=1000)
     """Further arguments of `robosim train`."""
+    launch: dict[Short, Any] = Field({}, max_length=100)
+    """What a job of a cluster is given: partition, hours, memory_gb, cores, parallel, setup, python, ..."""
     out: Path
     """Runs are written to out/task/method/seed_k, or out/task/name/seed_k for an entry."""
 

@@ -139,6 +139,20 @@ class CommandParser(argparse.ArgumentParser):
         self.add_argument("--threads", dest="field_threads", type=NUMBERS["--threads"], default=1,
                           help="threads that the field is computed with (default: 1); results are the same to rounding")
 
+    def add_launch(self) -> None:
+        """Add the option `--launch`; `options.make_launcher(options.launch)` is what runs commands elsewhere, or None."""
+        from robosim.clusters import LAUNCHERS
+
+        def make_launcher(name: str) -> Any:
+            """Return what runs commands elsewhere, or None."""
+            from robosim.clusters.launch import make_launcher as make
+
+            return make(name)
+
+        self.add_argument("--launch", choices=LAUNCHERS, default="local", help="where the runs are made: here, or as "
+                          "jobs of SLURM or Ray, as the table `launch` of the file says (default: local)")
+        self.set_defaults(make_launcher=make_launcher)
+
     def add_settings(self, what: str, example: str) -> None:
         """Add the option `--set` for the keys of a file; `options.settings` are those given, see `Settings`."""
         self.add_argument("--set", dest="settings", metavar="KEY=VALUE", action=AddSetting, default=Settings(),

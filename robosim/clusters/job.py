@@ -1,0 +1,80 @@
+"""One command as a job of a cluster, which continues where it was cut off."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+GRACE = 60.0
+"""Time [s] that a command has to write its checkpoint after SIGTERM."""
+SHOWN_LINES = 3
+"""Last lines of a failed command's output that are shown."""
+CACHES = {"ROBOSIM_CACHE": "robosim", "MPM_CACHE": "mpm"}
+"""Variable of the environment -> folder of a cache: one for each machine, for a home on a network is shared by all."""
+
+
+class JobFailed(RuntimeError):
+    """A command ended with another status than 0; the message has the last lines of its output."""
+
+
+class ClusterJob:
+    """Runs a command in a process of its own.
+
+    Follows submitit's protocol of checkpoints: where its time ends or it is preempted, the command writes its own
+    checkpoint and the same job is queued again. It is pickled by reference, so a job needs this package alone.
+    """
+
+    def __init__(self, arguments: list[str], log: Path) -> None:
+        self.arguments, self.log, self.folder = arguments, log, Path.cwd()
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __call__(self) -> int:
+        """Run to the end and return 0; raises JobFailed."""
+        self.log.parent.mkdir(parents=True, exist_ok=True)
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", **local_caches()}
+        before = signal.signal(signal.SIGUSR2, signal.SIG_IGN)  # SLURM warns every process; the command has SIGTERM
+        try:
+            with self.log.open("ab") as log:
+                self._process = subprocess.Popen([sys.executable, "-m", *self.arguments], stdout=log, stderr=log,
+                                                 env=environment, cwd=self.folder)
+        finally:
+            signal.signal(signal.SIGUSR2, before)
+        status = self._process.wait()
+        if status:
+            raise JobFailed(describe_failure(self.log, status))
+        return 0
+
+    def checkpoint(self, *arguments: Any) -> Any:
+        """Let the command write its checkpoint; return what is queued again."""
+        import submitit.helpers  # pyright: ignore[reportMissingImports]  (of the extra `slurm`)
+
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(GRACE)
+        return submitit.helpers.DelayedSubmission(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_process": None}
+
+
+def local_caches() -> dict[str, str]:
+    """Return variables that give this machine caches of its own, unless the user chose others."""
+    base = Path(os.environ.get("TMPDIR") or "/tmp") / f"robosim-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    return {name: str(base / folder) for name, folder in CACHES.items() if name not in os.environ}
+
+
+def describe_failure(log: Path, status: int) -> str:
+    """Return the last lines of a log, and how its process ended."""
+    ended = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 20_000))
+            text = file.read().decode(errors="replace").replace("\r", "\n")
+    except OSError as error:
+        return f"{ended}; {log}: {error.strerror}"
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return " | ".join([ended, *lines[-SHOWN_LINES:]])
