@@ -33,5 +33,5 @@ def run(options: argparse.Namespace) -> int:
     """Start the runs."""
     from policies.runs.sweep import sweep
 
-    return sweep(options.file, jobs=options.jobs, launcher=options.make_launcher(options.launch), dry_run=options.dry_run,
-                 change=options.settings.apply)
+    return sweep(options.file, jobs=options.jobs, launcher=options.make_launcher(options.launch),
+                 dry_run=options.dry_run, change=options.settings.apply)

@@ -27,8 +27,8 @@ def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = Fa
           change: Change | None = None) -> int:
     """Run what is not finished of a sweep file; return 0, or 1 when some runs failed.
 
-    jobs: processes at a time. launcher: what runs them elsewhere, with `configure` and `run`; None: here. dry_run: only print the runs. change: of the
-    file's table, before it is checked.
+    jobs: processes at a time. launcher: what runs them elsewhere, with `configure` and `run`; None: here. dry_run: only
+    print the runs. change: of the file's table, before it is checked.
 
     Raises:
         mpm.InvalidValue: the file is wrong, or jobs is less than 1.

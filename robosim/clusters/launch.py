@@ -7,10 +7,9 @@ from typing import Annotated, Any, NamedTuple, Protocol
 import pydantic
 from pydantic import Field
 
-from robosim.clusters import LAUNCHERS
 from robosim.config.bounds import FilePath, Name
 from robosim.config.table import Table, describe, list_errors
-from robosim.errors import ConfigError, UnknownName
+from robosim.errors import ConfigError
 
 Line = Annotated[str, Field(max_length=2000)]
 
@@ -30,7 +29,7 @@ class LaunchTable(Table):
     parallel: int = Field(256, ge=1, le=100_000)
     """Most jobs that run at the same time."""
     warning_s: int = Field(90, ge=1, le=3600)
-    """Time [s] before the limit at which a job is told to write its checkpoint."""
+    """Time [s] before the limit at which a job is warned to write its checkpoint."""
     setup: Annotated[list[Line], Field(max_length=100)] = []  # noqa: RUF012
     """Lines of shell before the run, such as `module load ...`."""
     python: FilePath = ""
@@ -61,21 +60,6 @@ class Launcher(Protocol):
         Raises ConfigError where they cannot be submitted.
         """
         ...
-
-
-def make_launcher(name: str) -> Launcher | None:
-    """Return the launcher of a name; None for processes of this machine. Raises ConfigError, UnknownName."""
-    if name not in LAUNCHERS:
-        raise UnknownName("launcher", name, LAUNCHERS)
-    if name == "local":
-        return None
-    if name == "slurm":
-        from robosim.clusters.slurm import SlurmLauncher
-
-        return SlurmLauncher()
-    from robosim.clusters.ray_tasks import RayLauncher
-
-    return RayLauncher()
 
 
 def read_table(table: Mapping[str, Any]) -> LaunchTable:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from robosim.clusters.job import ClusterJob
-from robosim.clusters.launch import Ended, LaunchTable, read_table
+from robosim.clusters.launch import Ended, read_table
 from robosim.errors import ConfigError
 
 
@@ -17,7 +17,7 @@ class RayLauncher:
             import ray  # pyright: ignore[reportMissingImports]  (of the extra `ray`)
         except ImportError:
             raise ConfigError("--launch ray needs Ray: pip install '.[ray]' in the checkout") from None
-        self._ray, self.table = ray, LaunchTable()
+        self._ray, self.table = ray, read_table({})
 
     def configure(self, table: Mapping[str, Any]) -> None:
         """Take over a `launch:` table, of which cores and memory_gb apply; raises ConfigError."""

@@ -9,7 +9,7 @@ from typing import Any
 from mpm.files import write_json
 from mpm.input_files import read_json
 from robosim.clusters.job import ClusterJob
-from robosim.clusters.launch import Ended, LaunchTable, read_table
+from robosim.clusters.launch import Ended, read_table
 from robosim.errors import ConfigError
 
 POLL = 2.0
@@ -31,7 +31,7 @@ class SlurmLauncher:
             import submitit  # pyright: ignore[reportMissingImports]  (of the extra `slurm`)
         except ImportError:
             raise ConfigError(f"--launch slurm needs submitit: {INSTALL}") from None
-        self._submitit, self.table = submitit, LaunchTable()
+        self._submitit, self.table = submitit, read_table({})
         self._partitions = list_partitions()
 
     def configure(self, table: Mapping[str, Any]) -> None:

@@ -140,12 +140,12 @@ class CommandParser(argparse.ArgumentParser):
                           help="threads that the field is computed with (default: 1); results are the same to rounding")
 
     def add_launch(self) -> None:
-        """Add the option `--launch`; `options.make_launcher(options.launch)` is what runs commands elsewhere, or None."""
+        """Add the option `--launch`; `options.make_launcher(options.launch)` runs commands elsewhere, or is None."""
         from robosim.clusters import LAUNCHERS
 
         def make_launcher(name: str) -> Any:
             """Return what runs commands elsewhere, or None."""
-            from robosim.clusters.launch import make_launcher as make
+            from robosim.clusters.launchers import make_launcher as make
 
             return make(name)
 

@@ -61,39 +61,36 @@ def test_a_run_with_other_options_is_another(tmp_path):
     assert state("--obs", "moments") == "finished" and state() == "another"
 
 
-def test_runs_are_submitted_to_slurm(tmp_path, monkeypatch):
-    """One job of one core for each unfinished run, which runs `robosim train` to its end in the run's folder."""
-    file, jobs, parameters = tmp_path / "small.yaml", [], {}
-    file.write_text(f"tasks: [Pendulum-v1]\nmethods: [sac]\nseeds: [0, 1, 2]\nout: {tmp_path / 'runs'}\n")
+def test_unfinished_runs_are_given_to_a_launcher(tmp_path, capsys):
+    """It gets the table and a command for each; a run has failed that says so, or leaves no finished folder."""
+    file, given = tmp_path / "small.yaml", {}
+    file.write_text(f"tasks: [Pendulum-v1]\nmethods: [sac]\nseeds: [0, 1, 2, 3]\nout: {tmp_path / 'runs'}\n"
+                    "launch: {partition: long, hours: 2}\n")
     runs = plan_runs(load_sweep(file))
-    runs[1].out.mkdir(parents=True)
-    (runs[1].out / "status.json").write_text('{"state": "finished"}')
-    (runs[1].out / "manifest.json").write_text(json.dumps({
-        "preset": load_preset("sac").model_dump(), "command": "robosim " + " ".join(runs[1].arguments)}))
 
-    class Executor:
-        def __init__(self, folder: str) -> None:
-            assert Path(folder) == tmp_path / "small.slurm"
+    def finish(run) -> None:
+        run.out.mkdir(parents=True, exist_ok=True)
+        (run.out / "status.json").write_text('{"state": "finished"}')
+        (run.out / "manifest.json").write_text(json.dumps({
+            "preset": load_preset("sac").model_dump(), "command": "robosim " + " ".join(run.arguments)}))
 
-        def update_parameters(self, **given) -> None:
-            parameters.update(given)
+    def launch(commands, folder):
+        given.update(commands=commands, folder=folder)
+        finish(runs[0])
+        yield SimpleNamespace(index=0, reason="")
+        yield SimpleNamespace(index=2, reason="")
+        yield SimpleNamespace(index=1, reason="exit status 2 | no such demonstration")
 
-        def map_array(self, function, values):
-            jobs.extend((function, value) for value in values)
-            return [SimpleNamespace(job_id=str(k)) for k in range(len(jobs))]
-
-    monkeypatch.setitem(sys.modules, "submitit", SimpleNamespace(AutoExecutor=Executor))
-    assert sweep(file, slurm="long") == 0
-    assert parameters == {"slurm_partition": "long", "cpus_per_task": 1, "timeout_min": 1440}
-    assert [run for _, run in jobs] == [runs[0], runs[2]]
-    started = []
-    monkeypatch.setattr("policies.runs.sweep.start_process",
-                        lambda run: started.append(run) or SimpleNamespace(wait=lambda: 3))
-    function, run = jobs[0]
-    assert function(run) == 3 and started == [runs[0]]
-    monkeypatch.setitem(sys.modules, "submitit", None)
-    with pytest.raises(mpm.InvalidValue, match=r"pip install '.\[cluster\]'"):
-        sweep(file, slurm="long")
+    finish(runs[1])
+    launcher = SimpleNamespace(configure=lambda table: given.update(table=table), run=launch)
+    assert sweep(file, launcher=launcher) == 1
+    assert given["table"] == {"partition": "long", "hours": 2} and given["folder"] == tmp_path / "runs" / "launch"
+    assert given["commands"] == [(["robosim", *run.arguments], run.out / "log.txt")
+                                 for run in (runs[0], runs[2], runs[3])]
+    failed = capsys.readouterr().err
+    assert f"failed: {runs[2].out}: exit status 2 | no such demonstration" in failed
+    assert f"failed: {runs[3].out}: ended, but {runs[3].out} is new" in failed
+    assert json.loads((tmp_path / "runs" / "sweep.json").read_text())["runs"][str(runs[0].out)] == "finished"
 
 
 @pytest.mark.slow
