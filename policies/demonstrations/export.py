@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,10 +10,10 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
-from tqdm import tqdm
 
 import mpm
 from mpm.files import write, write_json
+from mpm.progress import Progress
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.learning.bundled import is_task_file
 from policies.learning.environments import Transition, make_environment, run_episode
@@ -85,7 +84,7 @@ def play_demonstrations(env: gymnasium.Env, demos: Path, action_repeat: int) -> 
     inner: Any = env.unwrapped
     decisions, dimensions = -(-inner.task.steps // action_repeat), inner.task.action.dimensions
     episodes = []
-    for path in tqdm(demonstration_paths(demos), desc="playing", file=sys.stderr):
+    for path in Progress(demonstration_paths(demos), desc="playing", unit="demonstrations"):
         actions = read_actions(path, decisions, action_repeat, dimensions, inner.TASK)
         seed, options = read_start(path)
         episodes.append(PlayedDemonstration(path.name, seed, list(run_episode(env, actions, seed=seed,

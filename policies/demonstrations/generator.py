@@ -5,10 +5,10 @@ from functools import partial
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from tqdm import tqdm
 
 import mpm
 from mpm.files import write
+from mpm.progress import Progress
 from policies.demonstrations.descent import Descent
 from policies.demonstrations.motion_loss import MotionLoss
 from policies.demonstrations.request import DemonstrationRequest, load_stored
@@ -92,7 +92,7 @@ class DemonstrationGenerator:
             except ValueError as error:
                 raise mpm.InvalidValue(f"{r.unfinished_path(k)}: {error}; remove it to begin anew") from None
             losses, norms = list(stored["losses"]), stored["norms"]
-        progress = tqdm(initial=len(losses), total=r.iterations, desc=r.path(k).stem, file=sys.stderr)
+        progress = Progress(initial=len(losses), total=r.iterations, desc=r.path(k).stem, unit="iterations")
         while len(losses) < r.iterations and not self._has_converged(losses, search, start):
             loss, norms = self._iterate(search, norms)
             losses.append(loss)

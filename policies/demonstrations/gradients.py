@@ -3,7 +3,6 @@
 Source: the figure of arXiv 2406.09178.
 """
 
-import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
@@ -12,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 import mpm
 from mpm.files import write, write_json
+from mpm.progress import Progress
 from policies.demonstrations import TASKS
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.request import load_stored, surrogate_material
@@ -77,7 +76,7 @@ def _compute_all(tasks: list[str], out: Path, jobs: int) -> Results:
     with ThreadPoolExecutor(jobs) as threads:
         futures = [threads.submit(_compute_in_process, out, *key) for key in keys]
         try:
-            for future in tqdm(as_completed(futures), total=len(keys), unit="rollout", file=sys.stderr):
+            for future in Progress(as_completed(futures), total=len(keys), desc="gradients", unit="rollouts"):
                 future.result()
         except BaseException:
             threads.shutdown(wait=False, cancel_futures=True)

@@ -1,16 +1,15 @@
 """The graph model of a sub-task: how its network learns from rollouts, and the rollouts that it predicts."""
 
 import copy
-import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import torch
-from tqdm import tqdm
 
 from mpm.geometry.rigid_motion import Pose
+from mpm.progress import Progress
 from mpm.rollout.tool_twists import integrate_twists
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.dynamics.graph_network import (
@@ -73,7 +72,7 @@ class GraphModel:
     def train(self, save: Callable[[], None]) -> None:
         """Make all remaining updates; `save` is called after every CHECKPOINT_EVERY and after the last."""
         sizes = self.sizes
-        progress = tqdm(initial=self.updates, total=sizes.updates, unit="update", file=sys.stderr)
+        progress = Progress(initial=self.updates, total=sizes.updates, desc="graph network", unit="updates")
         while self.updates < sizes.updates:
             for group in self.optimiser.param_groups:
                 group["lr"] = sizes.learning_rate * sizes.decay ** (self.updates / sizes.updates)

@@ -1,15 +1,14 @@
 """`robosim rollouts`: rollouts of the simulator with various starts and motions, for a network to learn from."""
 
-import sys
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 import mpm
 from mpm.files import write
+from mpm.progress import Progress
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
@@ -40,7 +39,7 @@ def make_rollouts(task: str, out: Path, *, episodes: int = 200, material: str | 
 
 def _make_missing(out: Path, env: Any, material: str | None, *, episodes: int, seed: int, jobs: int) -> None:
     missing = [k for k in range(episodes) if not rollout_path(out, k).is_file()]
-    progress = tqdm(initial=episodes - len(missing), total=episodes, unit="rollout", file=sys.stderr)
+    progress = Progress(initial=episodes - len(missing), total=episodes, desc="rollouts", unit="episodes")
     if jobs == 1:
         for k in missing:
             make_rollout(env, out, seed, k)

@@ -86,6 +86,7 @@ def build_learner(preset: Preset, env: Any, seed: int, slices: dict[str, slice] 
         model.actor_waits, model.actor_rate = preset.actor.waits, preset.actor.rate
         if preset.learner == "SAC":
             model.actor_every, model.imitation = preset.actor.every, preset.actor.imitation
+            model.imitation_growth = preset.actor.imitation_growth
     if preset.critics is not None:
         model.subset = preset.critics.subset
     return model

@@ -16,12 +16,14 @@ class EnsembleSAC(SAC):
     nothing uses, and all critics in one product. subset: number of critics, drawn for each update, whose minimum is
     the target (Chen et al. 2021); the actor then follows the mean of all critics. None: the minimum of all, for both.
     actor_every: updates of the critics for one of the actor and the temperature. imitation: weight of the actor's
-    distance from the actions of the best episode so far, a demonstration at first, in units of the mean value.
+    distance from the actions of the best episode so far, a demonstration at first, in units of the mean value;
+    imitation_growth: its factor at the end of the run, which it reaches geometrically.
     """
 
     subset: int | None = None
     actor_every = 1
     imitation = 0.0
+    imitation_growth = 1.0
     best: BestEpisode | None = None
     critic: Any
     critic_target: Any
@@ -66,7 +68,8 @@ class EnsembleSAC(SAC):
             value = values.min(0)[0] if self.subset is None else values.mean(0)
             loss = (temperature * log_prob - value).mean()
             if self.best is not None:
-                loss = loss + self.imitation * value.detach().abs().mean() * self.best.distance(self.actor)
+                weight = self.imitation * self.imitation_growth ** (1.0 - self._current_progress_remaining)
+                loss = loss + weight * value.detach().abs().mean() * self.best.distance(self.actor)
             step(self.actor.optimizer, loss)
             losses["actor_loss"].append(loss.detach())
         if self._n_updates % self.target_update_interval == 0:

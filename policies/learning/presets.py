@@ -74,6 +74,8 @@ class Actor(pydantic.BaseModel):
     imitation: float = Field(0.0, ge=0.0, le=1e3)
     """Weight of the actor's distance from the actions of the best episode so far, a demonstration at first (compare
     Oh et al. 2018), in units of the mean value."""
+    imitation_growth: float = Field(1.0, ge=1.0, le=1e6)
+    """Its factor at the end of the run, which it reaches geometrically: first the policy explores, then it keeps."""
 
 
 class Critics(pydantic.BaseModel):

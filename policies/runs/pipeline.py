@@ -15,11 +15,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 import mpm
 from mpm.files import write, write_json
 from mpm.input_files import read_json
+from mpm.progress import Progress
 from policies.learning.bundled import check_installed, configs_folder
 from policies.learning.files import is_locked, read_last_line, working_in
 from policies.learning.preset_files import load_preset, read_yaml
@@ -101,7 +100,7 @@ class Pipeline:
             return self._run_stages()
 
     def _run_stages(self) -> int:
-        self._progress = tqdm(total=2 * len(self.tasks) + 2, unit="command", file=sys.stderr)
+        self._progress = Progress(total=2 * len(self.tasks) + 2, desc="pipeline", unit="commands")
         pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
         try:
             is_learned = list(pool.map(self._learn, self.tasks))

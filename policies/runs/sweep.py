@@ -9,10 +9,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 import mpm
 from mpm.files import keep_status, write_json
+from mpm.progress import Progress
 from policies.learning.files import is_locked, read_last_line
 from policies.learning.preset_files import Change
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
@@ -64,7 +63,7 @@ def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRu
     the sweep, for the progress bar. On an exception, such as Ctrl-C, the processes are interrupted.
     """
     waiting, active, failed = list(runs), [], []
-    progress = tqdm(initial=total - len(runs), total=total, desc="runs", file=sys.stderr)
+    progress = Progress(initial=total - len(runs), total=total, desc="sweep", unit="runs")
     try:
         while waiting or active:
             startable = (run for run in waiting if not is_locked(run.out))  # lazy: each check opens a file
@@ -121,7 +120,7 @@ def failure_reason(run: SweepRun, code: int) -> str:
 def run_elsewhere(runs: list[SweepRun], launcher: Any, folder: Path, total: int) -> list[tuple[SweepRun, str]]:
     """Run all of them by a launcher; return those that failed, with the reason. folder: of what the launcher writes."""
     commands = [(["robosim", *run.arguments], (run.out / "log.txt").resolve()) for run in runs]
-    failed, progress = [], tqdm(initial=total - len(runs), total=total, desc="runs", file=sys.stderr)
+    failed, progress = [], Progress(initial=total - len(runs), total=total, desc="sweep", unit="runs")
     for ended in launcher.run(commands, folder.resolve()):
         progress.update()
         run = runs[ended.index]

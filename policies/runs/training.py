@@ -11,11 +11,11 @@ import gymnasium
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
-from tqdm import tqdm
 
 import mpm
 from mpm.files import describe_end, end_state
 from mpm.input_files import read_arrays
+from mpm.progress import Progress
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
@@ -113,7 +113,8 @@ class Training:
             assert self.demonstrations.first is not None
             self.agent_env = ResidualActionWrapper(self.env, self.demonstrations.first, preset.residual,
                                                    preset.correction_cost)
-        self.progress: tqdm = tqdm(total=preset.episodes, desc=f"{method} {self.task} seed {seed}", file=sys.stderr)
+        self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {seed}",
+                                 unit="episodes")
         self.model: Any = None
         self.evaluations = self._make_evaluations(evaluate_every) if self.is_granular else None
 

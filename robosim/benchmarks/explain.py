@@ -2,13 +2,11 @@
 
 import hashlib
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from mpm.input_files import MAX_TEXT, check_form, read_bytes, read_json
+from mpm.progress import Progress
 from robosim.benchmarks.explain_page import describe_setting, format_parts, write_page
 from robosim.benchmarks.scene_run import FRACTIONS
 from robosim.config.output import OutputFolder
@@ -103,7 +101,7 @@ def run_settings(scene: str, settings: list[dict[str, float]], folder: OutputFol
     known = {} if folder is None else read_known(folder.path / "explain.json", scene, code)
     waiting = [setting for setting in settings if json.dumps(setting) not in known]
     work = [(SCENE_RUN, (scene, json.dumps(setting))) for setting in waiting]
-    progress = tqdm(total=len(waiting), unit="setting", file=sys.stderr)
+    progress = Progress(total=len(waiting), desc="explain", unit="settings")
     for index, result, reason in run_jobs(work, jobs):
         known[json.dumps(waiting[index])] = {"setting": waiting[index], "result": result, "failed": reason}
         progress.update()

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
+from mpm.progress import Progress
 from robosim.config.output import OutputFolder
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
@@ -44,7 +44,7 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
         folder = stack.enter_context(OutputFolder(out)) if out else None
         if folder:
             folder.clear(RESULTS)
-        for k in tqdm(range(episodes), desc=f"{task}, {name}", file=sys.stderr):
+        for k in Progress(range(episodes), desc=f"{task}, {name}", unit="episodes"):
             with _open_film(folder if k == 0 and film else None, env) as writer:
                 rows.append(_run_episode(env, name, seed + k, writer, nominal))
             if folder:

@@ -6,9 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from mpm.input_files import MAX_ARRAYS, check_form, read_bytes, read_json
+from mpm.progress import Progress
 from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
 from robosim.config.resources import trained
@@ -46,7 +45,7 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
     with OutputFolder(out) as folder:
         episodes = {task: read_episodes(out / f"{task_name(task)}.json", keys[task]) for task in tasks}
         waiting = [(task, label) for task in tasks for label in [OWN, *MATERIALS] if label not in episodes[task]]
-        progress = tqdm(total=len(tasks) * (1 + len(MATERIALS)), unit="episode", file=sys.stderr)
+        progress = Progress(total=len(tasks) * (1 + len(MATERIALS)), desc="materials", unit="episodes")
         progress.update(progress.total - len(waiting))
         failed = []
         for index, episode, reason in run_jobs([(EPISODE, [task, name, label]) for task, label in waiting], jobs):

@@ -1,7 +1,6 @@
 """A policy on a suite, beside the recorded motion, the script and no motion from the same starts."""
 
 import csv
-import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)
 import numpy as np  # noqa: E402
-from tqdm import tqdm  # noqa: E402
 
+from mpm.progress import Progress  # noqa: E402
 from robosim.config.output import OutputFolder, aligned  # noqa: E402
 from robosim.config.resources import trained  # noqa: E402
 from robosim.envs import is_task_file, task_name  # noqa: E402
@@ -58,7 +57,8 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
     rows: list[Row] = []
     with OutputFolder(out) if out else _NoFolder() as folder:
         folder.clear(RESULTS)
-        progress = tqdm(total=len(files) * len(starts), desc=f"{task_name(task)}, {suite}", file=sys.stderr)
+        progress = Progress(total=len(files) * len(starts), desc=f"{task_name(task)}, {suite}",
+                            unit="episodes")
         for world in dict.fromkeys(start.world for start in starts):
             members = [(k, start) for k, start in enumerate(starts) if start.world == world]
             for label, policy in files.items():

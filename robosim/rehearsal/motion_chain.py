@@ -12,9 +12,9 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from tqdm import tqdm
 
 import robosim.envs  # noqa: F401  (registers the ids)
+from mpm.progress import Progress
 from robosim.config.output import OutputFolder, aligned
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
@@ -50,7 +50,7 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
         with Mp4Writer(out / "chain.mp4", fps=FRAME_RATE) if film else contextlib.nullcontext() as writer:
-            for task, path in tqdm(paths.items(), unit="sub-task", file=sys.stderr):
+            for task, path in Progress(paths.items(), desc="chain", unit="sub-tasks"):
                 row, load, broken = _replay_sub_task(task, path, config.material, load, writer)
                 rows.append(row)
                 if not broken and load is None and len(rows) < len(paths):

@@ -5,9 +5,8 @@ import sys
 import time as clock
 from pathlib import Path
 
-from tqdm import tqdm
-
 import mpm
+from mpm.progress import Progress
 from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
@@ -125,10 +124,9 @@ def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:
 
 def _simulate(run: RehearsalRun, film: FilmProcess | None, recorder: SceneRecorder) -> None:
     """Run with a progress bar: simulated time, real-time factor, time left."""
-    bar_format = "{l_bar}{bar}| {n:.2f}/{total:.2f} s simulated [{elapsed}<{remaining}{postfix}]"
     readings = RunReadings(run)
     run.timings["record"] = 0.0
-    with tqdm(total=round(run.duration, 3), bar_format=bar_format, mininterval=0.5, file=sys.stderr) as bar:
+    with Progress(total=round(run.duration, 3), desc="simulated", unit="s", decimals=2) as bar:
         def after_step() -> None:
             if film is not None:
                 film.add_due_frame()

@@ -11,11 +11,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 import mpm
 from mpm.files import append, write_text
 from mpm.input_files import MAX_JSON, check_form, read_text
+from mpm.progress import Progress
 from robosim.errors import ConfigError
 from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import code_digest
@@ -96,7 +95,7 @@ def execute_runs(runs: list[Run], path: Path, jobs: int) -> list[Run]:
     """Return the runs with their records, from the file or run now, `jobs` at a time; failed runs are repeated."""
     known = {run.key: run for run in read_runs(path) if run.record is not None}
     waiting = [run for run in runs if run.key not in known]
-    progress = tqdm(initial=len(runs) - len(waiting), total=len(runs), unit="run", file=sys.stderr)
+    progress = Progress(initial=len(runs) - len(waiting), total=len(runs), desc="report", unit="runs")
     work = [(WORKER, (run.case, json.dumps(run.choices))) for run in waiting]
     for index, row, reason in run_jobs(work, jobs):
         record = Record(**row) if row is not None else None

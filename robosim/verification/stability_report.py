@@ -1,14 +1,12 @@
 """`robosim stability`: stiff and extreme cases as a heat map, a table and JSON."""
 
 import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from mpm.input_files import check_form, read_json
+from mpm.progress import Progress
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError
 from robosim.reports.jobs import run_jobs
@@ -51,7 +49,7 @@ def stability(axes: list[str], out: Path, jobs: int = 1) -> int:
         known = {cell_key(r["axis"], r["value"]): r for r in read_results(folder.path / "stability.json", code)}
         waiting = [(axis, value) for axis, value in cells if cell_key(axis, value) not in known]
         work = [(WORKER, ("--cell", axis, json.dumps(value))) for axis, value in waiting]
-        progress = tqdm(initial=len(cells) - len(waiting), total=len(cells), unit="cell", file=sys.stderr)
+        progress = Progress(initial=len(cells) - len(waiting), total=len(cells), desc="stability", unit="cells")
         for index, result, reason in run_jobs(work, jobs):
             axis, value = waiting[index]
             ended = CellResult(axis, value, "unstable", f"{ENDED}{reason}")
