@@ -11,6 +11,8 @@ LINE_INTERVAL = 30.0
 SMOOTHING = 0.1
 """Weight of the latest rate in the estimate of the time that is left: enough to follow work that becomes slower."""
 LINE = "{desc}: {n_fmt} of {total_fmt}{unit}, {percentage:.0f} %, {elapsed} elapsed, about {remaining} left{postfix}"
+COUNT = "{desc}: {n_fmt}{unit}, {elapsed} elapsed{postfix}"
+"""Of work whose extent is not known."""
 BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt}{unit} [{elapsed}<{remaining}{postfix}]"
 
 
@@ -24,12 +26,12 @@ class Progress(tqdm):
     def __init__(self, work: Iterable[Any] | None = None, *, total: float | None = None, desc: str = "progress",
                  unit: str = "", decimals: int = 0, **options: Any) -> None:
         is_terminal = sys.stderr.isatty()
-        form = BAR if is_terminal else LINE
+        form = BAR if is_terminal else COUNT if total is None and not hasattr(work, "__len__") else LINE
         if decimals:
             form = form.replace("{n_fmt}", f"{{n:.{decimals}f}}").replace("{total_fmt}", f"{{total:.{decimals}f}}")
         super().__init__(work, total=total, desc=desc, unit=f" {unit}" if unit else "", file=sys.stderr,
-                         bar_format=form, smoothing=SMOOTHING, mininterval=0.5 if is_terminal else LINE_INTERVAL, miniters=1,
-                         **options)
+                         bar_format=form, smoothing=SMOOTHING, miniters=1,
+                         mininterval=0.5 if is_terminal else LINE_INTERVAL, **options)
 
     @staticmethod
     def status_printer(file: TextIO) -> Callable[[str], None]:

@@ -16,6 +16,7 @@ from robosim.commands.arguments import CommandParser
 from robosim.errors import RobosimError, RobotDiverged
 
 COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view",
+            "convert": "runs.convert",
             "materials": "runs.materials", "chain": "runs.chain", "explain": "checks.explain",
             "report": "checks.report", "stability": "checks.stability", "bench": "checks.bench", "keys": "keys",
             "new": "new"}

@@ -11,7 +11,7 @@ import mpm
 torch = pytest.importorskip("torch")
 from policies.learning.environments import make_environment, play  # noqa: E402
 from policies.learning.preset_files import load_preset  # noqa: E402
-from policies.learning.presets import Preset  # noqa: E402
+from policies.learning.presets import Actor, Preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs.episode_batch import EpisodeBatch  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
@@ -52,9 +52,10 @@ def test_each_episode_is_that_of_one_environment(tmp_path, starts):
     assert len({round(episode.row["return"], 9) for episode in recorded}) > 1
 
 
-def test_an_interrupted_run_of_a_batch_continues_to_the_same_bits(tmp_path):
+@pytest.mark.parametrize("actor", [None, Actor(imitation=0.1)])
+def test_an_interrupted_run_of_a_batch_continues_to_the_same_bits(tmp_path, actor):
     """Interrupted after four of six episodes of two environments; continued with other global random states."""
-    preset = make_preset()
+    preset = make_preset(actor=actor)
     whole = make_training(tmp_path / "whole", preset)
     whole.learn()
     interrupted = make_training(tmp_path / "interrupted", preset)

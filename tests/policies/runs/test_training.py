@@ -12,7 +12,7 @@ import mpm
 torch = pytest.importorskip("torch")
 from policies.demonstrations.reading import read_demonstrations, read_start  # noqa: E402
 from policies.learning.preset_files import load_preset  # noqa: E402
-from policies.learning.presets import Preset  # noqa: E402
+from policies.learning.presets import Actor, Preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 
@@ -25,14 +25,15 @@ def make_preset(**changes) -> Preset:
     return load_preset("sac").model_copy(update={"episodes": 4, "options": SMALL, **changes})
 
 
-@pytest.mark.parametrize(("learner", "decay"), [("SAC", 1.0), ("SAC", 0.1), ("PPO", 1.0)])
-def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay):
+@pytest.mark.parametrize(("learner", "decay", "actor"), [
+    ("SAC", 1.0, None), ("SAC", 0.1, None), ("SAC", 1.0, Actor(imitation=0.1, imitation_growth=10)), ("PPO", 1.0, None)])
+def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay, actor):
     """Interrupted after three of four episodes, with a checkpoint after two; continued with other random states.
 
-    A learning rate that falls is at the same place of its fall.
+    A learning rate that falls is at the same place of its fall, and an actor imitates the same episode.
     """
     options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
-    preset = make_preset(learner=learner, options=options, decay=decay)
+    preset = make_preset(learner=learner, options=options, decay=decay, actor=actor)
     whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole", seed=1, checkpoint_every=2)
     whole.learn()
     interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)

@@ -1,0 +1,52 @@
+"""`robosim convert`: a run in the formats of other tools."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.conversion import FORMATS
+from robosim.errors import ConfigError
+
+EXAMPLE = """examples:
+  robosim convert out/sugar --to mcap --out out/sugar_bag
+  robosim convert out/sugar --to glb --time 4.2 --out out/pour.glb"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `convert` to the command line."""
+    parser = commands.add_parser("convert", help="write a run for other tools", epilog=EXAMPLE,
+                                 description="Write the results of a run as a bag of ROS 2 (joint states, wrenches, "
+                                 "poses, grains, pictures and the planned motion; no ROS is needed), or one of its "
+                                 "frames as glTF.")
+    parser.add_argument("folder", type=Path, metavar="RUN", help="folder of a run of `robosim rehearse`")
+    parser.add_argument("--to", choices=list(FORMATS), required=True,
+                        help="; ".join(f"{name}: {text}" for name, text in FORMATS.items()))
+    parser.add_number("--time", default=0.0, help="glb: time of the frame [s] (default: 0)")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the bag, or the .glb file")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Convert, and print what was written."""
+    if options.to == "glb":
+        if options.out.suffix != ".glb":
+            raise ConfigError(f"--out {options.out}: accepted with --to glb: a file that ends in .glb")
+        from robosim.conversion.gltf import write_frame
+        from robosim.recordings.reader import Recording, find_recording
+
+        path = find_recording(options.folder)
+        if path is None:
+            raise ConfigError(f"{options.folder}: holds no recording; accepted: the folder of a run of `robosim "
+                              f"rehearse`")
+        with Recording(path) as recording:
+            time = write_frame(recording, options.time, options.out)
+        print(f"{options.out}: the frame at {time:.3f} s")
+        return 0
+    try:
+        from robosim.conversion.bag import write_bag
+    except ImportError as error:
+        raise ConfigError(f"--to {options.to} needs {error.name}: pip install '.[ros]' in the checkout") from None
+
+    for topic, count in write_bag(options.folder, options.out, options.to).items():
+        print(f"{topic:20s} {count} messages")
+    return 0

@@ -1,0 +1,7 @@
+"""Results of a run in the formats of other tools.
+
+Imports: config, errors, recordings, mpm.
+"""
+
+FORMATS = {"mcap": "a bag of ROS 2 in MCAP", "rosbag2": "a bag of ROS 2 in SQLite", "glb": "one frame as glTF"}
+"""Format -> what it is."""

@@ -1,0 +1,54 @@
+"""One frame of a recording as a .glb file: bodies, and grains as small icosahedra."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from trimesh.visual import ColorVisuals
+
+from mpm.files import write
+from robosim.errors import ConfigError
+from robosim.recordings.reader import Recording
+from robosim.recordings.shapes import export_glb
+
+GRAIN_SHAPE = trimesh.creation.icosahedron()
+
+
+def write_frame(recording: Recording, time: float, out: Path) -> float:
+    """Write the frame nearest to a time [s] as a .glb file; return the frame's time [s].
+
+    Raises ConfigError for a recording without frames.
+    """
+    n = len(recording)
+    if not n:
+        raise ConfigError(f"{recording.path}: has no frames")
+    k = min(range(n), key=lambda i: abs(recording.scene(i).time - time))
+    scene, moving = recording.scene(k), iter(recording.scene(k).poses)
+    whole = trimesh.Scene()
+    for body in recording.header.bodies:
+        pose = next(moving) if body.moves else np.array([*body.position, *body.quaternion])
+        transform = trimesh.transformations.quaternion_matrix(pose[3:])
+        transform[:3, 3] = pose[:3]
+        part = trimesh.load(io.BytesIO(recording.shapes[body.name]), file_type="glb")
+        assert isinstance(part, trimesh.Scene)
+        for name, geometry in part.geometry.items():
+            whole.add_geometry(geometry, node_name=f"{body.name}/{name}", geom_name=f"{body.name}/{name}",
+                               transform=transform)
+    if recording.header.grains:
+        whole.add_geometry(grain_mesh(recording, k), node_name="grains", geom_name="grains")
+    content = export_glb(whole)
+    write(out, lambda path: path.write_bytes(content))
+    return scene.time
+
+
+def grain_mesh(recording: Recording, k: int) -> trimesh.Trimesh:
+    """Return the grains of a frame as one mesh."""
+    header, positions = recording.header, recording.grains(k).positions
+    shape, faces = np.array(GRAIN_SHAPE.vertices) * header.grain_radius, np.array(GRAIN_SHAPE.faces)
+    vertices = (positions[:, None] + shape[None]).reshape(-1, 3)
+    offsets = len(shape) * np.arange(len(positions))
+    mesh = trimesh.Trimesh(vertices, (faces[None] + offsets[:, None, None]).reshape(-1, 3), process=False)
+    colour = np.append(np.rint(255 * np.array(header.colour)), 255).astype(np.uint8)
+    mesh.visual = ColorVisuals(mesh, vertex_colors=colour)
+    return mesh
