@@ -1,4 +1,4 @@
-"""`robosim export`: demonstrations as transitions in a Minari dataset."""
+"""`robosim export`: demonstrations as transitions in a dataset of Minari or of LeRobot."""
 
 import argparse
 from pathlib import Path
@@ -6,19 +6,24 @@ from typing import Any
 
 from policies.learning.bundled import bundled_names, check_task
 
-EXAMPLE = """example:
-  robosim export SpoonPour --demos out/demo --out out/spoon_pour --obs moments"""
+EXAMPLE = """examples:
+  robosim export SpoonPour --demos out/demo --out out/spoon_pour --obs moments
+  robosim export SpoonPour --demos out/demo --out out/spoon_pour --obs moments --format lerobot"""
 
 
 def add_parser(commands: Any) -> None:
     """Add `export` to the command line."""
     parser = commands.add_parser("export", help="write demonstrations as transitions, for other libraries",
                                  epilog=EXAMPLE, description="Replay demonstrations in the environment and write the "
-                                 "transitions to a Minari dataset, or to an HDF5 file in the same layout.")
+                                 "transitions to a Minari dataset, to an HDF5 file in the same layout, or to a "
+                                 "LeRobot dataset with pictures.")
     parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
     parser.add_argument("--demos", type=Path, required=True, help="folder of `robosim demo`, or one .npz file")
     parser.add_argument("--out", type=Path, required=True, help="folder of the dataset, or a file that ends "
                         "in .hdf5")
+    parser.add_argument("--format", choices=["minari", "lerobot"], default="minari", help="minari, or lerobot: "
+                        "parquet, mp4 and meta of version 3 (default: minari)")
+    parser.add_argument("--no-pictures", action="store_true", help="lerobot: without pictures of the task")
     parser.add_argument("--obs", default="flat", help="layout of the observations (default: flat)")
     parser.add_number("--action-repeat", default=10, help="steps of 2 ms for which an action is repeated "
                         "(default: 10)")
@@ -30,7 +35,10 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the task's name, then export."""
     check_task(options.task)
-    from policies.demonstrations.export import export
+    from policies.demonstrations.export import export, export_lerobot
 
     with options.settings.changed("tasks", options.task, options.out.parent) as task:
+        if options.format == "lerobot":
+            return export_lerobot(task, options.demos, options.out, obs=options.obs,
+                                  action_repeat=options.action_repeat, with_pictures=not options.no_pictures)
         return export(task, options.demos, options.out, obs=options.obs, action_repeat=options.action_repeat)

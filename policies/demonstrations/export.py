@@ -58,6 +58,50 @@ def export(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repea
     return 0
 
 
+def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", action_repeat: int = 10,
+                   with_pictures: bool = True) -> int:
+    """Play every demonstration, from its own start, and write a LeRobot dataset of version 3; return 0.
+
+    One frame a decision: observation.state, action, next.reward, next.done, and a picture of the task's camera.
+
+    Raises:
+        mpm.InvalidValue: pyarrow is not installed, or a path, demonstration or observation is wrong.
+    """
+    if find_spec("pyarrow") is None:
+        raise mpm.InvalidValue('--format lerobot needs pyarrow: pip install ".[lerobot]"')
+    from policies.demonstrations.lerobot_dataset import LeRobotEpisode, write_lerobot_dataset
+
+    env = make_environment(task, obs=obs, action_repeat=action_repeat,
+                           render_mode="rgb_array" if with_pictures else None)
+    inner: Any = env.unwrapped
+    if not isinstance(env.observation_space, gymnasium.spaces.Box):
+        raise mpm.InvalidValue(f"--obs {obs} with --format lerobot; accepted: a layout that is one array")
+    decisions, dimensions = -(-inner.task.steps // action_repeat), inner.task.action.dimensions
+    episodes, scores = [], []
+    for path in Progress(demonstration_paths(demos), desc="playing", unit="demonstrations"):
+        actions = read_actions(path, decisions, action_repeat, dimensions, inner.TASK)
+        seed, options = read_start(path)
+        pictures, transitions = [], []
+        for transition in run_episode(env, actions, seed=seed, options=options):
+            transitions.append(transition)
+            if with_pictures:
+                pictures.append(env.render())
+        # the picture before an action is the one after the action before; the first is that of the start
+        env.reset(seed=seed, options=options)
+        shown = np.stack([env.render(), *pictures[:-1]]) if with_pictures else None
+        scores.append(transitions[-1].info["tcs"])
+        episodes.append(LeRobotEpisode(np.stack([t.observation for t in transitions]).astype(np.float32),
+                                       np.stack([t.action for t in transitions]).astype(np.float32),
+                                       np.array([t.reward for t in transitions], np.float32), shown))
+    states = episodes[0].states.shape[1]
+    write_lerobot_dataset(out, episodes, fps=1.0 / (action_repeat * inner.task.step_dt), task=inner.task.description,
+                          robot=f"{inner.task.tool}, moved alone", state_names=[f"{obs}_{k}" for k in range(states)],
+                          action_names=[f"velocity_{k}" for k in range(dimensions)])
+    env.close()
+    print(f"{out}: {len(episodes)} episodes, scores {min(scores):.2f} to {max(scores):.2f}")
+    return 0
+
+
 def dataset_files(out: Path) -> tuple[Path, Path | None]:
     """Return the files of transitions and of metadata that `out` stands for, in a folder that exists.
 

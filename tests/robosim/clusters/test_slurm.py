@@ -64,18 +64,19 @@ def test_a_sweep_on_slurm_ends_as_one_here(cluster: SlurmCluster, tmp_path: Path
     """Eight runs; every job reaches its limit of a minute and goes on, and one of the two nodes fails on the way."""
     (tmp_path / "there.yaml").write_text(SWEEP.format(out="there", hours=1 / 60))
     (tmp_path / "here.yaml").write_text(SWEEP.format(out="here", hours=1))
-    sweep = start_sweep(tmp_path / "there.yaml", "--launch", "slurm", env=cluster.environment)
-    while len(list((tmp_path / "there").rglob("checkpoint.zip"))) < 2 and sweep.poll() is None:
-        time.sleep(0.5)
-    cluster.call("scontrol", "update", f"nodename={NODES[0]}", "state=down", "reason=test")
-    time.sleep(5.0)
-    cluster.call("scontrol", "update", f"nodename={NODES[0]}", "state=resume")
-    output, _ = sweep.communicate(timeout=1800)
+    with start_sweep(tmp_path / "there.yaml", "--launch", "slurm", env=cluster.environment) as sweep:
+        while len(list((tmp_path / "there").rglob("checkpoint.zip"))) < 2 and sweep.poll() is None:
+            time.sleep(0.5)
+        # its job is killed; the node comes back when its daemon reports again
+        cluster.call("scontrol", "update", f"nodename={NODES[0]}", "state=down", "reason=test")
+        output, _ = sweep.communicate(timeout=1800)
     assert sweep.returncode == 0, output
+    killed = (cluster.folder / "controller.log").read_text()
+    assert re.search(rf"requeue job.* due to failure of node {NODES[0]}|Node {NODES[0]} state set to DOWN", killed, re.I)
     logs = "".join(path.read_text() for path in (tmp_path / "there" / "launch").glob("*_log.*"))
     assert logs.count("Requeued job") >= 2, logs  # at the time limit
-    local = start_sweep(tmp_path / "here.yaml", "--jobs", "2")
-    output, _ = local.communicate(timeout=1800)
+    with start_sweep(tmp_path / "here.yaml", "--jobs", "2") as local:
+        output, _ = local.communicate(timeout=1800)
     assert local.returncode == 0, output
     there, here = read_rows(tmp_path / "there"), read_rows(tmp_path / "here")
     assert len(here) == 8 and all(len(rows) == 15 for rows in here.values()) and there == here
@@ -85,9 +86,9 @@ def test_a_sweep_on_slurm_ends_as_one_here(cluster: SlurmCluster, tmp_path: Path
 def test_a_failed_run_is_listed_with_its_last_lines(cluster: SlurmCluster, tmp_path: Path) -> None:
     text = SWEEP.format(out="there", hours=1).replace("tasks: [Pendulum-v1, SpoonTranslate]", "tasks: [Pendulum-v1]")
     (tmp_path / "bad.yaml").write_text(text.replace("seeds: [0, 1]", "seeds: [0]").replace(
-        "options: [--checkpoint-every, \"2\"]", "options: [--obs, moments]").replace("episodes: 15", "episodes: 1"))
-    sweep = start_sweep(tmp_path / "bad.yaml", "--launch", "slurm", env=cluster.environment)
-    output, _ = sweep.communicate(timeout=600)
+        "options: [--checkpoint-every, \"2\"]", "options: [--n-envs, \"2\"]").replace("episodes: 15", "episodes: 1"))
+    with start_sweep(tmp_path / "bad.yaml", "--launch", "slurm", env=cluster.environment) as sweep:
+        output, _ = sweep.communicate(timeout=600)
     failed = re.findall(r"failed: (\S+): (.*)", output)
     assert sweep.returncode == 1 and len(failed) == 2 and "exit status 2" in failed[0][1], output
     runs = json.loads((tmp_path / "there" / "sweep.json").read_text())["runs"]

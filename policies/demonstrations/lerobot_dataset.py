@@ -1,0 +1,182 @@
+"""Demonstrations as a LeRobot dataset of version 3: parquet, mp4 and meta.
+
+Source of the layout: https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
+"""
+
+import json
+import shutil
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import av
+import numpy as np
+import pyarrow as pa  # pyright: ignore[reportMissingImports]  (of the extra `lerobot`)
+import pyarrow.parquet as pq  # pyright: ignore[reportMissingImports]
+
+import mpm
+from mpm.files import temporary_path
+
+VERSION = "v3.0"
+CHUNK = "chunk-000/file-000"
+"""Place of the only file of each kind: demonstrations are far below the sizes at which datasets are divided."""
+CAMERA = "observation.images.task"
+INDICES = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
+           "task_index": "int64"}
+"""Columns that every dataset has."""
+TYPES = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
+SAMPLED_PICTURES = 100
+"""Pictures of an episode at most whose colours its statistics are of."""
+
+
+class LeRobotEpisode(NamedTuple):
+    """An episode, step by step: what is observed, and what is then done."""
+
+    states: np.ndarray
+    """(T, n)"""
+    actions: np.ndarray
+    """(T, m)"""
+    rewards: np.ndarray
+    """(T,)"""
+    pictures: np.ndarray | None
+    """(T, height, width, 3), RGB; None: the dataset has none."""
+
+
+def write_lerobot_dataset(out: Path, episodes: list[LeRobotEpisode], *, fps: float, task: str, robot: str,
+                          state_names: list[str], action_names: list[str]) -> None:
+    """Write a dataset as the folder `out`, whole or not at all.
+
+    fps: decisions per second. task: what is done, in words. Raises mpm.InvalidValue where `out` exists.
+    """
+    if out.exists():
+        raise mpm.InvalidValue(f"--out {out}: exists; accepted: a new folder")
+    unfinished = temporary_path(out)
+    try:
+        _write(unfinished, episodes, fps, task, robot, state_names, action_names)
+        unfinished.replace(out)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+
+
+def _write(root: Path, episodes: list[LeRobotEpisode], fps: float, task: str, robot: str, state_names: list[str],
+           action_names: list[str]) -> None:
+    features: dict[str, Any] = {
+        "observation.state": _feature("float32", len(state_names), state_names),
+        "action": _feature("float32", len(action_names), action_names),
+        "next.reward": _feature("float32", 1), "next.done": _feature("bool", 1)}
+    if episodes[0].pictures is not None:
+        _, height, width, _ = episodes[0].pictures.shape
+        write_film(root / "videos" / CAMERA / f"{CHUNK}.mp4", [e.pictures for e in episodes if e.pictures is not None],
+                   fps)
+        features[CAMERA] = {"dtype": "video", "shape": [height, width, 3], "names": ["height", "width", "channels"],
+                            "info": {"video.height": height, "video.width": width, "video.codec": "h264",
+                                     "video.pix_fmt": "yuv420p", "video.is_depth_map": False, "video.fps": fps,
+                                     "video.channels": 3, "has_audio": False}}
+    features |= {name: _feature(kind, 1) for name, kind in INDICES.items()}
+    columns, rows, begun = {name: [] for name in features if name != CAMERA}, [], 0
+    every: list[dict[str, Any]] = []
+    for k, episode in enumerate(episodes):
+        n = len(episode.actions)
+        values = {
+            "observation.state": episode.states, "action": episode.actions, "next.reward": episode.rewards,
+            "next.done": np.arange(n) == n - 1, "timestamp": np.arange(n) / fps, "frame_index": np.arange(n),
+            "episode_index": np.full(n, k), "index": begun + np.arange(n), "task_index": np.zeros(n, int)}
+        for name, part in values.items():
+            columns[name].append(np.asarray(part, features[name]["dtype"]))
+        stats = {name: summarize(part.reshape(n, -1).astype(float)) for name, part in values.items()}
+        if episode.pictures is not None:
+            stats[CAMERA] = summarize_pictures(episode.pictures)
+        every.append(stats)
+        place = {"chunk_index": 0, "file_index": 0}
+        rows.append({"episode_index": k, "tasks": [task], "length": n,
+                     **{f"data/{key}": value for key, value in place.items()},
+                     "dataset_from_index": begun, "dataset_to_index": begun + n,
+                     **({} if CAMERA not in features else {
+                         **{f"videos/{CAMERA}/{key}": value for key, value in place.items()},
+                         f"videos/{CAMERA}/from_timestamp": begun / fps,
+                         f"videos/{CAMERA}/to_timestamp": (begun + n) / fps}),
+                     **{f"stats/{name}/{key}": value for name, one in stats.items() for key, value in one.items()},
+                     **{f"meta/episodes/{key}": value for key, value in place.items()}})
+        begun += n
+    _write_table(root / "data" / f"{CHUNK}.parquet", {
+        name: _column(np.concatenate(parts), features[name]) for name, parts in columns.items()})
+    _write_table(root / "meta" / "episodes" / f"{CHUNK}.parquet", {
+        key: pa.array([row[key] for row in rows]) for key in rows[0]})
+    _write_tasks(root / "meta" / "tasks.parquet", task)
+    info = {"codebase_version": VERSION, "robot_type": robot, "total_episodes": len(episodes), "total_frames": begun,
+            "total_tasks": 1, "chunks_size": 1000, "data_files_size_in_mb": 100, "video_files_size_in_mb": 200,
+            "fps": fps, "splits": {"train": f"0:{len(episodes)}"},
+            "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+            "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+            if CAMERA in features else None, "features": features}
+    (root / "meta" / "info.json").write_text(json.dumps(info, indent=4))
+    (root / "meta" / "stats.json").write_text(json.dumps(merge(every), indent=4))
+
+
+def _feature(kind: str, size: int, names: list[str] | None = None) -> dict[str, Any]:
+    return {"dtype": kind, "shape": [size], "names": names}
+
+
+def _column(values: np.ndarray, feature: dict[str, Any]) -> Any:
+    kind = TYPES[feature["dtype"]]
+    if feature["shape"] == [1]:
+        return pa.array(values.ravel(), kind)
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel(), kind), feature["shape"][0])
+
+
+def _write_table(path: Path, columns: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(pa.table(columns), path, compression="snappy")
+
+
+def _write_tasks(path: Path, task: str) -> None:
+    """Write the table of tasks, whose index of pandas is their text."""
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "__index_level_0__": pa.array([task])})
+    index = {"index_columns": ["__index_level_0__"], "column_indexes": [], "columns": [
+        {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64",
+         "metadata": None},
+        {"name": None, "field_name": "__index_level_0__", "pandas_type": "unicode", "numpy_type": "object",
+         "metadata": None}], "pandas_version": "2.0.0"}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(table.replace_schema_metadata({"pandas": json.dumps(index)}), path)
+
+
+def write_film(path: Path, parts: list[np.ndarray], fps: float) -> None:
+    """Write pictures (T, height, width, 3) of all episodes, one after the other, as a film in H.264."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with av.open(str(path), "w") as file:
+        height, width = parts[0].shape[1:3]
+        stream = file.add_stream("libx264", rate=Fraction(fps).limit_denominator(1000),
+                                 options={"crf": "20", "preset": "veryfast", "g": "2"})
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        for pictures in parts:
+            for picture in pictures:
+                file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        file.mux(stream.encode())
+
+
+def summarize(values: np.ndarray) -> dict[str, list[Any]]:
+    """Return statistics of values (T, n), over time."""
+    return {"min": values.min(0).tolist(), "max": values.max(0).tolist(), "mean": values.mean(0).tolist(),
+            "std": values.std(0).tolist(), "count": [len(values)]}
+
+
+def summarize_pictures(pictures: np.ndarray) -> dict[str, Any]:
+    """Return statistics of colours from 0 to 1, each (3, 1, 1)."""
+    chosen = pictures[:: max(1, len(pictures) // SAMPLED_PICTURES)].reshape(-1, 3) / 255.0
+    return {key: np.reshape(value, (3, 1, 1)).tolist() if key != "count" else [len(pictures)]
+            for key, value in summarize(chosen).items()}
+
+
+def merge(every: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the statistics of all episodes from those of each."""
+    merged: dict[str, Any] = {}
+    for name in every[0]:
+        counts = np.array([one[name]["count"][0] for one in every], float)
+        parts = {key: np.array([one[name][key] for one in every]) for key in ("min", "max", "mean", "std")}
+        weights = (counts / counts.sum()).reshape(-1, *[1] * (parts["mean"].ndim - 1))
+        mean = (weights * parts["mean"]).sum(0)
+        variance = (weights * (parts["std"] ** 2 + (parts["mean"] - mean) ** 2)).sum(0)
+        merged[name] = {"min": parts["min"].min(0).tolist(), "max": parts["max"].max(0).tolist(),
+                        "mean": mean.tolist(), "std": np.sqrt(variance).tolist(), "count": [int(counts.sum())]}
+    return merged
