@@ -81,14 +81,16 @@ def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", acti
     for path in Progress(demonstration_paths(demos), desc="playing", unit="demonstrations"):
         actions = read_actions(path, decisions, action_repeat, dimensions, inner.TASK)
         seed, options = read_start(path)
-        pictures, transitions = [], []
+        pictures: list[Any] = []
+        transitions: list[Transition] = []
         for transition in run_episode(env, actions, seed=seed, options=options):
             transitions.append(transition)
             if with_pictures:
                 pictures.append(env.render())
         # the picture before an action is the one after the action before; the first is that of the start
         env.reset(seed=seed, options=options)
-        shown = np.stack([env.render(), *pictures[:-1]]) if with_pictures else None
+        first: Any = env.render() if with_pictures else None
+        shown = np.stack([first, *pictures[:-1]]) if with_pictures else None
         scores.append(transitions[-1].info["tcs"])
         episodes.append(LeRobotEpisode(np.stack([t.observation for t in transitions]).astype(np.float32),
                                        np.stack([t.action for t in transitions]).astype(np.float32),

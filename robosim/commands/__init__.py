@@ -1,4 +1,4 @@
 """The command line: one file a command, in folders by their purpose, each importing what it needs when it runs.
 
-Imports: clusters, config, conversion, envs, errors, evaluation, rehearsal, tasks, verification, mpm.
+Imports: clusters, config, conversion, envs, errors, evaluation, recordings, rehearsal, tasks, verification, mpm.
 """
