@@ -26,9 +26,7 @@ class Picture:
 
     def __init__(self, task: TaskConfig, material: MaterialConfig, camera: str, *, arm: mujoco.MjSpec | None = None,
                  window: bool = False) -> None:
-        spec = arm if arm is not None else _build_scene_without_arm(task)
-        _add_regions(spec, task)
-        _add_cameras(spec, task)
+        spec = build_task_spec(task, arm)
         apply_quality(spec)
         add_grain_skin(spec, task.grains.count, GRAIN_RADIUS * grain_volume(task) ** (1 / 3), material.colour)
         self._model = compile_spec(spec)
@@ -41,11 +39,7 @@ class Picture:
 
         robot_data: the posture of the arm; None: the tool is drawn at its collider's pose.
         """
-        if robot_data is not None:
-            self._data.qpos[:] = robot_data.qpos
-        else:
-            pose = solver.collider_pose(TOOL)
-            self._data.mocap_pos[0], self._data.mocap_quat[0] = pose.position, pose.quaternion
+        place_tool(self._data, solver, robot_data)
         frame = self._renderer.draw(self._data, solver.positions(), self._camera)
         if self._window is None:
             return frame
@@ -57,6 +51,23 @@ class Picture:
         self._renderer.close()
         if self._window is not None:
             self._window.close()
+
+
+def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None) -> mujoco.MjSpec:
+    """Build what a sub-task looks like, without its grains; arm: the scene with the arm, None: the tool alone."""
+    spec = arm if arm is not None else _build_scene_without_arm(task)
+    _add_regions(spec, task)
+    _add_cameras(spec, task)
+    return spec
+
+
+def place_tool(data: mujoco.MjData, solver: mpm.Solver, robot_data: mujoco.MjData | None) -> None:
+    """Put the arm into the posture of a robot, or the tool alone at its collider's pose."""
+    if robot_data is not None:
+        data.qpos[:] = robot_data.qpos
+    else:
+        pose = solver.collider_pose(TOOL)
+        data.mocap_pos[0], data.mocap_quat[0] = pose.position, pose.quaternion
 
 
 def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:

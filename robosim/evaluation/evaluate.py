@@ -12,12 +12,15 @@ from mpm.progress import Progress
 from robosim.config.output import OutputFolder
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
+from robosim.evaluation.episode_recorder import EpisodeRecorder
+from robosim.evaluation.page import make_page
 from robosim.evaluation.policies import check_task, make_policy, training_options
+from robosim.recordings.reader import FILE as RECORDING
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
 from robosim.tasks.task import load_task
 
-RESULTS = ("evaluation.json", "episode.mp4")
+RESULTS = ("evaluation.json", "index.html", "episode.mp4", RECORDING)
 """Files that a run writes."""
 
 
@@ -46,10 +49,12 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
             folder.clear(RESULTS)
         for k in Progress(range(episodes), desc=f"{task}, {name}", unit="episodes"):
             with _open_film(folder if k == 0 and film else None, env) as writer:
-                rows.append(_run_episode(env, name, seed + k, writer, nominal))
+                rows.append(_run_episode(env, name, seed + k, writer, nominal, folder if k == 0 else None))
             if folder:
                 folder.write_json("evaluation.json", summarize(task, name, rows, episodes))
-    values = summarize(task, name, rows, episodes)
+        values = summarize(task, name, rows, episodes)
+        if folder:
+            folder.write_text("index.html", make_page(values, folder.path).html())
     for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):
         print(f"{key:28s} {values[key]:.4g}{' deg' if key.endswith('_deg') else ''}")
     return 0
@@ -70,15 +75,21 @@ def _open_film(folder: OutputFolder | None, env: GrainEnv) -> contextlib.Abstrac
     return Mp4Writer(folder.path / "episode.mp4", fps=env.metadata["render_fps"])
 
 
-def _run_episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool) -> dict[str, Any]:
-    """Run one episode and return its figures; the film takes a frame after each action."""
+def _run_episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool,
+                 folder: OutputFolder | None) -> dict[str, Any]:
+    """Run one episode and return its figures; film, and recording in a folder, take a frame after each action."""
     env.reset(seed=seed, options={"nominal": nominal})
     policy, total, over, info = make_policy(name, env, seed), 0.0, False, {}
+    recorder = EpisodeRecorder(env, folder.path / RECORDING, name) if folder else None
     while not over:
         _, reward, terminated, truncated, info = env.step(policy())
         total, over = total + reward, terminated or truncated
         if writer is not None and (frame := env.render()) is not None:
             writer.add(frame)
+        if recorder is not None:
+            recorder.add(reward, info)
+    if recorder is not None:
+        recorder.close()
     return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],
             "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged"),
             **({"arm": info["arm"]} if "arm" in info else {})}

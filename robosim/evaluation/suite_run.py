@@ -18,6 +18,7 @@ from robosim.envs import is_task_file, task_name  # noqa: E402
 from robosim.envs.grain_env import GrainEnv  # noqa: E402
 from robosim.errors import ConfigError  # noqa: E402
 from robosim.evaluation import POLICIES  # noqa: E402
+from robosim.evaluation.page import make_suite_page  # noqa: E402
 from robosim.evaluation.policies import check_task, load_policy, make_policy, training_options  # noqa: E402
 from robosim.evaluation.suites import Start, begin_episode, make_environment, plan_starts  # noqa: E402
 from robosim.reports.provenance import provenance  # noqa: E402
@@ -27,7 +28,7 @@ EPISODES = 50
 """Episodes of a suite, if no other number is given."""
 COMPARED = ("learned", "scripted", "zero")
 """Policies whose episodes stand beside those of the policy that is scored."""
-RESULTS = ("evaluation.json", "evaluation.csv", "evaluation.png")
+RESULTS = ("evaluation.json", "evaluation.csv", "evaluation.png", "index.html")
 """Files that a run writes."""
 RESAMPLES, COVERED = 2000, 0.95
 """Resamples of a bootstrap interval of a mean, and the share of them that it covers."""
@@ -74,6 +75,10 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
                     "is_complete": len(rows) == progress.total, "policies": summarize(rows)})
         progress.close()
         folder.write("evaluation.png", lambda path: draw(path, rows, f"{task_name(task)}, suite {suite}"))
+        if isinstance(folder, OutputFolder):
+            page = make_suite_page(f"{task_name(task)}, suite {suite}", summarize(rows), rows,
+                                   (folder.path / "evaluation.png").read_bytes())
+            folder.write_text("index.html", page.html())
     print(format_summary(summarize(rows)))
     return 0
 

@@ -176,5 +176,6 @@ class Recording:
 
 
 def find_recording(folder: Path) -> Path | None:
-    """Return the recording of a run's folder, also an unfinished one; None where it has none."""
-    return next((path for path in (folder / FILE, folder / f"{FILE}.part") if path.is_file()), None)
+    """Return the recording of a run's folder, the first of several, also an unfinished one; None where it has none."""
+    named = (folder / FILE, folder / f"{FILE}.part", *sorted(folder.glob("*.rec")))
+    return next((path for path in named if path.is_file()), None)

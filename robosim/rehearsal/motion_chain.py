@@ -19,15 +19,19 @@ from robosim.config.output import OutputFolder, aligned
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError
+from robosim.evaluation.episode_recorder import EpisodeRecorder
 from robosim.evaluation.policies import make_policy, training_options
+from robosim.recordings.reader import Recording
 from robosim.rehearsal.paths.bundled_motions import find_motion
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
+from robosim.reports.page import Page
 from robosim.tasks.handover import Load, take_load
+from robosim.viewer.embed import embed_html
 
 FRAME_RATE = 50
 """Frames per second of simulated time: one for each action of ten steps of 2 ms."""
-RESULTS = ("chain.json", "chain.mp4")
+RESULTS = ("chain.json", "index.html", "chain.mp4")
 """Files that a run writes."""
 STARTS = {"from_settled_start": "its own start", "from_previous": "what was left"}
 """Key of chain.json -> the start's name in the table."""
@@ -49,9 +53,12 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
     broken = ""
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
+        for old in out.glob("*.rec*"):
+            old.unlink()
         with Mp4Writer(out / "chain.mp4", fps=FRAME_RATE) if film else contextlib.nullcontext() as writer:
             for task, path in Progress(paths.items(), desc="chain", unit="sub-tasks"):
-                row, load, broken = _replay_sub_task(task, path, config.material, load, writer)
+                row, load, broken = _replay_sub_task(task, path, config.material, load, writer,
+                                                      out / f"{len(rows) + 1}-{task}.rec")
                 rows.append(row)
                 if not broken and load is None and len(rows) < len(paths):
                     broken = f"{task} leaves nothing in its tool"
@@ -60,24 +67,26 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
                                                  "sub_tasks": rows})
                 if broken:
                     break
+        folder.write_text("index.html", make_page(name, config.material, rows, broken, out).html())
     print(format_rows(rows))
     if broken:
         print(f"the chain broke: {broken}", file=sys.stderr)
     return 1 if broken else 0
 
 
-def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
-                     writer: Mp4Writer | None) -> tuple[dict[str, Any], Load | None, str]:
-    """Replay a motion from its settled start, and with a load where there is one.
+def _replay_sub_task(task: str, path: Path, material: str, load: Load | None, writer: Mp4Writer | None,
+                     recording: Path) -> tuple[dict[str, Any], Load | None, str]:
+    """Replay a motion from its settled start, and with a load where there is one; film and record the last of them.
 
     Returns the row of chain.json, the load that is left, and why the chain broke, if it did.
     """
-    figures, left = replay_motion(task, path, material=material, writer=writer if load is None else None)
+    figures, left = replay_motion(task, path, material=material, writer=writer if load is None else None,
+                                  recording=recording if load is None else None)
     row: dict[str, Any] = {"task": task, "from_settled_start": figures}
     broken = ""
     if load is not None:
         try:
-            figures, left = replay_motion(task, path, load=load, writer=writer)
+            figures, left = replay_motion(task, path, load=load, writer=writer, recording=recording)
             row["from_previous"] = figures
         except ConfigError as error:  # too few grains for this sub-task
             broken = str(error)
@@ -87,7 +96,7 @@ def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
 
 
 def replay_motion(task: str, path: Path, *, material: str | None = None, load: Load | None = None,
-                  writer: Mp4Writer | None = None) -> tuple[dict[str, Any], Load | None]:
+                  writer: Mp4Writer | None = None, recording: Path | None = None) -> tuple[dict[str, Any], Load | None]:
     """Replay one motion in the sub-task's environment.
 
     It begins at its nominal start, or with a load. Returns the episode's figures and what the tool holds after it; None
@@ -99,11 +108,16 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
     assert isinstance(env, GrainEnv)
     env.reset(seed=0, options={"nominal": True})
     policy, is_over, info = make_policy(str(path), env, 0), False, {}
+    recorder = EpisodeRecorder(env, recording, "bundled motion") if recording else None
     while not is_over:
-        _, _, terminated, truncated, info = env.step(policy())
+        _, reward, terminated, truncated, info = env.step(policy())
         is_over = terminated or truncated
+        if recorder is not None:
+            recorder.add(reward, info)
         if writer is not None:
             writer = _add_frame(env, writer)
+    if recorder is not None:
+        recorder.close()
     lowest, highest = env.reward.extremes()
     figures = {"grains": env.task.grains.count, "score": info["tcs"], "score_min": lowest, "score_max": highest,
                **info["readings"], "diverged": info.get("diverged"), **_rotation_figures(env)}
@@ -139,6 +153,23 @@ def _add_frame(env: GrainEnv, writer: Mp4Writer) -> Mp4Writer | None:
     if frame is not None:
         writer.add(frame)
     return writer
+
+
+def make_page(name: str, material: str, rows: list[dict[str, Any]], broken: str, folder: Path) -> Page:
+    """Make the page of a chain: verdict, film, a recording of each sub-task, figures."""
+    page = Page(f"{name} in sequence: {material}")
+    page.set_verdict(f"the chain broke: {broken}" if broken else f"{len(rows)} sub-tasks in sequence", holds=not broken)
+    if (folder / "chain.mp4").is_file():
+        page.add_film((folder / "chain.mp4").read_bytes(), "All sub-tasks, each with what the one before left.")
+    for path in sorted(folder.glob("*.rec")):
+        with Recording(path) as recording:
+            page.add_heading(path.stem.split("-", 1)[-1])
+            page.add_scene(embed_html(recording), f"robosim view {path}")
+    page.add_heading("Figures")
+    names = list(dict.fromkeys(key for row in rows for start in STARTS for key in row.get(start, {})))
+    page.add_table(["sub-task", "from", *names], [[row["task"], text, *(row[start].get(key) for key in names)]
+                                                  for row in rows for start, text in STARTS.items() if start in row])
+    return page
 
 
 def format_rows(rows: list[dict[str, Any]]) -> str:

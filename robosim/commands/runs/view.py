@@ -18,11 +18,12 @@ PORT = 8080
 
 def add_parser(commands: Any) -> None:
     """Add `view` to the command line."""
-    parser = commands.add_parser("view", help="show a run or a rehearsal in a browser", epilog=EXAMPLE,
+    parser = commands.add_parser("view", help="show a run, a rehearsal or a sub-task in a browser", epilog=EXAMPLE,
                                  description="Serve a page with robot, tool and grains: of a run that is finished or "
                                  "still goes on, or of a rehearsal that is begun here. Ctrl-C ends it.")
-    parser.add_argument("what", metavar="RUN|REHEARSAL", help="folder of a run, a recording, or " +
-                        one_of(config_names("rehearsals"), "or a rehearsal's .yaml file"))
+    parser.add_argument("what", metavar="RUN|REHEARSAL|TASK", help="folder of a run, a recording, or one of " +
+                        ", ".join([*config_names("rehearsals"), *config_names("tasks")]) + "; or the .yaml file of a "
+                        "rehearsal or a task")
     parser.add_argument("--plan", action="store_true", help="show the planned motion of a rehearsal, without grains; "
                         "waypoints can be dragged and saved back to its file")
     parser.add_argument("--material", help="material of a rehearsal that is begun: " +
@@ -48,7 +49,8 @@ def run(options: argparse.Namespace) -> int:
             raise ConfigError(f"{' '.join(given) or '--set'} with {options.what}: what was recorded does not change; "
                               f"accepted: with a rehearsal that is begun here")
     else:
-        config_path("rehearsals", options.what, "run, recording or rehearsal")
+        if options.what not in config_names("tasks"):
+            config_path("rehearsals", options.what, "run, recording, sub-task or rehearsal")
     if options.material is not None:
         config_path("materials", options.material, "material")
     from robosim.rehearsal.browser.view import view

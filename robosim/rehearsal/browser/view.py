@@ -8,11 +8,13 @@ import time as clock
 from collections.abc import Iterator
 from pathlib import Path
 
+from robosim.config.resources import config_names
 from robosim.config.settings import Setting
+from robosim.config.table import read
 from robosim.errors import ConfigError, RobosimError
 from robosim.recordings.reader import FILE, Recording, find_recording
 from robosim.viewer.playback import Playback
-from robosim.viewer.server import choose_token, open_server
+from robosim.viewer.server import choose_token, open_server, stop_server
 
 WAIT = 0.2
 """Time [s] between two looks for the recording of a rehearsal that prepares."""
@@ -39,6 +41,7 @@ def view(what: str, *, port: int, host: str, plan: bool = False, material: str |
             path = find_path(what) or stack.enter_context(begin_run(what, material, out, settings or []))
             shown = Recording(path)
         server, address = open_server(host, port, token)
+        stack.callback(stop_server, server)
         print(f"{address}   (Ctrl-C ends it)", flush=True)
         if plan:
             shown.run(server)  # pyright: ignore[reportAttributeAccessIssue]
@@ -65,13 +68,14 @@ def find_path(what: str) -> Path | None:
 
 @contextlib.contextmanager
 def begin_run(name: str, material: str | None, out: Path | None, settings: list[Setting]) -> Iterator[Path]:
-    """Begin a rehearsal in a process of its own; give its recording as soon as it has a header.
+    """Begin a rehearsal, or an episode of a sub-task's script, in a process of its own; give its recording at once.
 
     The process is ended with the viewer. Raises RunFailed.
     """
     with tempfile.TemporaryDirectory(prefix="robosim-view-") as temporary:
         folder = out or Path(temporary)
-        command = [sys.executable, "-m", "robosim", "rehearse", name, "--no-video", "--out", str(folder)]
+        words = ["evaluate", name, "--episodes", "1"] if is_task(name) else ["rehearse", name]
+        command = [sys.executable, "-m", "robosim", *words, "--no-video", "--out", str(folder)]
         command += [word for s in settings for word in ("--set", s.text)]
         command += ["--material", material] if material else []
         for old in (folder / FILE, folder / f"{FILE}.part"):
@@ -83,6 +87,14 @@ def begin_run(name: str, material: str | None, out: Path | None, settings: list[
             process.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(10.0)
+
+
+def is_task(name: str) -> bool:
+    """Return whether a name or a file is that of a sub-task, not of a rehearsal."""
+    if name in config_names("tasks"):
+        return True
+    table = read(Path(name)) if name.endswith((".yaml", ".yml")) and Path(name).is_file() else None
+    return isinstance(table, dict) and "waypoints" not in table and "action" in table
 
 
 def wait_for_recording(folder: Path, process: "subprocess.Popen[bytes]") -> Path:

@@ -1,0 +1,73 @@
+"""The recording of an episode of a sub-task, as the viewer plays it."""
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from robosim.envs.grain_env import GrainEnv
+from robosim.envs.picture import build_task_spec, place_tool
+from robosim.recordings.header import CurveEntry, RegionEntry, region_entry, three
+from robosim.recordings.scene_recorder import SceneRecorder
+from robosim.reports.provenance import commit
+from robosim.scene.frames import container_pose
+from robosim.scene.grains import RIM_MARGIN
+from robosim.scene.models import compile_spec, read_inner_size
+from robosim.shapes import tool_shape
+from robosim.tasks.task import TaskConfig
+
+CURVES = [CurveEntry(name="delivered", unit="%", chart="grains"), CurveEntry(name="spilled", unit="%", chart="grains"),
+          CurveEntry(name="return", chart="return")]
+"""What every frame has a value of."""
+
+
+class EpisodeRecorder:
+    """Records one episode: a frame at its start, and one after each action."""
+
+    def __init__(self, env: GrainEnv, path: Path, policy: str) -> None:
+        task, solver = env.task, env.solver
+        self._env, self._total = env, 0.0
+        self._model = compile_spec(build_task_spec(task, env.carrier.build_spec()))
+        self._data = mujoco.MjData(self._model)
+        self._info: dict[str, Any] = {"readings": {}}
+        self._place()
+        self.recorder = SceneRecorder(
+            path, self._model, self._data, solver, kind="task", title=f"{env.TASK or task.description}: {policy}",
+            frame_rate=1.0 / (env.action_repeat * task.step_dt), tool=task.tool, colour=env.material.colour,
+            curves=CURVES, regions=list(places(task)), commit=commit())
+        self._record()
+
+    def add(self, reward: float, info: dict[str, Any]) -> None:
+        """Record the state after an action."""
+        self._total, self._info = self._total + reward, info
+        self._place()
+        self._record()
+
+    def close(self) -> None:
+        """Finish the recording. May be called twice."""
+        self.recorder.close()
+
+    def _place(self) -> None:
+        env = self._env
+        place_tool(self._data, env.solver, env.carrier.robot_data)
+        self._data.time = env.step_count * env.task.step_dt
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+
+    def _record(self) -> None:
+        readings = self._info["readings"]
+        values = [100.0 * readings.get(name, float("nan")) for name in ("delivered", "spilled")]
+        self.recorder.add(self._data, lambda grains: [*values, self._total])
+
+
+def places(task: TaskConfig) -> list[RegionEntry]:
+    """Return where grains may be: the target, containers, and the tool."""
+    entries = [region_entry("target", task.target.region),
+               region_entry(task.tool, tool_shape(task.tool).interior, body=task.tool)]
+    for name, container in task.containers.items():
+        size = read_inner_size(name)
+        height = size[2] + RIM_MARGIN
+        pose = container_pose(container)
+        centre = pose.apply([[0.0, 0.0, height / 2.0]])[0]  # pyright: ignore[reportArgumentType]
+        entries.append(RegionEntry(name=name, position=three(centre), half=three([*(size[:2] / 2.0), height / 2.0])))
+    return entries

@@ -1,0 +1,75 @@
+"""Pages of evaluations: verdict, film, recording in 3-D, curves and episodes."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from robosim.recordings.reader import FILE, Recording
+from robosim.reports.curves import Chart, Curve, draw_charts
+from robosim.reports.page import Page
+
+
+def make_page(values: dict[str, Any], folder: Path) -> Page:
+    """Make the page of an evaluation; values: of `summarize`. folder: with film and recording of the first episode."""
+    episodes = values["episodes"]
+    page = Page(f"{values['task']}, policy {values['policy']}")
+    succeeded = sum(bool(row["is_success"]) for row in episodes)
+    page.set_verdict(f"{succeeded} of {len(episodes)} episodes succeeded, mean score {values['tcs']:.2f}, mean return "
+                     f"{values['return']:.2f}", holds=succeeded == len(episodes))
+    film = folder / "episode.mp4"
+    if film.is_file():
+        page.add_film(film.read_bytes(), "The first episode.")
+    add_recording(page, folder)
+    page.add_heading("Episodes")
+    readings = list(episodes[0]["readings"])
+    arm = list(episodes[0].get("arm", ()))
+    page.add_table(["seed", "score", "success", "return", *readings, *arm, "diverged"],
+                   [[row["seed"], row["tcs"], "pass" if row["is_success"] else "fail", row["return"],
+                     *(row["readings"][key] for key in readings), *(row["arm"][key] for key in arm),
+                     row["diverged"] or ""] for row in episodes])
+    terms = {key: sum(row["tcs_terms"][key] for row in episodes) / len(episodes) for key in episodes[0]["tcs_terms"]}
+    page.add_heading("Terms of the score, mean")
+    page.add_table(["term", "mean"], list(terms.items()))
+    return page
+
+
+def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[dict[str, Any]], picture: bytes) -> Page:
+    """Make the page of a suite: means with intervals by policy, the picture, and every episode."""
+    page, (own, figures) = Page(title), next(iter(summary.items()))
+    success = figures["is_success"]["mean"]
+    page.set_verdict(f"{Path(own).name}: {success:.0%} of {figures['episodes']} episodes succeeded, mean score "
+                     f"{figures['tcs']['mean']:.2f}", holds=success == 1.0)
+    page.add_picture(picture, "Score of every episode, with means and 95 % intervals.")
+    page.add_heading("Means and 95 % intervals")
+    keys = [key for key, value in figures.items() if isinstance(value, dict)]
+    page.add_table(["policy", "episodes", "diverged", *(f"{key}{end}" for key in keys for end in ("", ", from", ", to"))],
+                   [[Path(policy).name, one["episodes"], one["diverged"],
+                     *(number for key in keys for number in (one[key]["mean"], *one[key]["interval"]))]
+                    for policy, one in summary.items()])
+    page.add_heading("Episodes")
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    page.add_table(names, [[row.get(name) for name in names] for row in rows])
+    return page
+
+
+def add_recording(page: Page, folder: Path) -> None:
+    """Add the recording of a folder in 3-D and its curves, where it has one."""
+    path = folder / FILE
+    if not path.is_file():
+        return
+    from robosim.viewer.embed import embed_html
+
+    with Recording(path) as recording:
+        page.add_heading("In 3-D")
+        page.add_scene(embed_html(recording), f"Turn with the mouse, scrub below. With colours, regions and curves: "
+                       f"robosim view {folder}")
+        times, rows = recording.values()
+        charts: dict[str, list[Curve]] = {}
+        units = {curve.chart: curve.unit for curve in recording.header.curves}
+        for k, curve in enumerate(recording.header.curves):
+            if any(math.isfinite(value) for value in rows[:, k]):
+                charts.setdefault(curve.chart, []).append(Curve(curve.name, times, rows[:, k]))
+    if charts:
+        page.add_heading("Curves")
+        page.add_plot(draw_charts([Chart(f"{name} [{units[name]}]" if units[name] else name, curves)
+                                   for name, curves in charts.items()], {}))
