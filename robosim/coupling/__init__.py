@@ -1,4 +1,4 @@
 """Two-way coupling of a MuJoCo scene and a granular field.
 
-Imports: errors, scene, mpm.
+Imports: errors, recordings, scene, mpm.
 """

@@ -3,7 +3,7 @@
 import copy
 import warnings
 import weakref
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import mujoco
 import numpy as np
@@ -15,6 +15,9 @@ from robosim.coupling.reach import Reach
 from robosim.coupling.schemes import ExplicitScheme, MobilityScheme
 from robosim.coupling.trial_step import TrialStep
 from robosim.errors import BodyLeftGrid, ConfigError, RobotDiverged, UnknownName
+
+if TYPE_CHECKING:
+    from robosim.recordings.live import LiveView
 
 __all__ = ["Coupling", "GranularPlugin", "Impulse", "Ledger"]
 
@@ -171,6 +174,17 @@ class GranularPlugin:
             return mpm.Wrench(row[:3].copy(), row[3:].copy())
         impulse = self.solver.collider_impulse(bodies.colliders[body], about=self.data.xipos[bodies.ids[body]])
         return mpm.Wrench(impulse.force / self.model.opt.timestep, impulse.torque / self.model.opt.timestep)
+
+    def view(self, **options: Any) -> "LiveView":
+        """Show the scene in a browser; call `update` of what is returned after every step, and `close` at the end.
+
+        options: of `robosim.recordings.live.LiveView`, such as port and out. The page is at `address`.
+        """
+        from robosim.recordings.live import LiveView
+
+        body = next(iter(self._bodies.colliders), "")
+        return LiveView(self.model, self.data, self.solver, tool=body,
+                        wrench=(lambda: self.wrench(body)) if body else None, **options)
 
     def _move_driven_bodies(self) -> None:
         """Hand the motion of mocap bodies since the last step to the solver; after a jump they stand still."""

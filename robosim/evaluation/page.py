@@ -42,7 +42,8 @@ def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[d
     page.add_picture(picture, "Score of every episode, with means and 95 % intervals.")
     page.add_heading("Means and 95 % intervals")
     keys = [key for key, value in figures.items() if isinstance(value, dict)]
-    page.add_table(["policy", "episodes", "diverged", *(f"{key}{end}" for key in keys for end in ("", ", from", ", to"))],
+    head = [f"{key}{end}" for key in keys for end in ("", ", from", ", to")]
+    page.add_table(["policy", "episodes", "diverged", *head],
                    [[Path(policy).name, one["episodes"], one["diverged"],
                      *(number for key in keys for number in (one[key]["mean"], *one[key]["interval"]))]
                     for policy, one in summary.items()])

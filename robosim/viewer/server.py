@@ -11,10 +11,8 @@ from urllib.parse import parse_qs, urlsplit
 import viser
 
 from robosim.errors import ConfigError
+from robosim.recordings.ports import LOCAL, PORT, check_port, free_port
 
-LOCAL = ("127.0.0.1", "localhost", "::1")
-"""Hosts that this machine alone reaches."""
-PORT = 8080
 COOKIE = "robosim_token"
 MOST_HEADER = 16_384
 """Bytes of a request's header."""
@@ -30,7 +28,7 @@ def open_server(host: str = LOCAL[0], port: int = PORT, token: str = "") -> tupl
     """
     check_port(host, port)
     is_local = host in LOCAL
-    inner = port if is_local else _free_port()
+    inner = port if is_local else free_port()
     server = start_server(inner)
     if is_local:
         return server, f"http://{host}:{port}"
@@ -41,24 +39,13 @@ def open_server(host: str = LOCAL[0], port: int = PORT, token: str = "") -> tupl
 def start_server(port: int | None = None) -> viser.ViserServer:
     """Start viser at a port of this machine alone, without the box that it prints; None: at any free port."""
     with contextlib.redirect_stdout(io.StringIO()):
-        return viser.ViserServer(host=LOCAL[0], port=_free_port() if port is None else port, verbose=False)
+        return viser.ViserServer(host=LOCAL[0], port=free_port() if port is None else port, verbose=False)
 
 
 def stop_server(server: viser.ViserServer) -> None:
     """Stop viser, without the line that it prints."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
-
-
-def check_port(host: str, port: int) -> None:
-    """Raise ConfigError where a port cannot be listened at."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((LOCAL[0] if host == "localhost" else host, port))
-        except OSError as error:
-            raise ConfigError(f"--host {host} --port {port}: {error.strerror}; accepted: an address of this machine "
-                              f"and a free port, such as {_free_port()}") from None
 
 
 def choose_token(host: str, allows_others: bool) -> str:
@@ -72,12 +59,6 @@ def choose_token(host: str, allows_others: bool) -> str:
         raise ConfigError(f"--host {host}: others could see and control the viewer; accepted: {LOCAL[0]}, or "
                           f"--host {host} --allow-others; over SSH use: ssh -L {PORT}:{LOCAL[0]}:{PORT} this-machine")
     return secrets.token_urlsafe(16)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((LOCAL[0], 0))
-        return int(probe.getsockname()[1])
 
 
 class Gate:
