@@ -1,13 +1,15 @@
 """One command as a job of a cluster, which continues where it was cut off."""
 
-import contextlib
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
+POLL = 0.2
+"""Time [s] between two looks at a command."""
 GRACE = 60.0
 """Time [s] that a command has to write its checkpoint after SIGTERM."""
 SHOWN_LINES = 3
@@ -42,6 +44,8 @@ class ClusterJob:
                                                  env=environment, cwd=self.folder)
         finally:
             signal.signal(signal.SIGUSR2, before)
+        while not has_ended(self._process.pid):
+            time.sleep(POLL)
         status = self._process.wait()
         if status:
             raise JobFailed(describe_failure(self.log, status))
@@ -51,14 +55,26 @@ class ClusterJob:
         """Let the command write its checkpoint; return what is queued again."""
         import submitit.helpers  # pyright: ignore[reportMissingImports]  (of the extra `slurm`)
 
-        if self._process is not None and self._process.poll() is None:
+        if self._process is not None and not has_ended(self._process.pid):
             self._process.terminate()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(GRACE)
+            end = time.monotonic() + GRACE
+            while not has_ended(self._process.pid) and time.monotonic() < end:
+                time.sleep(POLL)
         return submitit.helpers.DelayedSubmission(self)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_process": None}
+
+
+def has_ended(pid: int) -> bool:
+    """Return whether a child has ended, without reaping it.
+
+    `Popen.wait` would hold a lock while a handler of a signal, which interrupts it, waits for the same child.
+    """
+    try:
+        return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+    except ChildProcessError:
+        return True
 
 
 def local_caches() -> dict[str, str]:

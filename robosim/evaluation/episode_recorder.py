@@ -43,6 +43,12 @@ class EpisodeRecorder:
         self._place()
         self._record()
 
+    def __enter__(self) -> "EpisodeRecorder":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """Finish the recording. May be called twice."""
         self.recorder.close()

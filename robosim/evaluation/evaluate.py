@@ -80,16 +80,14 @@ def _run_episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, 
     """Run one episode and return its figures; film, and recording in a folder, take a frame after each action."""
     env.reset(seed=seed, options={"nominal": nominal})
     policy, total, over, info = make_policy(name, env, seed), 0.0, False, {}
-    recorder = EpisodeRecorder(env, folder.path / RECORDING, name) if folder else None
-    while not over:
-        _, reward, terminated, truncated, info = env.step(policy())
-        total, over = total + reward, terminated or truncated
-        if writer is not None and (frame := env.render()) is not None:
-            writer.add(frame)
-        if recorder is not None:
-            recorder.add(reward, info)
-    if recorder is not None:
-        recorder.close()
+    with EpisodeRecorder(env, folder.path / RECORDING, name) if folder else contextlib.nullcontext() as recorder:
+        while not over:
+            _, reward, terminated, truncated, info = env.step(policy())
+            total, over = total + reward, terminated or truncated
+            if writer is not None and (frame := env.render()) is not None:
+                writer.add(frame)
+            if recorder is not None:
+                recorder.add(reward, info)
     return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],
             "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged"),
             **({"arm": info["arm"]} if "arm" in info else {})}

@@ -6,15 +6,17 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from PIL import Image
 
 from mpm.files import write
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
+from robosim.rehearsal.film_camera import FollowCamera
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.grain_skin import GRAIN_RADIUS, MARKED_SKIN, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
-from robosim.rendering.video import Mp4Writer, write_contact_sheet
+from robosim.rendering.video import Mp4Writer, write_caption, write_contact_sheet
 from robosim.scene.build import build_rehearsal_spec
 from robosim.scene.models import compile_spec
 
@@ -23,6 +25,8 @@ FRAME_RATE = 20
 """
 SHADOWS = 1024
 """Side [texels] of the shadow map: on a software renderer 2048 take a seventh of the time for nothing that one sees."""
+POSTER_SHADOWS, POSTER_SAMPLES = 4096, 8
+"""The same of the still, and its samples a pixel."""
 ASLEEP = (0.25, 0.38, 0.62, 1.0)
 """Colour of grains that sleep: RGBA."""
 SHEET_FRAMES = 9
@@ -46,6 +50,12 @@ class FilmPlan(NamedTuple):
     """Whether grains that sleep have a colour of their own."""
     rate: int = FRAME_RATE
     """Frames per second."""
+    height: int = 720
+    """Of a picture [pixels]."""
+    poster: float | None = None
+    """Time [s] of a still in 1080p with smooth edges; None: there is none."""
+    passages: list[tuple[float, str]] = []  # noqa: RUF012
+    """Times [s] of the waypoints, and their names, for the captions."""
 
 
 class FilmState(NamedTuple):
@@ -73,12 +83,14 @@ def check_colour(name: str) -> None:
         raise UnknownName("colour", name, COLOURS)
 
 
-def plan_film(run: RehearsalRun, camera: str, colour: str = "material", rate: int = FRAME_RATE) -> FilmPlan:
+def plan_film(run: RehearsalRun, camera: str, colour: str = "material", rate: int = FRAME_RATE, height: int = 720,
+              poster: float | None = None) -> FilmPlan:
     """Return what the film of a run shows; raises UnknownName for camera and colour, see `COLOURS`."""
     check_camera(camera)
     check_colour(colour)
     return FilmPlan(run.config, camera, sum(run.solver.particles.counts), run.grains.grain_volume,
-                    tuple(run.material.colour), _choose_sheet_moments(run), colour == "awake", rate)
+                    tuple(run.material.colour), _choose_sheet_moments(run), colour == "awake", rate, height, poster,
+                    sorted((run.waypoint_time(name), name) for name in run.plan.path.times))
 
 
 def read_state(run: RehearsalRun, marks_sleepers: bool = False) -> FilmState:
@@ -97,7 +109,9 @@ class Film:
         self._plan, self._out = plan, out
         self._model = _compile_drawn_model(plan)
         self._data = mujoco.MjData(self._model)
-        self._renderer = SceneRenderer(self._model, plan.grains)
+        self._renderer = SceneRenderer(self._model, plan.grains, picture_width(plan.height), even(plan.height))
+        self._follow = FollowCamera(self._model, plan.config.tool) if plan.camera == "follow" else None
+        self._poster: FilmState | None = None
         self._writer = Mp4Writer(out / "rehearsal.mp4", fps=plan.rate)
         self._moments = list(plan.moments)
         self._sheet: list[np.ndarray] = []
@@ -106,7 +120,9 @@ class Film:
     def add(self, state: FilmState) -> None:
         """Add a frame."""
         frame = self.draw(state)
-        self._writer.add(frame)
+        if self._plan.poster is not None and self._poster is None and state.time >= self._plan.poster:
+            self._poster = state
+        self._writer.add(self._caption(frame, state.time))
         if self._moments and state.time >= self._moments[0][0]:
             self._sheet.append(frame)
             self._captions.append(f"{self._moments.pop(0)[1]}, {state.time:.1f} s")
@@ -114,7 +130,31 @@ class Film:
     def draw(self, state: FilmState) -> np.ndarray:
         """Draw a state (height, width, 3)."""
         self._data.qpos[:] = state.qpos
-        return self._renderer.draw(self._data, state.positions, self._plan.camera, state.asleep)
+        return self._renderer.draw(self._data, state.positions, self._camera(state.time), state.asleep)
+
+    def _camera(self, time: float) -> str | mujoco.MjvCamera:
+        """Return the film's camera at the time [s] of the state that `_data` has."""
+        if self._follow is None:
+            return self._plan.camera
+        mujoco.mj_kinematics(self._model, self._data)
+        return self._follow.follow(self._data, time)
+
+    def _caption(self, frame: np.ndarray, time: float) -> np.ndarray:
+        """Return a frame with material, time and the waypoint that was passed last."""
+        passed = next((name for begin, name in reversed(self._plan.passages) if begin <= time), "grasp")
+        picture = Image.fromarray(frame)
+        write_caption(picture, f"{self._plan.config.material}   {time:5.2f} s   {passed}")
+        return np.asarray(picture)
+
+    def _write_poster(self, state: FilmState) -> None:
+        """Draw a state in 1080p with smooth edges, in a context of its own."""
+        model = _compile_drawn_model(self._plan, POSTER_SHADOWS, POSTER_SAMPLES)
+        renderer = SceneRenderer(model, self._plan.grains, 1920, 1080)
+        try:
+            frame = renderer.draw(self._data, state.positions, self._camera(state.time), state.asleep)
+            write(self._out / "poster.png", lambda path: Image.fromarray(frame).save(path, format="PNG"))
+        finally:
+            renderer.close()
 
     def close(self) -> None:
         """Finish film and sheet, with the frames so far where the run stopped early."""
@@ -125,12 +165,25 @@ class Film:
                       lambda path: write_contact_sheet(self._sheet, self._captions, path))
         finally:
             self._renderer.close()
+        if self._poster is not None:
+            self._data.qpos[:] = self._poster.qpos
+            self._write_poster(self._poster)
 
 
-def _compile_drawn_model(plan: FilmPlan) -> mujoco.MjModel:
+def picture_width(height: int) -> int:
+    """Return the width of a picture of 16 : 9, even as films need it."""
+    return 2 * round(height * 8 / 9)
+
+
+def even(height: int) -> int:
+    """Return the height that a film can have."""
+    return height - height % 2
+
+
+def _compile_drawn_model(plan: FilmPlan, shadows: int = SHADOWS, samples: int = 0) -> mujoco.MjModel:
     """The rehearsal's scene with its grains and its target area."""
     spec = build_rehearsal_spec(plan.config)
-    apply_quality(spec, SHADOWS)
+    apply_quality(spec, shadows, samples)
     if plan.config.area is not None:
         add_mark(spec, plan.config.area)
     radius = GRAIN_RADIUS * plan.grain_volume ** (1 / 3)

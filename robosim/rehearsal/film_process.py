@@ -67,9 +67,10 @@ class FilmProcess:
         self._waiting: deque[memoryview] = deque()
         """What is still to be sent."""
 
-    def begin(self, run: RehearsalRun, camera: str, colour: str = "material", rate: int = FRAME_RATE) -> None:
+    def begin(self, run: RehearsalRun, camera: str, colour: str = "material", rate: int = FRAME_RATE,
+              height: int = 720, poster: float | None = None) -> None:
         """Tell the process what it will be sent; raises UnknownName for camera and colour."""
-        plan = plan_film(run, camera, colour, rate)
+        plan = plan_film(run, camera, colour, rate, height, poster)
         self._run, self._marks_sleepers, self._rate = run, plan.marks_sleepers, rate
         self._hand_over(pack_plan(plan))
 
@@ -151,8 +152,9 @@ def pack_plan(plan: FilmPlan) -> bytes:
 def unpack_plan(line: bytes) -> FilmPlan:
     """Return the plan of a line."""
     values = json.loads(line)
-    moments = [(float(time), str(caption)) for time, caption in values["moments"]]
+    moments, passages = ([(float(time), str(text)) for time, text in values[name]] for name in ("moments", "passages"))
     return FilmPlan(**values | {"config": RehearsalConfig.model_validate(values["config"]), "moments": moments,
+                                "passages": passages,
                                 "colour": tuple(values["colour"])})
 
 

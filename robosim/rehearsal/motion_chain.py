@@ -108,16 +108,14 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
     assert isinstance(env, GrainEnv)
     env.reset(seed=0, options={"nominal": True})
     policy, is_over, info = make_policy(str(path), env, 0), False, {}
-    recorder = EpisodeRecorder(env, recording, "bundled motion") if recording else None
-    while not is_over:
-        _, reward, terminated, truncated, info = env.step(policy())
-        is_over = terminated or truncated
-        if recorder is not None:
-            recorder.add(reward, info)
-        if writer is not None:
-            writer = _add_frame(env, writer)
-    if recorder is not None:
-        recorder.close()
+    with EpisodeRecorder(env, recording, "bundled motion") if recording else contextlib.nullcontext() as recorder:
+        while not is_over:
+            _, reward, terminated, truncated, info = env.step(policy())
+            is_over = terminated or truncated
+            if recorder is not None:
+                recorder.add(reward, info)
+            if writer is not None:
+                writer = _add_frame(env, writer)
     lowest, highest = env.reward.extremes()
     figures = {"grains": env.task.grains.count, "score": info["tcs"], "score_min": lowest, "score_max": highest,
                **info["readings"], "diverged": info.get("diverged"), **_rotation_figures(env)}

@@ -24,8 +24,8 @@ from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
 
-RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "trajectory.csv", "joint_trajectory.yaml",
-           RECORDING, "last_good_state.npz")
+RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
+           "joint_trajectory.yaml", RECORDING, "last_good_state.npz")
 """Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
@@ -39,12 +39,13 @@ PRINTED = {
 
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
              camera: str | None = "close", colour: str = "material", frame_rate: int = FRAME_RATE,
-             seed: int = 0, trajectory: str | None = None, motions: Path | None = None) -> int:
+             height: int = 720, poster: float | None = None, seed: int = 0, trajectory: str | None = None,
+             motions: Path | None = None) -> int:
     """Run a rehearsal and write its results into the folder `out`.
 
     Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains.
-    frame_rate: pictures per second. trajectory: "script" or "learned", the latter from a folder of motions, or with
-    None the bundled ones.
+    frame_rate: pictures per second; height: of a picture [pixels]; poster: time [s] of a still. trajectory: "script"
+    or "learned", the latter from a folder of motions, or with None the bundled ones.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """
@@ -72,7 +73,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
             recorder = make_recorder(run, folder.path / RECORDING)
             stack.callback(recorder.close)
             if film is not None and camera is not None:
-                film.begin(run, camera, colour, frame_rate)
+                film.begin(run, camera, colour, frame_rate, height, poster)
             try:
                 _simulate(run, film, recorder)
             except (mpm.SimulationDiverged, RobotDiverged):

@@ -48,9 +48,9 @@ class SceneRenderer:
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)  # without collision geoms
         self._option.sitegroup[:] = 0
 
-    def draw(self, data: mujoco.MjData, positions: Array | None, camera: str,
+    def draw(self, data: mujoco.MjData, positions: Array | None, camera: str | mujoco.MjvCamera,
              marked: NDArray[np.bool_] | None = None) -> NDArray[np.uint8]:
-        """Draw the picture (height, width, 3) of a camera.
+        """Draw the picture (height, width, 3) of a camera of the model, or of a free one.
 
         positions (n, 3) [m]: of the grains. data: only its positions are used. n may be smaller than the skin's count;
         None draws no grains. marked (n,): grains drawn with the second skin, which the model must have then.

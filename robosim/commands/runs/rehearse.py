@@ -37,6 +37,8 @@ def add_parser(commands: Any) -> None:
                         "the material, or which grains are awake (default: material)", choices=COLOURS)
     parser.add_number("--frame-rate", default=20, help="pictures of the video per second (default: 20, at which "
                       "drawing them holds no simulation up)")
+    parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9 (default: 720)")
+    parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_number("--seed", default=0,
                         help="random seed of the grains' initial positions (default: 0)")
@@ -58,5 +60,6 @@ def run(options: argparse.Namespace) -> int:
 
         return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
                         camera=None if options.no_video else options.camera, colour=options.colour,
-                        frame_rate=options.frame_rate, seed=options.seed,
+                        frame_rate=options.frame_rate, height=options.height,
+                        poster=options.poster, seed=options.seed,
                         trajectory=options.trajectory, motions=options.motions)

@@ -99,10 +99,12 @@ def make_film():
             self._out = out.path
             self._renderer = SimpleNamespace(close=lambda: None)
             self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=film.FRAME_RATE)
+            self._plan = SimpleNamespace(poster=None, passages=[], config=SimpleNamespace(material="salt"))
+            self._poster = None
             self._moments = [(0.0, "start"), (0.03, "pour")]
             self._sheet, self._captions = [], []
 
-        def begin(self, run, camera, colour, rate):
+        def begin(self, run, camera, colour, rate, height, poster):
             self._run = run
 
         def add_due_frame(self):

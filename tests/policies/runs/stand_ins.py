@@ -14,10 +14,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import gymnasium
+import mujoco
 import numpy as np
 from stand_in_rehearsal import install_rehearsal
 from tqdm import tqdm
 
+RESTING = '<mujoco><worldbody><body><geom size="0.1"/></body></worldbody></mujoco>'
 STEP, DECISIONS = 2e-3, 20
 """Time [s] of a step; steps of an episode."""
 
@@ -67,7 +69,13 @@ def make_filmed_task():
         def render(self):
             return np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
 
-        def close(self):
+        def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
             pass
 
     return FilmedTask()
@@ -130,6 +138,32 @@ class ForkedProcess:
         self.send_signal(signal.SIGKILL)
 
 
+class EpisodeRecorder:
+    """Records a body that rests in the place of a sub-task's scene."""
+
+    def __init__(self, env, path, policy):
+        from robosim.recordings.header import CurveEntry
+        from robosim.recordings.scene_recorder import SceneRecorder
+
+        model = mujoco.MjModel.from_xml_string(RESTING)
+        self._data = mujoco.MjData(model)
+        self.recorder = SceneRecorder(path, model, self._data, None, kind="task", title=policy, frame_rate=50.0,
+                                      curves=[CurveEntry(name="return", chart="return")])
+
+    def add(self, reward, info):
+        self._data.time += 0.02
+        self.recorder.add(self._data, lambda grains: [reward])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self):
+        self.recorder.close()
+
+
 def run_forked(arguments, log):
     """Run a command in this forked process, with its output in an open file, and end the process."""
     code = 70
@@ -165,6 +199,7 @@ def install():
     import robosim.rehearsal.motion_chain
     import robosim.rehearsal.session
     import robosim.verification.report
+    import robosim.viewer.embed
     from policies.demonstrations import generator
     from policies.runs import pipeline, sweep, training
     from robosim.verification import runs
@@ -177,6 +212,9 @@ def install():
         module.make_environment = lambda task, **options: PointTask()
     generator.MotionLoss = Valley
 
+    robosim.evaluation.evaluate.EpisodeRecorder = EpisodeRecorder
+    # a server's threads are not for a process that is killed a thousand times
+    robosim.viewer.embed.embed_html = robosim.rehearsal.motion_chain.embed_html = lambda recording: "a scene"
     robosim.evaluation.evaluate.make = lambda task, **options: make_filmed_task()
     runs.WORKER = "stand_in_job"
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])

@@ -148,6 +148,7 @@ def test_an_interrupted_evaluation_leaves_no_unfinished_film(tmp_path: Path, mon
     """Neither in an episode nor before its first step; what a killed one left is removed by the next."""
     task = stand_ins.make_filmed_task()
     monkeypatch.setattr(evaluate, "make", lambda *names, **options: task)
+    monkeypatch.setattr(evaluate, "EpisodeRecorder", stand_ins.EpisodeRecorder)
     monkeypatch.setattr(stand_ins, "STEP", 0.0)
     for name, method in (("step", task.step), ("reset", task.reset)):
         calls = []

@@ -1,5 +1,6 @@
 """A job of a cluster runs its command, keeps its output, and lets it write its checkpoint before its time ends."""
 
+import os
 import pickle
 import signal
 import sys
@@ -51,22 +52,28 @@ def test_a_failed_job_says_its_last_lines(folder: Path) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="SIGUSR2")
 def test_a_warned_job_lets_its_command_write_a_checkpoint(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The signal that warns goes to every process of a job; the command itself is not ended by it."""
+    """SLURM warns every process of a job; the job's handler, which interrupts its waiting, ends the command."""
     pytest.importorskip("submitit")
     monkeypatch.setattr(module, "GRACE", 20.0)
-    job, ended = ClusterJob(["long"], folder / "log.txt"), []
+    job, queued = ClusterJob(["long"], folder / "log.txt"), []
 
     def warn() -> None:
         while not (folder / "begun").exists():
             time.sleep(0.05)
         job._process.send_signal(signal.SIGUSR2)  # type: ignore[union-attr]
         time.sleep(0.3)
-        assert job._process.poll() is None  # type: ignore[union-attr]
-        ended.append(job.checkpoint())
+        os.kill(os.getpid(), signal.SIGUSR2)
 
-    warner = threading.Thread(target=warn)
-    warner.start()
-    with pytest.raises(JobFailed, match="exit status 3"):
-        job()
-    warner.join()
-    assert (folder / "checkpoint").read_text() == "kept" and ended[0].function.arguments == ["long"]
+    before = signal.signal(signal.SIGUSR2, lambda *_: queued.append((job.checkpoint(), time.monotonic())))
+    began = time.monotonic()
+    try:
+        warner = threading.Thread(target=warn)
+        warner.start()
+        with pytest.raises(JobFailed, match="exit status 3"):
+            job()
+        warner.join()
+    finally:
+        signal.signal(signal.SIGUSR2, before)
+    delayed, ended = queued[0]
+    assert (folder / "checkpoint").read_text() == "kept" and ended - began < 15.0
+    assert delayed.function is job and pickle.loads(pickle.dumps(job)).arguments == ["long"]
