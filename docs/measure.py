@@ -71,8 +71,20 @@ def pictures(out: Path) -> None:
         frame.to_image().crop((160, 0, 1120, 720)).save(IMAGES / "spoon_pour.jpg", quality=86, optimize=True)
     sheet = Image.open(out / "frames.png").convert("RGB")
     sheet.resize((1440, 810)).save(IMAGES / "spoon_sheet.jpg", quality=80, optimize=True)
-    curves = Image.open(out / "report.png").convert("RGB").quantize(64)
+    picture_of_page(out / "index.html", out / "page.png")
+    curves = Image.open(out / "page.png").convert("RGB").quantize(64)
     curves.save(IMAGES / "spoon_report.png", optimize=True)
+
+
+def picture_of_page(page: Path, out: Path) -> None:
+    """Draw the curves of a run's page in Chromium, which has to be installed."""
+    script = ("<script>for (const part of document.querySelectorAll('main > *')) "
+              "if (!part.querySelector('.plotly-graph-div')) part.remove(); document.querySelector('header').remove(); "
+              "window.dispatchEvent(new Event('resize'))</script></body>")
+    cut = out.with_suffix(".html")
+    cut.write_text(page.read_text().replace("</body>", script))
+    subprocess.run(["chromium", "--headless", "--no-sandbox", "--hide-scrollbars", "--window-size=1180,1780",
+                    "--virtual-time-budget=8000", f"--screenshot={out}", cut.resolve().as_uri()], check=True)
 
 
 def report(out: Path) -> dict[str, Any]:

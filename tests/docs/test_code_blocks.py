@@ -15,7 +15,7 @@ NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?", re.I)
 RELATIVE = 0.02
 """Share by which a printed number may differ from the page's: threads and processors round sums differently."""
 SHELL = ("cd", "pip", "python", "python3", "pytest", ".venv/bin/pip", ".venv/bin/python", ".", "sudo", "git", "export",
-         "tensorboard", "ros2")
+         "tensorboard", "ros2", "ssh")
 """First words of commands that are not ours."""
 
 
