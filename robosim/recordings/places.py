@@ -16,9 +16,12 @@ def region_pose(region: RegionEntry, bodies: Mapping[str, mpm.Pose]) -> mpm.Pose
 
 def find_placed(regions: Sequence[RegionEntry], bodies: Mapping[str, mpm.Pose], positions: np.ndarray) -> np.ndarray:
     """Return which grains at positions (n, 3) [m] lie in one of the regions that are places (n,)."""
-    placed = np.zeros(len(positions), bool)
+    left = np.arange(len(positions))
+    """Grains that are in none of the regions so far: most lie in the first."""
     for region in regions:
         if region.is_place:
             box = mpm.Region((0.0, 0.0, 0.0), region.half, region.round)
-            placed |= box.holds(region_pose(region, bodies).inverse().apply(positions))
+            left = left[~box.holds(region_pose(region, bodies).inverse().apply(positions[left]))]
+    placed = np.ones(len(positions), bool)
+    placed[left] = False
     return placed

@@ -16,6 +16,8 @@ from robosim.recordings.writer import RecordingWriter
 
 FRAME_RATE = 20.0
 """Frames per second of simulated time, unless one asks for others."""
+PRESSURE_INTERVAL = 4
+"""Frames for which the pressure of grains that was read once stands: reading it takes longer than all the rest."""
 RADIUS_SHARE = 0.62
 """Radius of a drawn grain in distances of neighbours: a heap looks closed."""
 VIEW_DISTANCE = 0.6
@@ -42,7 +44,7 @@ class SceneRecorder:
         drawn = sorted(shapes)
         self._moving = [body for body in drawn if moves(model, body)]
         grid = solver.grid if solver is not None else None
-        read_grains(solver)  # compiles what reads stresses
+        self._pressures = read_grains(solver).pressures  # compiles what reads stresses
         volume = 1e-9 if solver is None else grain_volume or _mean_volume(solver)
         header = RecordingHeader(
             version=VERSION, kind=kind, title=title, frame_rate=frame_rate, tool=tool,
@@ -70,7 +72,9 @@ class SceneRecorder:
             self._next += self._interval
         poses = np.concatenate([data.xpos[self._moving], data.xquat[self._moving]], axis=1)
         row = np.zeros(6) if wrench is None else np.concatenate(wrench)
-        grains = read_grains(self._solver)
+        is_read = self.writer.frames % PRESSURE_INTERVAL == 0
+        grains = read_grains(self._solver, None if is_read else self._pressures)
+        self._pressures = grains.pressures
         numbers = np.asarray(values(grains) if values else [], float)
         self.writer.add(SceneState(float(data.time), poses, row, numbers), grains)
         return True
@@ -80,11 +84,13 @@ class SceneRecorder:
         self.writer.close()
 
 
-def read_grains(solver: mpm.Solver | None) -> GrainState:
-    """Return what a frame has of a solver's grains."""
+def read_grains(solver: mpm.Solver | None, pressures: np.ndarray | None = None) -> GrainState:
+    """Return what a frame has of a solver's grains; pressures (n,) [Pa]: None: as they are now."""
     if solver is None:
         return NO_GRAINS
-    pressures = -np.trace(solver.stresses(), axis1=1, axis2=2) / 3.0
+    if pressures is None:
+        stresses = solver.stresses()
+        pressures = -(stresses[:, 0, 0] + stresses[:, 1, 1] + stresses[:, 2, 2]) / 3.0
     return GrainState(solver.positions(), np.linalg.norm(solver.velocities(), axis=1), pressures, solver.awake)
 
 
