@@ -19,8 +19,8 @@ PERIOD = 0.02
 """Time [s] between two looks at the clock."""
 REFRESH = 0.5
 """Time [s] between two looks at the file of a run that goes on."""
-CURSOR_PERIOD = 0.2
-"""Time [s] between two movements of the charts' cursor while it plays."""
+CURSOR_PERIOD = 0.4
+"""Time [s] between two movements of slider and cursor while it plays: the browser lays out both anew each time."""
 
 
 class Playback:
@@ -59,10 +59,10 @@ class Playback:
         k = self.history.nearest(self._now)
         if k != self.view.frame:
             self.view.show(k)
-        self._is_setting = True
-        self._slider.value = self._now
-        self._is_setting = False
         if clock.monotonic() - self._cursor_moved > CURSOR_PERIOD or not self._play.value:
+            self._is_setting = True
+            self._slider.value = self._now
+            self._is_setting = False
             self.charts.show(self._now)
             self._cursor_moved = clock.monotonic()
 

@@ -9,10 +9,13 @@ import mpm
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.places import find_placed
 from robosim.recordings.reader import Recording
+from robosim.rendering.grain_skin import find_hidden
 from robosim.viewer.grain_colours import GrainColours
 from robosim.viewer.history import History
 from robosim.viewer.overlays import Overlays
 
+CELL_IN_RADII = 4.0
+"""Side of the cubes that find grains inside a heap, which nobody sees, in radii of a drawn grain."""
 GRAIN_SIZE = 1.8
 """Diameter of a drawn point, in radii of a grain."""
 BACKGROUND = np.full((1, 1, 3), 214, np.uint8)
@@ -44,7 +47,6 @@ class SceneView:
                 "/grains", np.zeros((header.grains, 3)), np.zeros((header.grains, 3), np.uint8), position=self._centre,
                 point_size=GRAIN_SIZE * header.grain_radius, point_shape="circle", point_shading="gradient",
                 precision="float16")
-        self._shown_colours: np.ndarray | None = None
         self.overlays = Overlays(server, recording, history)
 
     def show(self, k: int) -> None:
@@ -60,7 +62,7 @@ class SceneView:
 
     def recolour(self, colouring: str) -> None:
         """Colour the grains otherwise; raises KeyError for no colouring."""
-        self.colouring, self._shown_colours = colouring, None
+        self.colouring = colouring
         if self.frame >= 0:
             self._show_grains(self.recording.grains(self.frame), self.body_poses(self.recording.scene(self.frame)))
 
@@ -75,9 +77,9 @@ class SceneView:
         regions = self.recording.header.regions
         placed = find_placed(regions, poses, grains.positions) if self.colouring == "outside" else None
         colours = self._colours.colours(grains, self.colouring, placed)
-        self._grains.points = (grains.positions - self._centre).astype(np.float16)
-        if colours is not self._shown_colours:  # of a material they stay: a third of the bytes of a frame
-            self._grains.colors = self._shown_colours = colours
+        seen = ~find_hidden(grains.positions, CELL_IN_RADII * self.recording.header.grain_radius)
+        self._grains.points = (grains.positions[seen] - self._centre).astype(np.float16)
+        self._grains.colors = colours[seen]
 
 
 def light_scene(server: viser.ViserServer) -> None:

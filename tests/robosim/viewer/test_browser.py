@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 INSTALL = "apt install chromium chromium-driver, pip install selenium"
 GRAINS, FRAMES, RATE = 50_000, 60, 20.0
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1100,750",
-         "--enable-unsafe-swiftshader", "--use-angle=swiftshader")
+         "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist")
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rng = np.random.default_rng(0)
     bed = rng.uniform([0.4, -0.2, 0.0], [0.8, 0.2, 0.06], (GRAINS, 3))
     header = RecordingHeader(
-        version=VERSION, kind="scene", title="an arm over a bed", frame_rate=RATE, grains=GRAINS, grain_radius=1.5e-3,
+        version=VERSION, kind="scene", title="an arm over a bed", frame_rate=RATE, grains=GRAINS, grain_radius=3.6e-3,
         colour=(0.9, 0.85, 0.7), lower=(0.3, -0.3, 0.0), upper=(0.9, 0.3, 0.4), tool="spoon",
         bodies=[BodyEntry(name=name, moves=True, position=(0, 0, 0), quaternion=(1, 0, 0, 0)) for name in shapes],
         cameras=[CameraEntry(name="front", position=(1.6, -0.6, 0.7), target=(0.5, 0.0, 0.1), fov_deg=40.0),
