@@ -10,6 +10,8 @@ from typing import Any
 
 POLL = 0.2
 """Time [s] between two looks at a command."""
+TERMINATED = (-signal.SIGTERM, 128 + signal.SIGTERM)
+"""Statuses of a command that was ended from outside, as where its node fails."""
 GRACE = 60.0
 """Time [s] that a command has to write its checkpoint after SIGTERM."""
 SHOWN_LINES = 3
@@ -47,6 +49,8 @@ class ClusterJob:
         while not has_ended(self._process.pid):
             time.sleep(POLL)
         status = self._process.wait()
+        if status in TERMINATED:
+            time.sleep(GRACE)  # the cluster ends this job, too, and may queue it again: then it has no result yet
         if status:
             raise JobFailed(describe_failure(self.log, status))
         return 0

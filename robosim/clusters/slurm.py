@@ -99,7 +99,11 @@ class SlurmLauncher:
     @staticmethod
     def _reason(job: Any) -> str:
         error = job.exception()
-        return "" if error is None else str(error).strip().splitlines()[-1]
+        if error is None:
+            return ""
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        own = [line.split("JobFailed: ", 1)[1] for line in lines if "JobFailed: " in line]
+        return own[-1] if own else f"{lines[-1]}; see {job.paths.stderr}"
 
 
 def list_partitions() -> list[str]:
