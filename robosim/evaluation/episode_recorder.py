@@ -7,12 +7,11 @@ import mujoco
 
 from robosim.envs.grain_env import GrainEnv
 from robosim.envs.picture import build_task_spec, place_tool
-from robosim.recordings.header import CurveEntry, RegionEntry, region_entry, three
+from robosim.recordings.header import CurveEntry, RegionEntry, region_entry
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.reports.provenance import commit
-from robosim.scene.frames import container_pose
-from robosim.scene.grains import RIM_MARGIN
-from robosim.scene.models import compile_spec, read_inner_size
+from robosim.scene.container_region import container_region
+from robosim.scene.models import compile_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
 
@@ -70,10 +69,5 @@ def places(task: TaskConfig) -> list[RegionEntry]:
     """Return where grains may be: the target, containers, and the tool."""
     entries = [region_entry("target", task.target.region),
                region_entry(task.tool, tool_shape(task.tool).interior, body=task.tool)]
-    for name, container in task.containers.items():
-        size = read_inner_size(name)
-        height = size[2] + RIM_MARGIN
-        pose = container_pose(container)
-        centre = pose.apply([[0.0, 0.0, height / 2.0]])[0]  # pyright: ignore[reportArgumentType]
-        entries.append(RegionEntry(name=name, position=three(centre), half=three([*(size[:2] / 2.0), height / 2.0])))
-    return entries
+    return [*entries, *(region_entry(name, *container_region(name, container))
+                        for name, container in task.containers.items())]

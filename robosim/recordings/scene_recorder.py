@@ -19,7 +19,7 @@ FRAME_RATE = 20.0
 PRESSURE_INTERVAL = 4
 """Frames for which the pressure of grains that was read once stands: reading it takes longer than all the rest."""
 RADIUS_SHARE = 0.62
-"""Radius of a drawn grain in distances of neighbours: a heap looks closed."""
+"""Radius of a drawn grain in distances of neighbours, as in films: a heap looks closed."""
 VIEW_DISTANCE = 0.6
 """Distance [m] from a camera without a target body to the point that a view turns about."""
 NO_GRAINS = GrainState(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool))

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-import mpm
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
@@ -17,9 +16,8 @@ from robosim.rehearsal.readings import Step
 from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.provenance import commit
 from robosim.robot.model import SPEED_LIMITS
-from robosim.scene.frames import container_pose
-from robosim.scene.grains import RIM_MARGIN, is_in_tool
-from robosim.scene.models import read_inner_size
+from robosim.scene.container_region import container_region
+from robosim.scene.grains import is_in_tool
 from robosim.shapes import tool_shape
 
 FORCES = ("Fx", "Fy", "Fz")
@@ -57,10 +55,7 @@ def counting_regions(config: RehearsalConfig) -> list[RegionEntry]:
     """Return where grains may be at the end: containers, the area, and the tool; and the pile of the start."""
     entries = []
     for name, container in config.containers.items():
-        size = read_inner_size(name)
-        height = size[2] + RIM_MARGIN
-        half = (*(size[:2] / 2.0 + 1e-3), height / 2.0 + 5e-3)
-        entries.append(region_entry(name, mpm.Region((0.0, 0.0, height / 2.0), half), container_pose(container)))
+        entries.append(region_entry(name, *container_region(name, container)))
     if config.area is not None:
         entries.append(region_entry("area", config.area.region))
     if config.pile is not None:

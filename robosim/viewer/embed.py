@@ -1,11 +1,8 @@
 """A recording as a page of its own, which plays without a server and without a network."""
 
-import numpy as np
-import viser
-
 from robosim.recordings.reader import Recording
 from robosim.viewer.history import History
-from robosim.viewer.scene_view import SceneView
+from robosim.viewer.scene_view import SceneView, aim_first_camera
 from robosim.viewer.server import start_server, stop_server
 
 MOST_FRAMES = 600
@@ -19,7 +16,7 @@ def embed_html(recording: Recording, most_frames: int = MOST_FRAMES) -> str:
         history = History(recording)
         history.refresh()
         view = SceneView(server, recording, history)
-        aim_first_camera(server, recording)
+        aim_first_camera(server, recording.header.cameras, "close")
         view.overlays.set_visible("path", True)
         stride = max(1, -(-len(recording) // most_frames))
         view.show(0)
@@ -30,12 +27,3 @@ def embed_html(recording: Recording, most_frames: int = MOST_FRAMES) -> str:
         return serializer.as_html()
     finally:
         stop_server(server)
-
-
-def aim_first_camera(server: viser.ViserServer, recording: Recording) -> None:
-    """Begin at the camera "close", or else at the first."""
-    cameras = {camera.name: camera for camera in recording.header.cameras}
-    first = cameras.get("close") or next(iter(cameras.values()), None)
-    if first is not None:
-        initial = server.initial_camera
-        initial.position, initial.look_at, initial.fov = first.position, first.target, first.fov_deg * np.pi / 180

@@ -12,7 +12,7 @@ from robosim.viewer.charts import Charts
 from robosim.viewer.grain_colours import COLOURINGS, LEGENDS
 from robosim.viewer.history import History
 from robosim.viewer.overlays import OVERLAYS
-from robosim.viewer.scene_view import SceneView
+from robosim.viewer.scene_view import SceneView, aim_first_camera
 
 SPEEDS = ("0.1x", "0.25x", "0.5x", "1x", "2x", "5x")
 PERIOD = 0.02
@@ -34,7 +34,7 @@ class Playback:
         self._is_following, self._cursor_moved, self._refreshed = not recording.is_finished, 0.0, 0.0
         self._is_setting = False
         self._add_controls()
-        self._aim_first_camera()
+        aim_first_camera(server, recording.header.cameras, "overview")
         self._now = 0.0
         self.refresh()
         self.seek(np.inf if self._is_following else 0.0)
@@ -123,14 +123,6 @@ class Playback:
         self.view.overlays.set_visible(name, visible)
         if self.view.frame >= 0:
             self.view.show(self.view.frame)
-
-    def _aim_first_camera(self) -> None:
-        cameras = {camera.name: camera for camera in self.recording.header.cameras}
-        first = cameras.get("overview") or next(iter(cameras.values()), None)
-        if first is not None:
-            initial = self.server.initial_camera
-            initial.position, initial.look_at = first.position, first.target
-            initial.fov = np.radians(first.fov_deg)
 
     @staticmethod
     def _aim(client: viser.ClientHandle | None, camera: CameraEntry) -> None:

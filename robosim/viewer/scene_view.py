@@ -7,6 +7,7 @@ import viser
 
 import mpm
 from robosim.recordings.frames import GrainState, SceneState
+from robosim.recordings.header import CameraEntry
 from robosim.recordings.places import find_placed
 from robosim.recordings.reader import Recording
 from robosim.rendering.grain_skin import find_hidden
@@ -89,3 +90,11 @@ def light_scene(server: viser.ViserServer) -> None:
     server.scene.add_light_hemisphere("/lights/sky", sky_color=SKY, ground_color=GROUND, intensity=1.3)
     server.scene.add_light_directional("/lights/key", intensity=1.6, position=(1.2, -0.9, 2.5))
     server.scene.add_light_directional("/lights/fill", intensity=0.5, position=(0.5, 2.0, 1.5))
+
+
+def aim_first_camera(server: viser.ViserServer, cameras: list[CameraEntry], preferred: str) -> None:
+    """Let a page begin at a camera, or at the first where there is none of the name."""
+    first = next((camera for camera in cameras if camera.name == preferred), next(iter(cameras), None))
+    if first is not None:
+        initial = server.initial_camera
+        initial.position, initial.look_at, initial.fov = first.position, first.target, float(np.radians(first.fov_deg))

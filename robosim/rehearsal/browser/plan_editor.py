@@ -28,14 +28,14 @@ class PlanEditor:
         self._changed: dict[str, np.ndarray] = {}
         """Waypoint -> its new world position (3,) [m]."""
         self._is_stale, self._playback, self._recording = True, None, None
-        self._saves, self._count = False, 0
+        self._is_to_save, self._count = False, 0
 
     def run(self, server: viser.ViserServer) -> None:
         """Show and plan until interrupted."""
         last = clock.monotonic()
         while True:
-            if self._saves:
-                self._saves = False
+            if self._is_to_save:
+                self._is_to_save = False
                 self._save(server)
             if self._is_stale:
                 self._is_stale = False
@@ -60,11 +60,13 @@ class PlanEditor:
             record_plan(config, path)
         except RobosimError as error:
             message = f"**not possible:** {error}"
-        if not message or self._recording is None:
-            self._recording = Recording(path) if not message else None
         note.remove()
-        if message:
+        if message:  # what was possible before is shown on
             server.gui.add_markdown(message)
+        else:
+            if self._recording is not None:
+                self._recording.close()
+            self._recording = Recording(path)
         if self._recording is not None:
             self._playback = Playback(server, self._recording)
             self._playback.view.overlays.set_visible("path", True)
@@ -102,7 +104,7 @@ class PlanEditor:
         self._is_stale = True
 
     def _ask_save(self) -> None:
-        self._saves = True
+        self._is_to_save = True
 
     def _save(self, server: viser.ViserServer) -> None:
         """Write the dragged waypoints into the file, in which comments and order stay."""

@@ -33,20 +33,21 @@ def view(what: str, *, port: int, host: str, plan: bool = False, material: str |
     """
     token = choose_token(host, allows_others)
     with contextlib.ExitStack() as stack:
+        editor = recording = None
         if plan:
             from robosim.rehearsal.browser.plan_editor import PlanEditor
 
-            shown = PlanEditor(what, settings or [])
+            editor = PlanEditor(what, settings or [])
         else:
             path = find_path(what) or stack.enter_context(begin_run(what, material, out, settings or []))
-            shown = Recording(path)
+            recording = stack.enter_context(Recording(path))
         server, address = open_server(host, port, token)
         stack.callback(stop_server, server)
         print(f"{address}   (Ctrl-C ends it)", flush=True)
-        if plan:
-            shown.run(server)  # pyright: ignore[reportAttributeAccessIssue]
-        else:
-            Playback(server, shown).run()  # pyright: ignore[reportArgumentType]
+        if editor is not None:
+            editor.run(server)
+        elif recording is not None:
+            Playback(server, recording).run()
     return 0
 
 
