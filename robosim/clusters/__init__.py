@@ -1,6 +1,6 @@
 """Many runs of `robosim` on other machines: arrays of SLURM jobs, or Ray.
 
-Imports: config, errors, mpm.
+Imports: config, errors, reports, mpm.
 """
 
 LAUNCHERS = ("local", "slurm", "ray")

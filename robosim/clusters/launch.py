@@ -52,10 +52,12 @@ class Launcher(Protocol):
     def configure(self, table: Mapping[str, Any]) -> None:
         """Take over a `launch:` table; raises ConfigError."""
 
-    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path) -> Iterator[Ended]:
+    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
+            resumes: bool = True) -> Iterator[Ended]:
         """Submit commands, arguments of `python -m` each, and yield each as it ends.
 
         The second part of a command is the file that its output is appended to. folder: of what the cluster writes.
+        resumes: whether a command that is cut off by its time limit continues where it stopped; others fail then.
 
         Raises ConfigError where they cannot be submitted.
         """

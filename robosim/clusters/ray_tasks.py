@@ -23,7 +23,8 @@ class RayLauncher:
         """Take over a `launch:` table, of which cores and memory_gb apply; raises ConfigError."""
         self.table = read_table(table)
 
-    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path) -> Iterator[Ended]:
+    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
+            resumes: bool = True) -> Iterator[Ended]:
         """Submit commands and yield each as it ends; a worker that is lost is replaced, and its run continues."""
         ray = self._ray
         if not ray.is_initialized():

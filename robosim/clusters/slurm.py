@@ -41,11 +41,12 @@ class SlurmLauncher:
             raise ConfigError(f"launch.partition: {self.table.partition!r}; accepted here: "
                               f"{', '.join(self._partitions)}")
 
-    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path) -> Iterator[Ended]:
+    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
+            resumes: bool = True) -> Iterator[Ended]:
         """Submit commands and yield each as it ends; what is interrupted here goes on there."""
         if not commands:
             return
-        jobs = self._adopt_or_submit(commands, folder)
+        jobs = self._adopt_or_submit(commands, folder, MOST_REQUEUES if resumes else 0)
         print(f"{len(jobs)} jobs of SLURM: {jobs[0].job_id} to {jobs[-1].job_id}; logs in {folder}; Ctrl-C ends the "
               f"waiting, not the jobs", flush=True)
         waiting, unseen = dict(enumerate(jobs)), dict.fromkeys(range(len(jobs)), 0)
@@ -61,7 +62,7 @@ class SlurmLauncher:
             if waiting:
                 time.sleep(POLL)
 
-    def _adopt_or_submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path) -> list[Any]:
+    def _adopt_or_submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path, requeues: int) -> list[Any]:
         """Return the jobs of commands: those that an earlier call submitted and that are still queued, and new ones."""
         record = folder / JOBS
         try:
@@ -75,14 +76,14 @@ class SlurmLauncher:
                 jobs[index] = self._submitit.SlurmJob(folder=folder, job_id=job_id)
         new = [index for index in range(len(commands)) if index not in jobs]
         if new:
-            jobs |= dict(zip(new, self._submit([commands[index] for index in new], folder)))
+            jobs |= dict(zip(new, self._submit([commands[index] for index in new], folder, requeues)))
         write_json(record, {str(log): jobs[index].job_id for index, (_, log) in enumerate(commands)})
         return [jobs[index] for index in range(len(commands))]
 
-    def _submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path) -> list[Any]:
+    def _submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path, requeues: int) -> list[Any]:
         table = self.table
         folder.mkdir(parents=True, exist_ok=True)
-        executor = self._submitit.SlurmExecutor(folder=folder, max_num_timeout=MOST_REQUEUES,
+        executor = self._submitit.SlurmExecutor(folder=folder, max_num_timeout=requeues,
                                                 python=table.python or None)
         named = {key: value for key, value in (("partition", table.partition), ("account", table.account),
                                                ("qos", table.qos)) if value}

@@ -142,8 +142,11 @@ class CommandParser(argparse.ArgumentParser):
         self.add_argument("--threads", dest="field_threads", type=NUMBERS["--threads"], default=1,
                           help="threads that the field is computed with (default: 1); results are the same to rounding")
 
-    def add_launch(self) -> None:
-        """Add the option `--launch`; `options.make_launcher(options.launch)` runs commands elsewhere, or is None."""
+    def add_launch(self, source: str = "the table `launch` of the file") -> None:
+        """Add `--launch`; `options.make_launcher(options.launch)` runs commands elsewhere, or is None.
+
+        source: of the cluster's numbers, for the help.
+        """
         from robosim.clusters import LAUNCHERS
 
         def make_launcher(name: str) -> Any:
@@ -153,8 +156,22 @@ class CommandParser(argparse.ArgumentParser):
             return make(name)
 
         self.add_argument("--launch", choices=LAUNCHERS, default="local", help="where the runs are made: here, or as "
-                          "jobs of SLURM or Ray, as the table `launch` of the file says (default: local)")
+                          f"jobs of SLURM or Ray, as {source} says (default: local)")
         self.set_defaults(make_launcher=make_launcher)
+
+    def add_runner(self) -> None:
+        """Add `--launch` and `--launch-file` for a command with many jobs; `options.make_runner(options)` runs them."""
+
+        def make_runner(options: argparse.Namespace) -> Any:
+            """Return what runs jobs elsewhere, or None."""
+            from robosim.clusters.json_jobs import make_json_jobs
+
+            return make_json_jobs(options.launch, options.launch_file, options.out)
+
+        self.add_launch("--launch-file")
+        self.add_argument("--launch-file", type=Path, metavar="FILE", help="YAML file for --launch: partition, hours, "
+                          "memory_gb, ... as in the table `launch` of a sweep")
+        self.set_defaults(make_runner=make_runner)
 
     def add_settings(self, what: str, example: str) -> None:
         """Add the option `--set` for the keys of a file; `options.settings` are those given, see `Settings`."""

@@ -17,7 +17,7 @@ from robosim.evaluation import POLICIES
 from robosim.evaluation.material_episode import MATERIALS, OWN, READINGS
 from robosim.evaluation.material_tables import Rows, draw_map, format_table, make_rows, write_csv
 from robosim.evaluation.policies import load_policy
-from robosim.reports.jobs import run_jobs
+from robosim.reports.jobs import Runner, run_jobs
 from robosim.reports.provenance import code_digest
 from robosim.tasks.task import load_task
 
@@ -28,10 +28,12 @@ EPISODE = "robosim.evaluation.material_episode"
 """Module that runs one episode."""
 
 
-def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int = 1) -> int:
+def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int = 1,
+              runner: Runner | None = None) -> int:
     """Run a policy's motion of every task in all materials, and write tables and a picture into a folder.
 
-    Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes.
+    Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes,
+    here; runner: runs the episodes elsewhere.
     Returns 0, or 1 where a process failed; the same command then continues.
     Raises UnknownName for a task that does not exist, ConfigError for a motion that does not fit.
     """
@@ -48,7 +50,8 @@ def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int =
         progress = Progress(total=len(tasks) * (1 + len(MATERIALS)), desc="materials", unit="episodes")
         progress.update(progress.total - len(waiting))
         failed = []
-        for index, episode, reason in run_jobs([(EPISODE, [task, name, label]) for task, label in waiting], jobs):
+        work = [(EPISODE, [task, name, label]) for task, label in waiting]
+        for index, episode, reason in run_jobs(work, jobs, runner):
             task, label = waiting[index]
             if episode is None:
                 failed.append(f"{task} in {label}: {reason}")

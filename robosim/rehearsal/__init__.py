@@ -1,6 +1,6 @@
 """Whole-arm rehearsals: plan, run, readings, metrics, plots and film.
 
-Imports: config, coupling, envs, errors, evaluation, recordings, rendering, reports, robot, scene, shapes,
+Imports: config, conversion, coupling, envs, errors, evaluation, recordings, rendering, reports, robot, scene, shapes,
 tasks, viewer, mpm.
 """
 

@@ -9,6 +9,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.mass_balance import compute_fractions, compute_ratio, compute_scooped_mass, weigh_at_wrist
 from robosim.rehearsal.paths.learned_path import LearnedPath
 from robosim.rehearsal.paths.waypoint_path import is_in_container
+from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.model import SPEED_LIMITS
 from robosim.shapes import tool_shape
@@ -89,8 +90,8 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "robot_surroundings_contacts": run.collisions.robot_surroundings_contacts,
         **_momentum_figures(run),
         **_arm_figures(run),
-        "motion_delay_s": run.plan.motion.delay, "trajectory": config.trajectory,
-        **_learned_path_figures(run),
+        "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
+        **_learned_path_figures(run), **_replay_figures(run),
         "grasp": config.grasp, "grasp_slip_m": run.grasp.slip,
         "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
         "particles_lost": int(run.readings.stack_grains("lost").max()),
@@ -135,6 +136,11 @@ def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:
         return {}
     return {"learned": list(run.config.learned), "time_scale": path.time_scale,
             "path_smoothing_deviation_m": path.smoothing_deviation, "path_clearance_shift_m": path.clearance_shift}
+
+
+def _replay_figures(run: RehearsalRun) -> dict[str, object]:
+    """Differences of a recording from plan and simulation; empty without one."""
+    return {} if run.replay is None else replay_figures(run.replay, run.compare_wrench(), run.plan.arm)
 
 
 def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:

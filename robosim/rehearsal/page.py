@@ -10,13 +10,14 @@ import yaml
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.readings import ARM
+from robosim.rehearsal.replay.comparison import replay_charts
 from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.page import Page
 
 AVERAGED_STEPS = 20
 """Steps over which plotted forces are averaged; those in trajectory.csv are not."""
-UNITS = {"m": "m", "kg": "kg", "s": "s", "deg": "deg"}
+UNITS = {"m": "m", "kg": "kg", "s": "s", "deg": "deg", "N": "N", "Nm": "N m"}
 """Last word of a figure's name -> its unit."""
 
 
@@ -94,6 +95,8 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
               most=bounds["momentum_residual"].high, is_logarithmic=True),
         Chart("energy of the grains since the start [mJ]", energy_curves(run)),
     ]
+    if run.replay is not None:
+        charts[1:1] = replay_charts(run.replay, run.compare_wrench(), ARM, run.config.grasp_time)
     if run.solver.sleep:
         charts.append(Chart("grains that are computed [%]",
                             [Curve("awake", grain_time, 100.0 * readings.stack_grains("awake"))]))

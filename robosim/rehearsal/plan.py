@@ -10,7 +10,7 @@ from robosim.rehearsal.paths.learned_path import LearnedPath
 from robosim.rehearsal.paths.waypoint_path import WaypointPath
 from robosim.robot.joint_path import PathSolution, solve_path
 from robosim.robot.model import Arm
-from robosim.robot.timing import SmoothMotion, compute_time_scale
+from robosim.robot.timing import JointMotion, SmoothMotion, compute_time_scale
 
 MAX_SLOWDOWNS = 20
 """Times that a learned motion is slowed down before it is refused."""
@@ -25,7 +25,7 @@ class Plan(NamedTuple):
 
     path: WaypointPath | LearnedPath
     solution: PathSolution
-    motion: SmoothMotion
+    motion: JointMotion
     arm: Arm
 
 

@@ -13,6 +13,8 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.coupling.plugin import GranularPlugin
 from robosim.rehearsal.plan import Plan
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
+from robosim.rehearsal.replay.comparison import Simulated, WrenchComparison, compare_wrench
+from robosim.rehearsal.replay.recorded_motion import Replay
 from robosim.robot.joint_control import Servo, TorqueSensors
 from robosim.robot.timing import JointState
 from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
@@ -36,16 +38,18 @@ CLOSING_SHARE = 0.6
 class RehearsalRun:
     """The coupled scene of a planned motion, and the simulation of it.
 
-    seed: of the grains' initial positions. material: None for the configured one.
+    seed: of the grains' initial positions. material: None for the configured one. replay: a recording of the real arm,
+    whose motion takes the place of the planned one.
     """
 
     def __init__(self, config: RehearsalConfig, plan: Plan, seed: int = 0,
-                 material: MaterialConfig | None = None) -> None:
-        self.config, self.plan, self.seed = config, plan, seed
+                 material: MaterialConfig | None = None, replay: Replay | None = None) -> None:
+        self.plan = plan if replay is None else plan._replace(motion=replay.motion)
+        self.config, self.replay, self.seed = config, replay, seed
         self.material: MaterialConfig = material or load_material(config.material)
         self.scene: Scene = compile_scene(build_rehearsal_spec(config), config.tool)
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
-        self.data.qpos[self.scene.arm_qpos] = plan.motion.state(0.0).q
+        self.data.qpos[self.scene.arm_qpos] = self.plan.motion.state(-config.grasp_time).q
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.model, self.data, self.scene.tool)
         self.sensors = TorqueSensors(self.model, self.data, ARM_JOINTS, plan.arm)
@@ -57,7 +61,7 @@ class RehearsalRun:
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self.collisions = CollisionMonitor(self.model, self.data, config)
         self.readings = Readings()
-        self.duration = config.grasp_time + plan.motion.duration
+        self.duration = config.grasp_time + self.plan.motion.duration
         """Simulated time [s], including the grasp."""
         self.wall_time = 0.0
         """Time [s] that the steps took: field, coupling and robot."""
@@ -78,6 +82,13 @@ class RehearsalRun:
     def tool_pose(self) -> mpm.Pose:
         """Return the world pose of the tool's frame."""
         return body_pose(self.data, self.scene.tool)
+
+    def compare_wrench(self) -> WrenchComparison | None:
+        """Return the recorded and the simulated wrench; None without a recorded one."""
+        if self.replay is None:
+            return None
+        steps = Simulated(*(self.readings.stack_steps(name) for name in ("time", "q", "wrist")))
+        return compare_wrench(self.replay, steps, self.model, self.scene.arm_qpos, self.config.grasp_time)
 
     def waypoint_time(self, name: str) -> float:
         """Return the simulated time [s] at which a waypoint is passed."""

@@ -10,6 +10,7 @@ from mpm.progress import Progress
 from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.conversion.joint_log import JointLog
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import SceneRecorder
@@ -20,6 +21,8 @@ from robosim.rehearsal.page import make_page
 from robosim.rehearsal.paths.motion_sequence import place_target
 from robosim.rehearsal.plan import plan_motion
 from robosim.rehearsal.recorder import RunReadings, make_recorder
+from robosim.rehearsal.replay.comparison import OPPOSITE
+from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
 from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
@@ -35,17 +38,26 @@ PRINTED = {
     "realtime_factor": ("simulated seconds per second", "{:.3f}"),
 }
 """Figure of the report -> its name and form on the console."""
+COMPARED = {
+    "recorded_clock_offset_s": ("recorded time at which the motion starts", "{:.3f} s"),
+    "recorded_joint_difference_max_deg": ("recorded from planned joint angles, at most", "{:.3f} deg"),
+    "recorded_tool_difference_max_m": ("recorded from planned place of the tool, at most", "{:.4f} m"),
+    "recorded_force_difference_rms_N": ("recorded from simulated wrist force, rms", "{:.3f} N"),
+    "recorded_torque_difference_rms_Nm": ("recorded from simulated wrist torque, rms", "{:.4f} N m"),
+}
+"""The same of a recording's."""
 
 
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
              camera: str | None = "close", colour: str = "material", frame_rate: int = FRAME_RATE,
              height: int = 720, poster: float | None = None, seed: int = 0, trajectory: str | None = None,
-             motions: Path | None = None) -> int:
+             motions: Path | None = None, recorded: Path | None = None) -> int:
     """Run a rehearsal and write its results into the folder `out`.
 
     Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains.
     frame_rate: pictures per second; height: of a picture [pixels]; poster: time [s] of a still. trajectory: "script"
-    or "learned", the latter from a folder of motions, or with None the bundled ones.
+    or "learned", the latter from a folder of motions, or with None the bundled ones. recorded: what the real arm
+    recorded of that motion (see `robosim.conversion.joint_log`), to be played in its place and compared with it.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """
@@ -57,6 +69,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     material_config = load_material(config.material)
     check_field(config, law_of(material_config))
     name_joints(config.joint_trajectory)  # raises for names that cannot be used
+    log = None if recorded is None else read_log(recorded, config)
     if camera is not None:
         check_camera(camera)
         check_colour(colour)
@@ -68,7 +81,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
             film = None if camera is None else FilmProcess(folder)
             if film is not None:
                 stack.callback(film.close)
-            run = _prepare(config, folder, seed)
+            run = _prepare(config, folder, seed, log)
             stack.callback(_write_trajectory, run, folder)
             recorder = make_recorder(run, folder.path / RECORDING)
             stack.callback(recorder.close)
@@ -91,7 +104,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         return int(bool(missed))
 
 
-def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int) -> RehearsalRun:
+def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: JointLog | None) -> RehearsalRun:
     """Plan the motion, write its trajectory, and make robot and grains."""
     print("planning the motion ...", file=sys.stderr)
     began = clock.perf_counter()
@@ -99,8 +112,9 @@ def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int) -> Rehear
     planned = clock.perf_counter()
     folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
         plan.motion, config.joint_trajectory, start=config.grasp_time))
+    replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
-    run = RehearsalRun(config, plan, seed=seed)
+    run = RehearsalRun(config, plan, seed=seed, replay=replay)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
 
@@ -145,6 +159,12 @@ def _print(figures: dict, missed: list[str], folder: OutputFolder) -> None:
     """Print the main figures, and those that missed their bounds."""
     for key, (name, form) in PRINTED.items():
         print(f"{name:46s} {'-' if figures[key] is None else form.format(figures[key])}")
+    for key, (name, form) in COMPARED.items():
+        if figures.get(key) is not None:
+            print(f"{name:46s} {form.format(figures[key])}")
+    if (figures.get("recorded_force_correlation") or 0.0) < OPPOSITE:
+        print("the recorded force is opposite to the simulated one: is it that of the hand on the arm? Compared is the "
+              "arm's on the hand")
     for line in missed:
         print(f"outside its bound: {line}")
     print(f"written to {folder.path}")

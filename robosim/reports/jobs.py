@@ -11,15 +11,21 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import IO, Any, NamedTuple
 
 PR_SET_PDEATHSIG = 1
 """Option of prctl: the signal to get when the parent ends. Source: linux/prctl.h."""
 PARENT = "ROBOSIM_PARENT"
 """Environment variable with the id of the process that started a job."""
+ANY_CORE = "any"
+"""In place of the core, for a job of a cluster: which core it has, the cluster chooses."""
 Job = tuple[str, Sequence[str]]
 """A module with a `main` and its arguments; the core is added as the last one. It prints JSON on its last line."""
+
+
+Runner = Callable[[Sequence[Job]], Iterator[tuple[int, Any, str]]]
+"""Runs jobs elsewhere, and yields them as `run_jobs` does."""
 
 
 class RunningJob(NamedTuple):
@@ -30,12 +36,15 @@ class RunningJob(NamedTuple):
     stderr: IO[str]
 
 
-def run_jobs(jobs: Sequence[Job], processes: int) -> Iterator[tuple[int, Any, str]]:
-    """Run jobs, as many at a time as there are processes, and yield each as it ends.
+def run_jobs(jobs: Sequence[Job], processes: int, runner: Runner | None = None) -> Iterator[tuple[int, Any, str]]:
+    """Run jobs, as many at a time as there are processes, and yield each as it ends; or have a runner run them.
 
     Yields its index, the JSON value of the last line on stdout, and "". Where there is no such value it is None, and
     the last line on stderr, or how the process ended, is the reason.
     """
+    if runner is not None:
+        yield from runner(jobs)
+        return
     waiting, running = list(enumerate(jobs)), {}
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
     try:
@@ -80,10 +89,12 @@ def _result(job: RunningJob) -> tuple[Any, str]:
 
 
 def pin_to_core(core: str) -> None:
-    """Pin this process to a core and, on Linux, end it together with the process that started it.
+    """Pin this process to a core, unless on ANY_CORE, and, on Linux, end it together with the process that started it.
 
     A job that outlived a killed report would disturb the times measured on its core.
     """
+    if core == ANY_CORE:
+        return
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {int(core)})
     if sys.platform == "linux":

@@ -4,14 +4,14 @@ import numpy as np
 
 from robosim.config.robot import JointTrajectoryConfig
 from robosim.errors import ConfigError, UnknownName
-from robosim.robot.timing import SmoothMotion
+from robosim.robot.timing import JointMotion
 from robosim.scene.models import ARM_JOINTS
 
 POINT_INTERVAL = 0.01
 """Longest time [s] between points of a motion: a quarter of its knots, so that quintics between points reproduce it."""
 
 
-def make_joint_trajectory(motion: SmoothMotion, names: JointTrajectoryConfig | None = None, *,
+def make_joint_trajectory(motion: JointMotion, names: JointTrajectoryConfig | None = None, *,
                           start: float = 0.0) -> dict:
     """Make the message's fields as plain Python values.
 
@@ -42,7 +42,7 @@ def name_joints(names: JointTrajectoryConfig) -> list[str]:
     return chosen
 
 
-def _make_point(motion: SmoothMotion, time: float, start: float) -> dict:
+def _make_point(motion: JointMotion, time: float, start: float) -> dict:
     """Make the point at a time [s], of a motion that begins at `start` [s]."""
     state, nanoseconds = motion.state(time - start), round(time * 1e9)
     return {"positions": _round(state.q), "velocities": _round(state.qd), "accelerations": _round(state.qdd),

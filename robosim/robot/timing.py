@@ -1,7 +1,7 @@
 """Jerk-limited joint motion: Ruckig from state to state through knots of a joint path."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from ruckig import InputParameter, Ruckig, RuckigError, Trajectory
@@ -30,6 +30,19 @@ class JointState(NamedTuple):
     q: np.ndarray
     qd: np.ndarray
     qdd: np.ndarray
+
+
+class JointMotion(Protocol):
+    """A motion of the joints over time."""
+
+    duration: float
+    """[s]"""
+    delay: float
+    """Time [s] by which limits delay its end."""
+
+    def state(self, time: float) -> JointState:
+        """Return the joint state at a time [s] since its start; at rest before and after it."""
+        ...
 
 
 def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -> np.ndarray:

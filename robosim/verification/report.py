@@ -10,6 +10,7 @@ from typing import Any
 from mpm import input_files
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError
+from robosim.reports.jobs import Runner
 from robosim.reports.provenance import provenance
 from robosim.verification.analysis import replace_non_finite, summarize_case
 from robosim.verification.cases import NAMES, find
@@ -25,11 +26,12 @@ YARDSTICK = "reference_layout.py"
 
 
 def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, points: Path | None = None,
-           yardsticks: Path | None = None, compare: Path | None = None) -> int:
+           yardsticks: Path | None = None, compare: Path | None = None, runner: Runner | None = None) -> int:
     """Run cases, all when the list is empty, and write index.html, report.json and report.jsonl.
 
     quick: their quick sweeps. jobs: runs at a time. points: JSON file with other codes' results on the column collapse.
     yardsticks: folder of YARDSTICK, to convert their seconds. compare: report.json of an earlier run.
+    runner: runs the runs elsewhere.
     Returns 0 if every claim passes, else 1. Raises ConfigError, UnknownName for what cannot be used.
     """
     for name in names:
@@ -39,7 +41,7 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
     peers = read_peers(points) if points else None
     earlier = read_json(compare) if compare else None
     with OutputFolder(out) as folder:
-        runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path / "report.jsonl", jobs)
+        runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path / "report.jsonl", jobs, runner)
         speed = measure_yardstick(yardsticks) if yardsticks else None
         results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names or NAMES}
         content = replace_non_finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,

@@ -16,7 +16,7 @@ from mpm.files import append, write_text
 from mpm.input_files import MAX_JSON, check_form, read_text
 from mpm.progress import Progress
 from robosim.errors import ConfigError
-from robosim.reports.jobs import pin_to_core, run_jobs
+from robosim.reports.jobs import Runner, pin_to_core, run_jobs
 from robosim.reports.provenance import code_digest
 from robosim.verification.cases import find, module_name
 from robosim.verification.cases.record import Record
@@ -91,13 +91,16 @@ def append_run(path: Path, run: Run) -> None:
     append(path, (json.dumps(asdict(run), sort_keys=True) + "\n").encode())
 
 
-def execute_runs(runs: list[Run], path: Path, jobs: int) -> list[Run]:
-    """Return the runs with their records, from the file or run now, `jobs` at a time; failed runs are repeated."""
+def execute_runs(runs: list[Run], path: Path, jobs: int, runner: Runner | None = None) -> list[Run]:
+    """Return the runs with their records, from the file or run now; failed runs are repeated.
+
+    jobs: runs at a time, here; runner: runs them elsewhere.
+    """
     known = {run.key: run for run in read_runs(path) if run.record is not None}
     waiting = [run for run in runs if run.key not in known]
     progress = Progress(initial=len(runs) - len(waiting), total=len(runs), desc="report", unit="runs")
     work = [(WORKER, (run.case, json.dumps(run.choices))) for run in waiting]
-    for index, row, reason in run_jobs(work, jobs):
+    for index, row, reason in run_jobs(work, jobs, runner):
         record = Record(**row) if row is not None else None
         run = replace(waiting[index], record=record, failed=reason)
         append_run(path, run)

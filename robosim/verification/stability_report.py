@@ -9,7 +9,7 @@ from mpm.input_files import check_form, read_json
 from mpm.progress import Progress
 from robosim.config.output import OutputFolder
 from robosim.errors import ConfigError
-from robosim.reports.jobs import run_jobs
+from robosim.reports.jobs import Runner, run_jobs
 from robosim.reports.page import HeatCell, Page
 from robosim.reports.provenance import code_digest, provenance
 from robosim.verification.analysis import replace_non_finite
@@ -36,10 +36,11 @@ DEFINITIONS = {
 """What "stable" means for each subject."""
 
 
-def stability(axes: list[str], out: Path, jobs: int = 1) -> int:
+def stability(axes: list[str], out: Path, jobs: int = 1, runner: Runner | None = None) -> int:
     """Run the cells of axes, all when the list is empty, and write index.html and stability.json.
 
-    Cells that the folder has from the same code are not run again. jobs: cells at a time.
+    Cells that the folder has from the same code are not run again. jobs: cells at a time, here; runner: runs
+    them elsewhere.
     Returns 0 if no cell is unstable, else 1. Raises UnknownName for an axis that does not exist, ConfigError for a
     stability.json that is no stability report.
     """
@@ -50,7 +51,7 @@ def stability(axes: list[str], out: Path, jobs: int = 1) -> int:
         waiting = [(axis, value) for axis, value in cells if cell_key(axis, value) not in known]
         work = [(WORKER, ("--cell", axis, json.dumps(value))) for axis, value in waiting]
         progress = Progress(initial=len(cells) - len(waiting), total=len(cells), desc="stability", unit="cells")
-        for index, result, reason in run_jobs(work, jobs):
+        for index, result, reason in run_jobs(work, jobs, runner):
             axis, value = waiting[index]
             ended = CellResult(axis, value, "unstable", f"{ENDED}{reason}")
             known[cell_key(axis, value)] = replace_non_finite(result) or asdict(ended)

@@ -27,6 +27,7 @@ def add_parser(commands: Any) -> None:
                         "times of other codes to this machine")
     parser.add_argument("--compare", type=Path, help="report.json of another run, to list what improved and what "
                         "became worse")
+    parser.add_runner()
     parser.set_defaults(run=run, after_interrupt="finished runs are kept; the same command continues")
 
 
@@ -37,4 +38,4 @@ def run(options: argparse.Namespace) -> int:
     from robosim.verification.report import report
 
     return report(options.cases, options.out, quick=options.quick, jobs=options.jobs, points=options.points,
-                  yardsticks=options.yardsticks, compare=options.compare)
+                  yardsticks=options.yardsticks, compare=options.compare, runner=options.make_runner(options))

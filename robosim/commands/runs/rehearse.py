@@ -12,7 +12,8 @@ from robosim.rehearsal import CAMERAS, COLOURS
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
   robosim rehearse spoon --set field.cell=0.005 --set waypoints.2.speed=0.1 --out out/coarse
-  robosim rehearse bottle --trajectory learned --out out/bottle"""
+  robosim rehearse bottle --trajectory learned --out out/bottle
+  robosim rehearse spoon --recorded real.mcap --out out/real"""
 
 
 def add_parser(commands: Any) -> None:
@@ -29,6 +30,9 @@ def add_parser(commands: Any) -> None:
                         "learned motions of its sub-tasks (default: what the file says)")
     parser.add_argument("--motions", type=Path, help="folder with a learned motion of each sub-task as TASK.npz "
                         "(default: the bundled motions)")
+    parser.add_argument("--recorded", type=Path, metavar="FILE", help="play what the real arm recorded of the motion, "
+                        "and compare its joint angles with the plan, its wrist wrench with the simulated one: a .csv "
+                        "file with columns as in trajectory.csv, or a bag of ROS with JointState and WrenchStamped")
     parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
                         "alone (default: what the file says)")
     parser.add_argument("--camera", default="close",
@@ -62,4 +66,5 @@ def run(options: argparse.Namespace) -> int:
                         camera=None if options.no_video else options.camera, colour=options.colour,
                         frame_rate=options.frame_rate, height=options.height,
                         poster=options.poster, seed=options.seed,
-                        trajectory=options.trajectory, motions=options.motions)
+                        trajectory=options.trajectory, motions=options.motions,
+                        recorded=options.recorded)

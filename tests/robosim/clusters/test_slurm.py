@@ -96,6 +96,20 @@ def test_a_failed_run_is_listed_with_its_last_lines(cluster: SlurmCluster, tmp_p
 
 
 @pytest.mark.slow
+def test_a_report_on_slurm_is_the_one_made_here(cluster: SlurmCluster, tmp_path: Path) -> None:
+    (tmp_path / "cluster.yaml").write_text("partition: cpu\nhours: 0.2\nmemory_gb: 1.5\n")
+    errors = {}
+    for name, words in (("there", ["--launch", "slurm", "--launch-file", "cluster.yaml"]), ("here", [])):
+        made = subprocess.run([sys.executable, "-m", "robosim", "report", "return_mapping", "jerk_limits", "--quick",
+                               "--out", name, *words], cwd=tmp_path, env=cluster.environment, capture_output=True,
+                              text=True, timeout=900, check=False)
+        assert made.returncode == 0, made.stderr
+        runs = json.loads((tmp_path / name / "report.json").read_text())["runs"]
+        errors[name] = [(run["case"], run["choices"], run["record"]["errors"]) for run in runs]
+    assert errors["there"] == errors["here"]
+
+
+@pytest.mark.slow
 def test_a_partition_that_is_not_there_is_refused(cluster: SlurmCluster, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SLURM_CONF", cluster.environment["SLURM_CONF"])
     launcher = make_launcher("slurm")

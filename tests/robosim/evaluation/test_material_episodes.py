@@ -54,7 +54,7 @@ def test_finished_episodes_are_kept(tmp_path, monkeypatch, capsys):
     """An episode that fails is named and the others are kept; another motion is run from the start."""
     started, killed = [], ["SpoonPour", "learned", "flour"]
 
-    def run_jobs(work, jobs):
+    def run_jobs(work, jobs, runner):
         for index, (_, arguments) in enumerate(work):
             started.append(arguments)
             is_killed = arguments == killed

@@ -13,7 +13,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
-from robosim.config.resources import config_path
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.plan import plan_motion
@@ -24,22 +23,6 @@ from robosim.robot.model import Arm
 
 UNIT = re.compile("_(s|m|kg|deg)$")
 """End of a figure's name that gives its unit."""
-
-
-@pytest.fixture
-def short(tmp_path: Path) -> Path:
-    """A rehearsal of three waypoints with cells of 10 mm, which exercises all parts in little time."""
-    data = yaml.safe_load(config_path("rehearsals", "spoon", "rehearsal").read_text())
-    by_name = {w["name"]: w for w in data["waypoints"]}
-    for name in ("start", "home"):
-        by_name[name]["position"][2] = 0.12
-    dip = by_name["above"] | {"name": "dip", "position": [-0.03, 0, 0.06], "speed": 0.3, "stop": True, "dwell": 0.2}
-    data["waypoints"] = [by_name["start"], dip, by_name["home"]]
-    data.update(weigh_at="dip", collision_thickness=0.005, grasp_time=0.2)
-    data["field"] |= {"cell": 0.01, "grains_per_cell": 4}
-    path = tmp_path / "short.yaml"
-    path.write_text(yaml.safe_dump(data))
-    return path
 
 
 def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:

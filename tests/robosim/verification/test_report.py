@@ -37,7 +37,7 @@ def test_a_report_runs_every_case_once(tmp_path: Path, monkeypatch: pytest.Monke
     markup = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
     assert all(link.startswith("#") for link in re.findall(r'(?:src|href)="([^"]*)"', markup))
     started = []
-    monkeypatch.setattr(runs, "run_jobs", lambda work, jobs: started.append(work) or iter(()))
+    monkeypatch.setattr(runs, "run_jobs", lambda work, jobs, runner: started.append(work) or iter(()))
     with pytest.raises(KeyError):  # only the failed run is repeated
         report(["free_fall"], tmp_path, quick=True)
     assert [json.loads(arguments[1]) for _, arguments in started[0]] == [{"precision": "f16"}]

@@ -61,7 +61,7 @@ def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert 'class="unstable" title=' in page and "1 stable, 0 refused, 1 unstable" in page
     started = []
     outcomes = iter([(0, None, "again")])
-    monkeypatch.setattr(stability_report, "run_jobs", lambda work, jobs: started.extend(work) or outcomes)
+    monkeypatch.setattr(stability_report, "run_jobs", lambda work, jobs, runner: started.extend(work) or outcomes)
     assert stability(["payload"], tmp_path) == 1
     assert [arguments for _, arguments in started] == [("--cell", "payload", '"heavy"')]  # without a result: again
     (tmp_path / "stability.json").write_text("{")

@@ -1,0 +1,151 @@
+"""Reading what a robot recorded of a motion: joint angles and wrist wrench, from a CSV file or a bag."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mpm.input_files import read_text
+from robosim.errors import ConfigError
+
+AXES = ("fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm")
+WRENCHES = {"wrist": "world", "sensor": "sensor"}
+"""First word of the columns of a CSV file -> axes of the wrench."""
+LEAST_SAMPLES = 10
+MOST_BYTES = 1_000_000_000
+"""Of a CSV file: an hour at 1 kHz."""
+MOST_GAP = 0.5
+"""Longest time [s] between two samples: a joint moves by less than a radian in it."""
+
+
+class Samples(NamedTuple):
+    """Readings over time."""
+
+    times: np.ndarray
+    """(n,) [s], increasing."""
+    values: np.ndarray
+    """(n, k)"""
+
+
+class JointLog(NamedTuple):
+    """What a robot recorded of a motion; its clock starts where it likes."""
+
+    path: Path
+    joints: Samples
+    """Angles (n, joints) [rad]."""
+    wrench: Samples | None
+    """Force [N] and torque [N m] (m, 6) of the arm on what hangs at its wrist."""
+    wrench_axes: str = "world"
+    """"world" or "sensor"."""
+
+
+def read_joint_log(path: Path, joints: Sequence[str], base: str = "world") -> JointLog:
+    """Read the angles of the named joints, and the wrench if there is one.
+
+    A CSV file has columns time_s, q_JOINT_rad, and for a wrench wrist_fx_N .. wrist_tz_Nm in the world's axes or
+    sensor_fx_N .. in the sensor's: as `trajectory.csv` of a rehearsal. A bag of ROS 1 or 2 has messages JointState and
+    WrenchStamped; a wrench in the frame `world` or `base` is in the world's axes, since arms stand unturned.
+    Raises ConfigError for a file without them, or with times that do not increase or have a gap.
+    """
+    if not path.exists():
+        raise ConfigError(f"{path}: does not exist; accepted: a .csv file, or a bag of ROS")
+    log = _read_csv(path, joints) if path.suffix == ".csv" else _read_bag(path, joints, ("world", base or "world"))
+    _check_times(path, "joint angles", log.joints)
+    if log.wrench is not None:
+        _check_times(path, "wrench", log.wrench)
+    return log
+
+
+def _read_csv(path: Path, joints: Sequence[str]) -> JointLog:
+    try:
+        lines = read_text(path, MOST_BYTES).splitlines()
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read: {str(error).removeprefix(f'{path}: ')}") from None
+    columns = [name.strip() for name in lines[0].split(",")] if lines else []
+    names = [f"q_{joint}_rad" for joint in joints]
+    for name in ("time_s", *names):
+        if name not in columns:
+            raise ConfigError(f"{path}: no column {name} among {', '.join(columns)}; accepted: a file with time_s, "
+                              f"{', '.join(names)}")
+    wrench = next((word for word in WRENCHES if all(f"{word}_{axis}" in columns for axis in AXES)), None)
+    names = ["time_s", *names, *([] if wrench is None else [f"{wrench}_{axis}" for axis in AXES])]
+    chosen, values = [columns.index(name) for name in names], []
+    for number, line in enumerate(lines[1:], 2):
+        row = line.split(",")
+        try:
+            values.append([float(row[k]) for k in chosen])
+        except (ValueError, IndexError) as error:
+            raise ConfigError(f"{path}: row {number}: {error}; accepted: {len(columns)} numbers") from None
+    table = np.array(values).reshape(-1, len(names))
+    n = 1 + len(joints)
+    readings = None if wrench is None else Samples(table[:, 0], table[:, n:])
+    return JointLog(path, Samples(table[:, 0], table[:, 1:n]), readings, WRENCHES[wrench or "wrist"])
+
+
+def _read_bag(path: Path, joints: Sequence[str], world: Sequence[str]) -> JointLog:
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.rosbag2.errors import ReaderError
+    except ImportError as error:
+        raise ConfigError(f"{path}: a bag needs {error.name}: pip install '.[ros]' in the checkout; accepted without "
+                          f"it: a .csv file") from None
+    from robosim.conversion.messages import STORE
+
+    states: dict[str, list] = {}
+    wrenches: dict[str, list] = {}
+    frames: dict[str, str] = {}
+    try:
+        with AnyReader([path], default_typestore=STORE) as bag:
+            for connection, _, raw in bag.messages():
+                kind = connection.msgtype.rsplit("/", 1)[-1]
+                if kind not in ("JointState", "WrenchStamped"):
+                    continue
+                message: Any = bag.deserialize(raw, connection.msgtype)
+                stamp = message.header.stamp
+                time = stamp.sec + 1e-9 * stamp.nanosec
+                if kind == "WrenchStamped":
+                    frames[connection.topic] = message.header.frame_id
+                    wrenches.setdefault(connection.topic, []).append([time, *_wrench_values(message.wrench)])
+                elif set(joints) <= set(message.name):
+                    order = [list(message.name).index(joint) for joint in joints]
+                    states.setdefault(connection.topic, []).append([time, *np.asarray(message.position)[order]])
+    except (AnyReaderError, ReaderError, OSError) as error:
+        raise ConfigError(f"{path}: {error}; accepted: a .csv file, or a bag of ROS") from None
+    if len(states) != 1:
+        raise ConfigError(f"{path}: {len(states)} topics of JointState name {', '.join(joints)}"
+                          f"{': ' if states else ''}{', '.join(states)}; accepted: one")
+    # what grains do is in a bag of ours, too: the wrench on them is not one of the wrist
+    chosen = [topic for topic in wrenches if "grains" not in topic]
+    if len(chosen) > 1:
+        raise ConfigError(f"{path}: {len(chosen)} topics of WrenchStamped: {', '.join(chosen)}; accepted: one, of the "
+                          f"wrist")
+    (angles,) = states.values()
+    if not chosen:
+        return JointLog(path, _samples(angles), None)
+    axes = "world" if frames[chosen[0]].lstrip("/") in world else "sensor"
+    return JointLog(path, _samples(angles), _samples(wrenches[chosen[0]]), axes)
+
+
+def _samples(rows: list) -> Samples:
+    table = np.array(rows, float)
+    return Samples(table[:, 0], table[:, 1:])
+
+
+def _wrench_values(wrench: Any) -> list[float]:
+    return [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
+
+
+def _check_times(path: Path, what: str, samples: Samples) -> None:
+    """Raise ConfigError unless samples are finite, enough, and in order without a gap."""
+    times = samples.times
+    if len(times) < LEAST_SAMPLES:
+        raise ConfigError(f"{path}: {what}: {len(times)} samples; accepted: at least {LEAST_SAMPLES}")
+    if not (np.isfinite(times).all() and np.isfinite(samples.values).all()):
+        bad = int(np.flatnonzero(~np.isfinite(np.column_stack(samples)).all(1))[0])
+        raise ConfigError(f"{path}: {what}: sample {bad + 1} is not finite; accepted: numbers")
+    for k, (before, after) in enumerate(pairwise(times), 2):
+        if not 0.0 < after - before <= MOST_GAP:
+            raise ConfigError(f"{path}: {what}: sample {k} comes {after - before:.4g} s after the one before it; "
+                              f"accepted: above 0, up to {MOST_GAP} s")

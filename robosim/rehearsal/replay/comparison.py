@@ -1,0 +1,124 @@
+"""Recorded and simulated motion and wrench, side by side."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from robosim.rehearsal.replay.recorded_motion import Replay
+from robosim.reports.curves import Chart, Curve
+from robosim.robot.model import Arm
+
+COMPARED = 20
+"""Steps over which simulated wrenches are averaged: robots report them filtered."""
+REST = 0.2
+"""Time [s] before the motion in which the difference of both wrenches is taken as the sensor's offset."""
+OPPOSITE = -0.5
+"""Correlation of the forces below which the recorded ones are the hand's on the arm."""
+
+
+class Simulated(NamedTuple):
+    """What was simulated at the end of every step."""
+
+    times: np.ndarray
+    """(n,) [s]"""
+    q: np.ndarray
+    """Joint angles (n, joints) [rad]."""
+    wrist: np.ndarray
+    """Force [N] and torque [N m] (n, 6) of the arm on the hand, in world axes."""
+
+
+class WrenchComparison(NamedTuple):
+    """Recorded and simulated wrench (n, 6) [N], [N m] of the arm on the hand, in world axes."""
+
+    times: np.ndarray
+    """Simulated (n,) [s]."""
+    recorded: np.ndarray
+    """Less the offset."""
+    simulated: np.ndarray
+    offset: np.ndarray
+    """Mean difference (6,) before the motion."""
+
+
+def compare_wrench(replay: Replay, steps: Simulated, model: mujoco.MjModel, arm_qpos: np.ndarray,
+                   grasp_time: float) -> WrenchComparison | None:
+    """Compare the wrenches at the recorded times that were simulated; None without a recorded one.
+
+    arm_qpos: addresses of the arm's angles in the model. grasp_time: at which the motion starts [s].
+    """
+    wrench = replay.log.wrench
+    if wrench is None:
+        return None
+    times = wrench.times - replay.motion.offset + grasp_time
+    is_inside = (times >= steps.times[0]) & (times <= steps.times[-1])
+    times, recorded = times[is_inside], wrench.values[is_inside]
+    if not len(times):
+        return None
+    if replay.log.wrench_axes == "sensor":
+        recorded = turn_to_world(recorded, times, steps, model, arm_qpos)
+    kernel = np.ones(COMPARED) / COMPARED
+    smooth = np.stack([np.convolve(column, kernel, mode="valid") for column in steps.wrist.T], 1)
+    centres = np.convolve(steps.times, kernel, mode="valid")
+    simulated = np.stack([np.interp(times, centres, column) for column in smooth.T], 1)
+    at_rest = (times > grasp_time - REST) & (times <= grasp_time)
+    offset = np.mean((recorded - simulated)[at_rest], axis=0) if at_rest.any() else np.zeros(6)
+    return WrenchComparison(times, recorded - offset, simulated, offset)
+
+
+def turn_to_world(wrenches: np.ndarray, times: np.ndarray, steps: Simulated, model: mujoco.MjModel,
+                  arm_qpos: np.ndarray) -> np.ndarray:
+    """Turn wrenches (n, 6) from the wrist sensor's axes to the world's, as the arm stood at times (n,) [s]."""
+    data, site = mujoco.MjData(model), model.site("wrist_sensor").id
+    turned = np.empty_like(wrenches)
+    for row, time in enumerate(times):
+        data.qpos[arm_qpos] = steps.q[min(int(np.searchsorted(steps.times, time)), len(steps.times) - 1)]
+        mujoco.mj_kinematics(model, data)
+        R = data.site_xmat[site].reshape(3, 3)
+        turned[row] = np.concatenate([R @ wrenches[row, :3], R @ wrenches[row, 3:]])
+    return turned
+
+
+def joint_differences(replay: Replay) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (n,) [s] since the motion's start, and recorded less planned angles (n, joints) [rad]."""
+    times = np.arange(0.0, max(replay.motion.duration, replay.planned.duration), 0.01)
+    return times, np.array([replay.motion.state(t).q - replay.planned.state(t).q for t in times])
+
+
+def replay_figures(replay: Replay, comparison: WrenchComparison | None, arm: Arm) -> dict[str, object]:
+    """Return the report's figures of a replay."""
+    times, difference = joint_differences(replay)
+    tool = max(float(np.linalg.norm(arm.tool_pose(replay.motion.state(t).q).position
+                                    - arm.tool_pose(replay.planned.state(t).q).position)) for t in times[::5])
+    figures: dict[str, object] = {
+        "recorded": str(replay.log.path), "recorded_clock_offset_s": replay.motion.offset,
+        "recorded_joint_difference_max_deg": float(np.degrees(np.abs(difference).max())),
+        "recorded_tool_difference_max_m": tool}
+    if comparison is None:
+        return figures
+    error = comparison.recorded - comparison.simulated
+    forces = [values[:, :3] - values[:, :3].mean(0) for values in (comparison.recorded, comparison.simulated)]
+    norms = np.linalg.norm(forces[0]) * np.linalg.norm(forces[1])
+    correlation = float((forces[0] * forces[1]).sum() / norms) if norms > 0.0 else None
+    return figures | {
+        "recorded_force_offset_N": comparison.offset[:3].tolist(),
+        "recorded_torque_offset_Nm": comparison.offset[3:].tolist(),
+        "recorded_force_difference_rms_N": float(np.sqrt(np.mean(np.sum(error[:, :3] ** 2, 1)))),
+        "recorded_force_difference_max_N": float(np.linalg.norm(error[:, :3], axis=1).max()),
+        "recorded_torque_difference_rms_Nm": float(np.sqrt(np.mean(np.sum(error[:, 3:] ** 2, 1)))),
+        "recorded_force_correlation": correlation}
+
+
+def replay_charts(replay: Replay, comparison: WrenchComparison | None, names: Sequence[str],
+                  grasp_time: float) -> list[Chart]:
+    """Return the charts of a replay; names: of the joints."""
+    times, difference = joint_differences(replay)
+    charts = [Chart("recorded less planned joint angle [deg]", [
+        Curve(name, times + grasp_time, np.degrees(difference[:, k])) for k, name in enumerate(names)])]
+    if comparison is not None:
+        for first, what, unit in ((0, "force", "N"), (3, "torque", "N m")):
+            both = (("simulated", comparison.simulated, False), ("recorded", comparison.recorded, True))
+            charts.append(Chart(f"wrist {what}, recorded less its offset [{unit}]", [
+                Curve(f"{axis} {how}", comparison.times, values[:, first + k], dashed)
+                for k, axis in enumerate("xyz") for how, values, dashed in both]))
+    return charts

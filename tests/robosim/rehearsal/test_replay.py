@@ -1,0 +1,93 @@
+"""A recording of the real arm plays beside the plan: its clock, its differences and its wrench are found."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robosim.commands.main import main
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.conversion.joint_log import AXES
+from robosim.errors import ConfigError
+from robosim.rehearsal.plan import Plan, plan_motion
+from robosim.rehearsal.readings import COLUMNS
+from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
+from robosim.rehearsal.session import rehearse
+
+CLOCK, BIAS = 1234.5, np.array([0.7, 0.0, -0.4, 0.02, 0.0, -0.01])
+"""Time [s] that the recording's clock is ahead, and what its sensor [N], [N m] adds."""
+ANGLES = [f"q_A{k}_rad" for k in range(1, 8)]
+
+
+@pytest.fixture
+def planned(short: Path) -> tuple[RehearsalConfig, Plan]:
+    config = load_rehearsal(str(short))
+    return config, plan_motion(config)
+
+
+def write_recording(path: Path, times: np.ndarray, angles: np.ndarray) -> Path:
+    """Write angles (n, 7) [rad] at times (n,) [s]."""
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([["time_s", *ANGLES], *np.column_stack([times, angles])])
+    return path
+
+
+def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recording(short: Path,
+                                                                                     tmp_path: Path) -> None:
+    rehearse(str(short), tmp_path / "first", camera=None)
+    rows = np.genfromtxt(tmp_path / "first" / "trajectory.csv", delimiter=",", names=True)
+    wrench = [f"wrist_{axis}" for axis in AXES]
+    table = np.column_stack([rows[name] for name in ("time_s", *ANGLES, *wrench)])
+    table[:, 0] += CLOCK
+    table[:, 8:] += BIAS
+    with (tmp_path / "real.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([["time_s", *ANGLES, *wrench], *table[::4]])
+
+    main(["rehearse", str(short), "--recorded", str(tmp_path / "real.csv"), "--no-video", "--out",
+          str(tmp_path / "again")])
+    report = json.loads((tmp_path / "again" / "report.json").read_text())
+    assert report["trajectory"] == "recorded"
+    assert report["recorded_clock_offset_s"] == pytest.approx(CLOCK + load_rehearsal(str(short)).grasp_time, abs=0.01)
+    assert report["recorded_joint_difference_max_deg"] < 0.2  # what the servo leaves
+    assert report["recorded_force_offset_N"] == pytest.approx(BIAS[:3], abs=0.1)
+    assert report["recorded_torque_offset_Nm"] == pytest.approx(BIAS[3:], abs=0.01)
+    weight = 9.81 * 1.0  # of hand and tool, at least
+    assert report["recorded_force_difference_rms_N"] < 0.05 * weight
+    again = np.genfromtxt(tmp_path / "again" / "trajectory.csv", delimiter=",", names=True)
+    n = min(len(rows), len(again))
+    for name in ANGLES:
+        assert np.abs(rows[name][:n] - again[name][:n]).max() < 2e-3
+    page = (tmp_path / "again" / "index.html").read_text()
+    assert "recorded less planned joint angle" in page and "recorded less its offset" in page
+
+
+def test_a_slower_clock_and_a_displaced_joint_are_seen(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
+    config, plan = planned
+    times = np.arange(-0.5, plan.motion.duration + 0.5, 0.008)
+    angles = np.array([plan.motion.state(t).q for t in times])
+    moved = angles + np.radians(0.8) * np.eye(7)[3]
+    for start, given, difference in ((100.0, angles, 0.0), (-7.3, moved, 0.8)):
+        log = read_log(write_recording(tmp_path / "real.csv", times + start, given), config)
+        replay = make_replay(log, plan.motion, plan.arm, config)
+        assert replay.motion.offset == pytest.approx(start, abs=2e-3)
+        middle = 0.5 * plan.motion.duration
+        apart = np.degrees(replay.motion.state(middle).q - plan.motion.state(middle).q)
+        assert apart == pytest.approx(difference * np.eye(7)[3], abs=0.02)
+        np.testing.assert_allclose(replay.motion.state(middle).qd, plan.motion.state(middle).qd, atol=0.02)
+        assert not replay.motion.state(-10.0).qd.any() and not replay.motion.state(1e3).qd.any()
+
+
+def test_angles_that_the_arm_cannot_have_are_refused(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
+    config, plan = planned
+    times = np.arange(0.0, 2.0, 0.01)
+    angles = np.zeros((len(times), 7))
+    angles[50, 1] = 2.5
+    log = read_log(write_recording(tmp_path / "real.csv", times, angles), config)
+    with pytest.raises(ConfigError, match=r"real.csv: joint A2 is at 2.5000 rad at 0.500 s; accepted: -2.09"):
+        make_replay(log, plan.motion, plan.arm, config)
+
+
+def test_the_columns_are_those_that_a_run_writes() -> None:
+    assert {"time_s", *ANGLES, *[f"wrist_{axis}" for axis in AXES]} <= set(COLUMNS)
