@@ -55,6 +55,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
+    parser.add_page()
     parser.set_defaults(run=run, after_interrupt="finished iterations are kept; the same command continues")
 
 
@@ -65,8 +66,11 @@ def run(options: argparse.Namespace) -> int:
     o = options
     with o.settings.changed("tasks", o.task, o.out) as task:
         from policies.demonstrations.demo import demonstrate
+        from policies.results.demonstration_page import write_demonstration_page
 
-        return demonstrate(task, o.out, n=o.n, material=o.material, iterations=o.iterations, rate=o.rate,
-                           action_repeat=o.action_repeat, start=o.start, limit=o.limit, seed=o.seed, until=o.until,
-                           jobs=o.jobs, method=o.method, arm=o.arm, arm_weight=o.arm_weight, film=not o.no_video,
-                           nominal=o.nominal)
+        status = demonstrate(task, o.out, n=o.n, material=o.material, iterations=o.iterations, rate=o.rate,
+                             action_repeat=o.action_repeat, start=o.start, limit=o.limit, seed=o.seed, until=o.until,
+                             jobs=o.jobs, method=o.method, arm=o.arm, arm_weight=o.arm_weight, film=not o.no_video,
+                             nominal=o.nominal)
+        write_demonstration_page(o.make_page, o.out)
+        return status

@@ -44,6 +44,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
     parser.add_renamed("--frames", "--rollouts")
     parser.add_settings("method's file", "options.gamma=0.95")
+    parser.add_page()
     parser.set_defaults(run=run)
 
 
@@ -54,9 +55,13 @@ def run(options: argparse.Namespace) -> int:
         check_task(options.task, "; or an id of Gymnasium, such as Pendulum-v1")
     check_material(options.material)
     from policies.methods.train import train
+    from policies.results.run_page import write_run_page
 
     o = options
-    return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
-                 starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
-                 checkpoint_every=o.checkpoint_every, evaluate_every=o.evaluate_every,
-                 label=o.label, n_envs=o.n_envs, change=o.settings.apply)
+    try:
+        return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
+                     starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
+                     checkpoint_every=o.checkpoint_every, evaluate_every=o.evaluate_every,
+                     label=o.label, n_envs=o.n_envs, change=o.settings.apply)
+    finally:  # also of a run that failed or was interrupted
+        write_run_page(o.make_page, o.out)

@@ -1,15 +1,10 @@
-"""Tables of runs as text and as one HTML page without other files."""
+"""Tables of runs as text, and as blocks of a page."""
 
-import html
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from policies.results.summary import FIGURES, Summaries
-
-STYLE = "body{font:15px sans-serif;margin:2em}table{border-collapse:collapse}td,th{border:1px solid #bbb;" \
-        "padding:.3em .6em;text-align:right}small{color:#666}"
 
 
 class TextTable(NamedTuple):
@@ -70,22 +65,26 @@ def format_scores(summaries: Summaries, published: dict) -> str:
     return f"{table.title}:\n{align_columns([table.head, *table.rows])}"
 
 
-def make_page(summaries: Summaries, published: dict, sources: list[Path], further_tables: list[TextTable],
-              notes: dict[str, list[str]]) -> str:
-    """Return all tables, and lists of notes by title, as an HTML page."""
-    scores = score_table(summaries, published)
-    tables = [scores._replace(rows=[[html.escape(cell) for cell in row] for row in scores.rows])]
+def fill_page(page: Any, summaries: Summaries, published: dict, sources: list[Path], further_tables: list[TextTable],
+              notes: dict[str, list[str]]) -> None:
+    """Put all tables, and lists of notes by title, into a page, such as `robosim.reports.page.Page`."""
+    problems = sum(map(len, notes.values()))
+    runs = sum(max(cell["n"] for cell in cells.values()) for row in summaries.values() for cells in row.values())
+    page.set_verdict(f"{runs} finished runs" + (f"; {problems} notes below" if problems else ""), holds=not problems)
+    page.add_text(f"Runs in {', '.join(map(str, sources))}. Mean ± standard deviation; IQM: interquartile mean with "
+                  f"its 95 % interval. Published: {published['source']}, on a different geometry.")
+    tables = [score_table(summaries, published)]
     tables += [TextTable(title, *_split(format_table(summaries, published, figure, _format_cell)))
-              for figure, title in FIGURES.items()]
-    tables += [table._replace(rows=[[row[0], *map(html.escape, row[1:])] for row in table.rows])
-               for table in further_tables]
-    parts = [f"<h1>Results of runs</h1><p>robosim {html.escape(version('robosim'))}; runs in "
-             f"{html.escape(', '.join(map(str, sources)))}. Mean ± standard deviation; interquartile mean with its "
-             f"95 % interval; in italics {html.escape(published['source'])}, on a different geometry.</p>"]
-    parts += [_format_html(table) for table in tables]
-    parts += [f"<h2>{title}</h2><ul>" + "".join(f"<li>{html.escape(text)}</li>" for text in texts) + "</ul>"
-              for title, texts in notes.items() if texts]
-    return f"<!doctype html><meta charset=utf-8><title>runs</title><style>{STYLE}</style>{''.join(parts)}"
+               for figure, title in FIGURES.items()]
+    for table in [*tables, *further_tables]:
+        if not any(any(row[1:]) for row in table.rows):
+            continue
+        page.add_heading(table.title)
+        page.add_table(table.head, table.rows)
+    for title, texts in notes.items():
+        if texts:
+            page.add_heading(title)
+            page.add_table(["note"], [[text] for text in texts])
 
 
 def _split(lines: list[list[str]]) -> tuple[list[str], list[list[str]]]:
@@ -93,16 +92,8 @@ def _split(lines: list[list[str]]) -> tuple[list[str], list[list[str]]]:
 
 
 def _format_cell(cell: dict[str, Any]) -> str:
-    """Return the HTML of one cell's statistics."""
-    text = f"{cell['mean']:.2f}<br><small>1 run</small>" if cell["n"] == 1 else \
-        f"{cell['mean']:.2f} ± {cell['std']:.2f}<br><small>{cell['n']} runs, IQM {cell['iqm']:.2f} " \
-        f"[{cell['low']:.2f}, {cell['high']:.2f}]</small>"
-    return text + ("<br><i>{:.2f} ± {:.2f}</i>".format(*cell["published"]) if cell["published"] else "")
-
-
-def _format_html(table: TextTable) -> str:
-    """Return the HTML of a table whose cells, besides the first of each row, are HTML."""
-    head = "".join(f"<th>{html.escape(text)}</th>" for text in table.head)
-    rows = (f"<tr><th>{html.escape(row[0])}</th>{''.join(f'<td>{cell}</td>' for cell in row[1:])}</tr>"
-            for row in table.rows)
-    return f"<h2>{table.title}</h2><table><tr>{head}</tr>{''.join(rows)}</table>"
+    """Return the text of one cell's statistics."""
+    text = f"{cell['mean']:.2f}, 1 run" if cell["n"] == 1 else \
+        f"{cell['mean']:.2f} ± {cell['std']:.2f}, {cell['n']} runs, IQM {cell['iqm']:.2f} " \
+        f"[{cell['low']:.2f}, {cell['high']:.2f}]"
+    return text + ("; published {:.2f} ± {:.2f}".format(*cell["published"]) if cell["published"] else "")

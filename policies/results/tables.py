@@ -12,7 +12,7 @@ from policies.learning.files import digest
 from policies.learning.preset_files import migrate_manifest, read_yaml
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
-from policies.results.page import align_columns, format_scores, make_page
+from policies.results.page import align_columns, fill_page, format_scores
 from policies.results.rows import COLUMNS, OPTIONAL, ROW, is_same_run, make_row, pack_rows, unpack_rows
 from policies.results.staleness import find_stale, report_stale
 from policies.results.summary import summarise_runs
@@ -83,11 +83,11 @@ def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
     return rows, unfinished
 
 
-def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
-    """Write index.html, tables.json, tables.csv and curves.png of runs into a folder; return 0.
+def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = None) -> int:
+    """Write tables.json, tables.csv and curves.png of runs, and a page as index.html, into a folder; return 0.
 
     sources: folders with runs, or tables.json files. is_mixed: whether means over runs that differ are shown, with a
-    note, and not refused.
+    note, and not refused. page: an empty one, such as `robosim.reports.page.Page`; None: no index.html.
 
     Raises:
         mpm.InvalidValue: there is no finished run, a source is wrong, or a mean would be over runs that differ.
@@ -104,12 +104,17 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
     write_json(out / "tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes, "not_finished": unfinished,
                                      "published": published, **numbers})
     write(out / "tables.csv", lambda path: write_csv(path, rows))
-    page = make_page(summaries, published, sources, further_tables,
-                     {"Not finished": unfinished, "Means over different runs": notes, "Older than the code": stale})
-    write_text(out / "index.html", page)
     curves = group_curves(rows)
     if curves:
         write(out / "curves.png", lambda path: draw_curves(path, curves))
+    if page is not None:
+        fill_page(page, summaries, published, sources, further_tables,
+                  {"Not finished": unfinished, "Means over different runs": notes, "Older than the code": stale})
+        if curves:
+            page.add_heading("Learning curves")
+            page.add_picture((out / "curves.png").read_bytes(), "Score over episodes: median of each method's runs, "
+                             "and the band from their worst to their best.")
+        write_text(out / "index.html", page.html())
     print(format_scores(summaries, published))
     for table in further_tables:
         print(f"\n{table.title}:\n{align_columns([table.head, *table.rows])}")
@@ -119,7 +124,7 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False) -> int:
         print(f"not finished: {text}")
     for text in stale:
         print(f"older than the code: {text}")
-    print(out / "index.html")
+    print(out / ("tables.json" if page is None else "index.html"))
     return 0
 
 

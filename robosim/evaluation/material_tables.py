@@ -55,7 +55,7 @@ def format_table(tasks: list[str], rows_by_task: dict[str, Rows]) -> str:
 def draw_map(path: Path, tasks: list[str], rows_by_task: dict[str, Rows]) -> None:
     """Draw the delivered share as a map of materials by tasks, with the scores in its cells."""
     shares = np.array([[rows_by_task[task][label]["delivered"] for task in tasks] for label in MATERIALS], float)
-    figure, axes = plt.subplots(figsize=(2.6 + 1.35 * len(tasks), 1.2 + 0.42 * len(MATERIALS)), constrained_layout=True)
+    figure, axes = plt.subplots(figsize=(4.4 + 1.1 * len(tasks), 1.2 + 0.42 * len(MATERIALS)), constrained_layout=True)
     image = axes.imshow(shares, vmin=0.0, vmax=1.0, cmap="viridis", aspect="auto")
     for i, label in enumerate(MATERIALS):
         for j, task in enumerate(tasks):
@@ -63,7 +63,7 @@ def draw_map(path: Path, tasks: list[str], rows_by_task: dict[str, Rows]) -> Non
                       color="black" if shares[i, j] > 0.6 else "white")
     axes.set_xticks(range(len(tasks)), tasks, rotation=30, ha="right")
     axes.set_yticks(range(len(MATERIALS)), list(MATERIALS))
-    axes.set_title("score of one motion; colour: delivered fraction")
-    figure.colorbar(image)
+    axes.set_title("score of one motion")
+    figure.colorbar(image, label="delivered fraction")
     figure.savefig(path, dpi=120)
     plt.close(figure)

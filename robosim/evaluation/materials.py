@@ -16,6 +16,7 @@ from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
 from robosim.evaluation.material_episode import MATERIALS, OWN, READINGS
 from robosim.evaluation.material_tables import Rows, draw_map, format_table, make_rows, write_csv
+from robosim.evaluation.page import make_materials_page
 from robosim.evaluation.policies import load_policy
 from robosim.reports.jobs import Runner, run_jobs
 from robosim.reports.provenance import code_digest
@@ -30,7 +31,7 @@ EPISODE = "robosim.evaluation.material_episode"
 
 def materials(tasks: list[str], out: Path, *, name: str = "learned", jobs: int = 1,
               runner: Runner | None = None) -> int:
-    """Run a policy's motion of every task in all materials, and write tables and a picture into a folder.
+    """Run a policy's motion of every task in all materials, and write tables, a picture and a page into a folder.
 
     Episodes that the folder already has, of the same motion, task and code, are not run again. jobs: processes,
     here; runner: runs the episodes elsewhere.
@@ -103,11 +104,14 @@ def read_episodes(path: Path, key: str) -> Rows:
 
 
 def write_tables(folder: OutputFolder, name: str, rows_by_task: dict[str, Rows]) -> None:
-    """Write materials.json, .csv and .png, and print the scores."""
+    """Write index.html, materials.json, .csv and .png, and print the scores."""
     tasks = list(rows_by_task)
     rows: list[dict[str, Any]] = [{"task": task, "material": material, **values} for task in tasks
                                   for material, values in rows_by_task[task].items()]
     folder.write_json("materials.json", {"policy": name, "rows": rows})
     folder.write("materials.csv", lambda path: write_csv(path, rows))
     folder.write("materials.png", lambda path: draw_map(path, tasks, rows_by_task))
+    page = make_materials_page(name, rows, (folder.path / "materials.png").read_bytes())
+    folder.write_text("index.html", page.html())
     print(format_table(tasks, rows_by_task))
+    print(folder.path / "index.html")

@@ -53,6 +53,22 @@ def make_suite_page(title: str, summary: dict[str, dict[str, Any]], rows: list[d
     return page
 
 
+def make_materials_page(policy: str, rows: list[dict[str, Any]], picture: bytes) -> Page:
+    """Make the page of one motion in many materials: the map, and a row a task and material."""
+    page = Page(f"One motion in many materials, policy {Path(policy).name}")
+    diverged = sum(bool(row["diverged"]) for row in rows)
+    delivered = [row["delivered"] for row in rows]
+    page.set_verdict(f"delivered from {min(delivered):.0%} to {max(delivered):.0%} over {len(rows)} tasks and materials"
+                     + (f"; {diverged} diverged" if diverged else ""), holds=not diverged)
+    page.add_picture(picture, "Score, and in colour the delivered fraction, of the motion that was made for each "
+                     "task's own material.")
+    page.add_text("td_mm: mean distance [mm] between the centre of the observed grains in a material and in the task's "
+                  "own.")
+    names = list(rows[0])
+    page.add_table(names, [[row[name] if name != "diverged" else row[name] or "" for name in names] for row in rows])
+    return page
+
+
 def add_recording(page: Page, folder: Path) -> None:
     """Add the recording of a folder in 3-D and its curves, where it has one."""
     path = folder / FILE

@@ -4,7 +4,7 @@ Imports: config, conversion, coupling, envs, errors, evaluation, recordings, ren
 tasks, viewer, mpm.
 """
 
-CAMERAS = ("overview", "close", "wrist", "follow")
-"""Cameras of the film: of the work cell, and one that follows hand and tool."""
+CAMERAS = ("overview", "close", "wrist")
+"""Cameras of the work cell, for the film."""
 COLOURS = ("material", "awake")
 """What the colour of the film's grains can show: their material, or also which of them are awake."""

@@ -14,6 +14,7 @@ from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
 from robosim.rehearsal.film_camera import FollowCamera
 from robosim.rehearsal.run import RehearsalRun
+from robosim.rendering.cameras import FOLLOW
 from robosim.rendering.grain_skin import GRAIN_RADIUS, MARKED_SKIN, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
 from robosim.rendering.video import Mp4Writer, write_caption, write_contact_sheet
@@ -72,9 +73,9 @@ class FilmState(NamedTuple):
 
 
 def check_camera(name: str) -> None:
-    """Raise UnknownName unless the work cell has this camera."""
-    if name not in CAMERAS:
-        raise UnknownName("camera", name, CAMERAS)
+    """Raise UnknownName unless a film can be seen from this camera."""
+    if name not in (*CAMERAS, FOLLOW):
+        raise UnknownName("camera", name, (*CAMERAS, FOLLOW))
 
 
 def check_colour(name: str) -> None:
@@ -110,7 +111,7 @@ class Film:
         self._model = _compile_drawn_model(plan)
         self._data = mujoco.MjData(self._model)
         self._renderer = SceneRenderer(self._model, plan.grains, picture_width(plan.height), even(plan.height))
-        self._follow = FollowCamera(self._model, plan.config.tool) if plan.camera == "follow" else None
+        self._follow = FollowCamera(self._model, plan.config.tool) if plan.camera == FOLLOW else None
         self._poster: FilmState | None = None
         self._writer = Mp4Writer(out / "rehearsal.mp4", fps=plan.rate)
         self._moments = list(plan.moments)

@@ -11,8 +11,8 @@ from robosim.reports.plot import COLOURS, LAYOUT, to_html
 
 MOST_POINTS = 1500
 """Points of a curve; longer ones are means over equal parts, with the extremes of each part kept."""
-ROW_HEIGHT, HEAD_HEIGHT = 190, 110
-"""Of a chart, and of what is above and below all charts [pixels]."""
+ROW_HEIGHT, TOP, MARKED_TOP = 180, 40, 90
+"""Height of a chart, and of what is above all charts, without and with names of marks [pixels]."""
 
 
 class Curve(NamedTuple):
@@ -38,8 +38,8 @@ class Chart(NamedTuple):
     is_logarithmic: bool = False
 
 
-def draw_charts(charts: Sequence[Chart], marks: dict[str, float]) -> str:
-    """Draw charts with the marks of times [s], named above the first one; return HTML."""
+def draw_charts(charts: Sequence[Chart], marks: dict[str, float], x: str = "time [s]") -> str:
+    """Draw charts with marks on their common axis, named above the first one; return HTML. x: title of the axis."""
     figure = make_subplots(len(charts), 1, shared_xaxes=True, vertical_spacing=0.25 / max(len(charts), 2),
                            subplot_titles=[chart.title for chart in charts])
     for row, chart in enumerate(charts, 1):
@@ -56,12 +56,13 @@ def draw_charts(charts: Sequence[Chart], marks: dict[str, float]) -> str:
         if chart.is_logarithmic:
             figure.update_yaxes(type="log", exponentformat="power", row=row, col=1)
     _add_marks(figure, marks)
-    figure.update_xaxes(title_text="time [s]", row=len(charts), col=1)
-    figure.update_layout({**LAYOUT, "height": HEAD_HEIGHT + ROW_HEIGHT * len(charts), "hovermode": "x unified",
-                          "margin": {"l": 60, "r": 20, "t": 90, "b": 40}, "showlegend": True})
+    figure.update_xaxes(title_text=x, row=len(charts), col=1)
+    top, bottom = (MARKED_TOP if marks else TOP), 40
+    figure.update_layout({**LAYOUT, "height": top + bottom + ROW_HEIGHT * len(charts), "hovermode": "x unified",
+                          "margin": {"l": 60, "r": 20, "t": top, "b": bottom}, "showlegend": True})
     for row in range(1, len(charts) + 1):  # beside its chart
-        top = figure.to_dict()["layout"][f"yaxis{row if row > 1 else ''}"]["domain"][1]
-        figure.update_layout({legend_name(row): {"x": 1.01, "xanchor": "left", "y": top, "yanchor": "top",
+        end = figure.to_dict()["layout"][f"yaxis{row if row > 1 else ''}"]["domain"][1]
+        figure.update_layout({legend_name(row): {"x": 1.01, "xanchor": "left", "y": end, "yanchor": "top",
                                                  "font": {"size": 11}, "tracegroupgap": 2}})
     return to_html(figure)
 

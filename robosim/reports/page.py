@@ -1,13 +1,15 @@
 """Self-contained HTML pages: opened from disk, they need no network."""
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.provenance import provenance
 
 STATUSES = ("pass", "fail", "not run", "stable", "refused", "unstable", "held", "missed")
@@ -52,6 +54,14 @@ class Page:
     def add_plot(self, html: str, caption: str = "") -> None:
         """Add a plot, as `robosim.reports.plot` or `.curves` makes it, with a caption."""
         self._add("plot", html=html, caption=caption)
+
+    def add_curves(self, charts: Mapping[str, Mapping[str, tuple[Sequence[float], Sequence[float]]]], x: str,
+                   caption: str = "", *, is_logarithmic: bool = False) -> None:
+        """Add charts one above the other: title -> name -> (values of x, values); x: name of the common axis."""
+        drawn = [Chart(title, [Curve(name, np.asarray(at, float), np.asarray(values, float))
+                               for name, (at, values) in curves.items()], is_logarithmic=is_logarithmic)
+                 for title, curves in charts.items()]
+        self.add_plot(draw_charts(drawn, {}, x), caption)
 
     def add_film(self, content: bytes, caption: str = "") -> None:
         """Add a film; content: of an .mp4 file."""

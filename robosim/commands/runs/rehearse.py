@@ -8,6 +8,7 @@ from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
+from robosim.rendering.cameras import FOLLOW
 
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
@@ -36,7 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--grasp", choices=["weld", "friction"], help="tool welded to the hand, or held by the fingers "
                         "alone (default: what the file says)")
     parser.add_argument("--camera", default="close",
-                        help=f"camera of the video: {one_of(CAMERAS, '')} (default: close)")
+                        help=f"camera of the video: {one_of((*CAMERAS, FOLLOW), '')} (default: close)")
     parser.add_argument("--colour", default="material", help="what the colour of the video's grains shows: "
                         "the material, or which grains are awake (default: material)", choices=COLOURS)
     parser.add_number("--frame-rate", default=20, help="pictures of the video per second (default: 20, at which "
@@ -57,8 +58,8 @@ def run(options: argparse.Namespace) -> int:
     config_path("rehearsals", options.rehearsal, "rehearsal")
     if options.material is not None:
         config_path("materials", options.material, "material")
-    if options.camera not in CAMERAS:
-        raise UnknownName("camera", options.camera, CAMERAS)
+    if options.camera not in (*CAMERAS, FOLLOW):
+        raise UnknownName("camera", options.camera, (*CAMERAS, FOLLOW))
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
         from robosim.rehearsal.session import rehearse
 

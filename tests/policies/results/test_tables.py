@@ -15,6 +15,7 @@ from policies.results.curves import group_curves
 from policies.results.rows import preset_digest
 from policies.results.summary import summarise
 from policies.results.tables import check, collect_rows, tables
+from robosim.reports.page import Page
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task
 
@@ -38,7 +39,7 @@ def write_run(folder: Path, seed: int, score: float, *, method: str = "dg_sac", 
 
 def make_cells(folder: Path, is_mixed: bool = False) -> dict:
     """Make the tables of a folder; return line -> task -> (runs, mean score)."""
-    assert tables([folder], folder / "tables", is_mixed) == 0
+    assert tables([folder], folder / "tables", is_mixed, Page("Results of runs")) == 0
     stored = json.loads((folder / "tables" / "tables.json").read_text())["tables"]
     return {line: {task: (cell["tcs_of_best_return"]["n"], cell["tcs_of_best_return"]["mean"])
                    for task, cell in row.items()} for line, row in stored.items()}

@@ -1,0 +1,111 @@
+"""The page of a training run: verdict, learning curves, evaluations and configuration."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpm.files import write_text
+from mpm.input_files import read_json, read_text
+
+MAX_ROWS_BYTES = 200_000_000
+AVERAGED = 10
+"""Episodes over which a curve is averaged."""
+CHARTS = {"score": "tcs", "return": "return"}
+"""Chart -> column of both files."""
+NAMES = {"tcs": "score", "is_success": "success"}
+"""Column -> its name in the page."""
+SHARES = ("delivered", "spilled", "retained")
+DETAILS = ("preset", "demonstrations", "command", "commit", "code", "process", "label")
+"""Entries of the manifest that are folded away, or are in the page's header."""
+Curve = tuple[list[float], list[float]]
+
+
+def write_run_page(make_page: Callable[..., Any], out: Path) -> Path | None:
+    """Write index.html into the folder of a run, finished or not; None where there is no run.
+
+    make_page: returns a page of a title and an origin, as `robosim.reports.page.Page`.
+    """
+    if not (out / "manifest.json").is_file() or not (out / "status.json").is_file():
+        return None
+    manifest, status = read_json(out / "manifest.json"), read_json(out / "status.json")
+    episodes, evaluations = (read_rows(out / name) for name in ("episodes.csv", "evaluations.csv"))
+    origin = {key: manifest[key] for key in ("command", "commit") if manifest.get(key)}
+    page = make_page(f"{manifest['method']} on {manifest['task']}, seed {manifest['seed']}", origin)
+    verdict, holds = judge(status, len(episodes))
+    page.set_verdict(verdict, holds=holds)
+    charts = {name: {"episode": column(episodes, key), f"mean of {AVERAGED}": average(*column(episodes, key)),
+                     "without exploration": column(evaluations, key)}
+              for name, key in CHARTS.items() if column(episodes, key)[0]}
+    shares = {key: average(*column(episodes, key)) for key in SHARES if column(episodes, key)[0]}
+    if shares:
+        charts[f"share of the grains, mean of {AVERAGED}"] = shares
+    times = {name: column(episodes, key) for name, key in (("simulation", "simulating"), ("updates", "updating"))
+             if column(episodes, key)[0]}
+    if times:
+        charts["time of an episode [s]"] = times
+    if charts:
+        page.add_heading("Learning curves")
+        page.add_curves(charts, "episode", "A click in the legend hides a curve.")
+    page.add_heading("Evaluations without exploration")
+    add_rows(page, evaluations)
+    page.add_heading("Run")
+    page.add_table(["entry", "value"], [[key, value] for key, value in [*manifest.items(), *status.items()]
+                              if isinstance(value, str | int | float) and key not in DETAILS])
+    page.add_details("Method", json.dumps(manifest.get("preset"), indent=2))
+    if episodes:
+        page.add_details("Episodes", read_text(out / "episodes.csv", MAX_ROWS_BYTES))
+    page.add_text(f"The best policy in other starts and materials: robosim evaluate {manifest['task']} --policy {out} "
+                  f"--suite wide --out out/wide")
+    write_text(out / "index.html", page.html())
+    return out / "index.html"
+
+
+def judge(status: dict[str, Any], count: int) -> tuple[str, bool]:
+    """Return the verdict of a run's status, and whether it is good; count: episodes that ended."""
+    state, best = status.get("state"), (status.get("evaluated") or {}).get("best")
+    if state != "finished":
+        return f"{state} after {count} episodes: {status.get('reason') or 'not finished'}", False
+    if best is None:
+        return f"finished after {count} episodes: {status.get('reason', '')}", True
+    score = f"score {best['tcs']:.2f}" if "tcs" in best else f"return {best['return']:.2f}"
+    succeeded = "" if "is_success" not in best else \
+        f", {best['is_success']:.0%} of evaluated episodes succeeded"
+    return (f"best policy without exploration: {score}{succeeded}; {count} episodes in "
+            f"{status.get('seconds', 0.0) / 60.0:.1f} min"), best.get("is_success", 1.0) == 1.0
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file; none where there is no file."""
+    return list(csv.DictReader(read_text(path, MAX_ROWS_BYTES).splitlines())) if path.is_file() else []
+
+
+def column(rows: list[dict[str, str]], key: str) -> Curve:
+    """Return episodes and values of a column where it has a number."""
+    pairs = [(float(row["episode"]), float(row[key])) for row in rows if row.get(key) and row.get("episode")]
+    return [x for x, _ in pairs], [y for _, y in pairs]
+
+
+def average(x: list[float], y: list[float]) -> Curve:
+    """Return means over AVERAGED values, each at the last of them."""
+    n = min(AVERAGED, len(y))
+    if not n:
+        return [], []
+    return x[n - 1 :], np.convolve(y, np.ones(n) / n, mode="valid").tolist()
+
+
+def add_rows(page: Any, rows: list[dict[str, str]]) -> None:
+    """Add the rows of a file as a table, numbers as numbers."""
+    page.add_table([NAMES.get(key, key) for key in rows[0]] if rows else [],
+                   [[number(value) for value in row.values()] for row in rows])
+
+
+def number(text: str) -> float | str:
+    """Return a text's number, or the text."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
