@@ -53,9 +53,13 @@ def _add_settings(page: Page, scene: str, rows: list[dict[str, Any]], readings: 
     for row in rows:
         name = describe_setting(row["setting"])
         errors = "\n".join(f"{reading} {value:.3%}" for reading, value in row["errors"].items())
-        plot.add_series([(row["seconds"], max(row["error"], 1e-4))], [f"{name}\n{errors}"], name)
+        if row["error"] > 0.0:  # zero has no place on a logarithmic axis
+            plot.add_series([(row["seconds"], row["error"])], [f"{name}\n{errors}"], name)
+        else:
+            plot.add_reference(row["seconds"], name)
     page.add_heading("Settings")
-    page.add_plot(plot.html())
+    page.add_plot(plot.html(), "Dashed: settings whose results are those of the finest, to which the others are "
+                               "compared.")
     page.add_table(["setting", "seconds", "speed-up over the finest", *(f"error of {key}" for key in readings)],
                    [[describe_setting(r["setting"]), r["seconds"], r["speedup"], *(r["errors"][k] for k in readings)]
                     for r in rows])

@@ -1,5 +1,6 @@
 """Curves over time, one above the other on one axis of time, with marks and accepted ranges."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -51,8 +52,11 @@ def draw_charts(charts: Sequence[Chart], marks: dict[str, float], x: str = "time
                                            "dash": "dash" if curve.dashed else "solid"}), row=row, col=1)
         for value in (chart.most, chart.least):
             if value is not None:
-                figure.add_hline(value, row=row, col=1, line={"color": "#2a2", "width": 1, "dash": "dot"},  # pyright: ignore[reportArgumentType]
-                                 annotation={"text": f"accepted: {value:g}", "font": {"color": "#282", "size": 10}})
+                figure.add_hline(value, row=row, col=1, line={"color": "#2a2", "width": 1, "dash": "dot"})  # pyright: ignore[reportArgumentType]
+                # plotly takes the logarithm of a line's place itself, but not of a text's
+                figure.add_annotation(x=1.0, xref="x domain", xanchor="right", yanchor="bottom", row=row, col=1,
+                                      y=math.log10(value) if chart.is_logarithmic else value, showarrow=False,
+                                      text=f"accepted: {value:g}", font={"color": "#282", "size": 10})
         if chart.is_logarithmic:
             figure.update_yaxes(type="log", exponentformat="power", row=row, col=1)
     _add_marks(figure, marks)

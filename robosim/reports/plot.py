@@ -1,6 +1,8 @@
 """Plots of points with tooltips, such as errors against run time."""
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
 from plotly.graph_objects import Figure, Scatter
 
@@ -41,10 +43,23 @@ class Plot:
             self.figure.add_trace(Scatter(x=x, y=y, name="Pareto front", mode="lines", hoverinfo="skip",
                                           line={"width": 3, "dash": "dot", "color": "rgba(0,0,0,0.35)"}))
 
-    def add_band(self, high: float) -> None:
-        """Mark the values that are accepted: all up to an upper end."""
-        self.figure.add_hline(high, line={"color": "#2a2", "width": 1, "dash": "dash"},
-                              annotation={"text": f"accepted up to {high:g}", "font": {"color": "#282"}})
+    def add_band(self, high: float, where: str = "") -> None:
+        """Mark the values that are accepted, all up to an upper end; where: the runs that this holds for."""
+        self.figure.add_hline(high, line={"color": "#2a2", "width": 1, "dash": "dash"})
+        self.figure.add_annotation(y=self._place(high, self.figure.layout.yaxis), x=1.0, xref="paper", xanchor="right",  # pyright: ignore[reportAttributeAccessIssue]
+                                   yanchor="bottom", text=f"accepted up to {high:g}{where}", showarrow=False,
+                                   font={"color": "#282", "size": 11})
+
+    def add_reference(self, x: float, label: str) -> None:
+        """Mark what the others are compared with, by its place on the horizontal axis alone."""
+        self.figure.add_vline(x, line={"color": "#555", "width": 1, "dash": "dash"})
+        self.figure.add_annotation(x=self._place(x, self.figure.layout.xaxis), y=1.0, yref="paper", text=label,  # pyright: ignore[reportAttributeAccessIssue]
+                                   textangle=-90, xanchor="right", yanchor="top", showarrow=False,
+                                   font={"size": 10, "color": "#555"})
+
+    def _place(self, value: float, axis: Any) -> float:
+        """Return the place of a text on an axis: plotly takes the logarithm of a line's place itself, but not of it."""
+        return math.log10(value) if axis.type == "log" else value
 
     def html(self) -> str:
         """Return the plot as HTML, for a page that has the script."""

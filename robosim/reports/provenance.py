@@ -19,13 +19,13 @@ LIBRARIES = ("taichi", "mujoco", "numpy", "scipy", "trimesh", "pin", "ruckig")
 
 
 def commit() -> str:
-    """Return the commit of this code, with "-dirty" after local changes; outside a checkout its version."""
+    """Return the commit of this code, with "-dirty" after local changes; outside a checkout the version."""
     if (ROOT / ".git").exists():
         git = subprocess.run(["git", "describe", "--always", "--dirty", "--exclude=*"], cwd=ROOT, capture_output=True,
                              text=True, check=False)
         if git.returncode == 0:
             return git.stdout.strip()
-    return version("robosim")
+    return f"none, version {version('robosim')}"
 
 
 def provenance() -> dict[str, str]:

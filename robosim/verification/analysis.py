@@ -1,23 +1,33 @@
 """Analysis of a case's runs: claims, Pareto front of error and time, orders of convergence, time to 1 % error."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from robosim.verification.cases import find
-from robosim.verification.cases.claims import Finding, value_of
+from robosim.verification.cases.claims import Finding, Within, value_of
 from robosim.verification.cases.record import Record
 from robosim.verification.runs import Run
 
 TARGET_ERROR = 0.01
 """Error whose run time is reported."""
+UNITS = {
+    "heap": {"change": "deg", "excess": "deg"}, "block_at_rest": {"drift": "m/s"}, "column_collapse": {"drift": "m/s"},
+    "shell_leak": {"crossed": "particles"}, "jerk_limits": {"end": "rad"},
+    "ik_poses": {"mean_ms": "ms", "p95_ms": "ms"},
+    "two_models": {"mass": "kg m^2", "bias": "N m"}, "sleeping_scenes": {"score": "points"},
+    "arm_limits": {"saturated": "steps"},
+}
+"""Case -> errors and readings that are not relative, with their units."""
 
 
 def evaluate_claims(case: str, records: list[Record]) -> list[Finding]:
     """Return what the runs show for each claim of a case."""
-    return [claim.evaluate(records) for claim in find(case).CLAIMS]
+    units = UNITS.get(case, {})
+    return [replace(claim.evaluate(records), unit=units.get(claim.name, "") if isinstance(claim, Within) else "")
+            for claim in find(case).CLAIMS]
 
 
 def group_series(case: str, records: list[Record]) -> dict[str, list[Record]]:

@@ -11,7 +11,7 @@ from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.verification.analysis import group_series, pareto_front
 from robosim.verification.cases import find
-from robosim.verification.cases.claims import Within, describe, value_of
+from robosim.verification.cases.claims import Within, describe, select, value_of
 from robosim.verification.cases.record import Record
 from robosim.verification.runs import Run
 
@@ -31,8 +31,9 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
     """
     page = Page("Verification: error against run time")
     page.add_heading("Claims")
-    page.add_table(["case", "claim", "found", "from", "to", "verdict"],
-                   [[name, c["claim"], c["found"], c["low"], c["high"], c["verdict"]]
+    page.add_text("Errors are relative, unless they have a unit.")
+    page.add_table(["case", "claim", "found", "from", "to", "unit", "verdict"],
+                   [[name, c["claim"], c["found"], c["low"], c["high"], c["unit"], c["verdict"]]
                     for name, result in results.items() for c in result["claims"]])
     for name, result in results.items():
         page.add_heading(name)
@@ -78,10 +79,10 @@ def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, sp
     plot.add_front([all_points[k] for k in pareto_front(all_points)])
     if name == "column_collapse" and peers is not None:
         draw_peers(plot, peers, speed)
-    bounds = [claim.high for claim in module.CLAIMS if isinstance(claim, Within) and claim.name == module.MAIN_ERROR
-              and claim.high > 0]
-    if bounds:
-        plot.add_band(min(bounds))
+    for claim in module.CLAIMS:
+        if isinstance(claim, Within) and claim.name == module.MAIN_ERROR and claim.high > 0 \
+                and select(records, claim.where):  # one of f64 says nothing about runs of f32
+            plot.add_band(claim.high, f" at {describe(claim.where)}" if claim.where else "")
     return plot.html()
 
 

@@ -20,6 +20,8 @@ class Finding:
     """Lower end of the accepted range."""
     high: float
     """Upper end of the accepted range."""
+    unit: str = ""
+    """Of all three; empty where the error is relative."""
 
     @property
     def verdict(self) -> str:
