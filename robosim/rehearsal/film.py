@@ -13,12 +13,15 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
 from robosim.rehearsal.film_camera import FollowCamera
+from robosim.rehearsal.paths.waypoint_path import is_in_container
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.cameras import FOLLOW
 from robosim.rendering.grain_skin import GRAIN_RADIUS, MARKED_SKIN, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
-from robosim.rendering.video import Mp4Writer, write_caption, write_contact_sheet
+from robosim.rendering.video import Mp4Writer, read_frames, write_caption, write_contact_sheet
 from robosim.scene.build import build_rehearsal_spec
+from robosim.scene.frames import body_pose
+from robosim.scene.grains import is_in_tool
 from robosim.scene.models import compile_spec
 
 FRAME_RATE = 20
@@ -32,6 +35,8 @@ ASLEEP = (0.25, 0.38, 0.62, 1.0)
 """Colour of grains that sleep: RGBA."""
 SHEET_FRAMES = 9
 """Frames on the sheet."""
+FULL, EMPTYING = 0.95, 0.5
+"""Shares of the largest load from which a tool counts as full, and below which as emptying."""
 
 
 class FilmPlan(NamedTuple):
@@ -45,8 +50,6 @@ class FilmPlan(NamedTuple):
     """[m^3]"""
     colour: tuple[float, ...]
     """Of the material: RGBA, 0 to 1."""
-    moments: list[tuple[float, str]]
-    """Times [s] and captions of the frames on the sheet."""
     marks_sleepers: bool = False
     """Whether grains that sleep have a colour of their own."""
     rate: int = FRAME_RATE
@@ -56,7 +59,7 @@ class FilmPlan(NamedTuple):
     poster: float | None = None
     """Time [s] of a still in 1080p with smooth edges; None: there is none."""
     passages: list[tuple[float, str]] = []  # noqa: RUF012
-    """Times [s] of the waypoints, and their names, for the captions."""
+    """Times [s] of the waypoints, and their names, for the captions, and the frames on the sheet."""
 
 
 class FilmState(NamedTuple):
@@ -90,7 +93,7 @@ def plan_film(run: RehearsalRun, camera: str, colour: str = "material", rate: in
     check_camera(camera)
     check_colour(colour)
     return FilmPlan(run.config, camera, sum(run.solver.particles.counts), run.grains.grain_volume,
-                    tuple(run.material.colour), _choose_sheet_moments(run), colour == "awake", rate, height, poster,
+                    tuple(run.material.colour), colour == "awake", rate, height, poster,
                     sorted((run.waypoint_time(name), name) for name in run.plan.path.times))
 
 
@@ -114,9 +117,9 @@ class Film:
         self._follow = FollowCamera(self._model, plan.config.tool) if plan.camera == FOLLOW else None
         self._poster: FilmState | None = None
         self._writer = Mp4Writer(out / "rehearsal.mp4", fps=plan.rate)
-        self._moments = list(plan.moments)
-        self._sheet: list[np.ndarray] = []
-        self._captions: list[str] = []
+        self._tool = self._model.body(plan.config.tool).id
+        self._loads: list[tuple[float, float]] = []
+        """Of every frame: time [s], and number of grains in the tool; none while it digs."""
 
     def add(self, state: FilmState) -> None:
         """Add a frame."""
@@ -124,9 +127,14 @@ class Film:
         if self._plan.poster is not None and self._poster is None and state.time >= self._plan.poster:
             self._poster = state
         self._writer.add(self._caption(frame, state.time))
-        if self._moments and state.time >= self._moments[0][0]:
-            self._sheet.append(frame)
-            self._captions.append(f"{self._moments.pop(0)[1]}, {state.time:.1f} s")
+        self._loads.append((state.time, self._count_load(state)))
+
+    def _count_load(self, state: FilmState) -> float:
+        """Return how many grains are in the tool, as the frame that was drawn last has it."""
+        pose = body_pose(self._data, self._tool)
+        if is_in_container(pose, self._plan.config):
+            return np.nan
+        return float(is_in_tool(self._plan.config.tool, state.positions, pose).sum())
 
     def draw(self, state: FilmState) -> np.ndarray:
         """Draw a state (height, width, 3)."""
@@ -161,9 +169,11 @@ class Film:
         """Finish film and sheet, with the frames so far where the run stopped early."""
         try:
             self._writer.close()
-            if self._sheet:
-                write(self._out / "frames.png",
-                      lambda path: write_contact_sheet(self._sheet, self._captions, path))
+            if self._loads:
+                chosen = choose_frames(np.array(self._loads), self._plan.passages)
+                frames = read_frames(self._writer.path, [index for index, _ in chosen])
+                captions = [f"{name}, {self._loads[index][0]:.1f} s" for index, name in chosen]
+                write(self._out / "frames.png", lambda path: write_contact_sheet(frames, captions, path))
         finally:
             self._renderer.close()
         if self._poster is not None:
@@ -194,16 +204,26 @@ def _compile_drawn_model(plan: FilmPlan, shadows: int = SHADOWS, samples: int = 
     return compile_spec(spec)
 
 
-def _choose_sheet_moments(run: RehearsalRun) -> list[tuple[float, str]]:
-    """Times [s] and captions of the frames on the sheet.
+def choose_frames(loads: np.ndarray, passages: list[tuple[float, str]]) -> list[tuple[int, str]]:
+    """Choose the frames of the sheet, and their names: waypoints, and those in which the tool is full and empties.
 
-    Of a script its waypoints, without those that follow most closely on another; of learned motions equal intervals.
+    loads (n, 2): time [s] of every frame and number of grains in the tool, not finite while it digs. Of the waypoints,
+    those that follow most closely on another frame are left out.
     """
-    moments = sorted((run.waypoint_time(name), name) for name in run.plan.path.times)
-    if run.config.trajectory == "learned":
-        times = np.linspace(0.0, run.duration - 1.0 / FRAME_RATE, SHEET_FRAMES)
-        return [(float(t), next((name for begin, name in reversed(moments) if begin <= t), "start")) for t in times]
-    while len(moments) > SHEET_FRAMES:
-        gaps = [b[0] - a[0] for a, b in itertools.pairwise(moments)]
-        del moments[int(np.argmin(gaps)) + 1]
-    return moments
+    times, counts = loads.T
+    chosen = {int(np.argmin(np.abs(times - time))): name for time, name in passages if time <= times[-1]}
+    known, events = np.isfinite(counts), {}
+    held = np.interp(times, times[known], counts[known]) if known.any() else np.zeros(len(times))
+    if held.max() > 0.0:
+        full = np.flatnonzero(held >= FULL * held.max())
+        events[int(full[len(full) // 2])] = "full"
+        left = np.flatnonzero(held[full[-1] :] < EMPTYING * held.max())
+        if len(left):
+            events[int(full[-1] + left[0])] = "emptying"
+    chosen |= events
+    while len(chosen) > SHEET_FRAMES:
+        order = sorted(chosen)
+        gaps = {b: b - a for a, b in itertools.pairwise(order) if b not in events}
+        gaps |= {a: b - a for a, b in itertools.pairwise(order) if b in events and a not in events and a != order[0]}
+        del chosen[min(gaps, key=lambda index: gaps[index])]
+    return sorted(chosen.items()) or [(0, "start")]

@@ -152,9 +152,8 @@ def pack_plan(plan: FilmPlan) -> bytes:
 def unpack_plan(line: bytes) -> FilmPlan:
     """Return the plan of a line."""
     values = json.loads(line)
-    moments, passages = ([(float(time), str(text)) for time, text in values[name]] for name in ("moments", "passages"))
-    return FilmPlan(**values | {"config": RehearsalConfig.model_validate(values["config"]), "moments": moments,
-                                "passages": passages,
+    passages = [(float(time), str(text)) for time, text in values["passages"]]
+    return FilmPlan(**values | {"config": RehearsalConfig.model_validate(values["config"]), "passages": passages,
                                 "colour": tuple(values["colour"])})
 
 

@@ -59,6 +59,9 @@ class SceneRenderer:
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
         self._renderer.update_scene(data, camera, self._option)
+        for geom in self._renderer.scene.geoms[: self._renderer.scene.ngeom]:
+            if geom.rgba[3] < 1.0:  # decoration casts no shadow; that of a clear wall would be as dark as a solid one's
+                geom.category = mujoco.mjtCatBit.mjCAT_DECOR
         if len(self._facets):
             self._place_grains(np.empty((0, 3)) if positions is None else np.asarray(positions, np.float32), marked)
         return self._renderer.render()

@@ -112,6 +112,16 @@ def copy_with_index_first(source: Path, target: Path) -> None:
                 new.mux(packet)
 
 
+def read_frames(path: Path, indices: list[int]) -> list[Frame]:
+    """Return frames of a film by their numbers, in increasing order; those beyond its end are left out."""
+    wanted, frames = set(indices), []
+    with av.open(str(path)) as film:
+        for index, frame in enumerate(film.decode(video=0)):
+            if index in wanted:
+                frames.append(frame.to_ndarray(format="rgb24"))
+    return frames
+
+
 def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Path) -> None:
     """Write one to nine frames (height, width, 3) with captions as one PNG.
 
@@ -126,15 +136,16 @@ def write_contact_sheet(frames: list[Frame], captions: list[str], path: str | Pa
     sheet = Image.new("RGB", (SHEET_COLUMNS * PICTURE_WIDTH, rows * height), "white")
     for k, (frame, caption) in enumerate(zip(frames, captions)):
         picture = Image.fromarray(frame).resize((PICTURE_WIDTH, height), Image.Resampling.LANCZOS)
-        write_caption(picture, caption)
+        write_caption(picture, caption, at_top=True)
         sheet.paste(picture, (k % SHEET_COLUMNS * PICTURE_WIDTH, k // SHEET_COLUMNS * height))
     write(Path(path), lambda temporary: sheet.save(temporary, format="PNG"))
 
 
-def write_caption(picture: Image.Image, caption: str) -> None:
-    """Draw a caption on a dark strip in the picture's lower left corner."""
+def write_caption(picture: Image.Image, caption: str, *, at_top: bool = False) -> None:
+    """Draw a caption on a dark strip in the picture's lower left corner, or in its upper one."""
+    place = (16, 14 if at_top else picture.height - 40)
     font = ImageFont.load_default(size=20)
     draw = ImageDraw.Draw(picture, "RGBA")
-    left, top, right, bottom = draw.textbbox((16, picture.height - 40), caption, font=font)
+    left, top, right, bottom = draw.textbbox(place, caption, font=font)
     draw.rectangle((left - 10, top - 8, right + 10, bottom + 8), fill=(20, 22, 26, 190))
-    draw.text((16, picture.height - 40), caption, font=font, fill=(255, 255, 255, 255))
+    draw.text(place, caption, font=font, fill=(255, 255, 255, 255))

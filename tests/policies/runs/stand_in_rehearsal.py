@@ -24,9 +24,10 @@ def wave(at):
 class PointRun:
     """A rehearsal whose readings are known in closed form."""
 
-    def __init__(self, config, plan, seed=0):
+    def __init__(self, config, plan, seed=0, replay=None):
         from robosim.rehearsal.readings import Readings
 
+        self.replay = replay
         self.config, self.plan, self.seed, self.readings, self.wall_time = config, plan, seed, Readings(), 0.0
         self.duration, self.time = STEPS * config.host_dt, 0.0
         self.material = SimpleNamespace(model_dump=lambda mode: {})
@@ -101,14 +102,16 @@ def make_film():
             self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=film.FRAME_RATE)
             self._plan = SimpleNamespace(poster=None, passages=[], config=SimpleNamespace(material="salt"))
             self._poster = None
-            self._moments = [(0.0, "start"), (0.03, "pour")]
-            self._sheet, self._captions = [], []
+            self._loads = []
 
         def begin(self, run, camera, colour, rate, height, poster):
             self._run = run
 
         def add_due_frame(self):
             self.add(film.FilmState(self._run.time, np.zeros(7), np.zeros((5, 3))))
+
+        def _count_load(self, state):
+            return 5.0
 
         def draw(self, state):
             return np.random.default_rng(0).integers(0, 255, (96, 96, 3), np.uint8)

@@ -1,0 +1,28 @@
+"""The sheet of a film shows the full tool and the pour, whatever the waypoints are."""
+
+import numpy as np
+import pytest
+
+from robosim.rehearsal.film import SHEET_FRAMES, choose_frames
+
+TIMES = 0.05 * np.arange(200)
+COUNTS = np.interp(TIMES, [0.0, 4.0, 7.0, 7.5, 10.0], [0.0, 100.0, 100.0, 0.0, 0.0])
+COUNTS[(TIMES > 1.0) & (TIMES < 4.0)] = np.nan
+
+
+@pytest.mark.parametrize("count", [2, 8, 30])
+def test_the_full_tool_and_the_pour_are_among_the_frames(count: int) -> None:
+    passages = [(float(t), f"w{k}") for k, t in enumerate(np.linspace(0.0, 9.9, count))]
+    chosen = choose_frames(np.column_stack([TIMES, COUNTS]), passages)
+    names = {name: TIMES[index] for index, name in chosen}
+    assert len(chosen) <= SHEET_FRAMES and [index for index, _ in chosen] == sorted(index for index, _ in chosen)
+    assert 4.0 <= names["full"] <= 7.05 and 7.1 <= names["emptying"] <= 7.4
+    assert "w0" in names and len(chosen) == min(count + 2, SHEET_FRAMES)
+
+
+def test_a_tool_that_never_holds_anything_shows_its_waypoints() -> None:
+    empty = np.column_stack([TIMES, np.zeros(len(TIMES))])
+    assert [name for _, name in choose_frames(empty, [(0.0, "start"), (5.0, "push"), (99.0, "never")])] == ["start",
+                                                                                                           "push"]
+    digging = np.column_stack([TIMES, np.full(len(TIMES), np.nan)])
+    assert choose_frames(digging, []) == [(0, "start")]
