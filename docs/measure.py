@@ -1,6 +1,7 @@
 """Run the commands whose results the pages quote, and store these in docs/results/data: `python docs/measure.py NAME`.
 
-Names: rehearsal_spoon (and the pictures of it), report, stability, bench, bench_field. Without a name: all.
+Names: rehearsal_spoon (and the pictures of it), gallery (a still of each of the other rehearsals), report, stability,
+bench, bench_field. Without a name: all.
 """
 
 import json
@@ -20,8 +21,8 @@ from generators.results.measured import DATA  # noqa: E402
 from robosim.reports.provenance import code_digest, provenance  # noqa: E402
 
 IMAGES = HERE / "images"
-POUR = 8.93
-"""Time [s] of the frame of the spoon rehearsal that the pages show: grains fall."""
+POSTERS = {"spoon": 8.95, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
+"""Rehearsal -> time [s] of its still: grains fall, or move."""
 CASES = ["free_fall", "bar", "spin", "uniaxial", "column_weight", "hydrostatic", "return_mapping", "element_path",
          "closed_system", "block_at_rest", "ik_poses", "jerk_limits", "two_models"]
 """Cases of the stored report: a subject each from continuum, fluid, grains, coupling and robot."""
@@ -43,7 +44,7 @@ def made_by(words: list[str]) -> dict[str, str]:
 
 def rehearsal_spoon(out: Path) -> dict[str, Any]:
     """The figures of the report, and three pictures."""
-    words = ["rehearse", "spoon"]
+    words = ["rehearse", "spoon", "--poster", str(POSTERS["spoon"])]
     seconds = command(words, out)
     figures = json.loads((out / "report.json").read_text())
     pictures(out)
@@ -61,19 +62,32 @@ def rehearsal_spoon(out: Path) -> dict[str, Any]:
 
 
 def pictures(out: Path) -> None:
-    """A frame of the film, the sheet of nine, the page of curves; small enough for a repository."""
-    import av
+    """The still, the sheet of nine, the page of curves; small enough for a repository."""
     from PIL import Image
 
     IMAGES.mkdir(exist_ok=True)
-    with av.open(str(out / "rehearsal.mp4")) as film:
-        frame = next(f for f in film.decode(video=0) if f.time is not None and f.time >= POUR)
-        frame.to_image().crop((160, 0, 1120, 720)).save(IMAGES / "spoon_pour.jpg", quality=86, optimize=True)
+    still(out, "spoon")
     sheet = Image.open(out / "frames.png").convert("RGB")
     sheet.resize((1440, 810)).save(IMAGES / "spoon_sheet.jpg", quality=80, optimize=True)
     picture_of_page(out / "index.html", out / "page.png")
     curves = Image.open(out / "page.png").convert("RGB").quantize(64)
     curves.save(IMAGES / "spoon_report.png", optimize=True)
+
+
+def still(out: Path, name: str) -> None:
+    """The still of a rehearsal."""
+    from PIL import Image
+
+    poster = Image.open(out / "poster.png").convert("RGB")
+    poster.resize((1280, 720), Image.Resampling.LANCZOS).save(IMAGES / f"{name}.jpg", quality=84, optimize=True)
+
+
+def gallery(out: Path) -> None:
+    """Stills of the rehearsals besides the spoon's."""
+    for name, time in POSTERS.items():
+        if name != "spoon":
+            command(["rehearse", name, "--poster", str(time)], out / name)
+            still(out / name, name)
 
 
 def picture_of_page(page: Path, out: Path) -> None:
@@ -121,9 +135,9 @@ def bench_field(out: Path) -> dict[str, Any]:
             "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
 
 
-TASKS: dict[str, Callable[[Path], dict[str, Any]]] = {
+TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, "report": report, "stability": stability, "bench": bench,
-    "bench_field": bench_field}
+    "bench_field": bench_field, "gallery": gallery}
 
 
 def main(names: list[str]) -> None:
@@ -133,8 +147,10 @@ def main(names: list[str]) -> None:
         out = HERE / "_build" / "measured" / name
         shutil.rmtree(out, ignore_errors=True)
         out.mkdir(parents=True)
-        (DATA / f"{name}.json").write_text(json.dumps(TASKS[name](out), indent=1) + "\n")
-        print(f"{DATA / f'{name}.json'}")
+        measured = TASKS[name](out)
+        if measured is not None:  # pictures alone
+            (DATA / f"{name}.json").write_text(json.dumps(measured, indent=1) + "\n")
+        print(name)
 
 
 if __name__ == "__main__":
