@@ -84,9 +84,9 @@ def still(out: Path, name: str) -> None:
 
 def gallery(out: Path) -> None:
     """Stills of the rehearsals besides the spoon's."""
-    for name, time in POSTERS.items():
+    for name, moment in POSTERS.items():
         if name != "spoon":
-            command(["rehearse", name, "--poster", str(time)], out / name)
+            command(["rehearse", name, "--poster", str(moment)], out / name)
             still(out / name, name)
 
 

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 
 import pytest
+from browser_window import BrowserWindow
 
 import mpm
 from robosim.rendering.opengl import choose_graphics
@@ -22,3 +23,11 @@ def starts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv("ROBOSIM_CACHE", str(base / "starts"))
         patch.setenv("MPM_CACHE", str(base / "distances"))
         yield
+
+
+@pytest.fixture
+def browser() -> Iterator[BrowserWindow]:
+    """Return a browser's window; skips where there is none."""
+    window = BrowserWindow()
+    yield window
+    window.close()

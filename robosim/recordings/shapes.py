@@ -10,6 +10,8 @@ SHOWN_GROUPS = (0, 1, 2)
 """Groups of geoms that are drawn; higher ones hold collision shapes."""
 SHARP_DEG = 35.0
 """Edges with a larger angle between their faces are drawn sharp [deg]."""
+LEAST_FACES, LEFT_OUT = 600, 0.5
+"""Meshes with more faces are drawn without this share: a browser without a graphics card draws twice as fast."""
 FLOOR_SIZE = 6.0
 """Edge of the square that is drawn for an infinite plane [m]."""
 DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)
@@ -48,7 +50,7 @@ def _material(model: mujoco.MjModel, geom: int, colour: np.ndarray) -> PBRMateri
     material = model.geom_matid[geom]
     shine = float(model.mat_shininess[material]) if material >= 0 else 0.3
     metal = float(model.mat_metallic[material]) if material >= 0 else 0.0
-    return PBRMaterial(baseColorFactor=np.rint(255 * np.asarray(colour)).astype(np.uint8), doubleSided=True,
+    return PBRMaterial(baseColorFactor=np.rint(255 * np.asarray(colour)).astype(np.uint8), doubleSided=colour[3] < 1.0,
                        roughnessFactor=min(max(1.0 - shine, 0.35), 1.0), metallicFactor=min(max(metal, 0.0), 0.3),
                        alphaMode="BLEND" if colour[3] < 1.0 else "OPAQUE")
 
@@ -95,7 +97,10 @@ def _surface(model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, size: np.nd
 def _asset(model: mujoco.MjModel, mesh: int) -> trimesh.Trimesh:
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
     faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-    return trimesh.Trimesh(vertices.astype(float), faces)
+    mesh = trimesh.Trimesh(vertices.astype(float), faces)
+    if len(faces) <= LEAST_FACES:
+        return mesh
+    return mesh.simplify_quadric_decimation(percent=LEFT_OUT)
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> trimesh.Trimesh:

@@ -11,6 +11,8 @@ from robosim.viewer.history import History
 
 WIDTH, HEIGHT = 380, 130
 """Of the panel beside the scene, and of a chart in it [pixels]."""
+FAR = 100.0
+"""Heights of a chart by which a curve without a value lies below it."""
 MARGIN = 0.05
 """Above and below the curves, as a share of their range."""
 COLOURS = ("#1f6fd6", "#d9661f", "#2e8b57", "#8a3ab9", "#c0392b", "#7f6a3f")
@@ -78,7 +80,11 @@ def value_range(values: np.ndarray) -> tuple[float, float]:
 
 
 def add_cursor(times: np.ndarray, rows: np.ndarray, near: int, low: float, high: float) -> tuple[np.ndarray, ...]:
-    """Return times, curves (k, n) and a vertical line at a frame, as rows of one length for a chart."""
+    """Return times, curves (k, n) and a vertical line at a frame, as rows of one length for a chart.
+
+    Where a curve has no value it leaves the picture: the browser would join what is on both sides.
+    """
+    rows = np.where(np.isfinite(rows), rows, low - FAR * (high - low))
     x = np.insert(times, near, times[near])
     cursor = np.full(len(x), np.nan)
     cursor[near], cursor[near + 1] = low, high

@@ -19,6 +19,8 @@ PERIOD = 0.02
 """Time [s] between two looks at the clock."""
 REFRESH = 0.5
 """Time [s] between two looks at the file of a run that goes on."""
+LOOK = 0.1
+"""Time [s] between two looks at the page's camera while nothing plays."""
 CURSOR_PERIOD = 0.4
 """Time [s] between two movements of slider and cursor while it plays: the browser lays out both anew each time."""
 
@@ -31,7 +33,7 @@ class Playback:
         self.history = History(recording)
         self.view = SceneView(server, recording, self.history)
         self.charts = Charts(server, recording.header.curves, self.history)
-        self._is_following, self._cursor_moved, self._refreshed = not recording.is_finished, 0.0, 0.0
+        self._is_following, self._cursor_moved, self._refreshed, self._looked = not recording.is_finished, 0.0, 0.0, 0.0
         self._is_setting = False
         self._add_controls()
         aim_first_camera(server, recording.header.cameras, "overview")
@@ -83,6 +85,9 @@ class Playback:
             if self._is_following and len(self.history.times):
                 self.seek(self.history.times[-1])
         times = self.history.times
+        if not self._play.value and clock.monotonic() - self._looked > LOOK:
+            self._looked = clock.monotonic()
+            self.view.follow_camera()
         if self._play.value and len(times):
             end = self._now >= times[-1] - 1e-9
             if end and not self._loop.value:

@@ -14,6 +14,7 @@ from robosim.rendering.grain_skin import find_hidden
 from robosim.viewer.grain_colours import GrainColours
 from robosim.viewer.history import History
 from robosim.viewer.overlays import Overlays
+from robosim.viewer.sight import find_in_sight, read_sight
 
 CELL_IN_RADII = 4.0
 """Side of the cubes that find grains inside a heap, which nobody sees, in radii of a drawn grain."""
@@ -42,7 +43,7 @@ class SceneView:
                 if body.name in recording.shapes else server.scene.add_frame(f"/bodies/{body.name}", show_axes=False)
         self._centre = (np.array(header.lower) + header.upper) / 2.0
         self._colours = GrainColours(header.grains, header.colour)
-        self._grains = None
+        self._grains, self._sight = None, None
         if header.grains:
             self._grains = server.scene.add_point_cloud(
                 "/grains", np.zeros((header.grains, 3)), np.zeros((header.grains, 3), np.uint8), position=self._centre,
@@ -61,6 +62,14 @@ class SceneView:
             self.overlays.show(k, scene, poses)
         self.frame = k
 
+    def follow_camera(self) -> None:
+        """Choose the grains that are drawn anew, where the camera of the page has moved."""
+        sight = read_sight(self.server)
+        distance = 0.0 if sight is None else float(np.linalg.norm(sight.eye - self._centre))
+        if (self.frame >= 0 and (sight is None) != (self._sight is None)) or \
+                (sight is not None and sight.has_moved(self._sight, distance)):
+            self.recolour(self.colouring)
+
     def recolour(self, colouring: str) -> None:
         """Colour the grains otherwise; raises KeyError for no colouring."""
         self.colouring = colouring
@@ -78,7 +87,11 @@ class SceneView:
         regions = self.recording.header.regions
         placed = find_placed(regions, poses, grains.positions) if self.colouring == "outside" else None
         colours = self._colours.colours(grains, self.colouring, placed)
-        seen = ~find_hidden(grains.positions, CELL_IN_RADII * self.recording.header.grain_radius)
+        radius = self.recording.header.grain_radius
+        seen = ~find_hidden(grains.positions, CELL_IN_RADII * radius)
+        self._sight = read_sight(self.server)
+        if self._sight is not None:
+            seen &= find_in_sight(grains.positions, self._sight, radius)
         self._grains.points = (grains.positions[seen] - self._centre).astype(np.float16)
         self._grains.colors = colours[seen]
 

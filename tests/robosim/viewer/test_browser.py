@@ -1,18 +1,12 @@
 """The viewer and the pages in a real browser: Debian's Chromium, driven by Selenium, without a display."""
 
-import io
-import json
-import shutil
-import socket
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from browser_window import BrowserWindow, serve, wait_until
 
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, CurveEntry, RecordingHeader, RegionEntry
@@ -21,30 +15,7 @@ from robosim.recordings.writer import RecordingWriter
 from robosim.viewer.embed import embed_html
 
 pytestmark = pytest.mark.slow
-INSTALL = "apt install chromium chromium-driver, pip install selenium"
 GRAINS, FRAMES, RATE = 50_000, 60, 20.0
-FLAGS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1100,750",
-         "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist")
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    """Return a browser that records its requests and its console."""
-    selenium = pytest.importorskip("selenium", reason=INSTALL)
-    if shutil.which("chromedriver") is None or shutil.which("chromium") is None:
-        pytest.skip(INSTALL)
-    from selenium import webdriver
-
-    options = webdriver.ChromeOptions()
-    for flag in FLAGS:
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
-    driver.set_page_load_timeout(120)
-    assert selenium
-    yield driver
-    driver.quit()
-
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -80,100 +51,72 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def served(recording: Path) -> Iterator[str]:
     """Serve the recording by the command; return the address."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    process = subprocess.Popen([sys.executable, "-m", "robosim", "view", str(recording), "--port", str(port)],
-                               stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    yield process.stdout.readline().split()[0]
-    process.terminate()
-    process.wait(20)
-    process.stdout.close()
+    with serve(str(recording)) as address:
+        yield address
 
 
-def picture(browser: Any) -> np.ndarray:
-    """Return the browser's window (height, width, 3)."""
-    from PIL import Image
-
-    return np.asarray(Image.open(io.BytesIO(browser.get_screenshot_as_png())).convert("RGB")).astype(int)
-
-
-def wait_until(holds: Callable[[], bool], limit: float) -> float:
-    """Wait until something holds and return how long it took [s]; fails after the limit."""
-    began = time.monotonic()
-    while not holds():
-        assert time.monotonic() - began < limit, "not in time"
-        time.sleep(0.1)
-    return time.monotonic() - began
-
-
-def faults(browser: Any) -> list[str]:
-    """Return the errors of the console, and the requests to other machines."""
-    errors = [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
-    for entry in browser.get_log("performance"):
-        message = json.loads(entry["message"])["message"]
-        if message["method"] == "Network.requestWillBeSent":
-            url = message["params"]["request"]["url"]
-            if not url.startswith(("data:", "blob:", "file:", "http://127.0.0.1", "chrome")):
-                errors.append(url)
-    return errors
-
-
-def control(browser: Any, label: str) -> Any:
-    """Return the checkbox of a label."""
-    return browser.find_element("xpath", f"//label[normalize-space()='{label}']/following::input[@type='checkbox'][1]")
-
-
-def click(browser: Any, element: Any) -> None:
-    browser.execute_script("arguments[0].click()", element)
-
-
-def test_the_viewer_is_clicked_through(browser: Any, served: str) -> None:
+def test_the_viewer_is_clicked_through(browser: BrowserWindow, served: str) -> None:
     """Overlays, colours, camera and playing change what is seen; no other machine is asked for anything."""
     began = time.monotonic()
-    browser.get(served)
-    wait_until(lambda: bool(browser.find_elements("xpath", "//label[normalize-space()='play']")), 20.0)
-    wait_until(lambda: (picture(browser)[300:500, 500:700].std() > 8.0), 20.0)
+    browser.open(served)
+    wait_until(lambda: browser.has("//label[normalize-space()='play']"), 20.0)
+    wait_until(lambda: (browser.picture()[300:500, 500:700].std() > 8.0), 20.0)
     first = time.monotonic() - began
     print(f"first picture after {first:.1f} s")
-    before = picture(browser)
+    before = browser.picture()
     for label in ("regions", "waypoints", "force", "path"):
-        click(browser, control(browser, label))
+        browser.click(browser.checkbox(label))
     time.sleep(2.0)
-    assert np.abs(picture(browser) - before).max(2).sum() > 10_000
-    click(browser, browser.find_element("xpath", "//button[normalize-space()='top']"))
+    assert np.abs(browser.picture() - before).max(2).sum() > 10_000
+    browser.click(browser.button("top"))
     time.sleep(2.0)
-    above = picture(browser)
+    above = browser.picture()
     assert (np.abs(above - before).max(2) > 40).mean() > 0.02
-    box = browser.find_element("xpath", "//label[normalize-space()='grains by']/following::input[1]")
-    click(browser, box)
+    browser.click(browser.input("grains by"))
     time.sleep(1.0)
-    click(browser, browser.find_element("xpath", "//*[@role='option' and normalize-space()='speed']"))
+    browser.click(browser.find("//*[@role='option' and normalize-space()='speed']"))
     time.sleep(2.0)
-    assert (np.abs(picture(browser) - above).max(2) > 40).mean() > 0.02
-    time_box = browser.find_element("xpath", "//label[normalize-space()='time [s]']/following::input[1]")
+    assert (np.abs(browser.picture() - above).max(2) > 40).mean() > 0.02
+    time_box = browser.input("time [s]")
     shown = float(time_box.get_attribute("value"))
-    click(browser, control(browser, "play"))
+    browser.click(browser.checkbox("play"))
     time.sleep(2.0)
     assert float(time_box.get_attribute("value")) != shown
-    assert not faults(browser)
+    assert not browser.faults()
     assert first < 5.0 * SLACK
+
+
+def test_the_time_is_dragged(browser: BrowserWindow, served: str) -> None:
+    """The pointer moves the slider, and the scene and the curves' cursor with it; overlays stay."""
+    browser.open(served)
+    wait_until(lambda: browser.has("//label[normalize-space()='play']"), 20.0)
+    wait_until(lambda: browser.picture()[300:500, 500:700].std() > 8.0, 20.0)
+    slider = browser.find("//label[normalize-space()='time [s]']/following::div[@role='slider'][1]")
+    track = slider.find_element("xpath", "./..").rect
+    before, y = browser.picture(), track["y"] + track["height"] / 2
+    begin = slider.rect["x"] + slider.rect["width"] / 2
+    browser.drag((begin, y), (track["x"] + 0.75 * track["width"], y))
+    time.sleep(2.0)
+    shown = float(browser.input("time [s]").get_attribute("value"))
+    assert 0.5 * FRAMES / RATE < shown < FRAMES / RATE
+    moved = np.abs(browser.picture() - before).max(2) > 40
+    assert moved[:, :600].mean() > 0.003
+    assert not browser.faults()
 
 
 SLACK = 3.0
 """By which a busy machine of two cores may be slower than the bar that is measured on an idle one."""
 
 
-def test_fifty_thousand_grains_play_smoothly(browser: Any, served: str) -> None:
+def test_fifty_thousand_grains_play_smoothly(browser: BrowserWindow, served: str) -> None:
     """The browser draws a frame for nearly every frame of the recording while it plays."""
-    browser.get(served)
-    wait_until(lambda: bool(browser.find_elements("xpath", "//label[normalize-space()='play']")), 20.0)
+    browser.open(served)
+    wait_until(lambda: browser.has("//label[normalize-space()='play']"), 20.0)
     time.sleep(4.0)
-    click(browser, control(browser, "play"))
+    browser.click(browser.checkbox("play"))
     time.sleep(2.0)
-    browser.set_script_timeout(60)
-    rate = browser.execute_async_script(
+    browser.driver.set_script_timeout(60)
+    rate = browser.driver.execute_async_script(
         "const done = arguments[0]; let n = 0; const begin = performance.now();"
         "function next() { n++; if (performance.now() - begin > 6000) done(n / 6); else requestAnimationFrame(next) }"
         "requestAnimationFrame(next)")
@@ -181,12 +124,12 @@ def test_fifty_thousand_grains_play_smoothly(browser: Any, served: str) -> None:
     assert rate > 20.0 / SLACK
 
 
-def test_an_embedded_recording_plays_from_disk(browser: Any, recording: Path, tmp_path: Path) -> None:
+def test_an_embedded_recording_plays_from_disk(browser: BrowserWindow, recording: Path, tmp_path: Path) -> None:
     with Recording(recording) as opened:
         (tmp_path / "scene.html").write_text(embed_html(opened))
-    browser.get((tmp_path / "scene.html").as_uri())
-    wait_until(lambda: picture(browser).std() > 8.0, 60.0)
-    one = picture(browser)
+    browser.open(tmp_path / "scene.html")
+    wait_until(lambda: browser.picture().std() > 8.0, 60.0)
+    one = browser.picture()
     time.sleep(3.0)
-    assert (np.abs(picture(browser) - one).max(2) > 30).sum() > 200
-    assert not faults(browser)
+    assert (np.abs(browser.picture() - one).max(2) > 30).sum() > 200
+    assert not browser.faults()
