@@ -11,7 +11,7 @@ SHOWN_GROUPS = (0, 1, 2)
 SHARP_DEG = 35.0
 """Edges with a larger angle between their faces are drawn sharp [deg]."""
 LEAST_FACES, LEFT_OUT = 600, 0.5
-"""Meshes with more faces are drawn without this share: a browser without a graphics card draws twice as fast."""
+"""Meshes with more faces are drawn without this share: a browser without a GPU draws twice as fast."""
 FLOOR_SIZE = 6.0
 """Edge of the square that is drawn for an infinite plane [m]."""
 DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)
@@ -97,10 +97,8 @@ def _surface(model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, size: np.nd
 def _asset(model: mujoco.MjModel, mesh: int) -> trimesh.Trimesh:
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
     faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-    mesh = trimesh.Trimesh(vertices.astype(float), faces)
-    if len(faces) <= LEAST_FACES:
-        return mesh
-    return mesh.simplify_quadric_decimation(percent=LEFT_OUT)
+    surface = trimesh.Trimesh(vertices.astype(float), faces)
+    return surface if len(faces) <= LEAST_FACES else surface.simplify_quadric_decimation(percent=LEFT_OUT)
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> trimesh.Trimesh:
