@@ -39,6 +39,9 @@ def add_parser(commands: Any) -> None:
                         "path of a .yaml file (default: the rehearsal's)")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="friction", help="tool welded to the hand, or "
                         "held by the fingers alone (default: friction)")
+    parser.add_number("--perturb", metavar="N", help="also run the whole arm's motion N times with errors of the "
+                      "robot's model; with --launch on a cluster")
+    parser.add_runner()
     parser.add_number("--jobs", default=1, help="number of sub-tasks at the same time (default: 1)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")

@@ -32,8 +32,9 @@ DEMO_ARGUMENTS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate"
 """Arguments of `robosim demo` by task. Scooping begins with the script, because the tool must touch its material first;
 pouring, because a descent from rest finds pours that the hand obstructs. ScoopTranslate stops short of its target at
 the default rate."""
-SEQUENCE, ARM = "sub-tasks in sequence", "whole arm"
-DEPENDENTS = {"demonstrations": ("training of {task}", SEQUENCE, ARM), "training": (SEQUENCE, ARM)}
+SEQUENCE, ARM, PERTURBED = "sub-tasks in sequence", "whole arm", "whole arm with errors of its model"
+DEPENDENTS = {"demonstrations": ("training of {task}", SEQUENCE, ARM, PERTURBED),
+              "training": (SEQUENCE, ARM, PERTURBED)}
 """Kind of stage -> the stages that use its result."""
 POLL = 0.5
 """Time [s] between two looks at a folder's lock."""
@@ -100,7 +101,8 @@ class Pipeline:
             return self._run_stages()
 
     def _run_stages(self) -> int:
-        self._progress = Progress(total=2 * len(self.tasks) + 2, desc="pipeline", unit="commands")
+        stages = 2 * len(self.tasks) + (2 if self.options.perturb is None else 3)
+        self._progress = Progress(total=stages, desc="pipeline", unit="commands")
         pool = ThreadPoolExecutor(self.options.jobs)  # for all stages: this thread stays free to receive Ctrl-C
         try:
             is_learned = list(pool.map(self._learn, self.tasks))
@@ -159,6 +161,11 @@ class Pipeline:
         results = [self._run_stage(SEQUENCE, ["chain", o.rehearsal, "--out", str(self.out / "chain"), *shared]),
                    self._run_stage(ARM, ["rehearse", o.rehearsal, "--out", str(self.out / "arm"), "--grasp", o.grasp,
                                          *shared])]
+        if o.perturb is not None:
+            launch = ["--launch", o.launch, *(["--launch-file", str(o.launch_file)] if o.launch_file else [])]
+            results.append(self._run_stage(PERTURBED, [
+                "rehearse", o.rehearsal, "--out", str(self.out / "perturbed"), "--grasp", o.grasp, "--perturb",
+                str(o.perturb), "--jobs", str(o.jobs), *launch, *shared]))
         return all(results)
 
     def _run_stage(self, name: str, arguments: list[str]) -> bool:

@@ -41,6 +41,8 @@ NUMBERS = {
     "--n-envs": Number(1, 4096),  # such a batch of 300 grains each takes 1 GB
     "--evaluate-every": Number(1, 1_000_000),
     "--action-repeat": Number(1, 10_000),  # 20 s at steps of 2 ms, ten episodes
+    "--model-errors": Number(1, 2**31 - 1),  # as seeds; 0 is the exact model
+    "--perturb": Number(1, 1000),  # at a minute each, 17 hours
     "--seed": Number(0, 2**31 - 1),  # numpy takes up to 2^32 - 1; later episodes have larger seeds
     "--sizes": Number(1, 4_000_000),  # grains; with 250 bytes each, 1 GB
     # a process has 0.5 GB; more of them than cores do not finish earlier

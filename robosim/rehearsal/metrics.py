@@ -92,6 +92,7 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         **_arm_figures(run),
         "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
         **_learned_path_figures(run), **_replay_figures(run),
+        "model_errors": None if run.errors is None else run.errors.figures(),
         "grasp": config.grasp, "grasp_slip_m": run.grasp.slip,
         "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
         "particles_lost": int(run.readings.stack_grains("lost").max()),

@@ -16,6 +16,7 @@ from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.rehearsal.replay.comparison import Simulated, WrenchComparison, compare_wrench
 from robosim.rehearsal.replay.recorded_motion import Replay
 from robosim.robot.joint_control import Servo, TorqueSensors
+from robosim.robot.model_errors import ModelErrors
 from robosim.robot.timing import JointState
 from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
 from robosim.scene.collisions import CollisionMonitor
@@ -39,15 +40,22 @@ class RehearsalRun:
     """The coupled scene of a planned motion, and the simulation of it.
 
     seed: of the grains' initial positions. material: None for the configured one. replay: a recording of the real arm,
-    whose motion takes the place of the planned one.
+    whose motion takes the place of the planned one. errors: by which the robot differs from the model that plans and
+    controls it.
     """
 
     def __init__(self, config: RehearsalConfig, plan: Plan, seed: int = 0,
-                 material: MaterialConfig | None = None, replay: Replay | None = None) -> None:
+                 material: MaterialConfig | None = None, replay: Replay | None = None,
+                 errors: ModelErrors | None = None) -> None:
         self.plan = plan if replay is None else plan._replace(motion=replay.motion)
-        self.config, self.replay, self.seed = config, replay, seed
+        self.config, self.replay, self.errors, self.seed = config, replay, errors, seed
         self.material: MaterialConfig = material or load_material(config.material)
-        self.scene: Scene = compile_scene(build_rehearsal_spec(config), config.tool)
+        spec = build_rehearsal_spec(config)
+        if errors is not None:
+            errors.place_tool(spec, config.tool)
+        self.scene: Scene = compile_scene(spec, config.tool)
+        if errors is not None:
+            errors.change_model(self.scene.model, self.scene.model.body("palm").id, self.scene.arm_dofs)
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
         self.data.qpos[self.scene.arm_qpos] = self.plan.motion.state(-config.grasp_time).q
         mujoco.mj_forward(self.model, self.data)
@@ -57,7 +65,7 @@ class RehearsalRun:
         self.solver = self.grains.solver
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
                                      coupling=config.coupling)
-        self.servo = Servo(plan.arm, config.servo)
+        self.servo = Servo(plan.arm, config.servo if errors is None else errors.change_servo(config.servo))
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self.collisions = CollisionMonitor(self.model, self.data, config)
         self.readings = Readings()
@@ -116,7 +124,8 @@ class RehearsalRun:
         3. Update slip and collisions.
         4. Record the step; every few steps the grains too.
         """
-        target = self.plan.motion.state(self.time - self.config.grasp_time)
+        late = 0.0 if self.errors is None else self.errors.latency
+        target = self.plan.motion.state(self.time - self.config.grasp_time - late)
         torque = self._command(target)
         q, qd = self.data.qpos[self.scene.arm_qpos].copy(), self.data.qvel[self.scene.arm_dofs].copy()
         velocity = self._tool_velocity()

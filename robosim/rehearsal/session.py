@@ -24,6 +24,7 @@ from robosim.rehearsal.recorder import RunReadings, make_recorder
 from robosim.rehearsal.replay.comparison import OPPOSITE
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
 from robosim.rehearsal.run import RehearsalRun
+from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.field import check_field
 
@@ -51,13 +52,14 @@ COMPARED = {
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
              camera: str | None = "close", colour: str = "material", frame_rate: int = FRAME_RATE,
              height: int = 720, poster: float | None = None, seed: int = 0, trajectory: str | None = None,
-             motions: Path | None = None, recorded: Path | None = None) -> int:
+             motions: Path | None = None, recorded: Path | None = None, model_errors: int | None = None) -> int:
     """Run a rehearsal and write its results into the folder `out`.
 
     Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains.
     frame_rate: pictures per second; height: of a picture [pixels]; poster: time [s] of a still. trajectory: "script"
     or "learned", the latter from a folder of motions, or with None the bundled ones. recorded: what the real arm
     recorded of that motion (see `robosim.conversion.joint_log`), to be played in its place and compared with it.
+    model_errors: seed of errors by which the robot differs from its model; None: it does not.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """
@@ -81,7 +83,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
             film = None if camera is None else FilmProcess(folder)
             if film is not None:
                 stack.callback(film.close)
-            run = _prepare(config, folder, seed, log)
+            run = _prepare(config, folder, seed, log, model_errors)
             stack.callback(_write_trajectory, run, folder)
             recorder = make_recorder(run, folder.path / RECORDING)
             stack.callback(recorder.close)
@@ -104,7 +106,8 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         return int(bool(missed))
 
 
-def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: JointLog | None) -> RehearsalRun:
+def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: JointLog | None,
+             model_errors: int | None) -> RehearsalRun:
     """Plan the motion, write its trajectory, and make robot and grains."""
     print("planning the motion ...", file=sys.stderr)
     began = clock.perf_counter()
@@ -114,7 +117,8 @@ def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: Join
         plan.motion, config.joint_trajectory, start=config.grasp_time))
     replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
-    run = RehearsalRun(config, plan, seed=seed, replay=replay)
+    errors = None if model_errors is None else draw_model_errors(model_errors, len(plan.arm.lower))
+    run = RehearsalRun(config, plan, seed=seed, replay=replay, errors=errors)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
 

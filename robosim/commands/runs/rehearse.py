@@ -6,7 +6,7 @@ from typing import Any
 
 from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path
-from robosim.errors import UnknownName
+from robosim.errors import ConfigError, UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
 from robosim.rendering.cameras import FOLLOW
 
@@ -14,6 +14,7 @@ EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
   robosim rehearse spoon --set field.cell=0.005 --set waypoints.2.speed=0.1 --out out/coarse
   robosim rehearse bottle --trajectory learned --out out/bottle
+  robosim rehearse spoon --perturb 8 --jobs 2 --out out/robust
   robosim rehearse spoon --recorded real.mcap --out out/real"""
 
 
@@ -47,6 +48,12 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--no-video", action="store_true", help="make no video")
     parser.add_number("--seed", default=0,
                         help="random seed of the grains' initial positions (default: 0)")
+    parser.add_number("--model-errors", metavar="SEED", help="let the robot differ from the model that plans and "
+                      "controls it: payload, joint friction, latency, place of the tool in the hand, gains")
+    parser.add_number("--perturb", metavar="N", help="run with the exact model and N times with such errors, without "
+                      "videos, and report the worst of every figure")
+    parser.add_number("--jobs", default=1, help="with --perturb: runs at the same time (default: 1)")
+    parser.add_runner()
     parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
     parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="--out has what was simulated so far; the same command "
@@ -61,6 +68,8 @@ def run(options: argparse.Namespace) -> int:
     if options.camera not in (*CAMERAS, FOLLOW):
         raise UnknownName("camera", options.camera, (*CAMERAS, FOLLOW))
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
+        if options.perturb is not None:
+            return run_perturbed(options, rehearsal)
         from robosim.rehearsal.session import rehearse
 
         return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
@@ -68,4 +77,17 @@ def run(options: argparse.Namespace) -> int:
                         frame_rate=options.frame_rate, height=options.height,
                         poster=options.poster, seed=options.seed,
                         trajectory=options.trajectory, motions=options.motions,
-                        recorded=options.recorded)
+                        recorded=options.recorded, model_errors=options.model_errors)
+
+
+def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
+    """Run the rehearsal with the exact model and with errors of it."""
+    given = [name for name in ("recorded", "model_errors", "poster") if getattr(options, name) is not None]
+    if given:
+        raise ConfigError(f"--{given[0].replace('_', '-')} with --perturb; accepted: without")
+    from robosim.robustness.perturbed_runs import perturb
+
+    chosen = {name: getattr(options, name) for name in ("material", "grasp", "trajectory", "seed")}
+    chosen["motions"] = options.motions and str(options.motions.resolve())
+    return perturb(rehearsal, options.out, options.perturb, jobs=options.jobs, runner=options.make_runner(options),
+                   options={name: value for name, value in chosen.items() if value is not None})

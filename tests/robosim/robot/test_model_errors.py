@@ -1,0 +1,56 @@
+"""Errors of the model change the simulated robot, and only where they should."""
+
+import mujoco
+import numpy as np
+
+from robosim.config.rehearsal import load_rehearsal
+from robosim.robot.model_errors import (
+    FRICTION,
+    GAINS,
+    LATENCY,
+    PAYLOAD,
+    SHIFT,
+    TURN_DEG,
+    ModelErrors,
+    draw_model_errors,
+)
+from robosim.scene.build import build_rehearsal_spec, compile_scene
+
+NONE = ModelErrors(1.0, np.ones(7), 0.0, np.zeros(3), np.zeros(3), 1.0, 1.0)
+
+
+def test_errors_are_drawn_within_their_ranges_and_by_their_seed() -> None:
+    drawn = [draw_model_errors(seed, 6) for seed in range(200)]
+    assert draw_model_errors(3, 6).figures() == drawn[3].figures() != drawn[4].figures()
+    payloads, frictions = np.array([e.payload for e in drawn]), np.array([e.friction for e in drawn])
+    assert frictions.shape == (200, 6)
+    for values, middle, half in ((payloads, 1.0, PAYLOAD), (frictions, 1.0, FRICTION),
+                                 (np.array([e.stiffness for e in drawn]), 1.0, GAINS),
+                                 (np.array([e.latency for e in drawn]), np.mean(LATENCY), np.ptp(LATENCY) / 2),
+                                 (np.array([e.tool_shift for e in drawn]), 0.0, SHIFT),
+                                 (np.array([e.tool_turn_deg for e in drawn]), 0.0, TURN_DEG)):
+        reached = np.abs(values - middle).max()
+        assert 0.95 * half < reached <= half
+
+
+def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() -> None:
+    config = load_rehearsal("spoon")
+    exact = compile_scene(build_rehearsal_spec(config), config.tool)
+    for errors in (NONE, NONE._replace(payload=1.2, friction=np.linspace(0.5, 1.5, 7),
+                                       tool_shift=np.array([1e-3, 0.0, 0.0]))):
+        spec = build_rehearsal_spec(config)
+        errors.place_tool(spec, config.tool)
+        scene = compile_scene(spec, config.tool)
+        palm = scene.model.body("palm").id
+        errors.change_model(scene.model, palm, scene.arm_dofs)
+        assert np.isclose(scene.model.body_subtreemass[palm], exact.model.body_subtreemass[palm] * errors.payload)
+        np.testing.assert_array_equal(scene.model.body_mass[:palm], exact.model.body_mass[:palm])
+        np.testing.assert_allclose(scene.model.dof_damping[scene.arm_dofs],
+                                   errors.friction * exact.model.dof_damping[exact.arm_dofs])
+        data, reference = mujoco.MjData(scene.model), mujoco.MjData(exact.model)
+        mujoco.mj_forward(scene.model, data)
+        mujoco.mj_forward(exact.model, reference)
+        moved = data.xpos[scene.tool] - reference.xpos[exact.tool]
+        assert np.isclose(np.linalg.norm(moved), np.linalg.norm(errors.tool_shift), atol=1e-9)
+        servo = errors.change_servo(config.servo)
+        assert servo == config.servo
