@@ -21,7 +21,7 @@ from policies.dynamics.rollout_files import describe_environment, read_rollouts
 from policies.learning.bundled import configs_folder
 from policies.learning.preset_files import load_preset, read_yaml
 from policies.results.further_tables import make_further_tables
-from policies.results.tables import COLUMNS, PUBLISHED, collect_rows, make_page, read_table, summarise_runs, write_csv
+from policies.results.tables import COLUMNS, PUBLISHED, collect_rows, fill_page, read_table, summarise_runs, write_csv
 from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
 from policies.runs.pipeline_table import format_rows
 from policies.runs.run_folder import RunFolder
@@ -134,7 +134,9 @@ def tabulate(path: Path) -> None:
     summaries, notes = summarise_runs(rows, published)
     numbers, tables = make_further_tables(summaries, rows, [path.parent], published)
     json.dumps([summaries, numbers], allow_nan=False)
-    make_page(summaries, published, [path], tables, {"notes": notes})
+    page = Page("tables")
+    fill_page(page, summaries, published, [path], tables, {"notes": notes})
+    page.html()
     if rows:
         write_csv(path.parent / "tables.csv", rows)
 

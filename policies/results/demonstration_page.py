@@ -10,7 +10,7 @@ from mpm.files import write_text
 from mpm.input_files import read_arrays, read_json
 
 MOST_FILMS = 4
-"""Films that are put into the page; the others lie beside it."""
+"""Films that are put into the page; the others stay files."""
 SMALLEST = 1e-30
 """In place of a derivative of zero, on a logarithmic scale."""
 
