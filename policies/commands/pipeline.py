@@ -55,6 +55,8 @@ def run(options: argparse.Namespace) -> int:
     check_method(options.method)
     check_material(options.material)
     options.settings.check("rehearsals", options.rehearsal)
+    if options.make_runner(options) is not None and options.perturb is None:  # before anything is trained
+        raise mpm.InvalidValue(f"--launch {options.launch} without --perturb; accepted: with it")
     from policies.runs.pipeline import Pipeline
 
     return Pipeline(options).run()

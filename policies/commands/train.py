@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         check_task(options.task, "; or an id of Gymnasium, such as Pendulum-v1")
     check_material(options.material)
     from policies.methods.train import train
-    from policies.results.run_page import write_run_page
+    from policies.results.run_page import write_own_page
 
     o = options
     try:
@@ -63,5 +63,5 @@ def run(options: argparse.Namespace) -> int:
                      starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
                      checkpoint_every=o.checkpoint_every, evaluate_every=o.evaluate_every,
                      label=o.label, n_envs=o.n_envs, change=o.settings.apply)
-    finally:  # also of a run that failed or was interrupted
-        write_run_page(o.make_page, o.out)
+    finally:  # also of a run that failed or was interrupted; not of another process that has the folder
+        write_own_page(o.make_page, o.out)

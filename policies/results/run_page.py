@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,17 @@ SHARES = ("delivered", "spilled", "retained")
 DETAILS = ("preset", "demonstrations", "command", "commit", "code", "process", "label")
 """Entries of the manifest that are folded away, or are in the page's header."""
 Curve = tuple[list[float], list[float]]
+
+
+def write_own_page(make_page: Callable[..., Any], out: Path) -> None:
+    """Write the page of this process's run; what prevents it is printed, for the run is worth more than its page."""
+    try:
+        if read_json(out / "status.json").get("process") == os.getpid():
+            write_run_page(make_page, out)
+    except FileNotFoundError:
+        return  # nothing was begun
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        print(f"{out}: no index.html: {type(error).__name__}: {error}", file=sys.stderr)
 
 
 def write_run_page(make_page: Callable[..., Any], out: Path) -> Path | None:
@@ -58,8 +71,9 @@ def write_run_page(make_page: Callable[..., Any], out: Path) -> Path | None:
     page.add_details("Method", json.dumps(manifest.get("preset"), indent=2))
     if episodes:
         page.add_details("Episodes", read_text(out / "episodes.csv", MAX_ROWS_BYTES))
-    page.add_text(f"The best policy in other starts and materials: robosim evaluate {manifest['task']} --policy {out} "
-                  f"--suite wide --out out/wide")
+    if "-v" not in manifest["task"]:  # a sub-task of ours
+        page.add_text(f"The best policy in other starts and materials: robosim evaluate {manifest['task']} "
+                      f"--policy {out} --suite wide --out out/wide")
     write_text(out / "index.html", page.html())
     return out / "index.html"
 

@@ -1,6 +1,5 @@
 """One command as a job of a cluster, which continues where it was cut off."""
 
-import json
 import os
 import signal
 import subprocess
@@ -15,7 +14,7 @@ TERMINATED = (-signal.SIGTERM, 128 + signal.SIGTERM)
 """Statuses of a command that was ended from outside, as where its node fails."""
 GRACE = 60.0
 """Time [s] that a command has to write its checkpoint after SIGTERM."""
-MOST_READ = 1_000_000
+MOST_READ = 20_000
 """Bytes at the end of a log that are read."""
 SHOWN_LINES = 3
 """Last lines of a failed command's output that are shown."""
@@ -90,25 +89,13 @@ def local_caches() -> dict[str, str]:
     return {name: str(base / folder) for name, folder in CACHES.items() if name not in os.environ}
 
 
-def read_result(log: Path) -> Any:
-    """Return the JSON value of the last line of a log; None where it is none."""
-    try:
-        return json.loads(_read_end(log).strip().splitlines()[-1])
-    except (OSError, IndexError, ValueError):
-        return None
-
-
-def _read_end(log: Path) -> str:
-    with log.open("rb") as file:
-        file.seek(max(0, file.seek(0, os.SEEK_END) - MOST_READ))
-        return file.read().decode(errors="replace").replace("\r", "\n")
-
-
 def describe_failure(log: Path, status: int) -> str:
     """Return the last lines of a log, and how its process ended."""
     ended = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
     try:
-        text = _read_end(log)
+        with log.open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - MOST_READ))
+            text = file.read().decode(errors="replace").replace("\r", "\n")
     except OSError as error:
         return f"{ended}; {log}: {error.strerror}"
     lines = [line.strip() for line in text.splitlines() if line.strip()]

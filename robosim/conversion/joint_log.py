@@ -51,7 +51,8 @@ def read_joint_log(path: Path, joints: Sequence[str], base: str = "world") -> Jo
     """
     if not path.exists():
         raise ConfigError(f"{path}: does not exist; accepted: a .csv file, or a bag of ROS")
-    log = _read_csv(path, joints) if path.suffix == ".csv" else _read_bag(path, joints, ("world", base or "world"))
+    is_csv = path.suffix.lower() == ".csv"
+    log = _read_csv(path, joints) if is_csv else _read_bag(path, joints, ("world", base or "world"))
     _check_times(path, "joint angles", log.joints)
     if log.wrench is not None:
         _check_times(path, "wrench", log.wrench)
@@ -73,6 +74,8 @@ def _read_csv(path: Path, joints: Sequence[str]) -> JointLog:
     names = ["time_s", *names, *([] if wrench is None else [f"{wrench}_{axis}" for axis in AXES])]
     chosen, values = [columns.index(name) for name in names], []
     for number, line in enumerate(lines[1:], 2):
+        if not line.strip():
+            continue
         row = line.split(",")
         try:
             values.append([float(row[k]) for k in chosen])
@@ -108,7 +111,7 @@ def _read_bag(path: Path, joints: Sequence[str], world: Sequence[str]) -> JointL
                 if kind == "WrenchStamped":
                     frames[connection.topic] = message.header.frame_id
                     wrenches.setdefault(connection.topic, []).append([time, *_wrench_values(message.wrench)])
-                elif set(joints) <= set(message.name):
+                elif set(joints) <= set(message.name) and len(message.position) == len(message.name):
                     order = [list(message.name).index(joint) for joint in joints]
                     states.setdefault(connection.topic, []).append([time, *np.asarray(message.position)[order]])
     except (AnyReaderError, ReaderError, OSError) as error:

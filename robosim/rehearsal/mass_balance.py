@@ -70,6 +70,8 @@ def weigh_at_wrist(run: RehearsalRun) -> float | None:
         return None
     begin, end = find_weighing_interval(run, run.config.weigh_at)
     steps = run.readings.select_steps(begin, end)
+    if steps.start == steps.stop:
+        return None
     hand = run.model.body("palm").subtreemass[0]  # includes the tool, however it is held
     # the sensor measures the child on the parent; at rest only the magnitude along gravity matters
     return float(abs(run.readings.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - hand)

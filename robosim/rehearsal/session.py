@@ -39,7 +39,7 @@ PRINTED = {
     "realtime_factor": ("simulated seconds per second", "{:.3f}"),
 }
 """Figure of the report -> its name and form on the console."""
-COMPARED = {
+REPLAYED = {
     "recorded_clock_offset_s": ("recorded time at which the motion starts", "{:.3f} s"),
     "recorded_joint_difference_max_deg": ("recorded from planned joint angles, at most", "{:.3f} deg"),
     "recorded_tool_difference_max_m": ("recorded from planned place of the tool, at most", "{:.4f} m"),
@@ -63,14 +63,8 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """
-    if motions is not None and trajectory == "script":
-        raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
-    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
-              "motions": motions and str(motions.resolve())}
-    config = place_target(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
+    config = check_rehearsal(name, material=material, grasp=grasp, trajectory=trajectory, motions=motions)
     material_config = load_material(config.material)
-    check_field(config, law_of(material_config))
-    name_joints(config.joint_trajectory)  # raises for names that cannot be used
     log = None if recorded is None else read_log(recorded, config)
     if camera is not None:
         check_camera(camera)
@@ -104,6 +98,19 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         if failure is not None:
             raise failure
         return int(bool(missed))
+
+
+def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None = None, trajectory: str | None = None,
+                    motions: str | Path | None = None) -> RehearsalConfig:
+    """Return the configuration of a rehearsal, with what replaces parts of it; raises ConfigError."""
+    if motions is not None and trajectory == "script":
+        raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
+    chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
+              "motions": motions and str(Path(motions).resolve())}
+    config = place_target(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
+    check_field(config, law_of(load_material(config.material)))
+    name_joints(config.joint_trajectory)  # raises for names that cannot be used
+    return config
 
 
 def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: JointLog | None,
@@ -163,7 +170,7 @@ def _print(figures: dict, missed: list[str], folder: OutputFolder) -> None:
     """Print the main figures, and those that missed their bounds."""
     for key, (name, form) in PRINTED.items():
         print(f"{name:46s} {'-' if figures[key] is None else form.format(figures[key])}")
-    for key, (name, form) in COMPARED.items():
+    for key, (name, form) in REPLAYED.items():
         if figures.get(key) is not None:
             print(f"{name:46s} {form.format(figures[key])}")
     if (figures.get("recorded_force_correlation") or 0.0) < OPPOSITE:

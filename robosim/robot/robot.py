@@ -14,6 +14,8 @@ import numpy as np
 
 from mpm.input_files import read_text
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig
+from robosim.config.resources import folder
+from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
@@ -53,13 +55,31 @@ class Robot:
     """Quantity -> where its values come from."""
 
 
-def load_robot_model(config: ArmConfig, folder: Path) -> Robot:
-    """Read an arm's model and complete it with its configuration; `folder`: of the file with relative paths.
+def bundled_arms() -> list[str]:
+    """Return the names of the arms in models/robots."""
+    return sorted(path.parent.name for path in folder("models").glob("robots/*/arm.yaml"))
+
+
+def load_arm(name: str) -> Robot:
+    """Load an arm by name (models/robots) or from a .yaml file of one's own; raises ConfigError, UnknownName."""
+    path = Path(name)
+    if not name.endswith((".yaml", ".yml")):
+        if name not in bundled_arms():
+            raise UnknownName("robot", name, bundled_arms(), "or the path of a .yaml file of your own")
+        path = folder("models") / "robots" / name / "arm.yaml"
+    elif not path.is_file():
+        raise ConfigError(f"robot {name}: no such file; accepted: a .yaml file of your own, or one of "
+                          f"{', '.join(bundled_arms())}")
+    return load_robot_model(load(path, ArmConfig), path.parent)
+
+
+def load_robot_model(config: ArmConfig, place: Path) -> Robot:
+    """Read an arm's model and complete it with its configuration; place: folder of the file with relative paths.
 
     Raises ConfigError, UnknownName for a model that cannot be read, without the flange, that is no serial arm of 5 to
     8 joints, or whose limits nothing says.
     """
-    path = (folder / config.model).resolve()
+    path = (place / config.model).resolve()
     spec = read_model(path)
     for key in list(spec.keys):
         spec.delete(key)

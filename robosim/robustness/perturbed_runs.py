@@ -1,5 +1,6 @@
 """A rehearsal with the exact model, and several with errors of the model: the worst of every figure."""
 
+import hashlib
 import json
 import math
 import sys
@@ -8,10 +9,12 @@ from typing import Any
 
 from mpm.input_files import read_json
 from mpm.progress import Progress
+from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.metrics import Bound, get_bounds
 from robosim.rehearsal.page import split_unit
+from robosim.rehearsal.session import check_rehearsal
 from robosim.reports.jobs import Runner, run_jobs
 from robosim.reports.page import Page
 from robosim.reports.provenance import code_digest
@@ -28,12 +31,13 @@ def perturb(name: str, out: Path, count: int, *, jobs: int = 1, runner: Runner |
     options: further arguments of `rehearse`. jobs: runs at a time, here; runner: runs them elsewhere. Runs that the
     folder has from the same code and configuration are not repeated. Returns 0 if every bound held in every run.
     """
-    config = load_rehearsal(name)
-    key = json.dumps([config.model_dump(mode="json"), options, code_digest(WORKER)], sort_keys=True)
+    options = options or {}
+    config = check_rehearsal(name, **{key: value for key, value in options.items() if key != "seed"})
+    key = fingerprint(config, options)
     with OutputFolder(out) as folder:
         rows = read_rows(folder.path / "perturbed.json", key)
         waiting = [seed for seed in range(count + 1) if seed not in rows]
-        work = [(WORKER, (name, str(run_folder(folder.path, seed)), str(seed), json.dumps(options or {})))
+        work = [(WORKER, (name, str(run_folder(folder.path, seed)), str(seed), json.dumps(options)))
                 for seed in waiting]
         failed, progress = {}, Progress(initial=count + 1 - len(waiting), total=count + 1, desc="runs", unit="runs")
         for index, report, reason in run_jobs(work, jobs, runner):
@@ -52,6 +56,16 @@ def perturb(name: str, out: Path, count: int, *, jobs: int = 1, runner: Runner |
         print(f"no result with errors {seed}: {reason}; run the same command again to continue", file=sys.stderr)
     print(f"{verdict(rows, failed)}\n{out / 'index.html'}")
     return int(not holds)
+
+
+def fingerprint(config: RehearsalConfig, options: dict[str, Any]) -> str:
+    """Return twelve hexadecimal digits that change with configuration, material, motions and code."""
+    values = [config.model_dump(mode="json"), load_material(config.material).model_dump(mode="json"), options,
+              code_digest(WORKER)]
+    digest = hashlib.sha256(json.dumps(values, sort_keys=True).encode())
+    for path in sorted(Path(config.motions).glob("*.npz")) if config.motions else []:
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 def run_folder(out: Path, seed: int) -> Path:
@@ -73,19 +87,27 @@ def verdict(rows: Rows, failed: dict[int, str]) -> str:
     drawn = [row for seed, row in rows.items() if seed]
     missed = sum(bool(row["missed"]) for row in drawn)
     lacking = f"; {len(failed)} without a result" if failed else ""
-    if rows.get(0, {}).get("missed", ["?"]):
-        return f"missed with the exact model; with errors missed in {missed} of {len(drawn)} runs{lacking}"
+    with_errors = f"missed in {missed} of {len(drawn)} runs with errors"
+    if 0 not in rows:
+        return f"no result with the exact model; {with_errors}{lacking}"
+    if rows[0]["missed"]:
+        return f"missed with the exact model; {with_errors}{lacking}"
     if missed:
-        return f"holds only with the exact model: missed in {missed} of {len(drawn)} runs with errors{lacking}"
+        return f"holds only with the exact model: {with_errors}{lacking}"
+    if not drawn:
+        return f"held with the exact model; no result with errors{lacking}"
     return f"every bound held in {len(rows)} of {len(rows) + len(failed)} runs, with the exact model and with errors" \
            f"{lacking}"
 
 
 def find_worst(rows: Rows, name: str, bound: Bound) -> tuple[float | None, int]:
-    """Return the largest value of a figure, or the smallest of one that has no upper bound, and the seed of its run."""
+    """Return the largest value of a figure, or the smallest of one that has no upper bound, and the seed of its run.
+
+    A figure that a run could not have is worse than any value.
+    """
     def excess(value: object) -> float:
         if not isinstance(value, int | float):
-            return -math.inf
+            return math.inf
         return value if math.isfinite(bound.high) else -value
 
     seed = max(rows, key=lambda one: excess(rows[one].get(name)))

@@ -72,11 +72,11 @@ def find_inside(mesh: trimesh.Trimesh, cells: int = CELLS) -> Inside:
     lower = mesh.bounds[0] - BORDER * spacing
     shape = tuple(int(n) for n in np.ceil(mesh.extents / spacing).astype(int) + 2 * BORDER + 1)
     free = signed_distances(mesh, lower, spacing, shape) > 0.0
-    labels, _ = label(free, FACES)
+    labels, _ = label_parts(free)
     outside = labels == labels[0, 0, 0]
     held = np.zeros(shape, bool)
     for k in range(shape[2] - BORDER):
-        levels, count = label(outside[:, :, : k + 1], FACES)
+        levels, count = label_parts(outside[:, :, : k + 1])
         sides = np.concatenate([levels[0].ravel(), levels[-1].ravel(), levels[:, 0].ravel(), levels[:, -1].ravel(),
                                 levels[:, :, 0].ravel()])
         stays = np.setdiff1d(np.arange(1, count + 1), sides)
@@ -90,7 +90,13 @@ def find_inside(mesh: trimesh.Trimesh, cells: int = CELLS) -> Inside:
 
 def largest_part(held: np.ndarray) -> np.ndarray:
     """Return the largest connected part: dents of a handle hold a little, too."""
-    labels, count = label(held, FACES)
+    labels, count = label_parts(held)
     if count < 2:
         return held
     return labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
+
+
+def label_parts(cells: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the number of each cell's connected part, 0 for cells that are not set, and how many parts there are."""
+    labels = np.zeros(cells.shape, np.int32)
+    return labels, int(label(cells, FACES, output=labels))  # pyright: ignore[reportArgumentType]

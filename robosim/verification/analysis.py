@@ -17,7 +17,7 @@ UNITS = {
     "heap": {"change": "deg", "excess": "deg"}, "block_at_rest": {"drift": "m/s"}, "column_collapse": {"drift": "m/s"},
     "shell_leak": {"crossed": "particles"}, "jerk_limits": {"end": "rad"},
     "ik_poses": {"mean_ms": "ms", "p95_ms": "ms"},
-    "two_models": {"mass": "kg m^2", "bias": "N m"}, "sleeping_scenes": {"score": "points"},
+    "two_models": {"pose": "m"}, "free_fall": {"max": "m"}, "sleeping_scenes": {"score": "points"},
     "arm_limits": {"saturated": "steps"},
 }
 """Case -> errors and readings that are not relative, with their units."""

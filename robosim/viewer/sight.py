@@ -32,7 +32,8 @@ class Sight(NamedTuple):
             return True
         turn = np.arccos(np.clip((np.trace(self.axes.T @ other.axes) - 1.0) / 2.0, -1.0, 1.0))
         return bool(np.linalg.norm(self.eye - other.eye) > MOVED * distance or turn > TURNED
-                    or abs(self.half_height / other.half_height - 1.0) > TURNED)
+                    or abs(self.half_height / other.half_height - 1.0) > TURNED
+                    or abs(self.half_width / other.half_width - 1.0) > TURNED)
 
 
 def read_sight(server: viser.ViserServer) -> Sight | None:

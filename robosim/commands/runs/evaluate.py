@@ -71,10 +71,9 @@ def run_suite(options: argparse.Namespace) -> int:
     if given:
         raise ConfigError(f"{', '.join(given)} with --suite {options.suite}; accepted: without, a suite has starts of "
                           f"its own for the tool alone")
-    options.policy = find_network(options.policy, options.task)
     if not Path(options.policy).is_dir():
         options.policy = find_network(options.policy, options.task)
-    check_policy(options.policy)
+        check_policy(options.policy)
     with options.settings.changed("tasks", options.task, options.out) as task:
         from robosim.evaluation.suite_run import evaluate_suite
 

@@ -70,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
         if options.perturb is not None:
             return run_perturbed(options, rehearsal)
+        refuse(options, {"launch": "local", "launch_file": None, "jobs": 1}, "without --perturb; accepted: with it")
         from robosim.rehearsal.session import rehearse
 
         return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
@@ -82,12 +83,18 @@ def run(options: argparse.Namespace) -> int:
 
 def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
     """Run the rehearsal with the exact model and with errors of it."""
-    given = [name for name in ("recorded", "model_errors", "poster") if getattr(options, name) is not None]
-    if given:
-        raise ConfigError(f"--{given[0].replace('_', '-')} with --perturb; accepted: without")
+    refuse(options, {"recorded": None, "model_errors": None, "poster": None, "camera": "close", "colour": "material",
+                     "frame_rate": 20, "height": 720, "field_threads": 1}, "with --perturb; accepted: without")
     from robosim.robustness.perturbed_runs import perturb
 
     chosen = {name: getattr(options, name) for name in ("material", "grasp", "trajectory", "seed")}
     chosen["motions"] = options.motions and str(options.motions.resolve())
     return perturb(rehearsal, options.out, options.perturb, jobs=options.jobs, runner=options.make_runner(options),
                    options={name: value for name, value in chosen.items() if value is not None})
+
+
+def refuse(options: argparse.Namespace, defaults: dict[str, Any], why: str) -> None:
+    """Raise ConfigError where one of these options is given."""
+    for name, default in defaults.items():
+        if getattr(options, name) != default:
+            raise ConfigError(f"--{name.removeprefix('field_').replace('_', '-')} {getattr(options, name)} {why}")

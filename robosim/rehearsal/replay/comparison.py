@@ -10,7 +10,7 @@ from robosim.rehearsal.replay.recorded_motion import Replay
 from robosim.reports.curves import Chart, Curve
 from robosim.robot.model import Arm
 
-COMPARED = 20
+AVERAGED = 20
 """Steps over which simulated wrenches are averaged: robots report them filtered."""
 REST = 0.2
 """Time [s] before the motion in which the difference of both wrenches is taken as the sensor's offset."""
@@ -37,8 +37,8 @@ class WrenchComparison(NamedTuple):
     recorded: np.ndarray
     """Less the offset."""
     simulated: np.ndarray
-    offset: np.ndarray
-    """Mean difference (6,) before the motion."""
+    offset: np.ndarray | None
+    """Mean difference (6,) before the motion, in the axes of the recording; None: nothing was recorded before it."""
 
 
 def compare_wrench(replay: Replay, steps: Simulated, model: mujoco.MjModel, arm_qpos: np.ndarray,
@@ -55,28 +55,34 @@ def compare_wrench(replay: Replay, steps: Simulated, model: mujoco.MjModel, arm_
     times, recorded = times[is_inside], wrench.values[is_inside]
     if not len(times):
         return None
-    if replay.log.wrench_axes == "sensor":
-        recorded = turn_to_world(recorded, times, steps, model, arm_qpos)
-    kernel = np.ones(COMPARED) / COMPARED
+    kernel = np.ones(AVERAGED) / AVERAGED
     smooth = np.stack([np.convolve(column, kernel, mode="valid") for column in steps.wrist.T], 1)
     centres = np.convolve(steps.times, kernel, mode="valid")
     simulated = np.stack([np.interp(times, centres, column) for column in smooth.T], 1)
+    axes = sensor_axes(times, steps, model, arm_qpos) if replay.log.wrench_axes == "sensor" else np.eye(3)[None]
     at_rest = (times > grasp_time - REST) & (times <= grasp_time)
-    offset = np.mean((recorded - simulated)[at_rest], axis=0) if at_rest.any() else np.zeros(6)
-    return WrenchComparison(times, recorded - offset, simulated, offset)
+    offset = None
+    if at_rest.any():  # a sensor's offset turns with it
+        offset = np.mean((recorded - turn(simulated, axes.transpose(0, 2, 1)))[at_rest], axis=0)
+        recorded = recorded - offset
+    return WrenchComparison(times, turn(recorded, axes), simulated, offset)
 
 
-def turn_to_world(wrenches: np.ndarray, times: np.ndarray, steps: Simulated, model: mujoco.MjModel,
-                  arm_qpos: np.ndarray) -> np.ndarray:
-    """Turn wrenches (n, 6) from the wrist sensor's axes to the world's, as the arm stood at times (n,) [s]."""
+def turn(wrenches: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Turn forces and torques (n, 6) by matrices (n, 3, 3), or by one (1, 3, 3)."""
+    return np.einsum("nij,nkj->nki", np.broadcast_to(axes, (len(wrenches), 3, 3)),
+                     wrenches.reshape(-1, 2, 3)).reshape(-1, 6)
+
+
+def sensor_axes(times: np.ndarray, steps: Simulated, model: mujoco.MjModel, arm_qpos: np.ndarray) -> np.ndarray:
+    """Return the axes (n, 3, 3) of the wrist sensor in the world, as the arm stood at times (n,) [s]."""
     data, site = mujoco.MjData(model), model.site("wrist_sensor").id
-    turned = np.empty_like(wrenches)
+    axes = np.empty((len(times), 3, 3))
     for row, time in enumerate(times):
         data.qpos[arm_qpos] = steps.q[min(int(np.searchsorted(steps.times, time)), len(steps.times) - 1)]
         mujoco.mj_kinematics(model, data)
-        R = data.site_xmat[site].reshape(3, 3)
-        turned[row] = np.concatenate([R @ wrenches[row, :3], R @ wrenches[row, 3:]])
-    return turned
+        axes[row] = data.site_xmat[site].reshape(3, 3)
+    return axes
 
 
 def joint_differences(replay: Replay) -> tuple[np.ndarray, np.ndarray]:
@@ -93,6 +99,7 @@ def replay_figures(replay: Replay, comparison: WrenchComparison | None, arm: Arm
     figures: dict[str, object] = {
         "recorded": str(replay.log.path), "recorded_clock_offset_s": replay.motion.offset,
         "recorded_joint_difference_max_deg": float(np.degrees(np.abs(difference).max())),
+        "recorded_joint_difference_rms_deg": float(np.degrees(np.sqrt(np.mean(difference**2)))),
         "recorded_tool_difference_max_m": tool}
     if comparison is None:
         return figures
@@ -101,8 +108,8 @@ def replay_figures(replay: Replay, comparison: WrenchComparison | None, arm: Arm
     norms = np.linalg.norm(forces[0]) * np.linalg.norm(forces[1])
     correlation = float((forces[0] * forces[1]).sum() / norms) if norms > 0.0 else None
     return figures | {
-        "recorded_force_offset_N": comparison.offset[:3].tolist(),
-        "recorded_torque_offset_Nm": comparison.offset[3:].tolist(),
+        "recorded_force_offset_N": None if comparison.offset is None else comparison.offset[:3].tolist(),
+        "recorded_torque_offset_Nm": None if comparison.offset is None else comparison.offset[3:].tolist(),
         "recorded_force_difference_rms_N": float(np.sqrt(np.mean(np.sum(error[:, :3] ** 2, 1)))),
         "recorded_force_difference_max_N": float(np.linalg.norm(error[:, :3], axis=1).max()),
         "recorded_torque_difference_rms_Nm": float(np.sqrt(np.mean(np.sum(error[:, 3:] ** 2, 1)))),

@@ -19,10 +19,19 @@ RATE = 500.0
 """Samples per second that recorded angles are brought to."""
 CUTOFF = 20.0
 """Frequency [Hz] above which recorded angles are taken as noise: arms' servos follow up to a few hertz."""
-ONSET = 5e-3
-"""Angle [rad] of a joint from its start at which a motion has begun."""
-SEARCH = 1.0
-"""Time [s] about the equal onsets in which the clocks' difference is searched."""
+COARSE = 0.05
+"""Step [s] of the search for the clocks' difference, which is then refined."""
+SEARCH_RATE = 50.0
+"""Samples per second that the search compares."""
+FOLLOWS = 0.25
+"""Largest rms distance of a recording from the plan, of the plan's from its own mean: beyond it is of another motion,
+or at another speed."""
+SMALLEST = 0.05
+"""Size [rad] that a motion counts with at least: an arm that hardly moves is not asked for more than it can do."""
+LACKING = 0.1
+"""Time [s] of the planned motion that a recording may lack at either end."""
+KEPT_AFTER = 1.0
+"""Time [s] after the planned motion that is played."""
 
 
 class RecordedMotion:
@@ -38,14 +47,24 @@ class RecordedMotion:
     def __init__(self, log: JointLog, planned: JointMotion, arm: Arm, names: list[str]) -> None:
         times, angles = log.joints
         _check_limits(log, arm, names)
+        if times[-1] - times[0] < planned.duration - 2.0 * LACKING:
+            raise ConfigError(f"{log.path}: {times[-1] - times[0]:.2f} s long; accepted: the whole planned motion of "
+                              f"{planned.duration:.2f} s")
         grid = np.arange(times[0], times[-1], 1.0 / RATE)
         even = CubicSpline(times, angles)(grid)
         filtered = sosfiltfilt(butter(2, CUTOFF, fs=RATE, output="sos"), even, axis=0, padlen=min(60, len(grid) - 1))
-        self.offset = find_offset(grid, filtered, planned)
+        self.offset, apart = find_offset(grid, filtered, planned)
         """Time of the recording's clock at the start of the planned motion [s]."""
+        if apart > FOLLOWS:
+            raise ConfigError(f"{log.path}: does not follow the planned motion: at best its joints are {apart:.0%} of "
+                              f"the motion's own size (rms) from it; accepted: up to {FOLLOWS:.0%}, a recording of "
+                              f"this motion at its speed")
         self._spline = make_interp_spline(grid - self.offset, filtered, k=5)
-        self._begin = float(grid[0] - self.offset)
-        self.duration = float(grid[-1] - self.offset)
+        self._begin, end = float(grid[0] - self.offset), float(grid[-1] - self.offset)
+        if self._begin > LACKING or end < planned.duration - LACKING:
+            raise ConfigError(f"{log.path}: has {self._begin:.2f} to {end:.2f} s of the planned motion; accepted: all "
+                              f"of it, 0 to {planned.duration:.2f} s")
+        self.duration = min(end, planned.duration + KEPT_AFTER)
 
     def state(self, time: float) -> JointState:
         """Return the joint state at a time [s] since the planned motion's start; at rest before and after it."""
@@ -73,31 +92,26 @@ def make_replay(log: JointLog, planned: JointMotion, arm: Arm, config: Rehearsal
     return Replay(log, planned, RecordedMotion(log, planned, arm, name_joints(config.joint_trajectory)))
 
 
-def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> float:
-    """Return the time [s] of a recording's clock at which the planned motion starts.
+def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> tuple[float, float]:
+    """Return the time [s] of a recording's clock at which the planned motion starts, and the rms distance there.
 
-    times (n,) [s] in equal steps, angles (n, joints) [rad]. Where both have left their start by ONSET, and from there
-    where their distance is least.
+    times (n,) [s] in equal steps, angles (n, joints) [rad]. The distance is that during the planned motion, with the
+    recording at rest before and after its samples, over the plan's distance from its own mean.
     """
-    plan_times = np.arange(0.0, planned.duration, 1.0 / RATE)
+    plan_times = np.arange(0.0, planned.duration, 1.0 / SEARCH_RATE)
     plan_angles = np.array([planned.state(t).q for t in plan_times])
-
-    def onset(at: np.ndarray, values: np.ndarray) -> float:
-        left = np.abs(values - values[0]).max(1) > ONSET
-        return float(at[np.argmax(left)]) if left.any() else float(at[0])
-
-    guess = onset(times, angles) - onset(plan_times, plan_angles)
-    reference = CubicSpline(plan_times, plan_angles)
+    stride = max(1, round(RATE / SEARCH_RATE))
+    reference = CubicSpline(times[::stride], angles[::stride])
 
     def distance(offset: float) -> float:
-        at = np.clip(times - offset, plan_times[0], plan_times[-1])
-        return float(np.mean((reference(at) - angles) ** 2))
+        at = np.clip(plan_times + offset, times[0], times[::stride][-1])
+        return float(np.mean((reference(at) - plan_angles) ** 2))
 
-    coarse = guess + np.linspace(-SEARCH, SEARCH, 41)
+    coarse = np.arange(times[0] - planned.duration, times[-1], COARSE)
     best = coarse[np.argmin([distance(offset) for offset in coarse])]
-    step = coarse[1] - coarse[0]
-    return float(minimize_scalar(distance, bounds=(best - step, best + step), method="bounded",
-                                 options={"xatol": 1e-5}).x)  # pyright: ignore[reportAttributeAccessIssue]
+    found = minimize_scalar(distance, bounds=(best - COARSE, best + COARSE), method="bounded", options={"xatol": 1e-5})
+    size = max(float(np.mean((plan_angles - plan_angles.mean(0)) ** 2)), SMALLEST**2)
+    return float(found.x), float(np.sqrt(found.fun / size))  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _check_limits(log: JointLog, arm: Arm, names: list[str]) -> None:

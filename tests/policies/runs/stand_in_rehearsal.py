@@ -24,7 +24,7 @@ def wave(at):
 class PointRun:
     """A rehearsal whose readings are known in closed form."""
 
-    def __init__(self, config, plan, seed=0, replay=None):
+    def __init__(self, config, plan, seed=0, replay=None, errors=None):
         from robosim.rehearsal.readings import Readings
 
         self.replay = replay

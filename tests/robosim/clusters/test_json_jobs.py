@@ -35,8 +35,9 @@ class OneAfterAnother:
 def test_results_belong_to_their_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setattr("robosim.clusters.job.GRACE", 0.0)
-    (tmp_path / "one.py").write_text("import sys\nprint('on the way')\nassert sys.argv[2] == 'any'\n"
-                                     "print('[%s, null]' % sys.argv[1])")
+    (tmp_path / "one.py").write_text("import sys, atexit\nprint('on the way')\nassert sys.argv[2] == 'any'\n"
+                                     "print('[%s, null]' % sys.argv[1])\n"
+                                     "atexit.register(lambda: print('late', file=sys.stderr))")
     (tmp_path / "fails.py").write_text("import sys; sys.exit('no such grain')")
     (tmp_path / "silent.py").write_text("print('done')")
     run = JsonJobs(OneAfterAnother(), tmp_path / "launch")
@@ -45,6 +46,16 @@ def test_results_belong_to_their_jobs(tmp_path: Path, monkeypatch: pytest.Monkey
     assert ended[0] == ([1, None], "") and ended[2] == ([2, None], "")
     assert ended[1][0] is None and ended[1][1].endswith("no such grain")
     assert ended[3] == (None, "printed no result")
+
+    class Nothing(OneAfterAnother):
+        def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
+                resumes: bool = True) -> Iterator[Ended]:
+            asked.extend(words[2] for words, _ in commands)
+            return iter(())
+
+    asked: list[str] = []
+    kept = list(JsonJobs(Nothing(), tmp_path / "launch")([("one", ["1"]), ("fails", []), ("one", ["3"])]))
+    assert kept == [(0, [1, None], "")] and asked == ["fails", "one"]  # what ended well is not run again
 
 
 def test_a_report_made_elsewhere_is_the_one_made_here(tmp_path: Path) -> None:

@@ -3,16 +3,21 @@
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from robosim.commands.main import main
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.conversion.joint_log import AXES
+from robosim.conversion.joint_log import AXES, JointLog, Samples
 from robosim.errors import ConfigError
 from robosim.rehearsal.plan import Plan, plan_motion
 from robosim.rehearsal.readings import COLUMNS
+from robosim.rehearsal.replay.comparison import Simulated, compare_wrench
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
 from robosim.rehearsal.session import rehearse
 
@@ -63,7 +68,7 @@ def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recor
     assert "recorded less planned joint angle" in page and "recorded less its offset" in page
 
 
-def test_a_slower_clock_and_a_displaced_joint_are_seen(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
+def test_another_clock_and_a_displaced_joint_are_seen(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
     config, plan = planned
     times = np.arange(-0.5, plan.motion.duration + 0.5, 0.008)
     angles = np.array([plan.motion.state(t).q for t in times])
@@ -79,9 +84,56 @@ def test_a_slower_clock_and_a_displaced_joint_are_seen(planned: tuple[RehearsalC
         assert not replay.motion.state(-10.0).qd.any() and not replay.motion.state(1e3).qd.any()
 
 
+def test_an_approach_before_the_motion_is_no_part_of_it(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
+    """The arm comes from elsewhere, waits, and moves; and stands long afterwards."""
+    config, plan = planned
+    approach, wait, after = 3.0, 4.0, 60.0
+    times = np.arange(0.0, approach + wait + plan.motion.duration + after, 0.01)
+    start = plan.motion.state(0.0).q
+    shares = np.clip(times / approach, 0.0, 1.0)[:, None]
+    angles = np.array([plan.motion.state(t - approach - wait).q for t in times]) - 0.3 * (1.0 - shares) ** 2
+    replay = make_replay(read_log(write_recording(tmp_path / "real.csv", times, angles), config), plan.motion, plan.arm,
+                         config)
+    assert replay.motion.offset == pytest.approx(approach + wait, abs=5e-3)
+    assert replay.motion.duration < plan.motion.duration + 1.1
+    np.testing.assert_allclose(replay.motion.state(-config.grasp_time).q, start, atol=1e-3)
+
+
+def test_recordings_of_something_else_are_refused(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
+    config, plan = planned
+    duration = plan.motion.duration
+    cases = {"accepted: the whole planned motion of": (np.arange(0.0, 0.5 * duration, 0.01), 1.0),
+             "does not follow the planned motion": (np.arange(0.0, 3.0 * duration, 0.01), -1.0),
+             "of the planned motion; accepted: all": (np.arange(0.08 * duration, 2.0 * duration, 0.01), 1.0)}
+    for message, (times, sign) in cases.items():
+        q = np.array([plan.motion.state(t).q for t in times])
+        angles = q if sign > 0 else np.clip(plan.motion.state(0.0).q + 2.0 * (plan.motion.state(0.0).q - q),
+                                            plan.arm.lower, plan.arm.upper)
+        log = read_log(write_recording(tmp_path / "real.csv", times, angles), config)
+        with pytest.raises(ConfigError, match=message):
+            make_replay(log, plan.motion, plan.arm, config)
+
+
+def test_the_offset_of_a_sensor_turns_with_it() -> None:
+    """A wrist that turns by 90 deg about y, its weight, and a sensor with a constant offset in its own axes."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body><joint axis="0 1 0"/><geom size="0.1"/>
+        <site name="wrist_sensor"/></body></worldbody></mujoco>""")
+    times, grasp_time = np.arange(0.0, 4.0, 0.002), 1.0
+    q = np.clip(times - 1.5, 0.0, np.pi / 2)[:, None]
+    weight = np.array([0.0, 0.0, 9.81])
+    axes = Rotation.from_rotvec(q * [0.0, 1.0, 0.0])
+    recorded = np.column_stack([axes.inv().apply(weight), np.zeros((len(times), 3))]) + BIAS
+    log = JointLog(Path("real"), Samples(times[::4], q[::4]), Samples(times[::4], recorded[::4]), "sensor")
+    steps = Simulated(times, q, np.tile([*weight, 0.0, 0.0, 0.0], (len(times), 1)))
+    replay: Any = SimpleNamespace(log=log, motion=SimpleNamespace(offset=grasp_time))
+    found = compare_wrench(replay, steps, model, np.array([0]), grasp_time)
+    assert found is not None and found.offset == pytest.approx(BIAS)
+    np.testing.assert_allclose(found.recorded, found.simulated, atol=1e-9)
+
+
 def test_angles_that_the_arm_cannot_have_are_refused(planned: tuple[RehearsalConfig, Plan], tmp_path: Path) -> None:
     config, plan = planned
-    times = np.arange(0.0, 2.0, 0.01)
+    times = np.arange(0.0, plan.motion.duration, 0.01)
     angles = np.zeros((len(times), 7))
     angles[50, 1] = 2.5
     log = read_log(write_recording(tmp_path / "real.csv", times, angles), config)

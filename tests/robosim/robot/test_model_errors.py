@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.model_errors import (
@@ -36,8 +37,9 @@ def test_errors_are_drawn_within_their_ranges_and_by_their_seed() -> None:
 def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() -> None:
     config = load_rehearsal("spoon")
     exact = compile_scene(build_rehearsal_spec(config), config.tool)
-    for errors in (NONE, NONE._replace(payload=1.2, friction=np.linspace(0.5, 1.5, 7),
-                                       tool_shift=np.array([1e-3, 0.0, 0.0]))):
+    for errors in (NONE, NONE._replace(payload=1.2, friction=np.linspace(0.5, 1.5, 7), stiffness=0.9, damping=1.1,
+                                       tool_shift=np.array([1e-3, 0.0, 0.0]),
+                                       tool_turn_deg=np.array([0.0, 0.3, 0.4]))):
         spec = build_rehearsal_spec(config)
         errors.place_tool(spec, config.tool)
         scene = compile_scene(spec, config.tool)
@@ -52,5 +54,16 @@ def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() ->
         mujoco.mj_forward(exact.model, reference)
         moved = data.xpos[scene.tool] - reference.xpos[exact.tool]
         assert np.isclose(np.linalg.norm(moved), np.linalg.norm(errors.tool_shift), atol=1e-9)
+        assert np.isclose(np.degrees(relative_rotation(reference.xquat[exact.tool], data.xquat[scene.tool])),
+                          np.linalg.norm(errors.tool_turn_deg), atol=1e-6)
+        np.testing.assert_allclose(scene.model.dof_frictionloss[scene.arm_dofs],
+                                   errors.friction * exact.model.dof_frictionloss[exact.arm_dofs])
         servo = errors.change_servo(config.servo)
-        assert servo == config.servo
+        np.testing.assert_allclose(servo.stiffness, errors.stiffness * np.array(config.servo.stiffness))
+        np.testing.assert_allclose(servo.damping, errors.damping * np.array(config.servo.damping))
+
+
+def relative_rotation(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the angle [rad] between two quaternions."""
+    difference = Rotation.from_quat(a, scalar_first=True).inv() * Rotation.from_quat(b, scalar_first=True)
+    return float(difference.magnitude())

@@ -10,7 +10,7 @@ import pytest
 
 from robosim.config.arm import ArmConfig
 from robosim.errors import ConfigError, UnknownName
-from robosim.robot.robot import load_robot_model
+from robosim.robot.robot import bundled_arms, load_arm, load_robot_model
 
 IIWA = "models/robots/iiwa14/iiwa14.xml"
 ROOT = Path(__file__).resolve().parents[3]
@@ -131,3 +131,76 @@ def test_foreign_models_are_read(package: str) -> None:
                                        "limits": {"velocity": [2.0] * joints, **limits}})
     robot = load_robot_model(config, Path(found.submodule_search_locations[0]))
     assert len(robot.joints) == joints and robot.spec.copy().compile().nu >= joints
+
+
+DH = {  # a(i-1), alpha(i-1) [deg], d(i) of the modified convention; the last row is the flange
+    "panda": [(0, 0, 0.333), (0, -90, 0), (0, 90, 0.316), (0.0825, 90, 0), (-0.0825, -90, 0.384), (0, 90, 0),
+              (0.088, 90, 0), (0, 0, 0.107)],
+    "xarm7": [(0, 0, 0.267), (0, -90, 0), (0, 90, 0.293), (0.0525, 90, 0), (0.0775, 90, 0.3425), (0, 90, 0),
+              (0.076, -90, 0), (0, 0, 0.097)],
+    "ur5e": [(0, 0, 0.1625), (0, 90, 0), (-0.425, 0, 0), (-0.3922, 0, 0.1333), (0, 90, 0.0997), (0, -90, 0.0996),
+             (0, 0, 0)],
+}
+"""Published by the makers: Franka Control Interface, UFACTORY documentation, UR article on DH parameters."""
+BASE_TURN = {"ur5e": np.pi}
+"""Turn [rad] about z from our base, whose x is forward, to that of the parameters: UR's `Base` looks backward."""
+TOTAL_MASS = {"iiwa14": 29.9, "panda": 18.0, "ur5e": 20.6, "xarm7": 13.7}
+"""Data sheets [kg]."""
+
+
+def dh_pose(rows: list[tuple[float, float, float]], q: np.ndarray) -> np.ndarray:
+    """Return the flange's pose (4, 4) by modified DH parameters."""
+    pose = np.eye(4)
+    for (a, alpha, d), theta in zip(rows, [*q, 0.0]):
+        ca, sa, ct, st = np.cos(np.radians(alpha)), np.sin(np.radians(alpha)), np.cos(theta), np.sin(theta)
+        pose = pose @ [[ct, -st, 0, a], [st * ca, ct * ca, -sa, -d * sa], [st * sa, ct * sa, ca, d * ca], [0, 0, 0, 1]]
+    return pose
+
+
+def turn_about_z(angle: float) -> np.ndarray:
+    """Return a turn as a pose (4, 4)."""
+    pose = np.eye(4)
+    pose[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return pose
+
+
+@pytest.mark.parametrize("name", DH)
+def test_bundled_arms_have_the_makers_kinematics(name: str) -> None:
+    robot, rng = load_arm(name), np.random.default_rng(0)
+    model = robot.spec.copy().compile()
+    data, site = mujoco.MjData(model), model.site(robot.flange).id
+    address = [model.joint(joint).qposadr[0] for joint in robot.joints]
+    for _ in range(20):
+        q = rng.uniform(robot.lower, robot.upper)
+        data.qpos[address] = q
+        mujoco.mj_kinematics(model, data)
+        expected = turn_about_z(BASE_TURN.get(name, 0.0)) @ dh_pose(DH[name], q)
+        np.testing.assert_allclose(data.site_xpos[site], expected[:3, 3], atol=1e-9)
+        np.testing.assert_allclose(data.site_xmat[site].reshape(3, 3)[:, 2], expected[:3, 2], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", TOTAL_MASS)
+def test_bundled_arms_are_complete(name: str) -> None:
+    """Mass of the data sheet, valid inertias, a home posture without contact whose flange looks down."""
+    assert name in bundled_arms()
+    robot = load_arm(name)
+    assert set(robot.sources.values()) <= {"model", "configuration"} and robot.payload and len(robot.joints) >= 6
+    model = robot.spec.copy().compile()
+    assert model.body_mass.sum() == pytest.approx(TOTAL_MASS[name], rel=0.03)
+    inertias = model.body_inertia[1:]
+    assert (inertias > 0.0).all() and (2.0 * inertias.max(1) <= inertias.sum(1) * (1.0 + 1e-9)).all()
+    data = mujoco.MjData(model)
+    data.qpos[[model.joint(joint).qposadr[0] for joint in robot.joints]] = robot.home
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0 and data.site_xmat[model.site(robot.flange).id].reshape(3, 3)[2, 2] < -0.999
+    reach = np.minimum(robot.home - robot.lower, robot.upper - robot.home)
+    assert np.degrees(reach).min() > 20.0
+    sizes = sum(path.stat().st_size for path in (ROOT / "models/robots" / name).rglob("*.stl"))
+    assert name == "iiwa14" or sizes < 260_000
+
+
+def test_an_arm_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName, match="robot 'ur10'; valid: iiwa14, panda, ur5e, xarm7, or the path"):
+        load_arm("ur10")
+    with pytest.raises(ConfigError, match="no such file; accepted: a .yaml file of your own, or one of iiwa14"):
+        load_arm(str(tmp_path / "mine.yaml"))

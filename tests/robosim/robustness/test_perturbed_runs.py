@@ -40,7 +40,7 @@ class StandIn:
 @pytest.mark.parametrize(("missed", "status", "said"), [
     ({}, 0, "every bound held in 4 of 4 runs"),
     ({2: ("delivered_fraction", 0.7)}, 1, "holds only with the exact model: missed in 1 of 3 runs"),
-    ({0: ("delivered_fraction", 0.8)}, 1, "missed with the exact model; with errors missed in 0 of 3 runs")])
+    ({0: ("delivered_fraction", 0.8)}, 1, "missed with the exact model; missed in 0 of 3 runs with errors")])
 def test_the_verdict_tells_exact_runs_from_those_with_errors(
         missed: dict[int, tuple[str, float]], status: int, said: str, tmp_path: Path,
         capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,10 +53,12 @@ def test_the_verdict_tells_exact_runs_from_those_with_errors(
 def test_the_worst_is_the_largest_or_where_there_is_no_upper_bound_the_smallest() -> None:
     rows = {0: {"delivered_fraction": 0.95, "spilled_fraction": 0.0}, 1: {"delivered_fraction": 0.91,
                                                                           "spilled_fraction": 0.02},
-            2: {"delivered_fraction": 1.0, "spilled_fraction": None}}
+            2: {"delivered_fraction": 1.0, "spilled_fraction": 0.01}}
     bounds = get_bounds(load_rehearsal("spoon"))
     assert perturbed_runs.find_worst(rows, "delivered_fraction", bounds["delivered_fraction"]) == (0.91, 1)
     assert perturbed_runs.find_worst(rows, "spilled_fraction", bounds["spilled_fraction"]) == (0.02, 1)
+    rows[2]["delivered_fraction"] = None  # of a run that scooped nothing
+    assert perturbed_runs.find_worst(rows, "delivered_fraction", bounds["delivered_fraction"]) == (None, 2)
 
 
 def test_finished_runs_are_kept_and_a_crash_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,7 +74,29 @@ def test_finished_runs_are_kept_and_a_crash_is_named(tmp_path: Path, capsys: pyt
 
 def test_options_that_do_not_go_together_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["rehearse", "spoon", "--perturb", "2", "--model-errors", "3", "--out", str(tmp_path)]) == 2
-    assert "--model-errors with --perturb; accepted: without" in capsys.readouterr().err
+    assert "--model-errors 3 with --perturb; accepted: without" in capsys.readouterr().err
+    assert main(["rehearse", "spoon", "--jobs", "2", "--out", str(tmp_path)]) == 2
+    assert "--jobs 2 without --perturb; accepted: with it" in capsys.readouterr().err
+    assert main(["rehearse", "spoon", "--perturb", "2", "--motions", str(tmp_path), "--trajectory", "script", "--out",
+                 str(tmp_path / "out")]) == 2
+    assert "accepted: with --trajectory learned" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_crashes_do_not_count_as_held(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert perturb("spoon", tmp_path / "a", 2, runner=StandIn({}, crashed=(0,))) == 1
+    assert "no result with the exact model; missed in 0 of 2 runs with errors; 1 without" in capsys.readouterr().out
+    assert perturb("spoon", tmp_path / "b", 2, runner=StandIn({}, crashed=(1, 2))) == 1
+    assert "held with the exact model; no result with errors; 2 without" in capsys.readouterr().out
+
+
+def test_other_motions_under_the_same_names_are_run_again(tmp_path: Path) -> None:
+    motions = tmp_path / "motions"
+    motions.mkdir()
+    (motions / "SpoonScoop.npz").write_bytes(b"one")
+    config = load_rehearsal("spoon").model_copy(update={"motions": str(motions)})
+    first = perturbed_runs.fingerprint(config, {})
+    (motions / "SpoonScoop.npz").write_bytes(b"two")
+    assert perturbed_runs.fingerprint(config, {}) != first != perturbed_runs.fingerprint(config, {"seed": 1})
 
 
 @pytest.mark.slow

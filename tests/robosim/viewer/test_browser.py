@@ -87,7 +87,7 @@ def test_the_viewer_is_clicked_through(browser: BrowserWindow, served: str) -> N
 
 
 def test_the_time_is_dragged(browser: BrowserWindow, served: str) -> None:
-    """The pointer moves the slider, and the scene and the curves' cursor with it; overlays stay."""
+    """The pointer moves the slider, and the scene with it."""
     browser.open(served)
     wait_until(lambda: browser.has("//label[normalize-space()='play']"), 20.0)
     wait_until(lambda: browser.picture()[300:500, 500:700].std() > 8.0, 20.0)

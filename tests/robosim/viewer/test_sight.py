@@ -52,5 +52,6 @@ def test_a_camera_that_turned_or_moved_sees_others() -> None:
     sight = make_sight(np.array([1.0, 0.0, 0.5]), np.zeros(3))
     assert sight.has_moved(None, 1.0) and not sight.has_moved(sight, 1.0)
     assert not make_sight(np.array([1.0, 0.005, 0.5]), np.array([0.0, 0.005, 0.0])).has_moved(sight, 1.0)
+    assert sight._replace(half_width=2.0 * sight.half_width).has_moved(sight, 1.0)
     assert make_sight(np.array([1.0, 0.1, 0.5]), np.array([0.0, 0.1, 0.0])).has_moved(sight, 1.0)
     assert make_sight(np.array([1.0, 0.0, 0.5]), np.array([0.0, 0.1, 0.0])).has_moved(sight, 1.0)
