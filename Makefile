@@ -47,6 +47,7 @@ constraints: $(VENV)/bin/python
 
 meshes: $(VENV)/.test
 	$(BIN)/python models/make_meshes.py
+	for script in models/*/*/make_meshes.py; do $(BIN)/python $$script || exit 1; done
 
 clean:
 	rm -rf .venv .venv-* build dist out docs/_build docs/_generated *.egg-info .pytest_cache .ruff_cache

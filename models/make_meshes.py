@@ -1,4 +1,4 @@
-"""Write all visual meshes as binary STL: `python models/make_meshes.py`.
+"""Write the visual meshes of iiwa, three-finger gripper, tools and containers: `python models/make_meshes.py`.
 
 Lengths in m; every mesh is in the frame of its MJCF body.
 """
@@ -24,6 +24,7 @@ from robosim.shapes.lofts import (  # noqa: E402
     superellipse,
     sweep,
 )
+from robosim.shapes.solids import make_stack, write_solids  # noqa: E402
 from robosim.shapes.vessels import make_container_shell  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -87,14 +88,6 @@ def make_elbow_cap(radius: float) -> trimesh.Trimesh:
     arc = np.linspace(0.0, 1.0, 6)[::-1]
     lens = np.stack([radius * 0.96 * arc, 0.0010 + 0.0030 * (1.0 - arc**2)], axis=1)
     return revolve_about_y(np.concatenate([[(radius, -0.012), (radius, 0.0)], lens]), 36)
-
-
-def make_stack(rows: ArrayLike, count: int = 40) -> trimesh.Trimesh:
-    """Make a loft along z of centred sections given as rows (k, 4): z, half x, half y in m, exponent."""
-    rings = []
-    for z, a, b, exponent in np.asarray(rows, float):
-        rings.append(np.column_stack([superellipse(a, b, exponent, count), np.full(count, z)]))
-    return loft(rings)
 
 
 def make_base() -> Parts:
@@ -177,31 +170,15 @@ def make_hand() -> Parts:
     return parts | {"pad": pad}
 
 
-def write(parts: Parts, folder: Path, prefix: str) -> int:
-    """Write each part, a closed solid, as <prefix><name>.stl; returns the bytes written.
-
-    Raises ValueError for a part that is not closed.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    total = 0
-    for name, mesh in parts.items():
-        if not (mesh.is_watertight and mesh.volume > 0.0):
-            raise ValueError(f"{name} is not a closed solid")
-        data = mesh.export(file_type="stl")
-        (folder / f"{prefix}{name}.stl").write_bytes(data)
-        total += len(data)
-    return total
-
-
 def main() -> None:
     """Write every mesh of the models and print the total size."""
-    total = write(make_arm(), ROOT / "robots/iiwa14/assets", "")
-    total += write(make_hand(), ROOT / "grippers/robotiq_3f/assets", "")
+    total = write_solids(make_arm(), ROOT / "robots/iiwa14/assets")
+    total += write_solids(make_hand(), ROOT / "grippers/robotiq_3f/assets")
     for tool in TOOLS:
-        total += write(tool_shape(tool).visuals(), ROOT / f"tools/{tool}/assets", "")
+        total += write_solids(tool_shape(tool).visuals(), ROOT / f"tools/{tool}/assets")
     boxes = {"source": make_container_shell((0.16, 0.13, 0.08)), "target": make_container_shell((0.16, 0.16, 0.08)),
              "tray": make_container_shell((0.20, 0.15, 0.08))}
-    total += write(boxes, ROOT / "containers/assets", "")
+    total += write_solids(boxes, ROOT / "containers/assets")
     print(f"{total / 1e6:.2f} MB of meshes")
 
 

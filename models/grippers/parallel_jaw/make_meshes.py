@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
 
 ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT.parents[2]))  # the script also runs from a plain checkout
@@ -16,16 +15,18 @@ sys.path.insert(0, str(ROOT.parents[2]))  # the script also runs from a plain ch
 from robosim.shapes.lofts import (  # noqa: E402
     bezier,
     compute_end_scale,
-    loft,
     revolve,
     smoothstep,
     space_stations,
     superellipse,
     sweep,
 )
+from robosim.shapes.solids import make_stack, write_solids  # noqa: E402
 
 Parts = dict[str, trimesh.Trimesh]
 
+COUNT = 56
+"""Points of a section of the housing."""
 SEAM = 0.036
 """Height [m] of the dark gap between the two covers."""
 GAP = 0.0005
@@ -38,21 +39,13 @@ HALF_DEPTH = 0.0316
 """Half depth [m] of the housing."""
 
 
-def make_stack(rows: ArrayLike, count: int = 56) -> trimesh.Trimesh:
-    """Make a loft along z of centred sections given as rows (k, 4): z, half x, half y in m, exponent."""
-    rings = []
-    for z, a, b, exponent in np.asarray(rows, float):
-        rings.append(np.column_stack([superellipse(a, b, exponent, count), np.full(count, z)]))
-    return loft(rings)
-
-
 def make_back_cover() -> trimesh.Trimesh:
     """Make the back cover: round at the flange, then sloping shoulders up to the full width."""
     t = np.linspace(0.0, 1.0, 14)
     edge = bezier([(0.0310, 0.0055), (0.0330, 0.0110), (0.0450, 0.0110), (0.0850, 0.0250),
                    (HALF_WIDTH, 0.0285), (HALF_WIDTH, SEAM - GAP)], t)
     depth = bezier([(0.0310,), (0.0310,), (HALF_DEPTH,)], t)[:, 0]
-    return make_stack(np.column_stack([edge[:, 1], depth, edge[:, 0], 2.0 + 2.4 * smoothstep(1.4 * t)]))
+    return make_stack(np.column_stack([edge[:, 1], depth, edge[:, 0], 2.0 + 2.4 * smoothstep(1.4 * t)]), COUNT)
 
 
 def make_front_cover() -> trimesh.Trimesh:
@@ -61,15 +54,15 @@ def make_front_cover() -> trimesh.Trimesh:
     inset = 0.005 * (1.0 - np.cos(angle))
     rim = np.column_stack([FRONT - 0.006 + 0.006 * np.sin(angle), HALF_DEPTH - inset, HALF_WIDTH - inset,
                            np.full(6, 4.4)])
-    return make_stack([(SEAM + GAP, HALF_DEPTH, HALF_WIDTH, 4.4), *rim])
+    return make_stack([(SEAM + GAP, HALF_DEPTH, HALF_WIDTH, 4.4), *rim], COUNT)
 
 
 def make_housing() -> Parts:
     """Make the flange ring, the two covers, the dark core in their gap and the finger guide."""
     ring = revolve([(0.0305, 0.0), (0.0315, 0.001), (0.0315, 0.006)])
     shrunk = 0.97 * HALF_DEPTH, 0.985 * HALF_WIDTH, 4.4
-    core = make_stack([(SEAM - 0.0015, *shrunk), (SEAM + 0.0015, *shrunk)])
-    guide = make_stack([(0.060, 0.0135, 0.092, 12.0), (FRONT + 0.0003, 0.0135, 0.092, 12.0)])
+    core = make_stack([(SEAM - 0.0015, *shrunk), (SEAM + 0.0015, *shrunk)], COUNT)
+    guide = make_stack([(0.060, 0.0135, 0.092, 12.0), (FRONT + 0.0003, 0.0135, 0.092, 12.0)], COUNT)
     return {"ring": ring, "cover_back": make_back_cover(), "cover_front": make_front_cover(), "core": core,
             "guide": guide}
 
@@ -101,25 +94,9 @@ def make_finger() -> Parts:
     return {"carriage": carriage, "block": block, "finger": make_finger_bar(), "pad": pad}
 
 
-def write(parts: Parts, folder: Path) -> int:
-    """Write each part, a closed solid, as <name>.stl; returns the bytes written.
-
-    Raises ValueError for a part that is not closed.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    total = 0
-    for name, mesh in parts.items():
-        if not (mesh.is_watertight and mesh.volume > 0.0):
-            raise ValueError(f"{name} is not a closed solid")
-        data = mesh.export(file_type="stl")
-        (folder / f"{name}.stl").write_bytes(data)
-        total += len(data)
-    return total
-
-
 def main() -> None:
     """Write every mesh of the hand and print the total size."""
-    total = write(make_housing() | make_finger(), ROOT / "assets")
+    total = write_solids(make_housing() | make_finger(), ROOT / "assets")
     print(f"{total / 1e3:.0f} kB of meshes")
 
 

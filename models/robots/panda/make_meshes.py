@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT.parents[2]))  # the script also runs from a plain checkout
 
 from robosim.shapes.lofts import bezier, compute_end_scale, loft, revolve, superellipse, sweep  # noqa: E402
+from robosim.shapes.solids import write_solids  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]
@@ -167,26 +168,10 @@ def make_hub() -> Parts:
     return {"hub": hub, "hub_grip": grip, "hub_flange": flange}
 
 
-def write(parts: Parts, folder: Path) -> int:
-    """Write each part, a closed solid, as <name>.stl; returns the bytes written.
-
-    Raises ValueError for a part that is not closed.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    total = 0
-    for name, mesh in parts.items():
-        if not (mesh.is_watertight and mesh.volume > 0.0):
-            raise ValueError(f"{name} is not a closed solid")
-        data = mesh.export(file_type="stl")
-        (folder / f"{name}.stl").write_bytes(data)
-        total += len(data)
-    return total
-
-
 def main() -> None:
     """Write every mesh of the arm and print the total size."""
     parts = make_base() | {"shoulder": make_shoulder()} | make_elbow() | make_forearm() | make_wrist() | make_hub()
-    total = write(parts, ROOT / "assets")
+    total = write_solids(parts, ROOT / "assets")
     print(f"{total / 1e3:.0f} kB in {len(parts)} meshes")
 
 

@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parent
 sys.path.insert(0, str(ROOT.parents[2]))  # the script also runs from a plain checkout
 
 from robosim.shapes.lofts import bezier, loft, revolve, smoothstep, superellipse  # noqa: E402
+from robosim.shapes.solids import write_solids  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]
@@ -131,21 +132,5 @@ def make_arm() -> Parts:
     }
 
 
-def write(parts: Parts, folder: Path) -> int:
-    """Write each part as <name>.stl; returns the bytes written.
-
-    Raises ValueError for a part that is not closed.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    total = 0
-    for name, mesh in parts.items():
-        if not (mesh.is_watertight and mesh.volume > 0.0):
-            raise ValueError(f"{name} is not a closed solid")
-        data = mesh.export(file_type="stl")
-        (folder / f"{name}.stl").write_bytes(data)
-        total += len(data)
-    return total
-
-
 if __name__ == "__main__":
-    print(f"{write(make_arm(), ROOT / 'assets') / 1e3:.0f} kB of meshes")
+    print(f"{write_solids(make_arm(), ROOT / 'assets') / 1e3:.0f} kB of meshes")

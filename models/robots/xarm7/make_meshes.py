@@ -15,6 +15,7 @@ FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER.parents[2]))  # the script also runs from a plain checkout
 
 from robosim.shapes.lofts import loft, revolve, superellipse  # noqa: E402
+from robosim.shapes.solids import write_solids  # noqa: E402
 
 Array = NDArray[np.float64]
 Parts = dict[str, trimesh.Trimesh]
@@ -171,27 +172,12 @@ def make_wrist() -> Parts:
             "link6_hexagon": hexagon, "link7": flange, "link7_plug": move(plug, 0.0, 0.0, 15.0)}
 
 
-def write(parts: Parts, folder: Path) -> int:
-    """Turn each part, a closed solid in mm, into its body's frame and write <name>.stl; returns the bytes written.
-
-    Raises ValueError for a part that is not closed.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    total = 0
-    for name, mesh in parts.items():
-        if not (mesh.is_watertight and mesh.volume > 0.0):
-            raise ValueError(f"{name} is not a closed solid")
-        turn(mesh, TURN[name.split("_")[0]]).apply_scale(1e-3)
-        data = mesh.export(file_type="stl")
-        (folder / f"{name}.stl").write_bytes(data)
-        total += len(data)
-    return total
-
-
 def main() -> None:
     """Write every mesh of the arm and print the total size."""
     parts = make_base() | make_shoulder() | make_elbow() | make_forearm() | make_wrist()
-    print(f"{write(parts, FOLDER / 'assets') / 1e3:.0f} kB of meshes")
+    for name, mesh in parts.items():  # drawn in mm, in the zero posture
+        turn(mesh, TURN[name.split("_")[0]]).apply_scale(1e-3)
+    print(f"{write_solids(parts, FOLDER / 'assets') / 1e3:.0f} kB of meshes")
 
 
 if __name__ == "__main__":
