@@ -13,13 +13,15 @@ from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.errors import UnreachableWaypoint
+from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose, step_towards
 from robosim.robot.joint_control import JointSmoother, Servo
 from robosim.robot.joint_path import solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState
-from robosim.scene.build import build_scene_spec, compile_scene
+from robosim.scene.build import build_scene_spec
 from robosim.scene.collisions import ContactCounter
+from robosim.scene.compiled import compile_scene
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import Grasp
 from robosim.tasks.counting import TOOL
@@ -39,7 +41,8 @@ def start_posture(task_json: str) -> tuple[float, ...]:
     task = TaskConfig.model_validate_json(task_json)
     path = task.scripted_path()
     times = np.linspace(0.0, task.steps * task.step_dt, PATH_POSES)
-    solution = solve_path(Arm(task.tool), [path.pose(t) for t in times], [(0, "start"), (PATH_POSES - 1, "end")])
+    poses, ends = [path.pose(t) for t in times], [(0, "start"), (PATH_POSES - 1, "end")]
+    solution = solve_path(Arm(assemble(task.tool)), poses, ends)
     return tuple(solution.q[0])
 
 
@@ -52,26 +55,27 @@ class ArmTool(Carrier):
         self._robot = load_robot("iiwa14")
         self._task = task
         self._grip: Grip = grasp
-        self.scene = compile_scene(self.build_spec(), task.tool)
+        self._assembly = assemble(task.tool)
+        self.scene = compile_scene(self.build_spec(), self._assembly)
         self.model = self.scene.model
         self.data = self.robot_data = mujoco.MjData(self.model)
-        self._arm = Arm(task.tool)
+        self._arm = Arm(self._assembly)
         self._start_q = np.array(start_posture(task.model_dump_json()))
         self.data.qpos[self.scene.arm_qpos] = self._start_q
         mujoco.mj_forward(self.model, self.data)
-        self.grasp = Grasp(self.model, self.data, self.scene.tool)
+        self.grasp = Grasp(self.scene, self.data)
         self.servo = Servo(self._arm, self._robot.servo)
-        self._smoother = JointSmoother(self._robot, task.step_dt, self._arm)
+        self._smoother = JointSmoother(self._arm.limits(self._robot.limits), task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
-        self._contacts = ContactCounter(self.model, self.data, task.tool, task.containers)
+        self._contacts = ContactCounter(self.scene, self.data, task.containers)
         self._torque_ratio = self._lag = 0.0
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build a new specification of the rigid scene."""
-        return build_scene_spec(self._task.tool, self._grip, self._task.containers, self._task.step_dt, contact=True)
+        return build_scene_spec(self._assembly, self._grip, self._task.containers, self._task.step_dt, contact=True)
 
     def _close_fingers(self) -> None:
         """Keep the start posture until the fingers are closed and, in a grasp by friction, carry the tool alone."""

@@ -11,8 +11,9 @@ import numpy as np
 from mpm import Pose
 from robosim.envs.arm_tool import start_posture
 from robosim.errors import UnreachableWaypoint
+from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
-from robosim.robot.model import SPEED_LIMITS, Arm
+from robosim.robot.model import Arm
 from robosim.tasks.task import TaskConfig
 
 DAMPING = 1e-6
@@ -34,7 +35,7 @@ class Reach:
     """An arm that carries a task's tool exactly as commanded."""
 
     def __init__(self, task: TaskConfig) -> None:
-        self._arm, self._dt = Arm(task.tool), task.step_dt
+        self._arm, self._dt = Arm(assemble(task.tool)), task.step_dt
         self._rest = np.array(start_posture(task.model_dump_json()))
         self._middle = 0.5 * (self._arm.upper + self._arm.lower)
         self._half = 0.5 * (self._arm.upper - self._arm.lower)
@@ -62,7 +63,7 @@ class Reach:
         end_position_error_m: of the tool at the end.
         """
         motion = self.joint_motion(start, linear, angular)
-        speeds = np.abs(motion.speeds / SPEED_LIMITS).max(1)
+        speeds = np.abs(motion.speeds / self._arm.velocity).max(1)
         angles = np.abs((motion.q - self._middle) / self._half).max(1)
         over = np.flatnonzero((speeds > 1.0) | (angles[1:] > 1.0))
         end = start.position + self._dt * linear.sum(0)
@@ -78,13 +79,13 @@ class Reach:
         It is the mean over the steps of the squared excesses of speed and angle, as shares of their limits.
         """
         motion, n, dt = self.joint_motion(start, linear, angular), len(linear), self._dt
-        fast = np.maximum(np.abs(motion.speeds) / SPEED_LIMITS - 1.0, 0.0)
+        fast = np.maximum(np.abs(motion.speeds) / self._arm.velocity - 1.0, 0.0)
         offset = (motion.q[1:] - self._middle) / self._half
         far = np.maximum(np.abs(offset) - 1.0, 0.0)
-        by_speed = 2.0 / n * fast * np.sign(motion.speeds) / SPEED_LIMITS
+        by_speed = 2.0 / n * fast * np.sign(motion.speeds) / self._arm.velocity
         by_angle = 2.0 / n * far * np.sign(offset) / self._half
         twists = np.concatenate([linear, angular], 1)
-        twist_bar, q_bar = np.zeros((n, 6)), np.zeros(7)  # q_bar: adjoint of the angles after a step
+        twist_bar, q_bar = np.zeros((n, 6)), np.zeros(len(self._rest))  # q_bar: adjoint of the angles after a step
         for k in reversed(range(n)):
             q_bar = q_bar + by_angle[k]
             speed_bar = by_speed[k] + dt * q_bar
@@ -92,7 +93,7 @@ class Reach:
                 continue
             twist_bar[k] = self._inverse(motion.q[k]).T @ speed_bar
             gradient = [(self._speeds(motion.q[k] + d, twists[k]) - self._speeds(motion.q[k] - d, twists[k]))
-                        @ speed_bar for d in DIFFERENCE * np.eye(7)]
+                        @ speed_bar for d in DIFFERENCE * np.eye(len(self._rest))]
             q_bar = q_bar + np.array(gradient) / (2.0 * DIFFERENCE)
         return float((fast**2 + far**2).sum() / n), (twist_bar[:, :3], twist_bar[:, 3:])
 

@@ -1,7 +1,6 @@
 """Whole-arm rehearsals: plan, run, readings, metrics, plots and film.
 
-Imports: config, conversion, coupling, envs, errors, evaluation, recordings, rendering, reports, robot, scene, shapes,
-tasks, viewer, mpm.
+Imports: config, conversion, coupling, errors, recordings, rendering, reports, robot, scene, shapes, viewer, mpm.
 """
 
 CAMERAS = ("overview", "close", "wrist")

@@ -19,10 +19,10 @@ from robosim.rendering.cameras import FOLLOW
 from robosim.rendering.grain_skin import GRAIN_RADIUS, MARKED_SKIN, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
 from robosim.rendering.video import Mp4Writer, read_frames, write_caption, write_contact_sheet
-from robosim.scene.build import build_rehearsal_spec
+from robosim.robot.mjspec import compile_spec
+from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec
 from robosim.scene.frames import body_pose
 from robosim.scene.grains import is_in_tool
-from robosim.scene.models import compile_spec
 
 FRAME_RATE = 20
 """Frames per second of simulated time, unless one asks for others: a software renderer keeps pace with the simulation.
@@ -114,7 +114,8 @@ class Film:
         self._model = _compile_drawn_model(plan)
         self._data = mujoco.MjData(self._model)
         self._renderer = SceneRenderer(self._model, plan.grains, picture_width(plan.height), even(plan.height))
-        self._follow = FollowCamera(self._model, plan.config.tool) if plan.camera == FOLLOW else None
+        hand = assemble_rehearsal(plan.config).wrist
+        self._follow = FollowCamera(self._model, hand, plan.config.tool) if plan.camera == FOLLOW else None
         self._poster: FilmState | None = None
         self._writer = Mp4Writer(out / "rehearsal.mp4", fps=plan.rate)
         self._tool = self._model.body(plan.config.tool).id

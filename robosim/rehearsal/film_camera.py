@@ -12,8 +12,8 @@ LAG = 0.5
 class FollowCamera:
     """Looks at the middle between hand and tool, smoothly."""
 
-    def __init__(self, model: mujoco.MjModel, tool: str) -> None:
-        self._tool, self._hand = model.body(tool).id, model.body("palm").id
+    def __init__(self, model: mujoco.MjModel, hand: str, tool: str) -> None:
+        self._tool, self._hand = model.body(tool).id, model.body(hand).id
         self._time: float | None = None
         self.camera = mujoco.MjvCamera()
         self.camera.type = mujoco.mjtCamera.mjCAMERA_FREE

@@ -72,6 +72,5 @@ def weigh_at_wrist(run: RehearsalRun) -> float | None:
     steps = run.readings.select_steps(begin, end)
     if steps.start == steps.stop:
         return None
-    hand = run.model.body("palm").subtreemass[0]  # includes the tool, however it is held
     # the sensor measures the child on the parent; at rest only the magnitude along gravity matters
-    return float(abs(run.readings.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - hand)
+    return float(abs(run.readings.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - run.scene.wrist_mass())

@@ -11,7 +11,6 @@ from robosim.rehearsal.paths.learned_path import LearnedPath
 from robosim.rehearsal.paths.waypoint_path import is_in_container
 from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
-from robosim.robot.model import SPEED_LIMITS
 from robosim.shapes import tool_shape
 from robosim.shapes.tool import WALL
 
@@ -31,6 +30,7 @@ BOUNDS = {
     "spilled_fraction": Bound(0, 0.05),
     "tool_container_contacts": Bound(0, 0),
     "robot_surroundings_contacts": Bound(0, 0),
+    "robot_self_contacts": Bound(0, 0),
     "wrist_payload_relative_error": Bound(0, 0.03),
     "momentum_residual": Bound(0, 1e-4),
     "velocity_limit_ratio_max": Bound(0, 1.0),
@@ -88,6 +88,7 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "tool_container_contacts": run.collisions.tool_container_contacts,
         "tool_container_depth_m": run.collisions.tool_container_depth,
         "robot_surroundings_contacts": run.collisions.robot_surroundings_contacts,
+        "robot_self_contacts": run.collisions.robot_self_contacts,
         **_momentum_figures(run),
         **_arm_figures(run),
         "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
@@ -120,7 +121,7 @@ def _arm_figures(run: RehearsalRun) -> dict[str, object]:
     readings, arm = run.readings, run.plan.arm
     middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
     return {
-        "velocity_limit_ratio_max": float((np.abs(readings.stack_steps("qd")) / SPEED_LIMITS).max()),
+        "velocity_limit_ratio_max": float((np.abs(readings.stack_steps("qd")) / arm.velocity).max()),
         "torque_limit_ratio_max": float((np.abs(readings.stack_steps("demanded_torque")) / arm.torque_limits).max()),
         "torque_saturations": run.servo.saturations,
         "joint_limit_ratio_max": float((np.abs(readings.stack_steps("q") - middle) / half).max()),

@@ -9,7 +9,6 @@ import yaml
 
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
-from robosim.rehearsal.readings import ARM
 from robosim.rehearsal.replay.comparison import replay_charts
 from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.curves import Chart, Curve, draw_charts
@@ -86,7 +85,8 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
         Chart("mass [g]; none while the tool digs", masses),
         Chart("force of the grains on the tool [N]", [Curve(f"F{a}", time, force[:, k]) for k, a in enumerate("xyz")]),
         Chart("wrist force without the weight of hand and tool [N]", wrist),
-        Chart("joint torque, share of its limit [1]", [Curve(a, time, torques[:, k]) for k, a in enumerate(ARM)],
+        Chart("joint torque, share of its limit [1]",
+              [Curve(name, time, torques[:, k]) for k, name in enumerate(run.readings.joints)],
               most=1.0, least=-1.0),
         Chart("distance of the tool from its command [mm]", [Curve("tool", time, 1e3 * compute_tracking_errors(run))]),
         Chart("momentum that no impulse accounts for, of all that was exchanged [1]",
@@ -96,7 +96,7 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
         Chart("energy of the grains since the start [mJ]", energy_curves(run)),
     ]
     if run.replay is not None:
-        charts[1:1] = replay_charts(run.replay, run.compare_wrench(), ARM, run.config.grasp_time)
+        charts[1:1] = replay_charts(run.replay, run.compare_wrench(), run.readings.joints, run.config.grasp_time)
     if run.solver.sleep:
         charts.append(Chart("grains that are computed [%]",
                             [Curve("awake", grain_time, 100.0 * readings.stack_grains("awake"))]))

@@ -11,6 +11,7 @@ from robosim.rehearsal.paths.waypoint_path import WaypointPath
 from robosim.robot.joint_path import PathSolution, solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointMotion, SmoothMotion, compute_time_scale
+from robosim.scene.build import assemble_rehearsal
 
 MAX_SLOWDOWNS = 20
 """Times that a learned motion is slowed down before it is refused."""
@@ -35,19 +36,20 @@ def plan_motion(config: RehearsalConfig) -> Plan:
     Tool path, joint path, and joint motion within the arm's limits. Learned motions are slowed down where the arm is
     too slow for them. Raises ConfigError or UnreachableWaypoint.
     """
-    arm = Arm(config.tool)
+    arm = Arm(assemble_rehearsal(config))
+    limits = arm.limits(config.limits)
     if config.trajectory == "script":
         path = WaypointPath(config)
         times, solution = solve_joints(arm, path)
-        return Plan(path, solution, SmoothMotion(times, solution.q, config.limits, path.times), arm)
+        return Plan(path, solution, SmoothMotion(times, solution.q, limits, path.times, arm.joints), arm)
     path, reason = LearnedPath(config), None
     for _ in range(MAX_SLOWDOWNS):
         times, solution = solve_joints(arm, path)
         try:
-            return Plan(path, solution, SmoothMotion(times, solution.q, config.limits, path.times), arm)
+            return Plan(path, solution, SmoothMotion(times, solution.q, limits, path.times, arm.joints), arm)
         except ConfigError as error:
             reason = error
-        path.slow_down(times, compute_time_scale(times, solution.q, config.limits) / LIMIT_SHARE)
+        path.slow_down(times, compute_time_scale(times, solution.q, limits) / LIMIT_SHARE)
     raise ConfigError(f"the learned motion is too fast for the arm even {path.time_scale:.1f} times slower: {reason}")
 
 

@@ -1,20 +1,13 @@
 """The readings of a rehearsal, step by step."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-ARM = [f"A{i}" for i in range(1, 8)]
 WRENCH = ["fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm"]
 POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
-COLUMNS = (
-    ["time_s"] + [f"q_{a}_rad" for a in ARM] + [f"qd_{a}_rad_s" for a in ARM] + [f"qdd_{a}_rad_s2" for a in ARM]
-    + [f"torque_{a}_Nm" for a in ARM] + [f"sensed_torque_{a}_Nm" for a in ARM]
-    + [f"external_torque_{a}_Nm" for a in ARM] + [f"wrist_{c}" for c in WRENCH]
-    + [f"commanded_{c}" for c in POSE] + [f"reached_{c}" for c in POSE]
-)
-"""Columns of trajectory.csv; poses in metres and quaternions, whose signs are chosen by `make_continuous`."""
 WRITTEN = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque", "wrist", "commanded", "reached")
 """The fields of `Step` in these columns."""
 
@@ -22,7 +15,7 @@ WRITTEN = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque
 class Step(NamedTuple):
     """Readings of one host step, at its end unless stated.
 
-    Vectors of the arm are (7,).
+    Vectors of the arm are (n,).
     """
 
     time: float
@@ -79,10 +72,21 @@ class EnergySample(NamedTuple):
     elastic: float
 
 
-class Readings:
-    """All readings of a run."""
+def name_columns(joints: Sequence[str]) -> list[str]:
+    """Name the columns of trajectory.csv.
 
-    def __init__(self) -> None:
+    Poses are in metres and quaternions, whose signs are chosen by `make_continuous`.
+    """
+    forms = ("q_{}_rad", "qd_{}_rad_s", "qdd_{}_rad_s2", "torque_{}_Nm", "sensed_torque_{}_Nm", "external_torque_{}_Nm")
+    return ["time_s", *(form.format(joint) for form in forms for joint in joints), *(f"wrist_{c}" for c in WRENCH),
+            *(f"commanded_{c}" for c in POSE), *(f"reached_{c}" for c in POSE)]
+
+
+class Readings:
+    """All readings of a run of an arm with these joints."""
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        self.joints = tuple(joints)
         self.steps: list[Step] = []
         self.grains: list[GrainSample] = []
         self.energies: list[EnergySample] = []
@@ -113,7 +117,7 @@ class Readings:
         reached *= np.where(np.sum(reached * commanded, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
         rows = np.column_stack(list(values.values()))
         with path.open("w") as file:
-            np.savetxt(file, rows, delimiter=",", header=",".join(COLUMNS), comments="", fmt="%.9g")
+            np.savetxt(file, rows, delimiter=",", header=",".join(name_columns(self.joints)), comments="", fmt="%.9g")
 
 
 def make_continuous(quaternions: np.ndarray) -> np.ndarray:

@@ -15,7 +15,6 @@ from robosim.rehearsal.paths.waypoint_path import is_in_container
 from robosim.rehearsal.readings import Step
 from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.provenance import commit
-from robosim.robot.model import SPEED_LIMITS
 from robosim.scene.container_region import container_region
 from robosim.scene.grains import is_in_tool
 from robosim.shapes import tool_shape
@@ -69,7 +68,7 @@ class RunReadings:
 
     def __init__(self, run: RehearsalRun) -> None:
         self._run, self._regions = run, counting_regions(run.config)
-        self._limits = SPEED_LIMITS, run.plan.arm.torque_limits
+        self._limits = run.plan.arm.velocity, run.plan.arm.torque_limits
         self._grain_masses, self._seen = run.solver.masses(), 0
         """Steps that earlier values were computed from: forces are means since then."""
 
@@ -98,5 +97,5 @@ class RunReadings:
     def _wrist(self, steps: Sequence[Step]) -> np.ndarray:
         """Force (3,) [N] at the wrist, world axes, without the weight of hand and tool."""
         force = np.mean([step.wrist[:3] for step in steps], axis=0)
-        weight = GRAVITY * float(self._run.model.body("palm").subtreemass[0])
+        weight = GRAVITY * self._run.scene.wrist_mass()
         return force - [0.0, 0.0, np.copysign(weight, force[2])]

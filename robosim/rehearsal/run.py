@@ -15,16 +15,17 @@ from robosim.rehearsal.plan import Plan
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.rehearsal.replay.comparison import Simulated, WrenchComparison, compare_wrench
 from robosim.rehearsal.replay.recorded_motion import Replay
+from robosim.robot.assembly import WRIST_SITE
 from robosim.robot.joint_control import Servo, TorqueSensors
 from robosim.robot.model_errors import ModelErrors
 from robosim.robot.timing import JointState
-from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
+from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec
 from robosim.scene.collisions import CollisionMonitor
+from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.field import build_field
 from robosim.scene.frames import body_pose
 from robosim.scene.grains import is_at_border, is_in_tool
 from robosim.scene.grasp import Grasp
-from robosim.scene.models import ARM_JOINTS
 
 GRAIN_SAMPLE_INTERVAL = 10
 """Steps between readings that need all grains' positions."""
@@ -53,22 +54,22 @@ class RehearsalRun:
         spec = build_rehearsal_spec(config)
         if errors is not None:
             errors.place_tool(spec, config.tool)
-        self.scene: Scene = compile_scene(spec, config.tool)
+        self.scene: Scene = compile_scene(spec, assemble_rehearsal(config))
         if errors is not None:
-            errors.change_model(self.scene.model, self.scene.model.body("palm").id, self.scene.arm_dofs)
+            errors.change_model(self.scene.model, self.scene.wrist, self.scene.arm_dofs)
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
         self.data.qpos[self.scene.arm_qpos] = self.plan.motion.state(-config.grasp_time).q
         mujoco.mj_forward(self.model, self.data)
-        self.grasp = Grasp(self.model, self.data, self.scene.tool)
-        self.sensors = TorqueSensors(self.model, self.data, ARM_JOINTS, plan.arm)
+        self.grasp = Grasp(self.scene, self.data)
+        self.sensors = TorqueSensors(self.model, self.data, plan.arm)
         self.grains = build_field(config, law_of(self.material), self.tool_pose(), seed)
         self.solver = self.grains.solver
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
                                      coupling=config.coupling)
         self.servo = Servo(plan.arm, config.servo if errors is None else errors.change_servo(config.servo))
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
-        self.collisions = CollisionMonitor(self.model, self.data, config)
-        self.readings = Readings()
+        self.collisions = CollisionMonitor(self.scene, self.data, config)
+        self.readings = Readings(plan.arm.joints)
         self.duration = config.grasp_time + self.plan.motion.duration
         """Simulated time [s], including the grasp."""
         self.wall_time = 0.0
@@ -143,7 +144,7 @@ class RehearsalRun:
         np.savez_compressed(path, **self._last_good_state)  # pyright: ignore[reportArgumentType]
 
     def _command(self, target: JointState) -> np.ndarray:
-        """Set finger commands and motor torques, release the grasp after its time; returns the torques [N m] (7,)."""
+        """Set finger commands and motor torques, release the grasp after its time; returns the torques [N m] (n,)."""
         if self.time < self.config.grasp_time:
             self.grasp.close(min(self.time / (CLOSING_SHARE * self.config.grasp_time), 1.0))
         else:
@@ -180,7 +181,7 @@ class RehearsalRun:
 
     def _wrist_wrench(self) -> np.ndarray:
         """Force and torque of the wrist sensor in world axes (6,)."""
-        site = self.model.site("wrist_sensor").id
+        site = self.model.site(WRIST_SITE).id
         R = self.data.site_xmat[site].reshape(3, 3)
         return np.concatenate([R @ self.data.sensor("wrist_force").data, R @ self.data.sensor("wrist_torque").data])
 

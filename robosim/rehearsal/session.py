@@ -26,6 +26,7 @@ from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
 from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
+from robosim.scene.build import assemble_rehearsal
 from robosim.scene.field import check_field
 
 RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
@@ -109,7 +110,8 @@ def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None
               "motions": motions and str(Path(motions).resolve())}
     config = place_target(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
     check_field(config, law_of(load_material(config.material)))
-    name_joints(config.joint_trajectory)  # raises for names that cannot be used
+    joints = assemble_rehearsal(config).robot.joints
+    name_joints(joints, config.joint_trajectory)  # raises for names that cannot be used
     return config
 
 
@@ -121,7 +123,7 @@ def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: Join
     plan = plan_motion(config)
     planned = clock.perf_counter()
     folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
-        plan.motion, config.joint_trajectory, start=config.grasp_time))
+        plan.motion, plan.arm.joints, config.joint_trajectory, start=config.grasp_time))
     replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
     errors = None if model_errors is None else draw_model_errors(model_errors, len(plan.arm.lower))

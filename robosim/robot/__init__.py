@@ -1,4 +1,4 @@
-"""The arm: Pinocchio model, inverse kinematics, timing, servo, torque sensors, ROS 2 trajectories.
+"""Arms and hands from files: assembly, inverse kinematics, timing, servo, torque sensors, ROS 2 trajectories.
 
-Imports: config, errors, scene, mpm.
+Imports: config, errors, mpm.
 """

@@ -17,12 +17,10 @@ TRACKING_LIMIT_MARGIN = 1e-3
 """The same for `step_towards`."""
 REST_GAIN = 1e-3
 """Share of the difference to the rest posture by which `step_towards` moves the elbow."""
-HOME = np.radians([0.0, 45.0, 0.0, -95.0, 0.0, -50.0, 0.0])
-"""Rest posture that the redundant degree of freedom is drawn to: elbow up, hand forward."""
 
 
 class Solution(NamedTuple):
-    """Joint angles [rad] (7,) and the remaining errors [m], [rad]."""
+    """Joint angles [rad] (n,) and the remaining errors [m], [rad]."""
 
     q: np.ndarray
     position_error: float
@@ -34,14 +32,16 @@ class Solution(NamedTuple):
         return self.position_error < 10 * TOLERANCE and self.angle_error < 10 * TOLERANCE
 
 
-def solve_pose(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOME, iterations: int = 200) -> Solution:
+def solve_pose(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray | None = None,
+               iterations: int = 200) -> Solution:
     """Find joint angles near `start` that put the tool at `target`.
 
-    Takes Levenberg-Marquardt steps from start (7,) [rad]. target: world pose of the tool's frame. The redundant degree
-    of freedom draws the posture towards `rest` (7,).
+    Takes Levenberg-Marquardt steps from start (n,) [rad]. target: world pose of the tool's frame. The redundant degree
+    of freedom draws the posture towards `rest` (n,), by default the
+    arm's home.
     """
     goal = pinocchio.SE3(target.matrix, np.asarray(target.position, float))
-    q = start.copy()
+    q, rest = start.copy(), arm.home if rest is None else rest
     error = _compute_error(arm, q, goal)
     for _ in range(iterations):
         size = np.linalg.norm(error)
@@ -58,9 +58,9 @@ def solve_pose(arm: Arm, target: Pose, start: np.ndarray, rest: np.ndarray = HOM
 
 
 def step_towards(arm: Arm, target: Pose, q: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    """Take one damped step from q (7,) [rad] towards a slowly moving target.
+    """Take one damped step from q (n,) [rad] towards a slowly moving target.
 
-    target: world pose of the tool's frame. Returns joint angles (7,) [rad].
+    target: world pose of the tool's frame. Returns joint angles (n,) [rad].
     """
     error = _compute_error(arm, q, pinocchio.SE3(target.matrix, np.asarray(target.position, float)))
     J = arm.jacobian(q)

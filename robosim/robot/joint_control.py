@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
-from robosim.config.robot import RobotConfig, ServoConfig
+from robosim.config.robot import ServoConfig
 from robosim.errors import ConfigError, RobotDiverged
-from robosim.robot.model import SPEED_LIMITS, Arm
+from robosim.robot.model import Arm, MotionLimits
 from robosim.robot.timing import JointState
 
 CATCH_UP = 20.0
@@ -23,22 +23,23 @@ class JointSmoother:
     follow its last plan where the request is unchanged, and round otherwise than one that begins in the same state.
     """
 
-    def __init__(self, robot: RobotConfig, dt: float, arm: Arm) -> None:
-        self._otg, self._request, self._output = Ruckig(7, dt), InputParameter(7), OutputParameter(7)
-        self._speed = SPEED_LIMITS * robot.limits.velocity_fraction
+    def __init__(self, limits: MotionLimits, dt: float, arm: Arm) -> None:
+        n = len(arm.joints)
+        self._otg, self._request, self._output = Ruckig(n, dt), InputParameter(n), OutputParameter(n)
+        self._speed = limits.velocity
         self._lower, self._upper = arm.lower, arm.upper
         self._request.control_interface = ControlInterface.Velocity
         self._request.synchronization = Synchronization.No
         self._request.max_velocity = list(self._speed)
-        self._request.max_acceleration = list(robot.limits.acceleration)
-        self._request.max_jerk = list(robot.limits.jerk)
-        self.restart(np.zeros(7))
+        self._request.max_acceleration = list(limits.acceleration)
+        self._request.max_jerk = list(limits.jerk)
+        self.restart(np.zeros(n))
 
     def restart(self, q: np.ndarray) -> None:
-        """Begin at rest at joint angles q [rad] (7,)."""
+        """Begin at rest at joint angles q [rad] (n,)."""
         self._q, self._time = np.array(q), 0.0
         self._request.current_position = list(q)
-        self._request.current_velocity = self._request.current_acceleration = [0.0] * 7
+        self._request.current_velocity = self._request.current_acceleration = [0.0] * len(q)
 
     def state(self) -> dict[str, Any]:
         """Return angles, speeds, accelerations of the smoothed motion, and its time."""
@@ -56,7 +57,7 @@ class JointSmoother:
     def step(self, q: np.ndarray, qd: np.ndarray) -> JointState:
         """Advance by one step towards moving joint angles.
 
-        q [rad] (7,): the angles; qd [rad/s] (7,): their speeds. Raises RobotDiverged where no motion is within the
+        q [rad] (n,): the angles; qd [rad/s] (n,): their speeds. Raises RobotDiverged where no motion is within the
         limits.
         """
         velocity = qd + CATCH_UP * (np.clip(q, self._lower, self._upper) - self._q)
@@ -78,14 +79,14 @@ class Servo:
         self._stiffness, self._damping = np.array(config.stiffness), np.array(config.damping)
         self.saturations = 0
         """Number of commands that the torque limits clipped."""
-        self.demanded_torque = np.zeros(7)
-        """Torques [N m] (7,) of the last command before clipping."""
+        self.demanded_torque = np.zeros(len(arm.joints))
+        """Torques [N m] (n,) of the last command before clipping."""
 
     def check_step(self, model: mujoco.MjModel, data: mujoco.MjData, dofs: np.ndarray) -> None:
         """Raise ConfigError where MuJoCo's step is too long for the gains.
 
         A torque that is constant over a step dt adds energy from 2 dt d + dt^2 k = 4 on, with d and k the largest
-        damping and stiffness per inertia. data: scene in the posture that is checked. dofs (7,): indices of the arm.
+        damping and stiffness per inertia. data: scene in the posture that is checked. dofs (n,): indices of the arm.
         """
         M = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, M)
@@ -98,9 +99,9 @@ class Servo:
                               f"{bound:.3g} s; choose a shorter step or softer gains")
 
     def compute_torque(self, target: JointState, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Compute clipped motor torques [N m] (7,).
+        """Compute clipped motor torques [N m] (n,).
 
-        tau = K (q* - q) + D (q*' - q') + inverse dynamics. q, qd: measured angles [rad] and speeds [rad/s], each (7,).
+        tau = K (q* - q) + D (q*' - q') + inverse dynamics. q, qd: measured angles [rad] and speeds [rad/s], each (n,).
         target: commanded joint state q*.
         """
         tau = self._stiffness * (target.q - q) + self._damping * (target.qd - qd)
@@ -112,15 +113,15 @@ class Servo:
 
 
 class TorqueSensors:
-    """Readings of the joint torque sensors of `scene.models`."""
+    """Readings of the joint torque sensors of `robot.assembly`."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...], arm: Arm) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, arm: Arm) -> None:
         self._data, self._arm = data, arm
-        self._axes = np.array([model.joint(name).axis for name in joints])
-        self._addresses = np.array([model.sensor(f"{name}_torque").adr[0] for name in joints])
+        self._axes = np.array([model.joint(name).axis for name in arm.joints])
+        self._addresses = np.array([model.sensor(f"{name}_torque").adr[0] for name in arm.joints])
 
     def read(self) -> np.ndarray:
-        """Read the torques [N m] (7,) on the links about their joints' axes.
+        """Read the torques [N m] (n,) on the links about their joints' axes.
 
         As of the last step's begin.
         """
@@ -128,7 +129,7 @@ class TorqueSensors:
         return np.einsum("ij,ij->i", readings, self._axes)
 
     def estimate_external(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Estimate the external torques [N m] (7,) on the joints.
+        """Estimate the external torques [N m] (n,) on the joints.
 
         The model of arm, hand and empty tool, less the sensors. This is what a robot's controller reports as external
         torque; a load in the tool is external to it.

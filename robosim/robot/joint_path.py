@@ -6,8 +6,8 @@ import numpy as np
 
 from mpm import Pose
 from robosim.errors import UnreachableWaypoint
-from robosim.robot.inverse_kinematics import HOME, TOLERANCE, Solution, solve_pose
-from robosim.robot.model import REACH, SPEED_LIMITS, Arm
+from robosim.robot.inverse_kinematics import TOLERANCE, Solution, solve_pose
+from robosim.robot.model import Arm
 
 MAX_RESTARTS, MIN_RESTARTS = 60, 12
 """Initial postures tried at most, and those after which the best path so far is taken."""
@@ -17,17 +17,13 @@ WAYPOINT_RESTARTS = 25
 """Initial postures tried before a waypoint counts as unreachable."""
 COARSE_SAMPLES = 60
 """Samples of a path at which initial postures are compared."""
-SHOULDER = np.array([0.0, 0.0, 0.36])
-"""Position [m] of the axis of A2 in the world."""
-TOOL_TO_WRIST = 0.36
-"""Largest distance [m] from the tool's frame to the wrist centre: flange 0.126, grip 0.160 and the slanted handle."""
 
 
 class PathSolution(NamedTuple):
     """Joint path and its quality."""
 
     q: np.ndarray
-    """Joint angles (n, 7) [rad]."""
+    """Joint angles (n, joints) [rad]."""
     errors: np.ndarray
     """Position and angle errors (n, 2) [m], [rad]."""
     margin: float
@@ -37,9 +33,9 @@ class PathSolution(NamedTuple):
 def solve_path(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], seed: int = 0) -> PathSolution:
     """Find the best joint path through target poses of the tool.
 
-    Several initial postures are tried, random ones after HOME. waypoints: (index into targets, name), for the error
-    where no posture works. Among the paths that follow all targets without a jump, the one with the highest elbow, the
-    most distance to joint limits and the least travel is taken. Raises UnreachableWaypoint.
+    Several initial postures are tried, random ones after the arm's home. waypoints: (index into targets, name), for the
+    error where no posture works. Among the paths that follow all targets without a jump, the one with the highest
+    elbow, the most distance to joint limits and the least travel is taken. Raises UnreachableWaypoint.
     """
     rng = np.random.default_rng(seed)
     for index, name in waypoints:
@@ -49,7 +45,7 @@ def solve_path(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], 
     bad = np.flatnonzero(errors.max(1) > 10 * TOLERANCE)
     if len(bad):
         first = int(bad[0])
-        raise _unreachable(targets, waypoints, first, Solution(q[first], *errors[first]))
+        raise _unreachable(arm, targets, waypoints, first, Solution(q[first], *errors[first]))
     return PathSolution(q, errors, float(np.minimum(q - arm.lower, arm.upper - q).min()))
 
 
@@ -57,8 +53,8 @@ def follow_path(arm: Arm, targets: list[Pose], start: np.ndarray,
                 whole: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Solve densely sampled target poses, each from the solution before.
 
-    start: initial joint angles (7,) [rad]. whole: whether to go on from a target that is not reached. Returns joint
-    angles (n, 7) and errors (n, 2) [m], [rad].
+    start: initial joint angles (joints,) [rad]. whole: whether to go on from a target that is not reached. Returns
+    joint angles (n, joints) and errors (n, 2) [m], [rad].
     """
     angles, errors, q = [], [], start
     for target in targets:
@@ -73,12 +69,12 @@ def follow_path(arm: Arm, targets: list[Pose], start: np.ndarray,
 
 def _choose_start(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]],
                   rng: np.random.Generator) -> np.ndarray:
-    """Joint angles (7,) of the first target from which a coarse sample of the path is followed best."""
+    """Joint angles (joints,) of the first target from which a coarse sample of the path is followed best."""
     stride = max(1, len(targets) // COARSE_SAMPLES)
     coarse = sorted({*range(0, len(targets), stride), *[i for i, _ in waypoints]})
-    best, furthest, closest = None, -1, Solution(HOME, np.inf, np.inf)
+    best, furthest, closest = None, -1, Solution(arm.home, np.inf, np.inf)
     for attempt in range(MAX_RESTARTS):
-        first = solve_pose(arm, targets[0], HOME if attempt == 0 else _draw_posture(arm, rng))
+        first = solve_pose(arm, targets[0], arm.home if attempt == 0 else _draw_posture(arm, rng))
         if not first.converged:
             continue
         q, errors = follow_path(arm, [targets[i] for i in coarse], first.q, whole=False)
@@ -87,7 +83,7 @@ def _choose_start(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]
             if coarse[bad[0]] > furthest:
                 furthest, closest = coarse[bad[0]], Solution(q[bad[0]], *errors[bad[0]])
             continue
-        travel = np.abs(np.diff(q, axis=0)) / SPEED_LIMITS
+        travel = np.abs(np.diff(q, axis=0)) / arm.velocity
         if travel.max() > MAX_JUMP:
             continue
         score = _rate_path(arm, q, travel)
@@ -96,12 +92,12 @@ def _choose_start(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]
         if attempt >= MIN_RESTARTS:
             break
     if best is None:
-        raise _unreachable(targets, waypoints, max(furthest, 0), closest)
+        raise _unreachable(arm, targets, waypoints, max(furthest, 0), closest)
     return best[1]
 
 
 def _rate_path(arm: Arm, q: np.ndarray, travel: np.ndarray) -> float:
-    """Score of a joint path (n, 7): elbow height [m], margin to limits [rad], less travel (n - 1, 7) [s]."""
+    """Score of a joint path (n, joints): elbow height [m], margin to limits [rad], less travel (n - 1, joints) [s]."""
     margin = float(np.minimum(q - arm.lower, arm.upper - q).min())
     elbow = np.mean([arm.elbow_height(x) for x in q[:: max(1, len(q) // 8)]])
     return elbow + min(margin, 0.3) - 0.02 * travel.max(1).sum()
@@ -109,29 +105,26 @@ def _rate_path(arm: Arm, q: np.ndarray, travel: np.ndarray) -> float:
 
 def _check_reachable(arm: Arm, target: Pose, name: str, rng: np.random.Generator) -> None:
     """Raise UnreachableWaypoint where no initial posture leads to a waypoint's pose."""
-    best = Solution(HOME, np.inf, np.inf)
+    best = Solution(arm.home, np.inf, np.inf)
     for attempt in range(WAYPOINT_RESTARTS):
-        solution = solve_pose(arm, target, HOME if attempt == 0 else _draw_posture(arm, rng))
+        solution = solve_pose(arm, target, arm.home if attempt == 0 else _draw_posture(arm, rng))
         if solution.converged:
             return
         if solution.position_error + solution.angle_error < best.position_error + best.angle_error:
             best = solution
-    raise UnreachableWaypoint(name, best.position_error, np.degrees(best.angle_error), _distance_beyond_reach(target))
+    raise UnreachableWaypoint(name, best.position_error, np.degrees(best.angle_error),
+                              arm.distance_beyond_reach(target.position))
 
 
-def _unreachable(targets: list[Pose], waypoints: list[tuple[int, str]], index: int,
+def _unreachable(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], index: int,
                  solution: Solution) -> UnreachableWaypoint:
     """The error of a target that was not reached, named by the next waypoint."""
     name = next((n for i, n in waypoints if i >= index), waypoints[-1][1])
     return UnreachableWaypoint(name, solution.position_error, np.degrees(solution.angle_error),
-                               _distance_beyond_reach(targets[index]))
+                               arm.distance_beyond_reach(targets[index].position))
 
 
 def _draw_posture(arm: Arm, rng: np.random.Generator) -> np.ndarray:
-    """Random joint angles (7,) [rad] away from the limits."""
-    return rng.uniform(0.8 * arm.lower, 0.8 * arm.upper)
-
-
-def _distance_beyond_reach(target: Pose) -> float:
-    """Distance [m] of a target from the ball that the tool can reach; negative inside."""
-    return float(np.linalg.norm(target.position - SHOULDER)) - (REACH + TOOL_TO_WRIST)
+    """Random joint angles (joints,) [rad] away from the limits."""
+    middle, half = 0.5 * (arm.upper + arm.lower), 0.5 * (arm.upper - arm.lower)
+    return middle + 0.8 * half * rng.uniform(-1.0, 1.0, len(half))

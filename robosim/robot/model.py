@@ -6,44 +6,61 @@ elements, and MuJoCo's own writer rounds to six digits.
 
 import tempfile
 import xml.etree.ElementTree as ET
+from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
+import mujoco
 import numpy as np
 import pinocchio
 
 from mpm import Pose
-from robosim.scene.models import ARM_JOINTS, build_robot_spec, compile_spec
+from robosim.config.robot import LimitsConfig
+from robosim.robot.assembly import Assembly
+from robosim.robot.mjspec import compile_spec
 
-SPEED_LIMITS = np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0])
-"""Joint speed limits [rad/s] (7,), KUKA LBR iiwa 14 R820 data sheet; MJCF has no element for them."""
-REACH = 0.820
-"""Reach [m] of the wrist centre from the shoulder; same data sheet."""
+SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
+
+
+class MotionLimits(NamedTuple):
+    """Largest speed, acceleration and jerk of each joint, each (n,), in SI units."""
+
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    jerk: np.ndarray
 
 
 class Arm:
-    """The seven arm joints of the robot with a tool.
+    """The n joints of an arm with hand and tool.
 
-    The finger joints stay at their neutral angles. Vectors q, qd and qdd hold angles [rad], speeds [rad/s] and
-    accelerations [rad/s^2] of A1..A7, shape (7,).
+    The fingers' joints stay at their neutral angles. Vectors q, qd and qdd hold angles [rad], speeds [rad/s] and
+    accelerations [rad/s^2] of the joints from the base to the flange, shape (n,).
     """
 
-    def __init__(self, tool: str) -> None:
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly, robot = assembly, assembly.robot
         with tempfile.TemporaryDirectory() as directory:
             path = Path(directory) / "robot.xml"
-            write_robot_mjcf(tool, path)
+            write_robot_mjcf(assembly, path)
             self.model = pinocchio.buildModelFromMJCF(str(path))
         self.data = self.model.createData()
-        joints = [self.model.getJointId(name) for name in ARM_JOINTS]
-        self.q_index = np.array([self.model.joints[j].idx_q for j in joints])
-        self.v_index = np.array([self.model.joints[j].idx_v for j in joints])
-        self.frame = self.model.getFrameId(tool)
-        self.lower = self.model.lowerPositionLimit[self.q_index]
-        self.upper = self.model.upperPositionLimit[self.q_index]
-        self.torque_limits = np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0])
-        """[N m] (7,); data sheet, a test compares them with the model."""
+        self.joints, self.home = robot.joints, robot.home
+        self._ids = [self.model.getJointId(name) for name in robot.joints]
+        self.q_index = np.array([self.model.joints[j].idx_q for j in self._ids])
+        self.v_index = np.array([self.model.joints[j].idx_v for j in self._ids])
+        frame = robot.flange if assembly.tool is None else assembly.tool.name
+        self.frame = self.model.getFrameId(frame)
+        self.lower, self.upper = robot.lower, robot.upper
+        self.velocity, self.torque_limits = robot.velocity, robot.torque
+        """[rad/s], [N m] (n,)"""
         self.neutral = pinocchio.neutral(self.model)
         self._friction = self.model.upperDryFrictionLimit[self.v_index]
         self._damping = self.model.damping[self.v_index]
+
+    def limits(self, config: LimitsConfig) -> MotionLimits:
+        """Return the limits of a motion."""
+        return MotionLimits(self.velocity * config.velocity_fraction, np.array(config.acceleration),
+                            np.array(config.jerk))
 
     def full_configuration(self, q: np.ndarray) -> np.ndarray:
         """Return the configuration of the whole model with the arm at q."""
@@ -65,12 +82,25 @@ class Arm:
         return Pose.from_matrix(placement.translation, placement.rotation)
 
     def elbow_height(self, q: np.ndarray) -> float:
-        """Return the height [m] of the axis of A4."""
+        """Return the height [m] of the joint in the middle of the arm above the base."""
         pinocchio.forwardKinematics(self.model, self.data, self.full_configuration(q))
-        return float(self.data.oMi[self.model.getJointId("A4")].translation[2])
+        elbow = self._ids[(len(self._ids) - 1) // 2]
+        return float(self.data.oMi[elbow].translation[2] - self.assembly.robot.stand.position[2])
+
+    def distance_beyond_reach(self, point: np.ndarray) -> float:
+        """Return how far [m] a point (3,) lies outside the ball about the second joint that holds all tool poses.
+
+        Its radius is the length of the chain from there to the tool's frame with all joints in one line; where it is
+        negative the point may still be out of reach.
+        """
+        pinocchio.forwardKinematics(self.model, self.data, self.neutral)
+        tool = pinocchio.updateFramePlacement(self.model, self.data, self.frame).translation
+        places = [*(self.data.oMi[k].translation for k in self._ids[1:]), tool]
+        length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(places))
+        return float(np.linalg.norm(point - places[0])) - length
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Return the Jacobian (6, 7) of the tool's twist in the tool's own axes.
+        """Return the Jacobian (6, n) of the tool's twist in the tool's own axes.
 
         Its first three rows are linear.
         """
@@ -79,7 +109,7 @@ class Arm:
         return J[:, self.v_index]
 
     def rigid_torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute torques [N m] (7,) on the links' side of the joints.
+        """Compute torques [N m] (n,) on the links' side of the joints.
 
         Inertia, Coriolis and gravity terms; without armature and joint friction.
         """
@@ -89,7 +119,7 @@ class Arm:
         return tau - self.model.armature[self.v_index] * qdd
 
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Compute the motor torques [N m] (7,) of a motion.
+        """Compute the motor torques [N m] (n,) of a motion.
 
         Inertia, armature, Coriolis, gravity, viscous and dry friction terms.
         """
@@ -104,22 +134,31 @@ def _format(values: np.ndarray) -> str:
     return " ".join(repr(float(v)) for v in np.atleast_1d(values))
 
 
-def write_robot_mjcf(tool: str, path: Path) -> None:
+def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
     """Write arm, hand and tool without geometry, contact or actuators to a file."""
-    model = compile_spec(build_robot_spec(tool))
+    model = compile_spec(assembly.build_spec())
+    base = model.body(assembly.robot.base).id
+    T_wb = assembly.robot.stand @ Pose(model.body_pos[base], model.body_quat[base])
+    model.body_pos[base], model.body_quat[base] = T_wb
     root = ET.Element("mujoco", model="robot")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     elements = {0: ET.SubElement(root, "worldbody")}
     for i in range(1, model.nbody):
-        body = ET.SubElement(elements[model.body_parentid[i]], "body", name=model.body(i).name,
+        body = ET.SubElement(elements[model.body_parentid[i]], "body", name=model.body(i).name or f"body_{i}",
                              pos=_format(model.body_pos[i]), quat=_format(model.body_quat[i]))
         ET.SubElement(body, "inertial", pos=_format(model.body_ipos[i]), quat=_format(model.body_iquat[i]),
                       mass=_format(model.body_mass[i]), diaginertia=_format(model.body_inertia[i]))
         for j in range(model.body_jntadr[i], model.body_jntadr[i] + model.body_jntnum[i]):
             dof = model.jnt_dofadr[j]
-            ET.SubElement(body, "joint", name=model.joint(j).name, type="hinge", pos=_format(model.jnt_pos[j]),
-                          axis=_format(model.jnt_axis[j]), range=_format(model.jnt_range[j]),
-                          actuatorfrcrange=_format(model.jnt_actfrcrange[j]), armature=_format(model.dof_armature[dof]),
-                          damping=_format(model.dof_damping[dof]), frictionloss=_format(model.dof_frictionloss[dof]))
+            ET.SubElement(body, "joint", name=model.joint(j).name,
+                          type="slide" if model.jnt_type[j] == SLIDE else "hinge",
+                          pos=_format(model.jnt_pos[j]), axis=_format(model.jnt_axis[j]),
+                          range=_format(model.jnt_range[j]), actuatorfrcrange=_format(model.jnt_actfrcrange[j]),
+                          armature=_format(model.dof_armature[dof]), damping=_format(model.dof_damping[dof]),
+                          frictionloss=_format(model.dof_frictionloss[dof]))
         elements[i] = body
+    for i in range(model.nsite):
+        if model.site(i).name == assembly.robot.flange:
+            ET.SubElement(elements[model.site_bodyid[i]], "site", name=assembly.robot.flange,
+                          pos=_format(model.site_pos[i]), quat=_format(model.site_quat[i]))
     path.write_text(ET.tostring(root, encoding="unicode"))

@@ -11,12 +11,15 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from mpm import Pose
 from mpm.input_files import read_text
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig
 from robosim.config.resources import folder
 from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName
+from robosim.robot.mjspec import read_model
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
 """Times [s] in which a joint is assumed to reach its largest speed, and its largest acceleration."""
@@ -35,6 +38,8 @@ class Robot:
     """Of the arm alone, with a torque motor for each joint that is named like it, and without keyframes."""
     base: str
     """Root body."""
+    stand: Pose
+    """Where the base stands in the world."""
     flange: str
     """Site at which a hand is mounted; its z is the approach direction."""
     joints: tuple[str, ...]
@@ -101,18 +106,10 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     sources["servo"] = ASSUMED if servo is None else CONFIGURED
     stiffness = STIFFNESS * limits["torque"] if servo is None else per_joint(names, servo.stiffness, "stiffness", path)
     damping = DAMPING * stiffness if servo is None else per_joint(names, servo.damping, "damping", path)
-    return Robot(name=path.stem, spec=spec, base=bodies[0].name, flange=flange, joints=names, home=home,
+    turn = Rotation.from_euler("xyz", config.base.rotation_deg, degrees=True)
+    stand = Pose(np.array(config.base.position), turn.as_quat(scalar_first=True))
+    return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=stand, flange=flange, joints=names, home=home,
                  stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, **limits)
-
-
-def read_model(path: Path) -> mujoco.MjSpec:
-    """Read an MJCF or URDF file; raises ConfigError with MuJoCo's reason for another."""
-    if not path.is_file():
-        raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
 
 
 def find_flange(spec: mujoco.MjSpec, name: str, path: Path) -> tuple[str, list[Any]]:

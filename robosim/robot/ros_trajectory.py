@@ -1,41 +1,43 @@
 """A planned motion in the layout of ROS 2's trajectory_msgs/JointTrajectory."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robosim.config.robot import JointTrajectoryConfig
 from robosim.errors import ConfigError, UnknownName
 from robosim.robot.timing import JointMotion
-from robosim.scene.models import ARM_JOINTS
 
 POINT_INTERVAL = 0.01
 """Longest time [s] between points of a motion: a quarter of its knots, so that quintics between points reproduce it."""
 
 
-def make_joint_trajectory(motion: JointMotion, names: JointTrajectoryConfig | None = None, *,
+def make_joint_trajectory(motion: JointMotion, joints: Sequence[str], names: JointTrajectoryConfig | None = None, *,
                           start: float = 0.0) -> dict:
     """Make the message's fields as plain Python values.
 
     Points hold positions [rad], velocities [rad/s], accelerations [rad/s^2] and the time from the start. start [s]: at
-    which the motion begins; before it the arm rests at the motion's first point. names: of frame and joints; None: no
-    frame, and the model's joint names. Raises ConfigError, UnknownName for joint names that cannot be used.
+    which the motion begins; before it the arm rests at the motion's first point. joints: the model's names of them.
+    names: of frame and joints; None: no frame, and the model's. Raises ConfigError, UnknownName for joint names that
+    cannot be used.
     """
     names = names or JointTrajectoryConfig()
-    joint_names = name_joints(names)
+    joint_names = name_joints(joints, names)
     times = start + np.linspace(0.0, motion.duration, int(np.ceil(motion.duration / POINT_INTERVAL)) + 1)
     points = [_make_point(motion, time, start) for time in ([0.0] if start > 0.0 else []) + times.tolist()]
     return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": names.frame_id}, "joint_names": joint_names,
             "points": points}
 
 
-def name_joints(names: JointTrajectoryConfig) -> list[str]:
-    """Name the arm's joints for a controller, in order from the base.
+def name_joints(joints: Sequence[str], names: JointTrajectoryConfig) -> list[str]:
+    """Name an arm's joints for a controller, in order from the base.
 
     Raises UnknownName for a joint that the arm does not have, ConfigError where two joints get one name.
     """
     for joint in names.joint_names:
-        if joint not in ARM_JOINTS:
-            raise UnknownName("joint_trajectory.joint_names: joint", joint, ARM_JOINTS)
-    chosen = [names.joint_names.get(joint, names.joint_prefix + joint) for joint in ARM_JOINTS]
+        if joint not in joints:
+            raise UnknownName("joint_trajectory.joint_names: joint", joint, joints)
+    chosen = [names.joint_names.get(joint, names.joint_prefix + joint) for joint in joints]
     if len(set(chosen)) < len(chosen) or "" in chosen:
         raise ConfigError(f"joint_trajectory.joint_names gives {', '.join(map(repr, chosen))}; accepted: a different "
                           f"name for each joint")

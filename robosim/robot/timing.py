@@ -7,9 +7,8 @@ import numpy as np
 from ruckig import InputParameter, Ruckig, RuckigError, Trajectory
 from scipy.interpolate import make_interp_spline
 
-from robosim.config.robot import LimitsConfig
 from robosim.errors import ConfigError
-from robosim.robot.model import SPEED_LIMITS
+from robosim.robot.model import MotionLimits
 
 KNOT_SPACING = 0.04
 """[s] between knots."""
@@ -25,7 +24,7 @@ def _find_nearest(waypoint_times: dict[str, float], time: float) -> str:
 
 
 class JointState(NamedTuple):
-    """Angles [rad], speeds [rad/s] and accelerations [rad/s^2], each (7,)."""
+    """Angles [rad], speeds [rad/s] and accelerations [rad/s^2], each (joints,)."""
 
     q: np.ndarray
     qd: np.ndarray
@@ -45,39 +44,38 @@ class JointMotion(Protocol):
         ...
 
 
-def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: LimitsConfig) -> np.ndarray:
+def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: MotionLimits) -> np.ndarray:
     """Compute the factors (n,) on time that put a motion at its limits.
 
-    At these, speed, acceleration or jerk would be at its limit. q (n, 7): joint angles [rad] at `times` (n,) [s]. Above
-    1 the motion is too fast.
+    At these, speed, acceleration or jerk would be at its limit. q (n, joints): joint angles [rad] at `times` (n,) [s].
+    Above 1 the motion is too fast.
     """
     spline = make_interp_spline(times, q, k=5)
-    allowed = (SPEED_LIMITS * limits.velocity_fraction, np.array(limits.acceleration), np.array(limits.jerk))
-    shares = [(np.abs(spline.derivative(k)(times)) / most).max(1) ** (1.0 / k) for k, most in enumerate(allowed, 1)]
+    shares = [(np.abs(spline.derivative(k)(times)) / most).max(1) ** (1.0 / k) for k, most in enumerate(limits, 1)]
     return np.max(shares, axis=0)
 
 
 class SmoothMotion:
     """Joint motion through samples of a path, within the joints' limits.
 
-    times (n,) [s], q (n, 7) [rad]: the samples. Knots have the path's own speed and acceleration, so the motion does
-    not stop at them. Where the limits do not allow the path's timing, the segment takes longer and the rest of the
-    motion is delayed. waypoint_times: name -> time [s], for messages. Raises ConfigError where the path exceeds a
-    limit, or the delay exceeds MAX_DELAY.
+    times (n,) [s], q (n, joints) [rad]: the samples. Knots have the path's own speed and acceleration, so the motion
+    does not stop at them. Where the limits do not allow the path's timing, the segment takes longer and the rest of the
+    motion is delayed. waypoint_times: name -> time [s], and joints: names, for messages. Raises ConfigError where the
+    path exceeds a limit, or the delay exceeds MAX_DELAY.
     """
 
     def __init__(
-        self, times: np.ndarray, q: np.ndarray, limits: LimitsConfig, waypoint_times: dict[str, float]
+        self, times: np.ndarray, q: np.ndarray, limits: MotionLimits, waypoint_times: dict[str, float],
+        joints: Sequence[str]
     ) -> None:
         spline = make_interp_spline(times, q, k=5)
         speed, acceleration = spline.derivative(1), spline.derivative(2)
         n = max(int(np.ceil((times[-1] - times[0]) / KNOT_SPACING)), 1)
         knots = np.linspace(times[0], times[-1], n + 1)
         states = [JointState(spline(t), speed(t), acceleration(t)) for t in knots]
-        rest = np.zeros(7)
+        rest = np.zeros(len(joints))
         states[0], states[-1] = JointState(states[0].q, rest, rest), JointState(states[-1].q, rest, rest)
-        self._limits = limits
-        self._max_velocity = SPEED_LIMITS * limits.velocity_fraction
+        self._limits, self._joints = limits, tuple(joints)
         self._check(knots, states, waypoint_times)
         self._segments = [self._plan_segment(a, b, float(t1 - t0)) for a, b, t0, t1 in
                           zip(states, states[1:], knots, knots[1:])]
@@ -93,15 +91,15 @@ class SmoothMotion:
     def _check(self, knots: np.ndarray, states: list[JointState], waypoint_times: dict[str, float]) -> None:
         """Raise ConfigError where the path's own speed or acceleration exceeds a limit."""
         for quantity, values, limit, unit in (
-            ("speed", np.array([s.qd for s in states]), self._max_velocity, "rad/s"),
-            ("acceleration", np.array([s.qdd for s in states]), np.array(self._limits.acceleration), "rad/s^2"),
+            ("speed", np.array([s.qd for s in states]), self._limits.velocity, "rad/s"),
+            ("acceleration", np.array([s.qdd for s in states]), self._limits.acceleration, "rad/s^2"),
         ):
             ratio = np.abs(values) / limit
             if ratio.max() > 1.0:
                 knot, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
                 raise ConfigError(
                     f"near waypoint {_find_nearest(waypoint_times, knots[knot])!r} (t = {knots[knot]:.2f} s) "
-                    f"joint A{joint + 1} would need a {quantity} of {abs(values[knot, joint]):.3f} {unit}; "
+                    f"joint {self._joints[joint]} would need a {quantity} of {abs(values[knot, joint]):.3f} {unit}; "
                     f"accepted: up to {limit[joint]:.3f} {unit}; lower the speeds there")
 
     def _plan_segment(self, a: JointState, b: JointState, duration: float) -> Trajectory:
@@ -109,15 +107,15 @@ class SmoothMotion:
 
         Ruckig uses the full jerk limit in every phase, so that a high limit causes ripples.
         """
-        limits = np.array(self._limits.jerk)
-        jerk = np.array([self._find_least_jerk(a, b, duration, joint) for joint in range(7)])
+        limits = self._limits.jerk
+        jerk = np.array([self._find_least_jerk(a, b, duration, joint) for joint in range(len(limits))])
         while True:
-            trajectory = self._plan(a, b, duration, jerk, range(7))
+            trajectory = self._plan(a, b, duration, jerk, range(len(limits)))
             is_at_limit = np.all(jerk >= limits)
             if trajectory is not None and (trajectory.duration <= duration + 1e-9 or is_at_limit):
                 return trajectory
             if is_at_limit:
-                raise ConfigError(f"no motion within the jerk limits {self._limits.jerk} rad/s^3 joins two knots")
+                raise ConfigError(f"no motion within the jerk limits {limits.tolist()} rad/s^3 joins two knots")
             jerk = np.minimum(1.5 * jerk, limits)
 
     def _find_least_jerk(self, a: JointState, b: JointState, duration: float, joint: int) -> float:
@@ -125,7 +123,7 @@ class SmoothMotion:
         low, high = np.log(1e-3), np.log(self._limits.jerk[joint])
         for _ in range(JERK_BISECTIONS):
             middle = 0.5 * (low + high)
-            trajectory = self._plan(a, b, duration, np.full(7, np.exp(middle)), [joint])
+            trajectory = self._plan(a, b, duration, np.full(len(self._joints), np.exp(middle)), [joint])
             if trajectory is not None and trajectory.duration <= duration + 1e-9:
                 high = middle
             else:
@@ -140,8 +138,8 @@ class SmoothMotion:
         request.current_position, request.target_position = list(a.q[chosen]), list(b.q[chosen])
         request.current_velocity, request.target_velocity = list(a.qd[chosen]), list(b.qd[chosen])
         request.current_acceleration, request.target_acceleration = list(a.qdd[chosen]), list(b.qdd[chosen])
-        request.max_velocity = list(self._max_velocity[chosen])
-        request.max_acceleration = list(np.array(self._limits.acceleration)[chosen])
+        request.max_velocity = list(self._limits.velocity[chosen])
+        request.max_acceleration = list(self._limits.acceleration[chosen])
         request.max_jerk = list(jerk[chosen])
         request.minimum_duration = duration
         trajectory = Trajectory(n)

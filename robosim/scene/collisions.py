@@ -1,4 +1,4 @@
-"""Collision monitoring: contacts of tool and containers, and of the robot with its surroundings."""
+"""Collision monitoring: contacts of tool and containers, of the robot with its surroundings, and with itself."""
 
 from collections.abc import Collection
 
@@ -6,51 +6,60 @@ import mujoco
 import numpy as np
 
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.robot.mjspec import body_ids_below
+from robosim.scene.compiled import Scene
 from robosim.scene.container_clearance import ContainerSurface
 from robosim.scene.frames import body_pose
 
-ROBOT_BODIES = ("link1", "link2", "link3", "link4", "link5", "link6", "link7", "palm", "f1", "f2", "fm")
-"""Prefixes of the names of the bodies that must touch neither table nor containers; link0 stands on the table."""
-
 
 class ContactCounter:
-    """MuJoCo's contacts, summed over all steps since the last `restart`.
+    """MuJoCo's contacts of the robot, summed over all steps since the last `restart`.
 
-    tool: name of the tool's body. containers: names of the containers' bodies.
+    The base, which stands where it stands, is no part of the robot here. containers: names of the containers' bodies.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, tool: str, containers: Collection[str]) -> None:
+    def __init__(self, scene: Scene, data: mujoco.MjData, containers: Collection[str]) -> None:
         self.tool_container_contacts = 0
         """Contacts of the tool with containers."""
         self.robot_surroundings_contacts = 0
-        """Contacts of the robot with table and containers, and of the tool with the table."""
-        self._model, self._data = model, data
-        self._tool = model.body(tool).id
-        names = [model.body(i).name for i in range(model.nbody)]
-        self._is_robot = np.array([n.startswith(ROBOT_BODIES) for n in names])
-        self._is_table = np.array([n == "table" for n in names])
-        self._is_container = np.array([n in containers for n in names])
+        """Contacts of arm, hand and tool with table, floor and obstacles, and of arm and hand with containers."""
+        self.robot_self_contacts = 0
+        """Contacts between parts of the arm, and of hand and tool with the arm."""
+        self._model, self._data = scene.model, data
+        bodies = np.arange(scene.model.nbody)
+        is_own = np.isin(bodies, scene.robot_bodies())
+        self._is_tool = bodies == scene.tool
+        self._is_arm = is_own & ~np.isin(bodies, body_ids_below(scene.model, scene.wrist))
+        self._is_robot = is_own & (scene.model.body_weldid > 0)
+        self._is_container = np.array([scene.model.body(int(b)).name in containers for b in bodies])
+        self._is_other = ~is_own & ~self._is_container
 
     def restart(self) -> None:
-        """Set both sums to zero."""
-        self.tool_container_contacts = self.robot_surroundings_contacts = 0
+        """Set the sums to zero."""
+        self.tool_container_contacts = self.robot_surroundings_contacts = self.robot_self_contacts = 0
 
     def state(self) -> dict[str, int]:
-        """Return both sums."""
-        return {"tool_container": self.tool_container_contacts, "surroundings": self.robot_surroundings_contacts}
+        """Return the sums."""
+        return {"tool_container": self.tool_container_contacts, "surroundings": self.robot_surroundings_contacts,
+                "itself": self.robot_self_contacts}
 
     def load(self, state: dict[str, int]) -> None:
         """Take over what `state` returned."""
         self.tool_container_contacts, self.robot_surroundings_contacts = state["tool_container"], state["surroundings"]
+        self.robot_self_contacts = state["itself"]
 
     def count(self) -> None:
         """Add the contacts of the present step."""
         bodies = self._model.geom_bodyid[self._data.contact.geom]
         pairs = np.concatenate([bodies, bodies[:, ::-1]])
-        tool, robot = pairs[:, 0] == self._tool, self._is_robot[pairs[:, 0]]
-        table, container = self._is_table[pairs[:, 1]], self._is_container[pairs[:, 1]]
-        self.tool_container_contacts += int(np.sum(tool & container))
-        self.robot_surroundings_contacts += int(np.sum(robot & (table | container) | tool & table))
+        first, second = pairs.T
+        robot, container = self._is_robot[first], self._is_container[second]
+        self.tool_container_contacts += int(np.sum(self._is_tool[first] & container))
+        self.robot_surroundings_contacts += int(np.sum(robot & ~self._is_tool[first] & container
+                                                       | robot & self._is_other[second]))
+        between_links = self._is_arm[bodies].all(1)
+        of_hand = self._is_robot[first] & ~self._is_arm[first] & self._is_arm[second]
+        self.robot_self_contacts += int(between_links.sum() + of_hand.sum())
 
 
 class CollisionMonitor:
@@ -59,16 +68,21 @@ class CollisionMonitor:
     Only what the rehearsal's `tool_container` lists is monitored.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, config: RehearsalConfig) -> None:
-        self._data, self._tool = data, model.body(config.tool).id
-        self._contacts = ContactCounter(model, data, config.tool, config.containers)
+    def __init__(self, scene: Scene, data: mujoco.MjData, config: RehearsalConfig) -> None:
+        self._data, self._tool = data, scene.tool
+        self._contacts = ContactCounter(scene, data, config.containers)
         has_surface = config.containers and "sdf" in config.tool_container
         self._surface = ContainerSurface(config) if has_surface else None
 
     @property
     def robot_surroundings_contacts(self) -> int:
-        """Contacts of the robot with table and containers, and of the tool with the table."""
+        """Contacts of arm, hand and tool with table, floor and obstacles, and of arm and hand with containers."""
         return self._contacts.robot_surroundings_contacts
+
+    @property
+    def robot_self_contacts(self) -> int:
+        """Contacts between parts of the arm, and of hand and tool with the arm."""
+        return self._contacts.robot_self_contacts
 
     @property
     def tool_container_contacts(self) -> int:

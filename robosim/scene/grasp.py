@@ -7,36 +7,38 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import mpm
+from robosim.errors import ConfigError
+from robosim.robot.assembly import HAND_PREFIX, Assembly
+from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose
 
 HOLDER = "tool_holder"
 """Name of the equality constraint that holds a free tool while the fingers close."""
-FINGERS = ("f1", "f2", "fm")
-OPEN, CLOSED = 0.0, 0.9
-"""Finger commands [rad]: closed presses the pads on a handle of 11 mm radius."""
-SQUEEZE = 0.17
-"""Largest command beyond the fingers' angle [rad]: 28 N a finger, 56 N the thumb, which opposes two. The thumb's limit
-is 60 N; above it the thumb would give way on a tool thicker than a handle."""
 
 
-def release_tool_joints(spec: mujoco.MjSpec, tool: str) -> None:
+def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly) -> None:
     """Give the tool in the hand six degrees of freedom, for a grasp by friction.
 
     The joints lie between palm and tool. As a free body of the world the tool would creep by 1 mm in a second while the
     arm moves: MuJoCo's contacts neglect the rate of their Jacobian, which is the hand's centripetal acceleration in
     such coordinates, and friction responds with a slip velocity in proportion to the contact's time constant. A stiff
     weld to the palm holds the tool until `Grasp.release`. Contact uses the elliptic cone with stiff friction: under the
-    pyramidal cone a held tool creeps.
+    pyramidal cone a held tool creeps. Raises ConfigError for a tool that is bolted to the flange.
     """
-    body = spec.body(tool)
+    if assembly.hand is None or assembly.tool is None:
+        raise ConfigError("grasp: friction with gripper: none; accepted: grasp: weld, or a gripper")
+    body = spec.body(assembly.tool.name)
     for axis in np.eye(3):
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     body.add_joint(type=mujoco.mjtJoint.mjJNT_BALL)
-    for solid in (geom for geom in body.geoms if geom.contype):
-        for part in ("palm_disc", "palm_box"):  # MuJoCo makes no contacts between a body and its parent otherwise
-            spec.add_pair(geomname1=part, geomname2=solid.name)
-    spec.add_equality(name=HOLDER, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY, name1="palm",
-                      name2=tool, solref=[0.004, 1.0], solimp=[0.999, 0.9999, 0.001, 0.5, 2.0],
+    palm = [geom for geom in spec.body(assembly.wrist).geoms if geom.contype or geom.conaffinity]
+    for number, part in enumerate(palm):
+        part.name = part.name or f"{assembly.wrist}_{number}"
+    for solid in (geom for geom in body.geoms if geom.contype & 1):
+        for part in palm:  # MuJoCo makes no contacts between a body and its parent otherwise
+            spec.add_pair(geomname1=part.name, geomname2=solid.name)
+    spec.add_equality(name=HOLDER, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY, name1=assembly.wrist,
+                      name2=assembly.tool.name, solref=[0.004, 1.0], solimp=[0.999, 0.9999, 0.001, 0.5, 2.0],
                       data=[0.0] * 10 + [1.0, 0.0])  # a zero quaternion: the relative pose of the compiled model
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 20.0
@@ -45,12 +47,18 @@ def release_tool_joints(spec: mujoco.MjSpec, tool: str) -> None:
 class Grasp:
     """The tool in the hand and its slip; for a fixed tool the slip stays zero."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, tool: int) -> None:
-        self._model, self._data, self._tool, self._palm = model, data, tool, model.body("palm").id
-        self.is_by_friction = bool(model.body_jntnum[tool])
+    def __init__(self, scene: Scene, data: mujoco.MjData) -> None:
+        self._model, self._data, self._tool, self._palm = scene.model, data, scene.tool, scene.wrist
+        self.is_by_friction = bool(scene.model.body_jntnum[scene.tool])
         """Whether the tool can slip."""
-        self._fingers = [model.actuator(name).id for name in FINGERS]
-        self._knuckles = model.jnt_qposadr[model.actuator_trnid[self._fingers, 0]]
+        hand, tool = scene.assembly.hand, scene.assembly.tool
+        commands = {} if hand is None else hand.open
+        self._fingers = [scene.model.actuator(HAND_PREFIX + name).id for name in commands]
+        self._open = np.array([commands[name] for name in commands])
+        self._way = np.array([hand.closed[name] - commands[name] for name in commands] if hand else [])
+        self._squeeze = np.inf if hand is None or hand.squeeze is None else hand.squeeze
+        self._grip = np.zeros(3) if tool is None else scene.model.site(tool.grip).pos
+        self._data.ctrl[self._fingers] = self._open
         self._pose_at_release: mpm.Pose | None = None
         self.slip = 0.0
         """Largest displacement [m] of the handle in the fingers since the release."""
@@ -65,11 +73,15 @@ class Grasp:
     def close(self, progress: float) -> None:
         """Command the fingers between open (0) and closed (1).
 
-        The command is at most SQUEEZE beyond their present angle.
+        The command is at most the hand's squeeze beyond their present place, which is the middle between the finger
+        that has closed most and the one that has closed least: those on opposite sides of a handle.
         """
-        f1, f2, thumb = self._data.qpos[self._knuckles]
-        angle = 0.5 * (0.5 * (f1 + f2) + thumb)
-        self._data.ctrl[self._fingers] = min(OPEN + progress * (CLOSED - OPEN), angle + SQUEEZE)
+        if not self._fingers:
+            return
+        if np.isfinite(self._squeeze):
+            places = (self._data.actuator_length[self._fingers] - self._open) / self._way
+            progress = min(progress, 0.5 * float(places.min() + places.max()) + self._squeeze)
+        self._data.ctrl[self._fingers] = self._open + progress * self._way
 
     def release(self) -> None:
         """Switch the weld to the palm off: from now on the fingers alone hold the tool."""
@@ -106,5 +118,4 @@ class Grasp:
     def _grip_in_palm(self) -> mpm.Pose:
         """Pose of the handle's grip site, which the fingers hold, in the palm's frame."""
         T_pt = body_pose(self._data, self._palm).inverse() @ body_pose(self._data, self._tool)
-        grip = self._model.site(f"{self._model.body(self._tool).name}_grip").pos
-        return mpm.Pose(T_pt.position + T_pt.matrix @ grip, T_pt.quaternion)
+        return mpm.Pose(T_pt.position + T_pt.matrix @ self._grip, T_pt.quaternion)

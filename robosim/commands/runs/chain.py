@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     if options.material is not None:
         config_path("materials", options.material, "material")
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
-        from robosim.rehearsal.motion_chain import run_chain
+        from robosim.evaluation.motion_chain import run_chain
 
         return run_chain(rehearsal, options.out, material=options.material, motions=options.motions,
                          film=not options.no_video)

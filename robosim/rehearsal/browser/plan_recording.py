@@ -12,8 +12,9 @@ from robosim.rehearsal.paths.motion_sequence import place_target
 from robosim.rehearsal.plan import Plan, plan_motion
 from robosim.rehearsal.recorder import PATH_POINTS, counting_regions
 from robosim.reports.provenance import commit
-from robosim.robot.model import SPEED_LIMITS
-from robosim.scene.build import build_rehearsal_spec, compile_scene
+from robosim.robot.mjspec import body_ids_below
+from robosim.scene.build import compile_rehearsal
+from robosim.scene.compiled import Scene
 
 FRAME_RATE = 50.0
 """Frames per second of the motion."""
@@ -37,14 +38,14 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
     """
     config = place_target(config)
     plan = plan_motion(config)
-    scene = compile_scene(build_rehearsal_spec(config), config.tool)
+    scene = compile_rehearsal(config)
     data = mujoco.MjData(scene.model)
     data.qpos[scene.arm_qpos] = plan.motion.state(0.0).q
     mujoco.mj_forward(scene.model, data)
     times = np.linspace(0.0, plan.path.duration, PATH_POINTS)
     waypoints = [WaypointEntry(name=name, time=time, position=three(plan.path.pose(time).position))
                  for name, time in plan.path.times.items()]
-    clearances = Clearances(scene.model, config)
+    clearances = Clearances(scene)
     recorder = SceneRecorder(path, scene.model, data, None, kind="plan", title=f"plan: {config.description}",
                              curves=CURVES, frame_rate=FRAME_RATE, tool=config.tool, waypoints=waypoints,
                              regions=counting_regions(config), commit=commit(),
@@ -57,7 +58,7 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
             torque = plan.arm.inverse_dynamics(state.q, state.qd, state.qdd)
             margin = np.minimum(state.q - plan.arm.lower, plan.arm.upper - state.q).min()
             values = [*clearances.measure(data), float(np.degrees(margin)),
-                      100.0 * float(np.abs(state.qd / SPEED_LIMITS).max()),
+                      100.0 * float(np.abs(state.qd / plan.arm.velocity).max()),
                       100.0 * float(np.abs(torque / plan.arm.torque_limits).max())]
             recorder.add(data, lambda grains, values=values: values)
     finally:
@@ -68,26 +69,18 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
 class Clearances:
     """Smallest distances of the robot's collision shapes from its surroundings, and between its own parts."""
 
-    def __init__(self, model: mujoco.MjModel, config: RehearsalConfig) -> None:
-        self._model = model
+    def __init__(self, scene: Scene) -> None:
+        self._model = model = scene.model
         colliding = [g for g in range(model.ngeom) if model.geom_contype[g] or model.geom_conaffinity[g]]
-        robot_root = model.body_rootid[model.body(config.tool).id]
-        robot = [g for g in colliding if model.body_rootid[model.geom_bodyid[g]] == robot_root]
-        others = [g for g in colliding if model.body_rootid[model.geom_bodyid[g]] != robot_root]
-        base = model.body("link0").id
-        self._outer = [(a, b) for a in robot for b in others if model.geom_bodyid[a] != base]
+        own = set(scene.robot_bodies().tolist())
+        robot = [g for g in colliding if int(model.geom_bodyid[g]) in own]
+        others = [g for g in colliding if int(model.geom_bodyid[g]) not in own]
+        self._outer = [(a, b) for a in robot for b in others if model.body_weldid[model.geom_bodyid[a]] > 0]
         order = {int(body): k for k, body in enumerate(sorted({int(model.geom_bodyid[g]) for g in robot}))}
-        hand = {int(b) for b in range(model.nbody) if self._is_below(b, model.body("palm").id)}
+        hand = set(body_ids_below(model, scene.wrist).tolist())
         self._inner = [(a, b) for k, a in enumerate(robot) for b in robot[k + 1 :]
                        if abs(order[int(model.geom_bodyid[a])] - order[int(model.geom_bodyid[b])]) > NEIGHBOURS
                        and not {int(model.geom_bodyid[a]), int(model.geom_bodyid[b])} <= hand]
-
-    def _is_below(self, body: int, ancestor: int) -> bool:
-        while body:
-            if body == ancestor:
-                return True
-            body = int(self._model.body_parentid[body])
-        return False
 
     def measure(self, data: mujoco.MjData) -> tuple[float, float]:
         """Return both distances [mm]; NaN beyond FARTHEST."""

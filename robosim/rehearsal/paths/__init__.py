@@ -1,4 +1,4 @@
 """Tool paths of rehearsals: through waypoints, or along the learned motions of sub-tasks.
 
-Imports: config, envs, errors, scene, tasks, mpm.
+Imports: config, errors, scene, tasks, mpm.
 """

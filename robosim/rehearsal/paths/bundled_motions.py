@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation, Slerp
 from mpm.input_files import read_arrays
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.resources import trained
-from robosim.envs.carrier import Carrier
 from robosim.errors import ConfigError
 from robosim.rehearsal.paths.pose_sequences import SAMPLING, PoseSequence
 from robosim.tasks.actions import ActionScaling
+from robosim.tasks.commanded_pose import move_pose
 from robosim.tasks.task import TaskConfig
 
 
@@ -53,8 +53,7 @@ def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
 
     A pour ends after the actions that it needed; other motions are complete, so that the tool is level at the end.
     """
-    scaling, carrier = ActionScaling(task), Carrier(task)
-    poses = [carrier.restart(task.start.pose)]
+    scaling, poses = ActionScaling(task), [task.start.pose]
     try:
         stored = read_arrays(path)
         actions = np.atleast_1d(stored.numbers("actions"))
@@ -64,7 +63,8 @@ def _replay_actions(path: Path, name: str, task: TaskConfig) -> list:
         if task.kind == "pour":
             count = stored.integer("needed", count, 1, count)
         for action in actions[:count]:
-            poses += [carrier.command(*scaling.velocities(action)) for _ in range(repeat)]
+            for _ in range(repeat):
+                poses.append(move_pose(poses[-1], task, *scaling.velocities(action)))
         if len(poses) < 2:
             raise ConfigError("holds no action; accepted: one or more")
     except (OSError, ValueError, KeyError) as error:

@@ -14,6 +14,7 @@ from robosim.errors import ConfigError
 from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import name_joints
 from robosim.robot.timing import JointMotion, JointState
+from robosim.scene.build import assemble_rehearsal
 
 RATE = 500.0
 """Samples per second that recorded angles are brought to."""
@@ -46,6 +47,7 @@ class RecordedMotion:
 
     def __init__(self, log: JointLog, planned: JointMotion, arm: Arm, names: list[str]) -> None:
         times, angles = log.joints
+        self._rest = np.zeros(angles.shape[1])
         _check_limits(log, arm, names)
         if times[-1] - times[0] < planned.duration - 2.0 * LACKING:
             raise ConfigError(f"{log.path}: {times[-1] - times[0]:.2f} s long; accepted: the whole planned motion of "
@@ -70,7 +72,7 @@ class RecordedMotion:
         """Return the joint state at a time [s] since the planned motion's start; at rest before and after it."""
         inside = min(max(time, self._begin), self.duration)
         if inside != time:
-            return JointState(self._spline(inside), np.zeros(7), np.zeros(7))
+            return JointState(self._spline(inside), self._rest, self._rest)
         return JointState(*(self._spline(time, nu=order) for order in range(3)))
 
 
@@ -84,12 +86,13 @@ class Replay(NamedTuple):
 
 def read_log(path: Path, config: RehearsalConfig) -> JointLog:
     """Read what the arm recorded; its joints are called as the exported trajectory calls them. Raises ConfigError."""
-    return read_joint_log(path, name_joints(config.joint_trajectory), config.joint_trajectory.frame_id)
+    names = name_joints(assemble_rehearsal(config).robot.joints, config.joint_trajectory)
+    return read_joint_log(path, names, config.joint_trajectory.frame_id)
 
 
 def make_replay(log: JointLog, planned: JointMotion, arm: Arm, config: RehearsalConfig) -> Replay:
     """Return a recording of a planned motion as it is played. Raises ConfigError for angles beyond the limits."""
-    return Replay(log, planned, RecordedMotion(log, planned, arm, name_joints(config.joint_trajectory)))
+    return Replay(log, planned, RecordedMotion(log, planned, arm, name_joints(arm.joints, config.joint_trajectory)))
 
 
 def find_offset(times: np.ndarray, angles: np.ndarray, planned: JointMotion) -> tuple[float, float]:

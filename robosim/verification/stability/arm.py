@@ -13,12 +13,13 @@ import numpy as np
 from mpm import Pose
 from robosim.config.robot import RobotConfig, load_robot
 from robosim.errors import ConfigError, UnreachableWaypoint
-from robosim.robot.inverse_kinematics import HOME
+from robosim.robot.assembly import assemble
 from robosim.robot.joint_control import Servo
 from robosim.robot.joint_path import solve_path
-from robosim.robot.model import SPEED_LIMITS, Arm
+from robosim.robot.model import Arm
 from robosim.robot.timing import JointState, SmoothMotion
-from robosim.scene.build import Scene, build_scene_spec, compile_scene
+from robosim.scene.build import build_scene_spec
+from robosim.scene.compiled import Scene, compile_scene
 from robosim.verification.stability.cell import CellResult, G, cell_result
 
 TOOL = "spoon"
@@ -33,7 +34,7 @@ RANGE_MARGIN = np.radians(1.0)
 @lru_cache
 def arm() -> Arm:
     """Return Pinocchio's model of the arm with its tool."""
-    return Arm(TOOL)
+    return Arm(assemble(TOOL))
 
 
 def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotConfig]:
@@ -42,9 +43,9 @@ def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotCon
     Raises ConfigError for a step with which the servo would be unstable.
     """
     robot = load_robot("iiwa14")
-    made = compile_scene(build_scene_spec(TOOL, "weld", {}, host_step, contact=False), TOOL)
+    made = compile_scene(build_scene_spec(arm().assembly, "weld", {}, host_step, contact=False), arm().assembly)
     data = mujoco.MjData(made.model)
-    data.qpos[made.arm_qpos] = HOME
+    data.qpos[made.arm_qpos] = arm().home
     mujoco.mj_forward(made.model, data)
     servo = Servo(arm(), robot.servo)
     servo.check_step(made.model, data, made.arm_dofs)
@@ -64,7 +65,7 @@ def follow(made: Scene, data: mujoco.MjData, servo: Servo, target: Callable[[flo
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not np.all(np.isfinite(data.qpos)):
             return "accelerations beyond MuJoCo's range" + at, readings
         q, qd = data.qpos[made.arm_qpos], data.qvel[made.arm_dofs]
-        readings["fastest_joint"] = max(readings["fastest_joint"], float(np.abs(qd / SPEED_LIMITS).max()))
+        readings["fastest_joint"] = max(readings["fastest_joint"], float(np.abs(qd / arm().velocity).max()))
         beyond = np.maximum(q - arm().upper, arm().lower - q).max()
         if beyond > RANGE_MARGIN:
             return f"a joint {np.degrees(beyond):.2g} degrees beyond its range" + at, readings
@@ -82,9 +83,10 @@ def arm_host_step(step: float) -> CellResult:
         return CellResult("arm_host_step", step, "refused", str(error))
     times = np.linspace(0.0, 1.0, 101)
     ease = times**3 * (10 - 15 * times + 6 * times**2)
-    motion = SmoothMotion(times, HOME + ease[:, None] * SHIFT, robot.limits, {"end": 1.0})
+    q, limits = arm().home + ease[:, None] * SHIFT, arm().limits(robot.limits)
+    motion = SmoothMotion(times, q, limits, {"end": 1.0}, arm().joints)
     failure, readings = follow(made, data, servo, motion.state, 1.5)
-    target = arm().tool_pose(HOME + SHIFT).position
+    target = arm().tool_pose(arm().home + SHIFT).position
     readings["tool_error_m"] = float(np.linalg.norm(data.xpos[made.tool] - target))
     if not failure and readings["tool_error_m"] > POSITION_TOLERANCE:
         failure = f"the tool {1e3 * readings['tool_error_m']:.2g} mm from its target at rest"
@@ -99,16 +101,16 @@ def payload(mass: float) -> CellResult:
     From 14 kg on the motors saturate, and the arm sinks.
     """
     made, data, servo, _ = build_scene(1e-3)
-    still = JointState(HOME, np.zeros(7), np.zeros(7))
+    still = JointState(arm().home, np.zeros(7), np.zeros(7))
     return cell_result("payload", mass, *follow(made, data, servo, lambda _: still, 1.0, mass))
 
 
 def edge_path(kind: str) -> list[Pose]:
     """Return a straight path of 3 cm of the tool that begins at the edge of its reach."""
-    q = {"home": HOME, "stretched": np.array([0.0, 0.9, 0.0, 0.0, 0.0, 0.4, 0.0]),
+    q = {"home": arm().home, "stretched": np.array([0.0, 0.9, 0.0, 0.0, 0.0, 0.4, 0.0]),
          "wrist aligned": np.array([0.0, 0.6, 0.0, -1.4, 0.0, 0.0, 0.0]),
          "near a limit": np.array([0.3, 0.5, 0.2, -2.09, 0.1, -1.0, 0.2]),
-         "over the shoulder": np.array([0.0, 0.0, 0.0, -1.6, 0.0, -1.0, 0.0]), "beyond reach": HOME}[kind]
+         "over the shoulder": np.array([0.0, 0.0, 0.0, -1.6, 0.0, -1.0, 0.0]), "beyond reach": arm().home}[kind]
     start = arm().tool_pose(q)
     away = np.array([0.9, 0.0, 0.3]) if kind == "beyond reach" else np.zeros(3)
     inward = (np.array([0.0, 0.0, 0.36]) - start.position) / np.linalg.norm(start.position - [0.0, 0.0, 0.36])
@@ -124,12 +126,13 @@ def arm_pose(kind: str) -> CellResult:
         return CellResult("arm_pose", kind, "refused", str(error))
     times = np.linspace(0.0, 1.0, len(path))
     try:
-        motion = SmoothMotion(times, solution.q, load_robot("iiwa14").limits, {"start": 0.0, "end": 1.0})
+        motion = SmoothMotion(times, solution.q, arm().limits(load_robot("iiwa14").limits),
+                              {"start": 0.0, "end": 1.0}, arm().joints)
     except ConfigError as error:
         return CellResult("arm_pose", kind, "refused", str(error))
     speeds = np.array([motion.state(t).qd for t in np.arange(0.0, motion.duration, 1e-3)])
     readings = {"position_error_m": float(solution.errors[:, 0].max()), "margin": solution.margin,
-                "fastest_joint": float(np.abs(speeds / SPEED_LIMITS).max())}
+                "fastest_joint": float(np.abs(speeds / arm().velocity).max())}
     failure = ""
     if readings["position_error_m"] > 1e-6:
         failure = f"{readings['position_error_m']:.2g} m off"

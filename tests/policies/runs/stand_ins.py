@@ -190,7 +190,7 @@ def install():
     import policies.demonstrations.request
     import policies.methods.method
     import robosim.evaluation.evaluate
-    import robosim.rehearsal.motion_chain
+    import robosim.evaluation.motion_chain
     import robosim.rehearsal.session
     import robosim.verification.report
     import robosim.viewer.embed
@@ -208,12 +208,12 @@ def install():
 
     robosim.evaluation.evaluate.EpisodeRecorder = EpisodeRecorder
     # a server's threads are not for a process that is killed a thousand times
-    robosim.viewer.embed.embed_html = robosim.rehearsal.motion_chain.embed_html = lambda recording: "a scene"
+    robosim.viewer.embed.embed_html = robosim.evaluation.motion_chain.embed_html = lambda recording: "a scene"
     robosim.evaluation.evaluate.make = lambda task, **options: make_filmed_task()
     runs.WORKER = "stand_in_job"
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     pipeline.subprocess = sweep.subprocess = SimpleNamespace(Popen=ForkedProcess, TimeoutExpired=TimeoutError)
-    robosim.rehearsal.motion_chain.run_chain = stand_in_results("chain.json", {"sub_tasks": []})
+    robosim.evaluation.motion_chain.run_chain = stand_in_results("chain.json", {"sub_tasks": []})
     install_rehearsal(robosim.rehearsal.session)
 
 

@@ -16,7 +16,7 @@ from robosim.recordings.header import VERSION, BodyEntry, RecordingHeader
 from robosim.recordings.reader import Recording
 from robosim.recordings.shapes import export_glb
 from robosim.recordings.writer import RecordingWriter
-from robosim.rehearsal.readings import COLUMNS
+from robosim.rehearsal.readings import name_columns
 from robosim.rendering.video import Mp4Writer
 
 FRAMES, ROWS, GRAINS = 6, 40, 300
@@ -45,10 +45,10 @@ def run(tmp_path: Path) -> Path:
         writer.add(SceneState(0.05 * k, np.array([[0, 0, 0.1 * k, 1, 0, 0, 0]]), np.arange(6.0) + k, np.zeros(0)),
                    GrainState(positions(k), np.full(GRAINS, 0.5), np.full(GRAINS, 1e3), np.ones(GRAINS, bool)))
     writer.close()
-    values = np.random.default_rng(1).normal(size=(ROWS, len(COLUMNS)))
+    values = np.random.default_rng(1).normal(size=(ROWS, len(name_columns(NAMES))))
     values[:, 0] = 1e-3 * np.arange(1, ROWS + 1)
     with (folder / "trajectory.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([COLUMNS, *values])
+        csv.writer(file).writerows([name_columns(NAMES), *values])
     point = {"positions": [0.1] * 7, "velocities": [0.2] * 7, "accelerations": [0.3] * 7,
              "time_from_start": {"sec": 1, "nanosec": 500}}
     (folder / "joint_trajectory.yaml").write_text(yaml.safe_dump({
@@ -79,7 +79,7 @@ def test_a_bag_has_what_the_run_has(kind: str, run: Path, tmp_path: Path, capsys
         "/joint_trajectory": 1, "/joint_states": ROWS, "/wrist/wrench": ROWS, "/tf": FRAMES, "/grains/wrench": FRAMES,
         "/grains/points": FRAMES, "/camera/image": FRAMES}
     table = np.loadtxt(run / "trajectory.csv", delimiter=",", skiprows=1)
-    column = {name: k for k, name in enumerate(COLUMNS)}
+    column = {name: k for k, name in enumerate(name_columns(NAMES))}
     for row, (time, state) in zip(table, by_topic["/joint_states"]):
         assert time == round(1e9 * row[0]) and state.name == NAMES
         assert np.allclose(state.position, [row[column[f"q_{name}_rad"]] for name in NAMES])

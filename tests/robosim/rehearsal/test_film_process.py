@@ -13,7 +13,7 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.paths.motion_sequence import place_target
-from robosim.scene.build import build_rehearsal_spec, compile_scene
+from robosim.scene.build import compile_rehearsal
 
 FRAMES = 12
 
@@ -21,7 +21,7 @@ FRAMES = 12
 def make_run() -> SimpleNamespace:
     """What a film asks a run for: the spoon's scene with 60 grains that rise."""
     config = place_target(load_rehearsal("spoon"))
-    scene = compile_scene(build_rehearsal_spec(config), config.tool)
+    scene = compile_rehearsal(config)
     grid = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), -1).reshape(-1, 3)[:60]
     run = SimpleNamespace(config=config, data=mujoco.MjData(scene.model), time=0.0,
                           material=SimpleNamespace(colour=(0.9, 0.9, 0.9, 1.0)), grains=SimpleNamespace(

@@ -16,9 +16,10 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.plan import plan_motion
-from robosim.rehearsal.readings import COLUMNS
+from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rehearsal.session import rehearse
+from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
 
 UNIT = re.compile("_(s|m|kg|deg)$")
@@ -33,7 +34,7 @@ def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:
     message = yaml.safe_load((out / "joint_trajectory.yaml").read_text())
     times = np.array([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]])
     q, qd = (np.array([p[key] for p in message["points"]]) for key in ("positions", "velocities"))
-    columns = {name: COLUMNS.index(f"{name}_x") for name in ("commanded", "reached")}
+    columns = {name: name_columns(arm.joints).index(f"{name}_x") for name in ("commanded", "reached")}
     commanded, reached = (rows[:, first : first + 7] for first in columns.values())
     assert times[0] == 0.0 and times[-1] == pytest.approx(rows[-1, 0], abs=2e-3)
     for row in range(0, len(rows), 50):
@@ -60,12 +61,13 @@ def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None
                  "torque_limit_ratio_max", "joint_limit_ratio_max", "ik_position_error_max_m", "particles_lost",
                  "tool_container_contacts"):
         assert report[name] <= BOUNDS[name].high, name
+    arm = Arm(assemble("spoon"))
     with (out / "trajectory.csv").open() as file:
-        assert file.readline().strip().split(",") == COLUMNS
+        assert file.readline().strip().split(",") == name_columns(arm.joints)
     rows = np.loadtxt(out / "trajectory.csv", delimiter=",", skiprows=1)
     assert np.diff(rows[:, 0]) == pytest.approx(1e-3, abs=1e-9)
     assert len(rows) == pytest.approx(report["simulated_time_s"] / 1e-3, abs=1)
-    check_the_trajectories(out, rows, Arm("spoon"))
+    check_the_trajectories(out, rows, arm)
     assert load_rehearsal(str(out / "config.yaml")) == load_rehearsal(str(short))
     assert (out / "index.html").stat().st_size > 20_000
     if drawable:

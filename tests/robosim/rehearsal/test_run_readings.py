@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robosim.rehearsal.readings import COLUMNS, Readings, Step, make_continuous
+from robosim.rehearsal.readings import Readings, Step, make_continuous, name_columns
 
 
 def make_turn(n: int) -> np.ndarray:
@@ -31,14 +31,14 @@ def test_signs_do_not_jump_and_rotations_stay() -> None:
 def test_the_file_has_one_sign_for_commanded_and_reached(tmp_path: Path) -> None:
     """Both come from different converters, so each row may have opposite signs for one rotation."""
     rng, quaternions = np.random.default_rng(0), make_turn(50)
-    readings, zero = Readings(), np.zeros(7)
+    readings, zero = Readings([f"A{k}" for k in range(1, 8)]), np.zeros(7)
     for k, quaternion in enumerate(quaternions):
         commanded, reached = (np.concatenate([[0.1, 0.2, 0.3], sign * quaternion]) for sign in rng.choice([-1, 1], 2))
         readings.steps.append(Step(1e-3 * k, zero, zero, zero, zero, zero, zero, zero, commanded, reached, zero[:6],
                                     zero[:6], zero[:2], zero[:3], 0.0))
     readings.write_csv(tmp_path / "trajectory.csv")
     rows = np.loadtxt(tmp_path / "trajectory.csv", delimiter=",", skiprows=1)
-    first = {name: COLUMNS.index(f"{name}_qw") for name in ("commanded", "reached")}
+    first = {name: name_columns(readings.joints).index(f"{name}_qw") for name in ("commanded", "reached")}
     commanded, reached = (rows[:, k : k + 4] for k in first.values())
     assert np.array_equal(commanded, reached)
     assert commanded == pytest.approx(make_continuous(quaternions), abs=1e-8)

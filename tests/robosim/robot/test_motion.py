@@ -8,9 +8,10 @@ from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.robot import load_robot
 from robosim.rehearsal.plan import Plan, plan_motion
-from robosim.robot.inverse_kinematics import HOME, solve_pose
+from robosim.robot.assembly import assemble
+from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.joint_control import JointSmoother
-from robosim.robot.model import SPEED_LIMITS, Arm
+from robosim.robot.model import Arm
 from robosim.robot.timing import compute_time_scale
 
 
@@ -69,7 +70,7 @@ def test_smoothed_motion_is_within_limits_and_near_the_path(spoon: Plan) -> None
     states = [motion.state(t) for t in times]
     qd, qdd = np.array([s.qd for s in states]), np.array([s.qdd for s in states])
     jerk = np.diff(qdd, axis=0) / 1e-3
-    assert (np.abs(qd) <= SPEED_LIMITS * config.limits.velocity_fraction).all()
+    assert (np.abs(qd) <= spoon.arm.velocity * config.limits.velocity_fraction).all()
     assert (np.abs(qdd) <= np.array(config.limits.acceleration) + 1e-9).all()
     assert (np.abs(jerk) <= np.array(config.limits.jerk) + 1e-6).all()
     q = np.array([s.q for s in states])
@@ -100,9 +101,9 @@ def test_jacobian_is_the_derivative_of_the_pose(spoon: Plan) -> None:
         assert np.concatenate(twist) / (2 * h) == pytest.approx(J[:, joint], abs=1e-7)
 
 
-def test_a_motion_scaled_by_its_time_scale_is_at_its_limits():
+def test_a_motion_scaled_by_its_time_scale_is_at_its_limits(spoon: Plan) -> None:
     """Whichever of speed, acceleration and jerk is the critical one."""
-    limits, times = load_rehearsal("spoon").limits, np.linspace(0.0, 1.0, 201)
+    limits, times = spoon.arm.limits(load_rehearsal("spoon").limits), np.linspace(0.0, 1.0, 201)
     for amplitude, frequency in ((2.0, 1.0), (0.3, 4.0), (0.02, 20.0)):
         q = np.tile(amplitude * np.sin(2.0 * np.pi * frequency * times)[:, None], (1, 7))
         scale = compute_time_scale(times, q, limits).max()
@@ -111,10 +112,11 @@ def test_a_motion_scaled_by_its_time_scale_is_at_its_limits():
 
 def test_a_smoother_in_a_loaded_state_continues_to_the_bit() -> None:
     """Also where the goal stands still or speed is saturated, so that the request of a step is that of the last one."""
-    arm = Arm("spoon")
-    one, other = (JointSmoother(load_robot("iiwa14"), 0.002, arm) for _ in range(2))
-    one.restart(HOME)
-    for goal in (HOME + 0.05, arm.upper + 1.0):
+    arm = Arm(assemble("spoon"))
+    limits = arm.limits(load_robot("iiwa14").limits)
+    one, other = (JointSmoother(limits, 0.002, arm) for _ in range(2))
+    one.restart(arm.home)
+    for goal in (arm.home + 0.05, arm.upper + 1.0):
         for _ in range(12):
             for _ in range(40):
                 one.step(goal, np.zeros(7))

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robosim.robot.model import SPEED_LIMITS, Arm
-from robosim.scene.models import ARM_JOINTS, build_robot_spec, compile_spec, load_spec
+from robosim.robot.assembly import assemble, load_tool_model
+from robosim.robot.mjspec import compile_spec
+from robosim.robot.model import Arm
 from robosim.shapes.tool import compute_grip_pose
 from robosim.shapes.vessels import SPOON_HANDLE_START
 from robosim.verification.cases.robot import two_models
@@ -13,8 +14,8 @@ from robosim.verification.cases.robot import two_models
 
 @pytest.fixture(scope="module")
 def pair():
-    model = compile_spec(build_robot_spec("spoon"))
-    return model, Arm("spoon")
+    assembly = assemble("spoon")
+    return compile_spec(assembly.build_spec()), Arm(assembly)
 
 
 def test_mass_matrix_bias_and_kinematics_agree(pair) -> None:
@@ -31,14 +32,14 @@ def test_limits_are_the_data_sheets(pair) -> None:
     model, arm = pair
     ranges = np.radians([170, 120, 170, 120, 170, 120, 175])
     torques = [320, 320, 176, 176, 110, 40, 40]
-    for i, name in enumerate(ARM_JOINTS):
+    for i, name in enumerate(arm.joints):
         joint = model.joint(name)
         assert joint.range == pytest.approx([-ranges[i], ranges[i]], abs=1e-6)
         assert model.jnt_actfrcrange[joint.id] == pytest.approx([-torques[i], torques[i]])
         assert model.actuator(name).ctrlrange == pytest.approx([-torques[i], torques[i]])
     assert arm.torque_limits == pytest.approx(torques)
     assert arm.model.upperEffortLimit[arm.v_index] == pytest.approx(torques)
-    assert np.degrees(SPEED_LIMITS) == pytest.approx([85, 85, 100, 75, 130, 135, 135])
+    assert np.degrees(arm.velocity) == pytest.approx([85, 85, 100, 75, 130, 135, 135])
 
 
 def test_smallest_moment_of_the_long_links_is_about_the_long_axis(pair) -> None:
@@ -53,14 +54,14 @@ def test_masses(pair) -> None:
     """Arm 29.9 kg (data sheet), hand 2.3 kg."""
     model, _ = pair
     arm = sum(model.body(f"link{i}").mass[0] for i in range(8))
-    hand = model.body("palm").subtreemass[0] - model.body("spoon").mass[0]
+    hand = model.body("hand_palm").subtreemass[0] - model.body("spoon").mass[0]
     assert arm == pytest.approx(29.9, abs=1e-9)
     assert hand == pytest.approx(2.3, abs=1e-9)
 
 
 def test_the_grip_site_lies_on_the_handle() -> None:
     """The grip site in the model file is the grip pose of the handle's shape."""
-    spec = load_spec("tools", "spoon", "spoon.xml")
+    spec = load_tool_model("spoon").spec
     site, pose = spec.site("spoon_grip"), compute_grip_pose(SPOON_HANDLE_START)
     assert site.pos == pytest.approx(pose[:3, 3], abs=1e-5)
     matrix = Rotation.from_quat(site.quat, scalar_first=True).as_matrix()

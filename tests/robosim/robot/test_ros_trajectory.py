@@ -8,6 +8,8 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.config.robot import JointTrajectoryConfig
 from robosim.config.settings import read_setting
 from robosim.errors import ConfigError, UnknownName
+from robosim.robot.assembly import assemble
+from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.robot.timing import SmoothMotion
 
@@ -20,7 +22,8 @@ def motion() -> SmoothMotion:
     times = np.linspace(0.0, 0.5, 26)
     share = times / 0.5
     swing = 10 * share**3 - 15 * share**4 + 6 * share**5  # at rest at both ends
-    return SmoothMotion(times, 0.05 * swing[:, None] + np.arange(7) / 10, load_rehearsal("spoon").limits, {"a": 0.0})
+    limits = Arm(assemble("spoon")).limits(load_rehearsal("spoon").limits)
+    return SmoothMotion(times, 0.05 * swing[:, None] + np.arange(7) / 10, limits, {"a": 0.0}, ARM)
 
 
 def time_of(point: dict) -> float:
@@ -29,7 +32,7 @@ def time_of(point: dict) -> float:
 
 def test_a_motion_that_begins_later_is_the_same_after_a_rest(motion: SmoothMotion) -> None:
     """While the fingers close the arm rests at its first point; then each point comes later by that time."""
-    plain, later = make_joint_trajectory(motion), make_joint_trajectory(motion, start=1.25)
+    plain, later = make_joint_trajectory(motion, ARM), make_joint_trajectory(motion, ARM, start=1.25)
     rest, *points = later["points"]
     assert time_of(rest) == 0.0 and rest["positions"] == plain["points"][0]["positions"]
     assert rest["velocities"] == rest["accelerations"] == [0.0] * 7
@@ -45,19 +48,19 @@ def test_frame_and_joints_are_named_by_the_configuration(motion: SmoothMotion) -
         return load_rehearsal("spoon", settings=[read_setting(f"joint_trajectory.{one}") for one in settings]
                               ).joint_trajectory
 
-    message = make_joint_trajectory(motion)
+    message = make_joint_trajectory(motion, ARM)
     assert message["header"]["frame_id"] == "" and message["joint_names"] == ARM
-    message = make_joint_trajectory(motion, names("frame_id=lbr_link_0", "joint_prefix=lbr_"))
+    message = make_joint_trajectory(motion, ARM, names("frame_id=lbr_link_0", "joint_prefix=lbr_"))
     assert message["header"]["frame_id"] == "lbr_link_0"
     assert message["joint_names"] == [f"lbr_{name}" for name in ARM]
-    assert name_joints(names("joint_names.A2=shoulder")) == ["A1", "shoulder", *ARM[2:]]
+    assert name_joints(ARM, names("joint_names.A2=shoulder")) == ["A1", "shoulder", *ARM[2:]]
 
 
 def test_names_that_cannot_be_used_are_refused_before_any_work(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(UnknownName, match="joint 'A8'; valid: A1, A2"):
-        name_joints(JointTrajectoryConfig(joint_names={"A8": "wrist"}))
+        name_joints(ARM, JointTrajectoryConfig(joint_names={"A8": "wrist"}))
     with pytest.raises(ConfigError, match="a different name for each joint"):
-        name_joints(JointTrajectoryConfig(joint_names={"A1": "A2"}))
+        name_joints(ARM, JointTrajectoryConfig(joint_names={"A1": "A2"}))
     assert main(["rehearse", "spoon", "--out", "nowhere", "--set", "joint_trajectory.joint_prefix=a",
                  "--set", "joint_trajectory.joint_names.A1=b"]) == 2
     assert "joint_prefix = 'a' with joint_names; accepted: one of the two" in capsys.readouterr().err

@@ -6,11 +6,12 @@ import pytest
 
 import mpm
 from robosim.config.rehearsal import load_rehearsal
+from robosim.robot.assembly import assemble
 from robosim.scene import container_clearance
-from robosim.scene.build import build_rehearsal_spec, compile_scene
+from robosim.scene.build import compile_rehearsal
 from robosim.scene.collisions import CollisionMonitor, ContactCounter
+from robosim.scene.compiled import Scene
 from robosim.scene.frames import container_pose
-from robosim.scene.models import compile_spec
 
 
 def test_container_points_in_the_tool_are_counted_with_their_depth(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -20,7 +21,7 @@ def test_container_points_in_the_tool_are_counted_with_their_depth(monkeypatch: 
     """
     monkeypatch.setattr(container_clearance, "build_real_tool_sdf", lambda tool: mpm.Sdf.sphere(0.03))
     config = load_rehearsal("spoon")
-    scene = compile_scene(build_rehearsal_spec(config), config.tool)
+    scene = compile_rehearsal(config)
     data = mujoco.MjData(scene.model)
     mujoco.mj_forward(scene.model, data)
     surface = container_clearance.ContainerSurface(config)
@@ -31,41 +32,56 @@ def test_container_points_in_the_tool_are_counted_with_their_depth(monkeypatch: 
         assert (surface.penetrations > 0) == is_counted
     assert surface.depth == pytest.approx(0.001, abs=1e-4)
     unmonitored = config.model_copy(update={"tool_container": []})
-    model = compile_spec(build_rehearsal_spec(unmonitored))
-    assert model.nexclude == scene.model.nexclude + 2
-    assert CollisionMonitor(model, mujoco.MjData(model), unmonitored).tool_container_depth == 0.0
+    other = compile_rehearsal(unmonitored)
+    assert other.model.nexclude == scene.model.nexclude + 2
+    assert CollisionMonitor(other, mujoco.MjData(other.model), unmonitored).tool_container_depth == 0.0
 
 
-SPHERES = """
+ROBOT = """
 <mujoco>
   <worldbody>
+    <geom type="plane" size="5 5 1" pos="0 0 -1"/>
     <body name="table"><geom type="box" size="1 1 0.01"/></body>
     <body name="bowl" pos="0.5 0 0.03"><geom type="box" size="0.05 0.05 0.02"/></body>
-    <body name="link0"><geom type="sphere" size="0.02"/></body>
-    <body name="link6" pos="0 0 {link}"><freejoint/><geom type="sphere" size="0.01"/></body>
-    <body name="spoon" pos="{x} 0 {spoon}"><freejoint/><geom type="sphere" size="0.01"/></body>
+    <body name="base"><geom type="sphere" size="0.02"/>
+      <body name="upper" pos="-0.3 0 0.5"><joint/><geom type="sphere" size="0.03"/>
+        <body name="lower"><joint/><geom type="sphere" size="0.01" pos="{ahead} {side} {lower}"/>
+          <body name="palm" pos="0.3 0 0"><joint/>
+            <body name="finger"><joint/><geom type="sphere" size="0.01" pos="{finger} {reach} 0"/></body>
+            <body name="spoon"><geom type="sphere" size="0.01" pos="{x} 0 {spoon}"/></body>
+          </body>
+        </body>
+      </body>
+    </body>
   </worldbody>
 </mujoco>
 """
+"""The base stands on the table; the palm's frame is 0.5 m above it. Neighbours in the chain make no contacts."""
+FREE = {"ahead": 0.5, "side": 0.0, "lower": -0.2, "finger": 0.3, "reach": 0.5, "x": 0.3, "spoon": -0.2}
 
 
-@pytest.mark.parametrize(("link", "x", "spoon", "container", "surroundings"), [
-    (0.2, 0.3, 0.2, 0, 0), (0.019, 0.3, 0.2, 0, 1), (0.2, 0.3, 0.019, 0, 1), (0.2, 0.5, 0.059, 1, 0),
-    (0.019, 0.5, 0.059, 1, 1),
+@pytest.mark.parametrize(("places", "container", "surroundings", "itself"), [
+    ({}, 0, 0, 0), ({"lower": -0.481}, 0, 1, 0), ({"spoon": -0.481}, 0, 1, 0), ({"x": 0.5, "spoon": -0.441}, 1, 0, 0),
+    ({"lower": -0.481, "x": 0.5, "spoon": -0.441}, 1, 1, 0), ({"x": -0.3, "spoon": 0.0}, 0, 0, 1),
+    ({"side": 0.5, "lower": 0.0, "finger": 0.185}, 0, 0, 1), ({"x": 0.3, "spoon": -1.491}, 0, 1, 0),
+    ({"finger": 0.35, "reach": 0.0, "x": 0.35, "spoon": 0.005}, 0, 0, 0), ({"ahead": 0.3, "lower": -0.485}, 0, 1, 1),
 ])
-def test_contacts_are_counted_by_the_bodies_that_touch(link: float, x: float, spoon: float, container: int,
-                                                       surroundings: int) -> None:
-    """The arm's base stands on the table and is not counted; other links and the tool are.
+def test_contacts_are_counted_by_the_bodies_that_touch(places: dict[str, float], container: int, surroundings: int,
+                                                       itself: int) -> None:
+    """The base stands on the table, which is not counted; of other links, and of the tool, table and floor are.
 
-    Contact of tool and container is a count of its own.
+    Contacts of tool and container, and of the robot with itself, are counts of their own; the hand may touch the tool.
     """
-    model = mujoco.MjModel.from_xml_string(SPHERES.format(link=link, x=x, spoon=spoon))
-    data = mujoco.MjData(model)
-    contacts = ContactCounter(model, data, "spoon", {"bowl"})
+    model = mujoco.MjModel.from_xml_string(ROBOT.format(**(FREE | places)))
+    data, none = mujoco.MjData(model), np.zeros(0, int)
+    base, palm, spoon = (model.body(name).id for name in ("base", "palm", "spoon"))
+    contacts = ContactCounter(Scene(model, assemble("spoon"), none, none, none, base, palm, spoon), data, {"bowl"})
     mujoco.mj_forward(model, data)
     for steps in (1, 2):
         contacts.count()
         assert contacts.tool_container_contacts == steps * container
         assert contacts.robot_surroundings_contacts == steps * surroundings
+        assert contacts.robot_self_contacts == steps * itself
     contacts.restart()
     assert contacts.tool_container_contacts == contacts.robot_surroundings_contacts == 0
+    assert contacts.robot_self_contacts == 0

@@ -7,10 +7,10 @@ import pytest
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.robot.joint_control import TorqueSensors
 from robosim.robot.model import Arm
-from robosim.scene.build import Scene, build_rehearsal_spec, compile_scene
+from robosim.scene.build import assemble_rehearsal, compile_rehearsal
+from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp
-from robosim.scene.models import ARM_JOINTS
 
 POSTURE = np.array([-0.9, 0.7, 0.45, -1.75, -0.78, -0.83, 1.8])
 
@@ -22,12 +22,12 @@ def hold(config: RehearsalConfig, load: np.ndarray, duration: float, swing: floa
     swing: amplitude [rad] of a joint motion from 0.7 s on, with a period of 2 s. Returns scene, state, grasp, and the
     joint speeds (7,) before the last step.
     """
-    scene = compile_scene(build_rehearsal_spec(config), config.tool)
+    scene = compile_rehearsal(config)
     data = mujoco.MjData(scene.model)
     data.qpos[scene.arm_qpos] = POSTURE
     mujoco.mj_forward(scene.model, data)
-    grasp = Grasp(scene.model, data, scene.tool)
-    arm, before = Arm(config.tool), np.zeros(7)
+    grasp = Grasp(scene, data)
+    arm, before = Arm(assemble_rehearsal(config)), np.zeros(7)
     stiffness, damping = np.array(config.servo.stiffness), np.array(config.servo.damping)
     while data.time < duration:
         q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
@@ -78,25 +78,25 @@ def test_contact_is_as_stiff_as_the_pads() -> None:
         scene, data, grasp, _ = hold(config, np.array([0.0, 0.0, load]), 1.5)
         angles.append(np.degrees(grasp.slip_angle))
     assert 0.0 < angles[1] - angles[0] < 0.03
-    model, pads = scene.model, ("f1_pad", "f2_pad", "fm_pad")
+    model, pads = scene.model, ("hand_f1_pad", "hand_f2_pad", "hand_fm_pad")
     contacts = [c for c in data.contact if model.geom(c.geom1).name in pads or model.geom(c.geom2).name in pads]
-    assert contacts and all(c.solref == pytest.approx(model.geom("fm_pad").solref) for c in contacts)
+    assert contacts and all(c.solref == pytest.approx(model.geom("hand_fm_pad").solref) for c in contacts)
 
 
 def test_a_free_tool_collides_with_the_palm() -> None:
     """Pushed up between the fingers, the handle stops where the palm begins."""
     config = load_rehearsal("spoon").model_copy(update={"grasp": "friction"})
-    model = compile_scene(build_rehearsal_spec(config), config.tool).model
+    model = compile_rehearsal(config).model
     data = mujoco.MjData(model)
     data.eq_active[model.equality(HOLDER).id] = 0
-    palm = model.body("palm").id
+    palm = model.body("hand_palm").id
     first = model.jnt_qposadr[model.body_jntadr[model.body("spoon").id]]
     mujoco.mj_kinematics(model, data)
     R = data.xmat[palm].reshape(3, 3)
     data.qpos[first : first + 3] = body_pose(data, model.body("spoon").id).matrix.T @ R @ [0.0, -0.1, 0.0]
     mujoco.mj_forward(model, data)
     touching = {frozenset((model.geom(c.geom1).name, model.geom(c.geom2).name)) for c in data.contact}
-    assert frozenset(("palm_box", "spoon_handle")) in touching
+    assert frozenset(("hand_palm_box", "spoon_handle")) in touching
 
 
 def test_fixed_tool_does_not_slip() -> None:
@@ -107,11 +107,11 @@ def test_fixed_tool_does_not_slip() -> None:
 def test_external_torque_is_the_one_of_the_load() -> None:
     """J^T F of a force on the spoon, at rest; near zero without a force."""
     config = load_rehearsal("spoon")
-    arm = Arm(config.tool)
+    arm = Arm(assemble_rehearsal(config))
     external = {}
     for force in (0.0, -6.0):
         scene, data, _, before = hold(config, np.array([0.0, 2.0 * (force != 0), force]), 1.5)
-        sensors = TorqueSensors(scene.model, data, ARM_JOINTS, arm)
+        sensors = TorqueSensors(scene.model, data, arm)
         q, qd = data.qpos[scene.arm_qpos], data.qvel[scene.arm_dofs]
         external[force] = sensors.estimate_external(q, before, (qd - before) / scene.model.opt.timestep)
     jacobian = np.empty((3, scene.model.nv))

@@ -21,9 +21,10 @@ GRAINS, FRAMES, RATE = 50_000, 60, 20.0
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return three seconds of an arm of seven links that turns over a bed of 50 000 grains."""
     from robosim.recordings.shapes import body_shapes
-    from robosim.scene.models import build_robot_spec, compile_spec
+    from robosim.robot.assembly import assemble
+    from robosim.robot.mjspec import compile_spec
 
-    model = compile_spec(build_robot_spec("spoon"))
+    model = compile_spec(assemble("spoon").build_spec())
     shapes = {model.body(k).name: glb for k, glb in body_shapes(model).items() if model.body(k).name}
     rng = np.random.default_rng(0)
     bed = rng.uniform([0.4, -0.2, 0.0], [0.8, 0.2, 0.06], (GRAINS, 3))

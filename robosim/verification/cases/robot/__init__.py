@@ -1,4 +1,4 @@
 """Cases of the arm.
 
-Imports: config, evaluation, robot, scene, verification, mpm.
+Imports: config, robot, verification, mpm.
 """

@@ -12,9 +12,10 @@ import numpy as np
 
 from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
+from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
+from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
-from robosim.scene.models import ARM_JOINTS, build_robot_spec, compile_spec
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 
@@ -37,9 +38,10 @@ def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
 
     restarts: most postures that a pose is solved from.
     """
-    arm, model = Arm("spoon"), compile_spec(build_robot_spec("spoon"))
+    assembly = assemble("spoon")
+    arm, model = Arm(assembly), compile_spec(assembly.build_spec())
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    places = [model.joint(name).qposadr[0] for name in ARM_JOINTS]
+    places = [model.joint(name).qposadr[0] for name in arm.joints]
     middle = 0.5 * (arm.lower + arm.upper)
     seconds, failed, wrong, worst = [], 0, 0, 0.0
     for _ in range(poses):

@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 import pinocchio
 
+from robosim.robot.assembly import assemble
+from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
-from robosim.scene.models import build_robot_spec, compile_spec
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record
 
@@ -28,7 +29,8 @@ CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 
 def measure(*, states: int = 500) -> Record:
     """Run the case; return the largest differences over random states of arm, fingers and tool."""
-    model, arm, rng = compile_spec(build_robot_spec("spoon")), Arm("spoon"), np.random.default_rng(7)
+    assembly = assemble("spoon")
+    model, arm, rng = compile_spec(assembly.build_spec()), Arm(assembly), np.random.default_rng(7)
     data = mujoco.MjData(model)
     ids = [arm.model.getJointId(model.joint(j).name) for j in range(model.njnt)]
     q_index = np.array([arm.model.joints[i].idx_q for i in ids])

@@ -118,7 +118,7 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
 def test_the_ros_trajectory_reproduces_the_motion(chained):
     """Points lie on the smoothed motion; speeds are the slopes of positions within jerk h^2 / 6."""
     motion = plan_motion(chained).motion
-    message = yaml.safe_load(yaml.safe_dump(make_joint_trajectory(motion)))
+    message = yaml.safe_load(yaml.safe_dump(make_joint_trajectory(motion, [f"A{i}" for i in range(1, 8)])))
     assert message["joint_names"] == [f"A{i}" for i in range(1, 8)]
     times = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]]
     assert times[0] == 0.0 and times[-1] == pytest.approx(motion.duration, abs=1e-8)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import robosim
 from robosim.errors import ConfigError
-from robosim.rehearsal.motion_chain import run_chain
+from robosim.evaluation.motion_chain import run_chain
 from robosim.tasks import handover
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task

@@ -1,0 +1,125 @@
+"""Arm, hand and tool put together, as the kinematics and the scene read them."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mpm import Pose
+from robosim.config.resources import folder
+from robosim.robot.hand import Hand, load_hand
+from robosim.robot.mjspec import find_site_pose, quiet_attachment, read_model
+from robosim.robot.robot import Robot, load_arm
+
+HAND_PREFIX = "hand_"
+"""Before all names of a hand, which may be those of the arm's maker."""
+WRIST_SITE = "wrist_sensor"
+"""Site at the flange, in whose axes the wrist sensor measures."""
+STANDOFF = 0.05
+"""Distance [m] from the flange to the grip of a tool that is bolted to it: room for a clamp around the handle."""
+CLAMP_RADIUS = 0.017
+"""[m]"""
+CLAMP_MASS = 0.15
+"""[kg]"""
+APPROACH_TO_GRIP = Rotation.from_euler("x", 90.0, degrees=True)
+"""Axes of the grip of a bolted tool in those of the flange, as in the bundled hands: y is the flange's z."""
+
+
+@dataclass(frozen=True)
+class ToolModel:
+    """A tool's rigid model."""
+
+    name: str
+    """Of its body."""
+    spec: mujoco.MjSpec
+    grip: str
+    """Site that a hand holds: z along the handle towards the head, y along the hand's approach."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Arm, hand and tool. Names of the hand begin with HAND_PREFIX."""
+
+    robot: Robot
+    hand: Hand | None
+    """None: the tool is bolted to the flange."""
+    tool: ToolModel | None
+    """None: the hand is empty."""
+
+    @property
+    def wrist(self) -> str:
+        """Name of the body at the flange, with which all hangs that the wrist carries."""
+        if self.hand is not None:
+            return HAND_PREFIX + self.hand.base
+        return "clamp"
+
+    def build_spec(self) -> mujoco.MjSpec:
+        """Build the specification of arm, hand and tool alone, whose root is the arm's base at the world's origin."""
+        arm = self.robot.spec.copy()
+        with quiet_attachment():
+            if self.hand is None:
+                self._add_clamp(arm)
+            else:
+                arm.attach(self.hand.spec.copy(), site=arm.site(self.robot.flange), prefix=HAND_PREFIX)
+            if self.tool is not None:
+                T_wg = self._find_grip()
+                T_wt = T_wg @ find_site_pose(self.tool.spec, self.tool.grip, self.tool.name).inverse()
+                frame = arm.body(self.wrist).add_frame(pos=T_wt.position, quat=T_wt.quaternion)
+                frame.attach_body(self.tool.spec.copy().body(self.tool.name), "", "")
+        return arm
+
+    def attach_to(self, spec: mujoco.MjSpec) -> None:
+        """Put the assembly into a scene, where the arm's base stands."""
+        stand, own = self.robot.stand, self.build_spec()
+        with quiet_attachment():
+            frame = spec.worldbody.add_frame(pos=stand.position, quat=stand.quaternion)
+            frame.attach_body(own.body(self.robot.base), "", "")
+
+    def _add_clamp(self, arm: mujoco.MjSpec) -> None:
+        """Put a post at the flange whose end holds a handle."""
+        flange = arm.site(self.robot.flange)
+        body = flange.parent.add_body(name=self.wrist, pos=flange.pos, quat=flange.quat)
+        for group, collides in ((2, 0), (3, 1)):
+            body.add_geom(name="clamp_post" if collides else "", type=mujoco.mjtGeom.mjGEOM_CYLINDER, group=group,
+                          size=[CLAMP_RADIUS, STANDOFF / 2.0, 0.0], pos=[0.0, 0.0, STANDOFF / 2.0],
+                          mass=0.0 if collides else CLAMP_MASS, contype=collides, conaffinity=collides,
+                          rgba=[0.3, 0.31, 0.33, 1.0])
+
+    def _find_grip(self) -> Pose:
+        """Pose of the grip in the frame of the wrist's body."""
+        if self.hand is not None:
+            return find_site_pose(self.hand.spec, self.hand.grip, self.hand.base)
+        return Pose(np.array([0.0, 0.0, STANDOFF]), APPROACH_TO_GRIP.as_quat(scalar_first=True))
+
+
+def load_tool_model(name: str) -> ToolModel:
+    """Load a tool of models/tools."""
+    return ToolModel(name, read_model(folder("models") / "tools" / name / f"{name}.xml"), f"{name}_grip")
+
+
+@lru_cache(maxsize=32)
+def assemble(tool: str | None, robot: str = "iiwa14", gripper: str = "robotiq_3f") -> Assembly:
+    """Put together an arm, a hand and a tool by their names or files; tool None: an empty hand.
+
+    Raises ConfigError, UnknownName.
+    """
+    return Assembly(load_arm(robot), load_hand(gripper), None if tool is None else load_tool_model(tool))
+
+
+def add_wrist_sensor(spec: mujoco.MjSpec, assembly: Assembly) -> None:
+    """Add force and torque sensors between flange and hand; they measure in the axes of WRIST_SITE."""
+    spec.body(assembly.wrist).add_site(name=WRIST_SITE, group=4)
+    kinds = {"wrist_force": mujoco.mjtSensor.mjSENS_FORCE, "wrist_torque": mujoco.mjtSensor.mjSENS_TORQUE}
+    for name, kind in kinds.items():
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=WRIST_SITE)
+
+
+def add_torque_sensors(spec: mujoco.MjSpec, assembly: Assembly) -> None:
+    """Add a torque sensor to each joint, on the link's side of motor, rotor and bearing friction."""
+    for name in assembly.robot.joints:
+        body = spec.joint(name).parent
+        body.add_site(name=f"{name}_torque_site", pos=spec.joint(name).pos, group=4)
+        spec.add_sensor(name=f"{name}_torque", type=mujoco.mjtSensor.mjSENS_TORQUE, objtype=mujoco.mjtObj.mjOBJ_SITE,
+                        objname=f"{name}_torque_site")

@@ -1,0 +1,78 @@
+"""A hand as a value: model, grip, and the commands that open and close it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+
+from robosim.config.gripper import GripperConfig
+from robosim.config.resources import folder
+from robosim.config.table import load
+from robosim.errors import ConfigError, UnknownName
+from robosim.robot.mjspec import read_model
+
+NONE = "none"
+"""Name of no hand: the tool is bolted to the flange."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """A hand that holds a tool's handle."""
+
+    name: str
+    spec: mujoco.MjSpec
+    """Of the hand alone, without keyframes."""
+    base: str
+    """Root body; its frame is mounted at the flange."""
+    grip: str
+    """Site in the middle of a closed grasp."""
+    open: dict[str, float]
+    """Actuator -> command."""
+    closed: dict[str, float]
+    squeeze: float | None
+    """Largest command beyond the fingers' present place, as a share of the way from open to closed."""
+    opening: float | None
+    """Between open fingers [m]."""
+
+
+def bundled_hands() -> list[str]:
+    """Return the names of the hands in models/grippers."""
+    return sorted(path.parent.name for path in folder("models").glob("grippers/*/hand.yaml"))
+
+
+def load_hand(name: str) -> Hand | None:
+    """Load a hand by name (models/grippers) or from a .yaml file of one's own; None for "none".
+
+    Raises ConfigError, UnknownName.
+    """
+    if name == NONE:
+        return None
+    path = Path(name)
+    if not name.endswith((".yaml", ".yml")):
+        if name not in bundled_hands():
+            raise UnknownName("gripper", name, [*bundled_hands(), NONE], "or the path of a .yaml file of your own")
+        path = folder("models") / "grippers" / name / "hand.yaml"
+    elif not path.is_file():
+        raise ConfigError(f"gripper {name}: no such file; accepted: a .yaml file of your own, or one of "
+                          f"{', '.join([*bundled_hands(), NONE])}")
+    return load_hand_model(load(path, GripperConfig), path.parent)
+
+
+def load_hand_model(config: GripperConfig, place: Path) -> Hand:
+    """Read a hand's model; place: folder of the file with relative paths. Raises ConfigError, UnknownName."""
+    path = (place / config.model).resolve()
+    spec = read_model(path)
+    for key in list(spec.keys):
+        spec.delete(key)
+    roots = [body.name for body in spec.worldbody.bodies]
+    if len(roots) != 1 or not roots[0]:
+        raise ConfigError(f"{path}: root bodies {', '.join(map(repr, roots)) or 'none'}; accepted: one, with a name")
+    sites = [site.name for site in spec.sites if site.name]
+    if config.grip not in sites:
+        raise UnknownName(f"{path}: grip: site", config.grip, sites)
+    actuators = [actuator.name for actuator in spec.actuators if actuator.name]
+    for name in config.open:
+        if name not in actuators:
+            raise UnknownName(f"{path}: open, closed: actuator", name, actuators)
+    return Hand(path.stem, spec, roots[0], config.grip, dict(config.open), dict(config.closed), config.squeeze,
+                config.opening)
