@@ -33,7 +33,7 @@ from robosim.config.materials import load_material
 from robosim.envs.start import _read_state
 from robosim.evaluation.materials import read_episodes
 from robosim.evaluation.policies import make_policy, training_options
-from robosim.rehearsal.paths.bundled_motions import load_motion
+from robosim.rehearsal.planning.bundled_motions import load_motion
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.tasks.task import load_task

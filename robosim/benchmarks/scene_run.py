@@ -13,7 +13,7 @@ import numpy as np
 import mpm
 from robosim.benchmarks.scene_parts import Stopwatch, list_parts
 from robosim.config.materials import MaterialConfig, load_material, overridden
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.reports.jobs import pin_to_core
 from robosim.tasks.task import is_task, load_task
 
@@ -78,8 +78,8 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
 def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run a rehearsal with the whole arm, without film."""
     from robosim.rehearsal.metrics import compute_figures
-    from robosim.rehearsal.paths.motion_sequence import place_target
-    from robosim.rehearsal.plan import plan_motion
+    from robosim.rehearsal.planning.motion_sequence import place_target
+    from robosim.rehearsal.planning.plan import plan_motion
     from robosim.rehearsal.run import RehearsalRun
 
     config = place_target(load_rehearsal(name))
@@ -90,7 +90,7 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     config = config.model_copy(update={"field": field, "collision_thickness": wall})
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))
-    run = RehearsalRun(config, plan_motion(config), material=material)
+    run = RehearsalRun(plan_motion(config), material=material)
     run.solver.compile()
     stopwatch = Stopwatch()
     stopwatch.wrap(run.solver, "advance", "field")

@@ -85,6 +85,7 @@ class Settings(tuple[Setting, ...]):
             yield name
             return
         from robosim.config.output import OutputFolder
+        from robosim.config.rehearsal_file import locate_paths
         from robosim.config.resources import config_path
         from robosim.config.table import read
 
@@ -96,7 +97,7 @@ class Settings(tuple[Setting, ...]):
             if copy.resolve() == source.resolve():
                 raise ConfigError(f"--out {folder}: {source.name} with the settings would replace {source}; give "
                                   f"another folder")
-            out.write_yaml(copy.name, self.apply(read(source)))  # pyright: ignore[reportArgumentType]
+            out.write_yaml(copy.name, self.apply(locate_paths(read(source), source.parent)))  # pyright: ignore[reportArgumentType]
             out.release()  # the command itself locks its folder
             yield str(copy)
 
@@ -110,7 +111,7 @@ class Settings(tuple[Setting, ...]):
 
             load_task(name, self)
         else:
-            from robosim.config.rehearsal import load_rehearsal
+            from robosim.config.rehearsal_file import load_rehearsal
 
             load_rehearsal(name, settings=self)
 

@@ -64,7 +64,7 @@ class ArmTool(Carrier):
         self.data.qpos[self.scene.arm_qpos] = self._start_q
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.scene, self.data)
-        self.servo = Servo(self._arm, self._robot.servo)
+        self.servo = Servo(self._arm, self._arm.gains(self._robot.servo))
         self._smoother = JointSmoother(self._arm.limits(self._robot.limits), task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)

@@ -16,13 +16,13 @@ import numpy as np
 import robosim.envs  # noqa: F401  (registers the ids)
 from mpm.progress import Progress
 from robosim.config.output import OutputFolder, aligned
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError
 from robosim.evaluation.episode_recorder import EpisodeRecorder
 from robosim.evaluation.policies import make_policy, training_options
 from robosim.recordings.reader import Recording
-from robosim.rehearsal.paths.bundled_motions import find_motion
+from robosim.rehearsal.planning.bundled_motions import find_motion
 from robosim.rendering.renderer import RenderingUnavailable
 from robosim.rendering.video import Mp4Writer
 from robosim.reports.page import Page

@@ -9,11 +9,11 @@ import numpy as np
 from PIL import Image
 
 from mpm.files import write
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
 from robosim.rehearsal.film_camera import FollowCamera
-from robosim.rehearsal.paths.waypoint_path import is_in_container
+from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.cameras import FOLLOW
 from robosim.rendering.grain_skin import GRAIN_RADIUS, MARKED_SKIN, add_grain_skin

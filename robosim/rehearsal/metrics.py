@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.rehearsal.mass_balance import compute_fractions, compute_ratio, compute_scooped_mass, weigh_at_wrist
-from robosim.rehearsal.paths.learned_path import LearnedPath
-from robosim.rehearsal.paths.waypoint_path import is_in_container
+from robosim.rehearsal.planning.learned_path import LearnedPath
+from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
 from robosim.shapes import tool_shape
@@ -91,6 +91,8 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "robot_self_contacts": run.collisions.robot_self_contacts,
         **_momentum_figures(run),
         **_arm_figures(run),
+        "robot": run.plan.arm.assembly.robot.name, "gripper": run.plan.arm.assembly.gripper_name,
+        "grip_turn_deg": run.config.grip_turn_deg, "motion_time_scale": run.plan.time_scale,
         "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
         **_learned_path_figures(run), **_replay_figures(run),
         "model_errors": None if run.errors is None else run.errors.figures(),

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
 from robosim.recordings.places import find_placed
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.mass_balance import GRAVITY
-from robosim.rehearsal.paths.waypoint_path import is_in_container
+from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.readings import Step
 from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.provenance import commit

@@ -9,9 +9,8 @@ import numpy as np
 
 import mpm
 from robosim.config.materials import MaterialConfig, law_of, load_material
-from robosim.config.rehearsal import RehearsalConfig
 from robosim.coupling.plugin import GranularPlugin
-from robosim.rehearsal.plan import Plan
+from robosim.rehearsal.planning.plan import Plan
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.rehearsal.replay.comparison import Simulated, WrenchComparison, compare_wrench
 from robosim.rehearsal.replay.recorded_motion import Replay
@@ -45,11 +44,12 @@ class RehearsalRun:
     controls it.
     """
 
-    def __init__(self, config: RehearsalConfig, plan: Plan, seed: int = 0,
+    def __init__(self, plan: Plan, seed: int = 0,
                  material: MaterialConfig | None = None, replay: Replay | None = None,
                  errors: ModelErrors | None = None) -> None:
         self.plan = plan if replay is None else plan._replace(motion=replay.motion)
-        self.config, self.replay, self.errors, self.seed = config, replay, errors, seed
+        self.config = config = plan.config
+        self.replay, self.errors, self.seed = replay, errors, seed
         self.material: MaterialConfig = material or load_material(config.material)
         spec = build_rehearsal_spec(config)
         if errors is not None:
@@ -66,7 +66,8 @@ class RehearsalRun:
         self.solver = self.grains.solver
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
                                      coupling=config.coupling)
-        self.servo = Servo(plan.arm, config.servo if errors is None else errors.change_servo(config.servo))
+        gains = plan.arm.gains(config.servo)
+        self.servo = Servo(plan.arm, gains if errors is None else errors.change_gains(gains))
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self.collisions = CollisionMonitor(self.scene, self.data, config)
         self.readings = Readings(plan.arm.joints)

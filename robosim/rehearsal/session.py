@@ -9,7 +9,7 @@ import mpm
 from mpm.progress import Progress
 from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import JointLog
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.recordings.reader import FILE as RECORDING
@@ -18,8 +18,8 @@ from robosim.rehearsal.film import FRAME_RATE, check_camera, check_colour
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.page import make_page
-from robosim.rehearsal.paths.motion_sequence import place_target
-from robosim.rehearsal.plan import plan_motion
+from robosim.rehearsal.planning.motion_sequence import place_target
+from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.recorder import RunReadings, make_recorder
 from robosim.rehearsal.replay.comparison import OPPOSITE
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
@@ -29,8 +29,12 @@ from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
 from robosim.scene.build import assemble_rehearsal
 from robosim.scene.field import check_field
 
+TRAJECTORY = "joint_trajectory.yaml"
+"""The motion for the real robot: written after a rehearsal that held all bounds."""
+MISSED_TRAJECTORY = "joint_trajectory_MISSED_BOUNDS.yaml"
+"""The same of one that did not, if it is asked for."""
 RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
-           "joint_trajectory.yaml", RECORDING, "last_good_state.npz")
+           TRAJECTORY, MISSED_TRAJECTORY, RECORDING, "last_good_state.npz")
 """Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
@@ -53,14 +57,16 @@ REPLAYED = {
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
              camera: str | None = "close", colour: str = "material", frame_rate: int = FRAME_RATE,
              height: int = 720, poster: float | None = None, seed: int = 0, trajectory: str | None = None,
-             motions: Path | None = None, recorded: Path | None = None, model_errors: int | None = None) -> int:
+             motions: Path | None = None, recorded: Path | None = None, model_errors: int | None = None,
+             force_export: bool = False) -> int:
     """Run a rehearsal and write its results into the folder `out`.
 
     Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains.
     frame_rate: pictures per second; height: of a picture [pixels]; poster: time [s] of a still. trajectory: "script"
     or "learned", the latter from a folder of motions, or with None the bundled ones. recorded: what the real arm
     recorded of that motion (see `robosim.conversion.joint_log`), to be played in its place and compared with it.
-    model_errors: seed of errors by which the robot differs from its model; None: it does not.
+    model_errors: seed of errors by which the robot differs from its model; None: it does not. force_export: write the
+    motion for the real robot also where a bound was missed, under a name that says so.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends.
     """
@@ -94,8 +100,13 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         missed = find_missed(figures, config)
         recorder.close()
         folder.write_text("index.html", make_page(run, figures, missed, folder.path).html())
+        if run.replay is None and (not missed or force_export):
+            folder.write_yaml(MISSED_TRAJECTORY if missed else TRAJECTORY, make_joint_trajectory(
+                run.plan.motion, run.plan.arm.joints, config.joint_trajectory, start=config.grasp_time))
         folder.write_json("report.json", figures | {"missed": missed})
         _print(figures, missed, folder)
+        if missed and not force_export and run.replay is None:
+            print(f"no {TRAJECTORY}: a bound was missed (--force-export writes {MISSED_TRAJECTORY})")
         if failure is not None:
             raise failure
         return int(bool(missed))
@@ -117,17 +128,15 @@ def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None
 
 def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: JointLog | None,
              model_errors: int | None) -> RehearsalRun:
-    """Plan the motion, write its trajectory, and make robot and grains."""
+    """Plan the motion, and make robot and grains."""
     print("planning the motion ...", file=sys.stderr)
     began = clock.perf_counter()
     plan = plan_motion(config)
     planned = clock.perf_counter()
-    folder.write_yaml("joint_trajectory.yaml", make_joint_trajectory(
-        plan.motion, plan.arm.joints, config.joint_trajectory, start=config.grasp_time))
     replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
     errors = None if model_errors is None else draw_model_errors(model_errors, len(plan.arm.lower))
-    run = RehearsalRun(config, plan, seed=seed, replay=replay, errors=errors)
+    run = RehearsalRun(plan, seed=seed, replay=replay, errors=errors)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
 

@@ -1,17 +1,19 @@
 """Arm, hand and tool put together, as the kinematics and the scene read them."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
+from robosim.config.arm import ArmConfig
+from robosim.config.gripper import GripperConfig
 from robosim.config.resources import folder
-from robosim.robot.hand import Hand, load_hand
+from robosim.robot.hand import NONE, Hand, load_hand, load_hand_model
 from robosim.robot.mjspec import find_site_pose, quiet_attachment, read_model
-from robosim.robot.robot import Robot, load_arm
+from robosim.robot.robot import Robot, load_arm, load_robot_model
 
 HAND_PREFIX = "hand_"
 """Before all names of a hand, which may be those of the arm's maker."""
@@ -47,6 +49,8 @@ class Assembly:
     """None: the tool is bolted to the flange."""
     tool: ToolModel | None
     """None: the hand is empty."""
+    grip_turn_deg: float = 0.0
+    """Turn of the tool about its handle in the hand [deg]."""
 
     @property
     def wrist(self) -> str:
@@ -54,6 +58,11 @@ class Assembly:
         if self.hand is not None:
             return HAND_PREFIX + self.hand.base
         return "clamp"
+
+    @property
+    def gripper_name(self) -> str:
+        """Name of the hand, or none."""
+        return NONE if self.hand is None else self.hand.name
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build the specification of arm, hand and tool alone, whose root is the arm's base at the world's origin."""
@@ -64,7 +73,8 @@ class Assembly:
             else:
                 arm.attach(self.hand.spec.copy(), site=arm.site(self.robot.flange), prefix=HAND_PREFIX)
             if self.tool is not None:
-                T_wg = self._find_grip()
+                turn = Rotation.from_euler("z", self.grip_turn_deg, degrees=True).as_quat(scalar_first=True)
+                T_wg = self._find_grip() @ Pose(np.zeros(3), turn)
                 T_wt = T_wg @ find_site_pose(self.tool.spec, self.tool.grip, self.tool.name).inverse()
                 frame = arm.body(self.wrist).add_frame(pos=T_wt.position, quat=T_wt.quaternion)
                 frame.attach_body(self.tool.spec.copy().body(self.tool.name), "", "")
@@ -99,13 +109,15 @@ def load_tool_model(name: str) -> ToolModel:
     return ToolModel(name, read_model(folder("models") / "tools" / name / f"{name}.xml"), f"{name}_grip")
 
 
-@lru_cache(maxsize=32)
-def assemble(tool: str | None, robot: str = "iiwa14", gripper: str = "robotiq_3f") -> Assembly:
-    """Put together an arm, a hand and a tool by their names or files; tool None: an empty hand.
+def assemble(tool: str | None, robot: str | ArmConfig = "iiwa14", gripper: str | GripperConfig = "robotiq_3f",
+             grip_turn_deg: float = 0.0) -> Assembly:
+    """Put together an arm, a hand and a tool by their names, files or tables; tool None: an empty hand.
 
-    Raises ConfigError, UnknownName.
+    Paths in tables are absolute, or relative to the working directory. Raises ConfigError, UnknownName.
     """
-    return Assembly(load_arm(robot), load_hand(gripper), None if tool is None else load_tool_model(tool))
+    arm = load_arm(robot) if isinstance(robot, str) else load_robot_model(robot, Path())
+    hand = load_hand(gripper) if isinstance(gripper, str) else load_hand_model(gripper, Path())
+    return Assembly(arm, hand, None if tool is None else load_tool_model(tool), grip_turn_deg)
 
 
 def add_wrist_sensor(spec: mujoco.MjSpec, assembly: Assembly) -> None:

@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
-from robosim.config.robot import ServoConfig
 from robosim.errors import ConfigError, RobotDiverged
-from robosim.robot.model import Arm, MotionLimits
+from robosim.robot.model import Arm, Gains, MotionLimits
 from robosim.robot.timing import JointState
 
 CATCH_UP = 20.0
@@ -74,9 +73,9 @@ class JointSmoother:
 class Servo:
     """Joint impedance servo of an arm."""
 
-    def __init__(self, arm: Arm, config: ServoConfig) -> None:
+    def __init__(self, arm: Arm, gains: Gains | None = None) -> None:
         self.arm = arm
-        self._stiffness, self._damping = np.array(config.stiffness), np.array(config.damping)
+        self._stiffness, self._damping = arm.gains() if gains is None else gains
         self.saturations = 0
         """Number of commands that the torque limits clipped."""
         self.demanded_torque = np.zeros(len(arm.joints))

@@ -15,9 +15,12 @@ import numpy as np
 import pinocchio
 
 from mpm import Pose
-from robosim.config.robot import LimitsConfig
+from robosim.config.arm import ArmServo
+from robosim.config.rehearsal_file import MotionLimitsConfig
+from robosim.config.robot import LimitsConfig, ServoConfig
 from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import compile_spec
+from robosim.robot.robot import per_joint
 
 SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
 
@@ -28,6 +31,15 @@ class MotionLimits(NamedTuple):
     velocity: np.ndarray
     acceleration: np.ndarray
     jerk: np.ndarray
+
+
+class Gains(NamedTuple):
+    """Of the joints' impedance servo, each (n,)."""
+
+    stiffness: np.ndarray
+    """[N m/rad]"""
+    damping: np.ndarray
+    """[N m s/rad]"""
 
 
 class Arm:
@@ -57,10 +69,20 @@ class Arm:
         self._friction = self.model.upperDryFrictionLimit[self.v_index]
         self._damping = self.model.damping[self.v_index]
 
-    def limits(self, config: LimitsConfig) -> MotionLimits:
-        """Return the limits of a motion."""
-        return MotionLimits(self.velocity * config.velocity_fraction, np.array(config.acceleration),
-                            np.array(config.jerk))
+    def limits(self, config: LimitsConfig | MotionLimitsConfig) -> MotionLimits:
+        """Return the limits of a motion; raises ConfigError for a wrong number of values."""
+        robot = self.assembly.robot
+        given = {key: getattr(config, key) for key in ("acceleration", "jerk")}
+        values = [getattr(robot, key) if value is None else per_joint(self.joints, value, key, "limits")
+                  for key, value in given.items()]
+        return MotionLimits(self.velocity * config.velocity_fraction, *values)
+
+    def gains(self, config: ArmServo | ServoConfig | None = None) -> Gains:
+        """Return the servo's gains, those of the robot without a configuration; raises ConfigError."""
+        robot = self.assembly.robot
+        if config is None:
+            return Gains(robot.stiffness, robot.damping)
+        return Gains(*(per_joint(self.joints, getattr(config, key), key, "servo") for key in Gains._fields))
 
     def full_configuration(self, q: np.ndarray) -> np.ndarray:
         """Return the configuration of the whole model with the arm at q."""
@@ -142,7 +164,10 @@ def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
     model.body_pos[base], model.body_quat[base] = T_wb
     root = ET.Element("mujoco", model="robot")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    elements = {0: ET.SubElement(root, "worldbody")}
+    # Pinocchio takes the first body to stand at the origin
+    stand = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name="stand")
+    ET.SubElement(stand, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
+    elements = {0: stand}
     for i in range(1, model.nbody):
         body = ET.SubElement(elements[model.body_parentid[i]], "body", name=model.body(i).name or f"body_{i}",
                              pos=_format(model.body_pos[i]), quat=_format(model.body_quat[i]))

@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robosim.config.robot import ServoConfig
+from robosim.robot.mjspec import body_ids_below
+from robosim.robot.model import Gains
 
 PAYLOAD, FRICTION, GAINS = 0.2, 0.5, 0.1
 """Largest relative errors."""
@@ -53,18 +54,16 @@ class ModelErrors(NamedTuple):
 
     def change_model(self, model: mujoco.MjModel, hand: int, dofs: np.ndarray) -> None:
         """Change masses of a hand's body with all that hangs at it, and friction of joints with these dofs (n,)."""
-        for body in range(model.nbody):
-            if is_part_of(model, body, hand):
-                model.body_mass[body] *= self.payload
-                model.body_inertia[body] *= self.payload
+        carried = body_ids_below(model, hand)
+        model.body_mass[carried] *= self.payload
+        model.body_inertia[carried] *= self.payload
         model.dof_frictionloss[dofs] *= self.friction
         model.dof_damping[dofs] *= self.friction
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
-    def change_servo(self, servo: ServoConfig) -> ServoConfig:
+    def change_gains(self, gains: Gains) -> Gains:
         """Return a servo's gains as the joints have them."""
-        return servo.model_copy(update={"stiffness": tuple(self.stiffness * k for k in servo.stiffness),
-                                        "damping": tuple(self.damping * d for d in servo.damping)})
+        return Gains(self.stiffness * gains.stiffness, self.damping * gains.damping)
 
 
 def draw_model_errors(seed: int, joints: int) -> ModelErrors:
@@ -74,10 +73,3 @@ def draw_model_errors(seed: int, joints: int) -> ModelErrors:
                        friction=1.0 + FRICTION * rng.uniform(-1, 1, joints), latency=rng.uniform(*LATENCY),
                        tool_shift=SHIFT * rng.uniform(-1, 1, 3), tool_turn_deg=TURN_DEG * rng.uniform(-1, 1, 3),
                        stiffness=1.0 + GAINS * rng.uniform(-1, 1), damping=1.0 + GAINS * rng.uniform(-1, 1))
-
-
-def is_part_of(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
-    """Return whether a body is another one, or hangs at it."""
-    while body > ancestor:
-        body = int(model.body_parentid[body])
-    return body == ancestor

@@ -229,7 +229,7 @@ def replace_actuators(spec: mujoco.MjSpec, names: tuple[str, ...], torque: np.nd
         motor.ctrlrange = motor.forcerange = [-most, most]
 
 
-def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path: Path) -> np.ndarray:
+def per_joint(names: tuple[str, ...], values: tuple[float, ...], key: str, path: Path | str) -> np.ndarray:
     """Return values as an array; raises ConfigError unless there is one for each joint."""
     if len(values) != len(names):
         raise ConfigError(f"{path}: {key} has {len(values)} values; accepted: {len(names)}, for {', '.join(names)}")

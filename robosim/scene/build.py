@@ -2,7 +2,7 @@
 
 import mujoco
 
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.config.robot import Grip
 from robosim.config.scene import ContainerConfig
 from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble
@@ -14,8 +14,11 @@ from robosim.scene.models import load_spec
 
 
 def assemble_rehearsal(config: RehearsalConfig) -> Assembly:
-    """Put together the arm, hand and tool of a rehearsal; raises ConfigError."""
-    return assemble(config.tool)
+    """Put together the arm, hand and tool of a rehearsal; raises ConfigError.
+
+    The tool is not turned in the hand where the file leaves that to the planner.
+    """
+    return assemble(config.tool, config.robot, config.gripper, config.grip_turn_deg or 0.0)
 
 
 def compile_rehearsal(config: RehearsalConfig) -> Scene:

@@ -7,7 +7,7 @@ import trimesh
 
 from mpm import Pose
 from mpm.geometry.sampled_sdf import Lattice
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.scene.field import build_tool_sdf
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size

@@ -46,6 +46,8 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9 (default: 720)")
     parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")
     parser.add_argument("--no-video", action="store_true", help="make no video")
+    parser.add_argument("--force-export", action="store_true", help="write the motion for the real robot also where a "
+                        "bound was missed, as joint_trajectory_MISSED_BOUNDS.yaml")
     parser.add_number("--seed", default=0,
                         help="random seed of the grains' initial positions (default: 0)")
     parser.add_number("--model-errors", metavar="SEED", help="let the robot differ from the model that plans and "
@@ -78,7 +80,8 @@ def run(options: argparse.Namespace) -> int:
                         frame_rate=options.frame_rate, height=options.height,
                         poster=options.poster, seed=options.seed,
                         trajectory=options.trajectory, motions=options.motions,
-                        recorded=options.recorded, model_errors=options.model_errors)
+                        recorded=options.recorded, model_errors=options.model_errors,
+                        force_export=options.force_export)
 
 
 def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:

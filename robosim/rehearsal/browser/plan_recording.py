@@ -5,11 +5,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.recordings.header import CurveEntry, WaypointEntry, three
 from robosim.recordings.scene_recorder import SceneRecorder
-from robosim.rehearsal.paths.motion_sequence import place_target
-from robosim.rehearsal.plan import Plan, plan_motion
+from robosim.rehearsal.planning.motion_sequence import place_target
+from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.recorder import PATH_POINTS, counting_regions
 from robosim.reports.provenance import commit
 from robosim.robot.mjspec import body_ids_below

@@ -47,7 +47,7 @@ def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotCon
     data = mujoco.MjData(made.model)
     data.qpos[made.arm_qpos] = arm().home
     mujoco.mj_forward(made.model, data)
-    servo = Servo(arm(), robot.servo)
+    servo = Servo(arm(), arm().gains(robot.servo))
     servo.check_step(made.model, data, made.arm_dofs)
     return made, data, servo, robot
 

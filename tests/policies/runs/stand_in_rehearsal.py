@@ -9,6 +9,7 @@ import numpy as np
 import mpm
 
 SCENE = '<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>'
+NAMES = tuple(f"A{k}" for k in range(1, 8))
 STEPS, STEP = 60, 2e-3
 """Host steps of a rehearsal, and the real time [s] that one takes."""
 
@@ -24,11 +25,12 @@ def wave(at):
 class PointRun:
     """A rehearsal whose readings are known in closed form."""
 
-    def __init__(self, config, plan, seed=0, replay=None, errors=None):
+    def __init__(self, plan, seed=0, replay=None, errors=None):
         from robosim.rehearsal.readings import Readings
 
         self.replay = replay
-        self.config, self.plan, self.seed, self.readings, self.wall_time = config, plan, seed, Readings(), 0.0
+        self.config = config = plan.config
+        self.plan, self.seed, self.readings, self.wall_time = plan, seed, Readings(NAMES), 0.0
         self.duration, self.time = STEPS * config.host_dt, 0.0
         self.material = SimpleNamespace(model_dump=lambda mode: {})
         self.model = mujoco.MjModel.from_xml_string(SCENE)
@@ -59,8 +61,8 @@ class PointRun:
 def plan_motion(config):
     """Return a plan of the waving arm."""
     time.sleep(50 * STEP)
-    return SimpleNamespace(motion=SimpleNamespace(state=wave, duration=STEPS * config.host_dt),
-                           arm=SimpleNamespace(torque_limits=np.full(7, 300.0)),
+    return SimpleNamespace(config=config, motion=SimpleNamespace(state=wave, duration=STEPS * config.host_dt),
+                           arm=SimpleNamespace(joints=NAMES, torque_limits=np.full(7, 300.0)),
                            path=SimpleNamespace(times={"dig": 0.01, "pour": 0.04}))
 
 

@@ -11,12 +11,12 @@ import mpm
 from robosim.commands.main import main
 from robosim.config.materials import law_of, load_material, overridden
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.config.resources import config_names, config_path
 from robosim.config.settings import read_setting
 from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
-from robosim.rehearsal.paths.waypoint_path import WaypointPath
-from robosim.rehearsal.plan import plan_motion
+from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.rehearsal.planning.plan import plan_motion
 from robosim.scene.field import check_field
 
 

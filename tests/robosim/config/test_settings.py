@@ -5,7 +5,7 @@ from typing import ClassVar
 import pytest
 import yaml
 
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.config.settings import Setting, read_setting, with_settings
 from robosim.config.table import Table, load
 from robosim.errors import ConfigError

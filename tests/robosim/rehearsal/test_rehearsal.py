@@ -12,13 +12,13 @@ import yaml
 from scipy.interpolate import CubicHermiteSpline
 
 from robosim.commands.main import main
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
-from robosim.rehearsal.plan import plan_motion
+from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rehearsal.session import rehearse
+from robosim.rehearsal.session import MISSED_TRAJECTORY, TRAJECTORY, rehearse
 from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
 
@@ -31,7 +31,7 @@ def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:
 
     The tool's pose at joint angles between the points of the .yaml file is the commanded one of the .csv file's row.
     """
-    message = yaml.safe_load((out / "joint_trajectory.yaml").read_text())
+    message = yaml.safe_load((out / MISSED_TRAJECTORY).read_text())
     times = np.array([p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]])
     q, qd = (np.array([p[key] for p in message["points"]]) for key in ("positions", "velocities"))
     columns = {name: name_columns(arm.joints).index(f"{name}_x") for name in ("commanded", "reached")}
@@ -49,7 +49,9 @@ def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:
 def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     drawable = os.environ["MUJOCO_GL"] != "disable"
-    assert rehearse(str(short), out, camera="close" if drawable else None) == 1  # too short to deliver anything
+    assert rehearse(str(short), out, camera="close" if drawable else None,
+                    force_export=True) == 1  # too short to deliver anything
+    assert not (out / TRAJECTORY).exists()
     report = json.loads((out / "report.json").read_text())
     assert set(BOUNDS) <= set(report)
     assert {name for name, value in report.items() if isinstance(value, float) and not UNIT.search(name)} == {
@@ -121,7 +123,7 @@ def test_an_interrupted_run_leaves_complete_files(short: Path, tmp_path: Path, m
 def test_a_snapshot_resumes_to_the_bit(short: Path) -> None:
     """With one thread the same state gives the same bits."""
     config = load_rehearsal(str(short))
-    run = RehearsalRun(config, plan_motion(config))
+    run = RehearsalRun(plan_motion(config))
     run.solver.set_collider_mobility(run.grains.tool, np.zeros((6, 6)), np.zeros(6))  # the tool is held
     run.solver.advance(0.01)
     state = run.solver.state()

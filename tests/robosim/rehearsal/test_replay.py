@@ -12,10 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robosim.commands.main import main
-from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import AXES, JointLog, Samples
 from robosim.errors import ConfigError
-from robosim.rehearsal.plan import Plan, plan_motion
+from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.replay.comparison import Simulated, compare_wrench
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
+from robosim.robot.model import Gains
 from robosim.robot.model_errors import (
     FRICTION,
     GAINS,
@@ -59,9 +60,10 @@ def test_no_errors_change_nothing_and_a_payload_changes_hand_and_tool_alone() ->
                           np.linalg.norm(errors.tool_turn_deg), atol=1e-6)
         np.testing.assert_allclose(scene.model.dof_frictionloss[scene.arm_dofs],
                                    errors.friction * exact.model.dof_frictionloss[exact.arm_dofs])
-        servo = errors.change_servo(config.servo)
-        np.testing.assert_allclose(servo.stiffness, errors.stiffness * np.array(config.servo.stiffness))
-        np.testing.assert_allclose(servo.damping, errors.damping * np.array(config.servo.damping))
+        robot = exact.assembly.robot
+        gains = errors.change_gains(Gains(robot.stiffness, robot.damping))
+        np.testing.assert_allclose(gains.stiffness, errors.stiffness * robot.stiffness)
+        np.testing.assert_allclose(gains.damping, errors.damping * robot.damping)
 
 
 def relative_rotation(a: np.ndarray, b: np.ndarray) -> float:

@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.config.robot import load_robot
-from robosim.rehearsal.plan import Plan, plan_motion
+from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.joint_control import JointSmoother

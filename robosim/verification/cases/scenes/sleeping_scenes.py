@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 import mpm
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
 from robosim.evaluation.policies import make_policy
 from robosim.rehearsal.metrics import compute_figures
-from robosim.rehearsal.paths.motion_sequence import place_target
-from robosim.rehearsal.plan import plan_motion
+from robosim.rehearsal.planning.motion_sequence import place_target
+from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.run import RehearsalRun
 from robosim.tasks.task import load_task
 from robosim.verification.cases.claims import Within
@@ -54,7 +54,7 @@ def rehearse(name: str, sleep: float) -> Outcome:
     """Run a rehearsal."""
     config = place_target(load_rehearsal(name))
     config = config.model_copy(update={"field": config.field.model_copy(update={"sleep": sleep or False})})
-    run = RehearsalRun(config, plan_motion(config))
+    run = RehearsalRun(plan_motion(config))
     outcome = Outcome(run.solver)
     run.run(lambda: None)
     figures = compute_figures(run)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from robosim.config.rehearsal import load_rehearsal
+from robosim.config.rehearsal_file import load_rehearsal
 from robosim.errors import ConfigError
-from robosim.rehearsal.paths import bundled_motions
-from robosim.rehearsal.paths.bundled_motions import find_motion, load_motion
-from robosim.rehearsal.paths.learned_path import LearnedPath
-from robosim.rehearsal.paths.motion_sequence import place_target
-from robosim.rehearsal.paths.pose_sequences import SAMPLING
+from robosim.rehearsal.planning import bundled_motions
+from robosim.rehearsal.planning.bundled_motions import find_motion, load_motion
+from robosim.rehearsal.planning.learned_path import LearnedPath
+from robosim.rehearsal.planning.motion_sequence import place_target
+from robosim.rehearsal.planning.pose_sequences import SAMPLING
 from robosim.tasks.task import load_task
 
 

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.errors import ConfigError
-from robosim.rehearsal.paths.pose_sequences import check_duration
-from robosim.rehearsal.paths.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
+from robosim.rehearsal.planning.pose_sequences import check_duration
+from robosim.rehearsal.planning.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.models import read_inner_size
 

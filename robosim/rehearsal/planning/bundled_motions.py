@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.input_files import read_arrays
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.config.resources import trained
 from robosim.errors import ConfigError
-from robosim.rehearsal.paths.pose_sequences import SAMPLING, PoseSequence
+from robosim.rehearsal.planning.pose_sequences import SAMPLING, PoseSequence
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.commanded_pose import move_pose
 from robosim.tasks.task import TaskConfig

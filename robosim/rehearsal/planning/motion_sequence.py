@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.errors import ConfigError
-from robosim.rehearsal.paths.bundled_motions import find_motion, load_motion
-from robosim.rehearsal.paths.pose_sequences import PoseSequence
+from robosim.rehearsal.planning.bundled_motions import find_motion, load_motion
+from robosim.rehearsal.planning.pose_sequences import PoseSequence
 from robosim.tasks.task import TaskConfig, load_task
 
 

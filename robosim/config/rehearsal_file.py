@@ -1,0 +1,71 @@
+"""A rehearsal's file: the scene and motion of `robosim.config.rehearsal`, and the robot that performs it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from robosim.config import rehearsal
+from robosim.config.arm import ArmConfig, ArmServo, PerJoint
+from robosim.config.bounds import Angle, FilePath, Share
+from robosim.config.gripper import GripperConfig
+from robosim.config.resources import config_path
+from robosim.config.settings import Setting
+from robosim.config.table import Table, read, validate
+
+PATH_KEYS = ("material", "motions", "robot", "gripper", "model", "mesh")
+"""Keys whose values may be paths."""
+SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
+"""Ends of values that are paths, not names."""
+
+
+class MotionLimitsConfig(Table):
+    """Joint limits of the time-scaled motion."""
+
+    velocity_fraction: Share
+    """Largest joint speed as a fraction of the robot's limit."""
+    acceleration: PerJoint | None = None
+    """Largest acceleration of each joint [rad/s^2]; null: the robot's."""
+    jerk: PerJoint | None = None
+    """Largest jerk of each joint [rad/s^3]; null: the robot's."""
+
+
+class RehearsalConfig(rehearsal.RehearsalConfig):
+    """A whole-arm rehearsal. Paths in the file are relative to it."""
+
+    robot: FilePath | ArmConfig = "iiwa14"
+    """Name of an arm of models/robots, the path of a .yaml file of one's own, or a table with its keys."""
+    gripper: FilePath | GripperConfig = "robotiq_3f"
+    """Name of a hand of models/grippers, the path of a .yaml file, a table, or none: the tool is bolted to the
+    flange."""
+    grip_turn_deg: Angle | None = None
+    """Turn of the tool in the hand about its handle [deg]; null: the planner chooses, 0 where that can be followed."""
+    max_time_scale: Annotated[float, Field(ge=1.0, le=10.0)] = 1.0
+    """Largest factor by which the whole motion is played slower where the arm is too slow for the waypoints' speeds; 1:
+    refuse such a motion."""
+    limits: MotionLimitsConfig  # pyright: ignore[reportIncompatibleVariableOverride]
+    servo: ArmServo | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
+    """Gains of the joints; null: the robot's."""
+
+
+def load_rehearsal(name: str, overrides: dict | None = None, settings: Sequence[Setting] = ()) -> RehearsalConfig:
+    """Load a rehearsal by name (configs/rehearsals) or path; overrides and settings as of `load`.
+
+    Paths in settings and overrides are relative to the working directory.
+    """
+    path = config_path("rehearsals", name, "rehearsal")
+    table = locate_paths(read(path), path.parent)
+    return validate(table, path, RehearsalConfig, overrides, settings)
+
+
+def locate_paths(value: Any, place: Path) -> Any:
+    """Return a file's content with the paths in it made absolute; place: folder that they are relative to."""
+    if isinstance(value, dict):
+        return {key: str((place / item).resolve()) if _is_path(key, item) else locate_paths(item, place)
+                for key, item in value.items()}
+    return [locate_paths(item, place) for item in value] if isinstance(value, list) else value
+
+
+def _is_path(key: Any, value: Any) -> bool:
+    return key in PATH_KEYS and isinstance(value, str) and (value.lower().endswith(SUFFIXES) or key == "motions")

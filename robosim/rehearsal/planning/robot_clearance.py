@@ -1,0 +1,155 @@
+"""Distances of a robot from its surroundings, and between its own parts, in any posture.
+
+Collision shapes are those of the scene's model; meshes count as their convex hulls. Pinocchio places them, Coal finds
+the distances. What hangs at the wrist may touch itself: the hand holds the tool.
+"""
+
+from typing import NamedTuple
+
+import coal
+import mujoco
+import numpy as np
+import pinocchio
+
+from robosim.robot.mjspec import body_ids_below
+from robosim.robot.model import Arm
+from robosim.scene.compiled import Scene
+
+Geom = mujoco.mjtGeom
+
+
+class Nearest(NamedTuple):
+    """The smallest distance of a posture; negative where two parts overlap."""
+
+    distance: float
+    """[m]"""
+    parts: tuple[str, str]
+    """Names of bodies."""
+
+
+FAR = Nearest(np.inf, ("", ""))
+"""Where there is no pair."""
+
+
+class RobotClearance:
+    """Clearances of arm, hand and tool in a scene. The tool's distance from containers is that of `ContainerSurface`."""
+
+    def __init__(self, scene: Scene, arm: Arm) -> None:
+        self._arm, self._geometry, self._scene = arm, pinocchio.GeometryModel(), scene
+        model, data = scene.model, mujoco.MjData(scene.model)
+        mujoco.mj_kinematics(model, data)
+        own = set(scene.robot_bodies().tolist())
+        colliding = [g for g in range(model.ngeom) if model.geom_contype[g] or model.geom_conaffinity[g]]
+        self._bodies, numbers = {}, {}
+        for geom in colliding:
+            body = int(model.geom_bodyid[geom])
+            number = self._geometry.addGeometryObject(self._make_object(geom, data, body in own))
+            numbers[geom], self._bodies[number] = number, body
+        robot = [g for g in colliding if model.geom_bodyid[g] in own]
+        others = [g for g in colliding if model.geom_bodyid[g] not in own]
+        for a in robot:
+            for b in others:
+                if self._can_meet(a, b):
+                    self._geometry.addCollisionPair(pinocchio.CollisionPair(numbers[a], numbers[b]))
+        self._outer = len(self._geometry.collisionPairs)
+        carried = set(body_ids_below(model, scene.wrist).tolist())
+        touching = self._touching_at_home(data)
+        for k, a in enumerate(robot):
+            for b in robot[k + 1 :]:
+                pair = {int(model.geom_bodyid[a]), int(model.geom_bodyid[b])}
+                if not pair <= carried and not self._are_neighbours(a, b) and frozenset((a, b)) not in touching:
+                    self._geometry.addCollisionPair(pinocchio.CollisionPair(numbers[a], numbers[b]))
+        self._results = pinocchio.GeometryData(self._geometry)
+
+    def measure(self, q: np.ndarray) -> tuple[Nearest, Nearest]:
+        """Return the smallest distance from the surroundings, and that between parts of the robot.
+
+        q: joint angles (n,) [rad].
+        """
+        arm = self._arm
+        pinocchio.updateGeometryPlacements(arm.model, arm.data, self._geometry, self._results,
+                                           arm.full_configuration(q))
+        pinocchio.computeDistances(self._geometry, self._results)
+        distances = np.array([result.min_distance for result in self._results.distanceResults])
+        return self._find(distances, 0, self._outer), self._find(distances, self._outer, len(distances))
+
+    def least(self, q: np.ndarray) -> Nearest:
+        """Return the smaller of both."""
+        return min(self.measure(q), key=lambda nearest: nearest.distance)
+
+    def _find(self, distances: np.ndarray, begin: int, end: int) -> Nearest:
+        if begin == end:
+            return FAR
+        index = begin + int(distances[begin:end].argmin())
+        pair, name = self._geometry.collisionPairs[index], self._scene.model.body
+        return Nearest(float(distances[index]),
+                       (name(self._bodies[pair.first]).name, name(self._bodies[pair.second]).name))
+
+    def _make_object(self, geom: int, data: mujoco.MjData, is_own: bool) -> pinocchio.GeometryObject:
+        """Make Pinocchio's object of a geom; what is no part of the robot stands still."""
+        model = self._scene.model
+        R = data.geom_xmat[geom].reshape(3, 3)
+        placement = pinocchio.SE3(R, data.geom_xpos[geom])
+        joint = 0
+        if is_own:
+            frame = self._arm.model.frames[self._arm.model.getFrameId(model.body(model.geom_bodyid[geom]).name)]
+            body = data.xmat[model.geom_bodyid[geom]].reshape(3, 3)
+            local = pinocchio.SE3(body.T @ R, body.T @ (data.geom_xpos[geom] - data.xpos[model.geom_bodyid[geom]]))
+            placement, joint = frame.placement * local, frame.parentJoint
+        return pinocchio.GeometryObject(f"geom_{geom}", joint, joint, placement, self._make_shape(geom))
+
+    def _make_shape(self, geom: int) -> coal.CollisionGeometry:
+        """Make Coal's shape of a geom."""
+        model = self._scene.model
+        kind, (a, b, c) = model.geom_type[geom], model.geom_size[geom]
+        if kind == Geom.mjGEOM_SPHERE:
+            return coal.Sphere(a)
+        if kind == Geom.mjGEOM_CAPSULE:
+            return coal.Capsule(a, 2.0 * b)
+        if kind == Geom.mjGEOM_CYLINDER:
+            return coal.Cylinder(a, 2.0 * b)
+        if kind == Geom.mjGEOM_ELLIPSOID:
+            return coal.Ellipsoid(a, b, c)
+        if kind == Geom.mjGEOM_PLANE:
+            return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+        if kind == Geom.mjGEOM_MESH:
+            mesh = model.geom_dataid[geom]
+            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+            points = coal.StdVec_Vec3s()
+            for point in model.mesh_vert[first : first + count].astype(float):
+                points.append(point)
+            return coal.Convex.convexHull(points, True, "Qt")
+        return coal.Box(2.0 * a, 2.0 * b, 2.0 * c)
+
+    def _can_meet(self, own: int, other: int) -> bool:
+        """Whether a geom of the robot and one of its surroundings can collide."""
+        model, scene = self._scene.model, self._scene
+        body = model.geom_bodyid[own]
+        is_tool_at_container = body == scene.tool and model.body(model.geom_bodyid[other]).name in self._containers()
+        return model.body_weldid[body] > 0 and not is_tool_at_container and self._masks_meet(own, other)
+
+    def _containers(self) -> set[str]:
+        """Names of bodies with a site that marks their inside."""
+        model = self._scene.model
+        return {model.body(model.site_bodyid[k]).name for k in range(model.nsite)
+                if model.site(k).name.endswith("_inside")}
+
+    def _masks_meet(self, a: int, b: int) -> bool:
+        model = self._scene.model
+        return bool(model.geom_contype[a] & model.geom_conaffinity[b] or model.geom_contype[b] & model.geom_conaffinity[a])
+
+    def _are_neighbours(self, a: int, b: int) -> bool:
+        """Whether MuJoCo makes no contacts between two geoms: of one body, of a body and its parent, or excluded."""
+        model = self._scene.model
+        first, second = (int(model.body_weldid[model.geom_bodyid[g]]) for g in (a, b))
+        parents = [int(model.body_weldid[model.body_parentid[body]]) for body in (first, second)]
+        signature = (min(first, second) << 16) + max(first, second)
+        is_excluded = any(int(s) == signature for s in model.exclude_signature)
+        return first == second or first == parents[1] or second == parents[0] or is_excluded \
+            or not self._masks_meet(a, b)
+
+    def _touching_at_home(self, data: mujoco.MjData) -> set[frozenset[int]]:
+        """Pairs of geoms that overlap in the home posture, as shapes of a maker's model may."""
+        data.qpos[self._scene.arm_qpos] = self._arm.home
+        mujoco.mj_forward(self._scene.model, data)
+        return {frozenset(int(g) for g in contact.geom) for contact in data.contact}
