@@ -2,8 +2,8 @@
 
 from generators.markdown import code, table
 from policies.learning.presets import Preset
+from robosim.commands.description import keys_of
 from robosim.commands.keys import KINDS, schema_class
-from robosim.config.description import keys_of
 
 FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks", "robot": "configs/robots",
            "training": "configs/training"}

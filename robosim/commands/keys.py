@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     if options.schema:
         print(json.dumps(schema, indent=2))
         return 0
-    from robosim.config.description import keys_of
+    from robosim.commands.description import keys_of
     from robosim.config.output import aligned
 
     rows = [list(key) for key in keys_of(schema, schema)]

@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"{path}: there is no folder {path.parent}; accepted: a name in an existing folder")
     if path.stem in config_names(folder) and path.parent == Path():
         print(f"note: {path.stem} without .yaml still means the bundled {kind}")
-    from robosim.config.description import template
+    from robosim.commands.description import template
     from robosim.config.table import read
 
     table, schema = read(source), schema_of(kind, str(source))

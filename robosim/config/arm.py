@@ -1,10 +1,10 @@
-"""Configuration of an arm: where its model is, and what the model does not say."""
+"""Configuration of arm and hand: where their models are, and what the models do not say."""
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from robosim.config.bounds import FilePath, JointValue, Mass, Name, Text
+from robosim.config.bounds import FilePath, JointValue, Length, Mass, Name, Text
 from robosim.config.table import Table, Vector3
 
 LEAST_JOINTS, MOST_JOINTS = 5, 8
@@ -13,6 +13,9 @@ PerJoint = Annotated[tuple[JointValue, ...], Field(min_length=LEAST_JOINTS, max_
 Angles = Annotated[tuple[Annotated[float, Field(ge=-720.0, le=720.0)], ...],
                    Field(min_length=LEAST_JOINTS, max_length=MOST_JOINTS)]
 """[deg], or [mm] of a joint that slides."""
+Command = Annotated[float, Field(ge=-1e4, le=1e4)]
+"""Of an actuator, in its own unit."""
+Commands = Annotated[dict[Name, Command], Field(min_length=1, max_length=32)]
 
 
 class ArmLimits(Table):
@@ -56,6 +59,12 @@ class ArmConfig(Table):
     """MJCF or URDF; a path is relative to the file that it stands in."""
     flange: Name
     """Site or body at which a hand is mounted; its z is the approach direction."""
+    gripper: FilePath = "none"
+    """Its usual hand, where a rehearsal names none: of models/grippers, a .yaml file, or none."""
+    standoff: Annotated[float, Field(ge=0.02, le=1.0)] = 0.15
+    """Distance [m] from the flange to the grip of a tool that is bolted to it without a hand: the clamp's length."""
+    mount_turn_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
+    """Turn of the hand, or of the bolted tool, about the flange's z."""
     base: BasePose = BasePose()
     home_deg: Angles | None = None
     """Posture with which the search for postures begins; the middle of the ranges otherwise."""
@@ -67,3 +76,28 @@ class ArmConfig(Table):
     reach: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """Of the wrist from the base [m]; for messages."""
 
+
+class GripperConfig(Table):
+    """A hand. Actuators without a command keep zero."""
+
+    description: Text = ""
+    model: FilePath
+    """MJCF or URDF; a path is relative to the file that it stands in."""
+    grip: Name
+    """Site in the middle of a closed grasp: z along the handle towards the tool's head, y along the approach."""
+    open: Commands
+    """Actuator -> command with which the hand is open."""
+    closed: Commands
+    """Actuator -> command that presses on a handle."""
+    squeeze: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    """Largest command beyond the fingers' present place, as a share of the way from open to closed; for actuators
+    whose limits allow too much force. null: the actuators' limits are the bound."""
+    opening: Length | None = None
+    """Between open fingers [m]; a thicker tool is refused."""
+
+    @model_validator(mode="after")
+    def _check_commands(self) -> "GripperConfig":
+        if set(self.open) != set(self.closed):
+            raise ValueError(f"open has commands for {', '.join(sorted(self.open))}, closed for "
+                             f"{', '.join(sorted(self.closed))}; accepted: the same actuators")
+        return self

@@ -7,9 +7,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from robosim.config import rehearsal
-from robosim.config.arm import ArmConfig, ArmServo, PerJoint
+from robosim.config.arm import ArmConfig, ArmServo, BasePose, GripperConfig, PerJoint
 from robosim.config.bounds import Angle, FilePath, Share
-from robosim.config.gripper import GripperConfig
 from robosim.config.resources import config_path
 from robosim.config.settings import Setting
 from robosim.config.table import Table, read, validate
@@ -36,9 +35,11 @@ class RehearsalConfig(rehearsal.RehearsalConfig):
 
     robot: FilePath | ArmConfig = "iiwa14"
     """Name of an arm of models/robots, the path of a .yaml file of one's own, or a table with its keys."""
-    gripper: FilePath | GripperConfig = "robotiq_3f"
-    """Name of a hand of models/grippers, the path of a .yaml file, a table, or none: the tool is bolted to the
-    flange."""
+    gripper: FilePath | GripperConfig | None = None
+    """Name of a hand of models/grippers, the path of a .yaml file, a table, or none: the tool is bolted to the flange;
+    null: the robot's usual hand."""
+    base: BasePose | None = None
+    """Where the arm's base stands; null: where the robot's file says."""
     grip_turn_deg: Angle | None = None
     """Turn of the tool in the hand about its handle [deg]; null: the planner chooses, 0 where that can be followed."""
     max_time_scale: Annotated[float, Field(ge=1.0, le=10.0)] = 1.0

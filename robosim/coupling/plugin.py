@@ -77,6 +77,8 @@ class GranularPlugin:
         """Coupled bodies that are outside the solver's grid now."""
         self.repeats = 0
         """Number of repetitions of the last step."""
+        self.is_missed = False
+        """Whether the last step was accepted above the tolerance, because no repetition brought it below."""
         self.ledger = empty_ledger(self._bodies.colliders)
         """Momentum balance of the last step."""
         self.counts: list[mpm.Counts] = []
@@ -124,13 +126,14 @@ class GranularPlugin:
             self._scheme.hand_over()
             self._advance_grains()
             self._apply_wrenches_and_step()
-            if self._scheme.is_accepted(self._wrenches) or self.repeats == MAX_REPEATS:
+            self.is_missed = not self._scheme.is_accepted(self._wrenches)
+            if not self.is_missed or self.repeats == MAX_REPEATS:
                 break
             self._scheme.roll_back()
 
     def _step_apart(self) -> None:
         """Step 3, and MuJoCo's step without grains."""
-        self.repeats = 0
+        self.repeats, self.is_missed = 0, False
         self._wrenches[:] = 0.0
         self._advance_grains()
         self._trial.finish()

@@ -42,7 +42,7 @@ def start_posture(task_json: str) -> tuple[float, ...]:
     path = task.scripted_path()
     times = np.linspace(0.0, task.steps * task.step_dt, PATH_POSES)
     poses, ends = [path.pose(t) for t in times], [(0, "start"), (PATH_POSES - 1, "end")]
-    solution = solve_path(Arm(assemble(task.tool)), poses, ends)
+    solution = solve_path(Arm(assemble(task.tool)), poses, ends, times[1] - times[0])
     return tuple(solution.q[0])
 
 

@@ -30,7 +30,7 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
     delivered = config.area.region.holds(positions) if config.area else in_container.get(config.sink or "", nowhere)
     returned = in_container.get(config.source or "", nowhere)
     retained = is_in_tool(config.tool, positions, run.tool_pose())
-    if config.area and config.weigh_at is not None:  # grains in a tool above the area are not delivered yet
+    if config.weigh_at is not None:  # grains in a tool above the area, or in the container, are not delivered yet
         delivered &= ~retained
     retained &= ~delivered & ~returned
     spilled = ~(delivered | returned | retained)

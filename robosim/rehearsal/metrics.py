@@ -6,7 +6,13 @@ import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
 from robosim.config.rehearsal_file import RehearsalConfig
-from robosim.rehearsal.mass_balance import compute_fractions, compute_ratio, compute_scooped_mass, weigh_at_wrist
+from robosim.rehearsal.mass_balance import (
+    GRAVITY,
+    compute_fractions,
+    compute_ratio,
+    compute_scooped_mass,
+    weigh_at_wrist,
+)
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.replay.comparison import replay_figures
@@ -16,6 +22,8 @@ from robosim.shapes.tool import WALL
 
 PATH_ERROR_STRIDE = 2
 """Steps from one comparison with the commanded path to the next."""
+PATH_ERROR_WINDOW = 0.05
+"""Time [s] before and after a step in which the commanded path is compared with it."""
 
 
 class Bound(NamedTuple):
@@ -37,12 +45,19 @@ BOUNDS = {
     "torque_limit_ratio_max": Bound(0, 1.0),
     "joint_limit_ratio_max": Bound(0, 1.0),
     "ik_position_error_max_m": Bound(0, 1e-5),
+    "tool_tracking_error_max_m": Bound(0, 3e-3),
+    "path_error_max_m": Bound(0, 3e-3),
     "path_error_inside_max_m": Bound(0, 2e-3),
+    "wrist_load_ratio_max": Bound(0, 1.0),
+    "grasp_slip_m": Bound(0, 2e-3),
+    "coupling_missed_fraction": Bound(0, 0.01),
     "particles_lost": Bound(0, 0),
 }
 """Bounds of every rehearsal (SI units; a name ends in the unit, if there is one)."""
-PATH_ERROR_INSIDE = "path_error_inside_max_m"
-"""The figure that is None where the tool was in no container."""
+OPTIONAL = {"momentum_residual": "the grains touched nothing",
+            "path_error_inside_max_m": "the tool was in no container",
+            "wrist_load_ratio_max": "the robot's file says no payload"}
+"""Figure that may be None -> where it is."""
 WRIST_ERROR = "wrist_payload_relative_error"
 """The figure that is None where nothing is weighed."""
 
@@ -64,7 +79,7 @@ def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str
     lines = []
     for name, bound in get_bounds(config).items():
         value = figures[name]
-        if name == PATH_ERROR_INSIDE and value is None:
+        if name in OPTIONAL and value is None:
             continue
         if not isinstance(value, (int, float)) or not bound.low <= value <= bound.high:
             lines.append(f"{name} = {value}; accepted: {bound.low:g} to {bound.high:g}")
@@ -93,6 +108,9 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         **_arm_figures(run),
         "robot": run.plan.arm.assembly.robot.name, "gripper": run.plan.arm.assembly.gripper_name,
         "grip_turn_deg": run.config.grip_turn_deg, "motion_time_scale": run.plan.time_scale,
+        "planned_clearance_m": run.plan.clearance.surroundings.distance,
+        "planned_clearance_between": list(run.plan.clearance.surroundings.parts),
+        "planned_self_clearance_m": run.plan.clearance.itself.distance,
         "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
         **_learned_path_figures(run), **_replay_figures(run),
         "model_errors": None if run.errors is None else run.errors.figures(),
@@ -114,8 +132,10 @@ def _momentum_figures(run: RehearsalRun) -> dict[str, object]:
     residual, exchanged = run.readings.stack_steps("residual"), run.readings.stack_steps("exchanged").sum(0)
     linear = compute_ratio(np.linalg.norm(residual[:, :3], axis=1).sum(), exchanged[0])
     angular = compute_ratio(np.linalg.norm(residual[:, 3:], axis=1).sum(), exchanged[1])
-    return {"momentum_residual": max(linear or 0.0, angular or 0.0), "momentum_residual_linear": linear,
-            "momentum_residual_angular": angular}
+    missed = run.readings.stack_steps("is_missed").mean()
+    return {"coupling_missed_fraction": float(missed),
+            "momentum_residual": max((value for value in (linear, angular) if value is not None), default=None),
+            "momentum_residual_linear": linear, "momentum_residual_angular": angular}
 
 
 def _arm_figures(run: RehearsalRun) -> dict[str, object]:
@@ -129,7 +149,8 @@ def _arm_figures(run: RehearsalRun) -> dict[str, object]:
         "joint_limit_ratio_max": float((np.abs(readings.stack_steps("q") - middle) / half).max()),
         "ik_position_error_max_m": float(run.plan.solution.errors[:, 0].max()),
         "tool_tracking_error_max_m": float(compute_tracking_errors(run).max()),
-        "path_error_inside_max_m": compute_path_error_inside(run),
+        **compute_path_errors(run), "wrist_load_ratio_max": compute_wrist_load(run),
+        "robot_sources": arm.assembly.robot.sources,
     }
 
 
@@ -153,22 +174,46 @@ def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:
     return np.linalg.norm(commanded[:, :3] - reached[:, :3], axis=1)
 
 
-def compute_path_error_inside(run: RehearsalRun) -> float | None:
-    """Compute the largest deviation [m] from the commanded path inside containers.
+def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
+    """Compute the largest deviations [m] of the tool's origin and of its farthest point from where they should pass.
 
-    Both the tool's origin and its farthest point are compared with the path about the same time. None where the tool
-    was in no container.
+    Everywhere from the path as it is commanded, with its rounded corners; inside containers, beside that, from the
+    waypoints' screws. Each is compared with the path about the same time. The latter figure is None where the tool was
+    in no container.
     """
     head = tool_shape(run.config.tool).head(WALL).vertices
     tip = head[np.linalg.norm(head, axis=1).argmax()]
     times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
-    worst = None
-    for time, row in list(zip(times, reached))[::PATH_ERROR_STRIDE]:
-        pose = Pose(row[:3], row[3:])
-        if not is_in_container(pose, run.config):
-            continue
-        commanded = run.plan.path.sample_near(time - run.config.grasp_time, tip)
-        measured = np.concatenate([pose.position, pose.apply(tip[None])[0]])
-        distances = np.linalg.norm((commanded - measured).reshape(-1, 2, 3), axis=2).max(1)
-        worst = max(distances.min(), worst or 0.0)
-    return worst
+    commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
+    worst, inside, window = 0.0, None, round(PATH_ERROR_WINDOW / run.config.host_dt)
+    for step in range(0, len(times), PATH_ERROR_STRIDE):
+        pose = Pose(reached[step, :3], reached[step, 3:])
+        measured = find_points(pose, tip)
+        worst = max(worst, find_deviation(commanded[max(step - window, 0) : step + window + 1], measured))
+        if is_in_container(pose, run.config):
+            screws = run.plan.path.sample_near(times[step] - run.config.grasp_time, tip)
+            inside = max(inside or 0.0, find_deviation(screws, measured))
+    return {"path_error_max_m": worst, "path_error_inside_max_m": inside}
+
+
+def find_points(pose: Pose, tip: np.ndarray) -> np.ndarray:
+    """Return the places (6,) [m] of a tool's origin and of a point `tip` (3,) of its frame."""
+    return np.concatenate([pose.position, pose.apply(tip[None])[0]])
+
+
+def find_deviation(path: np.ndarray, points: np.ndarray) -> float:
+    """Return the distance [m] of two points (6,) from the place (n, 6) of a path where the farther one is closest."""
+    return float(np.linalg.norm((path - points).reshape(-1, 2, 3), axis=2).max(1).min())
+
+
+def compute_wrist_load(run: RehearsalRun) -> float | None:
+    """Compute the largest force at the wrist over the weight that the arm may carry; None where no data sheet says.
+
+    Makers give the largest mass of hand, tool and load. The force of a motion is compared with its weight at twice
+    gravity, which an arm that accelerates by 1 g with that load exerts.
+    """
+    payload = run.plan.arm.assembly.robot.payload
+    if payload is None:
+        return None
+    force = np.linalg.norm(run.readings.stack_steps("wrist")[:, :3], axis=1).max()
+    return float(force / (2.0 * GRAVITY * payload))

@@ -48,6 +48,8 @@ class Step(NamedTuple):
     """Mean force [N] (3,) of the grains on the tool during the step, in world axes."""
     tool_work: float
     """Work [J] of the tool on the grains."""
+    is_missed: bool = False
+    """Whether robot and grains agree less than the coupling's tolerance asks for."""
 
 
 class GrainSample(NamedTuple):

@@ -178,7 +178,7 @@ class RehearsalRun:
             demanded_torque=self.servo.demanded_torque, sensed_torque=self.sensors.read(), external_torque=external,
             commanded=np.concatenate(commanded), reached=np.concatenate(end), wrist=self._wrist_wrench(),
             residual=np.concatenate(ledger.residual), exchanged=ledger.exchanged,
-            tool_force=wrench.force, tool_work=float(-power) * self.config.host_dt)
+            tool_force=wrench.force, tool_work=float(-power) * self.config.host_dt, is_missed=self.plugin.is_missed)
 
     def _wrist_wrench(self) -> np.ndarray:
         """Force and torque of the wrist sensor in world axes (6,)."""

@@ -1,6 +1,6 @@
 """Arm, hand and tool put together, as the kinematics and the scene read them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -8,19 +8,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from robosim.config.arm import ArmConfig
-from robosim.config.gripper import GripperConfig
+from robosim.config.arm import ArmConfig, BasePose, GripperConfig
 from robosim.config.resources import folder
 from robosim.robot.hand import NONE, Hand, load_hand, load_hand_model
 from robosim.robot.mjspec import find_site_pose, quiet_attachment, read_model
-from robosim.robot.robot import Robot, load_arm, load_robot_model
+from robosim.robot.robot import Robot, load_arm, load_robot_model, read_stand
 
 HAND_PREFIX = "hand_"
 """Before all names of a hand, which may be those of the arm's maker."""
+HEAD = 2
+"""Bit of `contype` of tools' heads; `conaffinity` has it in all that they meet."""
 WRIST_SITE = "wrist_sensor"
 """Site at the flange, in whose axes the wrist sensor measures."""
-STANDOFF = 0.05
-"""Distance [m] from the flange to the grip of a tool that is bolted to it: room for a clamp around the handle."""
 CLAMP_RADIUS = 0.017
 """[m]"""
 CLAMP_MASS = 0.15
@@ -67,6 +66,7 @@ class Assembly:
     def build_spec(self) -> mujoco.MjSpec:
         """Build the specification of arm, hand and tool alone, whose root is the arm's base at the world's origin."""
         arm = self.robot.spec.copy()
+        meet_heads(arm)
         with quiet_attachment():
             if self.hand is None:
                 self._add_clamp(arm)
@@ -89,11 +89,11 @@ class Assembly:
 
     def _add_clamp(self, arm: mujoco.MjSpec) -> None:
         """Put a post at the flange whose end holds a handle."""
-        flange = arm.site(self.robot.flange)
+        flange, length = arm.site(self.robot.flange), self.robot.standoff
         body = flange.parent.add_body(name=self.wrist, pos=flange.pos, quat=flange.quat)
         for group, collides in ((2, 0), (3, 1)):
             body.add_geom(name="clamp_post" if collides else "", type=mujoco.mjtGeom.mjGEOM_CYLINDER, group=group,
-                          size=[CLAMP_RADIUS, STANDOFF / 2.0, 0.0], pos=[0.0, 0.0, STANDOFF / 2.0],
+                          size=[CLAMP_RADIUS, length / 2.0, 0.0], pos=[0.0, 0.0, length / 2.0],
                           mass=0.0 if collides else CLAMP_MASS, contype=collides, conaffinity=collides,
                           rgba=[0.3, 0.31, 0.33, 1.0])
 
@@ -101,7 +101,14 @@ class Assembly:
         """Pose of the grip in the frame of the wrist's body."""
         if self.hand is not None:
             return find_site_pose(self.hand.spec, self.hand.grip, self.hand.base)
-        return Pose(np.array([0.0, 0.0, STANDOFF]), APPROACH_TO_GRIP.as_quat(scalar_first=True))
+        return Pose(np.array([0.0, 0.0, self.robot.standoff]), APPROACH_TO_GRIP.as_quat(scalar_first=True))
+
+
+def meet_heads(spec: mujoco.MjSpec) -> None:
+    """Let all colliding geoms of a specification meet the heads of tools."""
+    for geom in spec.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.conaffinity |= HEAD
 
 
 def load_tool_model(name: str) -> ToolModel:
@@ -109,14 +116,18 @@ def load_tool_model(name: str) -> ToolModel:
     return ToolModel(name, read_model(folder("models") / "tools" / name / f"{name}.xml"), f"{name}_grip")
 
 
-def assemble(tool: str | None, robot: str | ArmConfig = "iiwa14", gripper: str | GripperConfig = "robotiq_3f",
-             grip_turn_deg: float = 0.0) -> Assembly:
-    """Put together an arm, a hand and a tool by their names, files or tables; tool None: an empty hand.
+def assemble(tool: str | None, robot: str | ArmConfig = "iiwa14", gripper: str | GripperConfig | None = None,
+             grip_turn_deg: float = 0.0, base: BasePose | None = None) -> Assembly:
+    """Put together an arm, a hand and a tool by their names, files or tables.
 
+    tool None: an empty hand; gripper None: the arm's usual hand; base: where the arm stands, None: where its file says.
     Paths in tables are absolute, or relative to the working directory. Raises ConfigError, UnknownName.
     """
     arm = load_arm(robot) if isinstance(robot, str) else load_robot_model(robot, Path())
+    gripper = arm.gripper if gripper is None else gripper
     hand = load_hand(gripper) if isinstance(gripper, str) else load_hand_model(gripper, Path())
+    if base is not None:
+        arm = replace(arm, stand=read_stand(base))
     return Assembly(arm, hand, None if tool is None else load_tool_model(tool), grip_turn_deg)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import mujoco
 
-from robosim.config.gripper import GripperConfig
+from robosim.config.arm import GripperConfig
 from robosim.config.resources import folder
 from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName

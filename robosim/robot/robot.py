@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from mpm import Pose
 from mpm.input_files import read_text
-from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig
+from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, BasePose
 from robosim.config.resources import folder
 from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName
@@ -56,6 +56,10 @@ class Robot:
     damping: np.ndarray
     payload: float | None
     """[kg]"""
+    gripper: str
+    """Its usual hand."""
+    standoff: float
+    """Distance [m] from the flange to the grip of a tool without a hand."""
     sources: dict[str, str]
     """Quantity -> where its values come from."""
 
@@ -89,6 +93,9 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     for key in list(spec.keys):
         spec.delete(key)
     flange, bodies = find_flange(spec, config.flange, path)
+    site = spec.site(flange)
+    turn = Rotation.from_quat(site.quat, scalar_first=True) * Rotation.from_euler("z", config.mount_turn_deg, True)
+    site.quat = turn.as_quat(scalar_first=True)
     joints = [joint for body in bodies for joint in body.joints]
     check_chain(joints, path)
     name_joints(joints)
@@ -106,10 +113,15 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     sources["servo"] = ASSUMED if servo is None else CONFIGURED
     stiffness = STIFFNESS * limits["torque"] if servo is None else per_joint(names, servo.stiffness, "stiffness", path)
     damping = DAMPING * stiffness if servo is None else per_joint(names, servo.damping, "damping", path)
-    turn = Rotation.from_euler("xyz", config.base.rotation_deg, degrees=True)
-    stand = Pose(np.array(config.base.position), turn.as_quat(scalar_first=True))
-    return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=stand, flange=flange, joints=names, home=home,
+    return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=read_stand(config.base), flange=flange,
+                 joints=names, home=home, gripper=config.gripper, standoff=config.standoff,
                  stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, **limits)
+
+
+def read_stand(base: BasePose) -> Pose:
+    """Return the world pose of an arm's base."""
+    turn = Rotation.from_euler("xyz", base.rotation_deg, degrees=True)
+    return Pose(np.array(base.position), turn.as_quat(scalar_first=True))
 
 
 def find_flange(spec: mujoco.MjSpec, name: str, path: Path) -> tuple[str, list[Any]]:

@@ -5,7 +5,7 @@ import mujoco
 from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.config.robot import Grip
 from robosim.config.scene import ContainerConfig
-from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble
+from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble, meet_heads
 from robosim.robot.mjspec import quiet_attachment
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.frames import container_pose
@@ -18,7 +18,7 @@ def assemble_rehearsal(config: RehearsalConfig) -> Assembly:
 
     The tool is not turned in the hand where the file leaves that to the planner.
     """
-    return assemble(config.tool, config.robot, config.gripper, config.grip_turn_deg or 0.0)
+    return assemble(config.tool, config.robot, config.gripper, config.grip_turn_deg or 0.0, config.base)
 
 
 def compile_rehearsal(config: RehearsalConfig) -> Scene:
@@ -45,6 +45,7 @@ def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, Cont
     """
     spec = load_spec("workcell", "workcell.xml")
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    meet_heads(spec)
     assembly.attach_to(spec)
     if grasp == "friction":
         release_tool_joints(spec, assembly)

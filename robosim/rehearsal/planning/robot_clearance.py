@@ -4,9 +4,9 @@ Collision shapes are those of the scene's model; meshes count as their convex hu
 the distances. What hangs at the wrist may touch itself: the hand holds the tool.
 """
 
-from typing import NamedTuple
+from importlib import import_module
+from typing import Any, NamedTuple
 
-import coal
 import mujoco
 import numpy as np
 import pinocchio
@@ -16,6 +16,7 @@ from robosim.robot.model import Arm
 from robosim.scene.compiled import Scene
 
 Geom = mujoco.mjtGeom
+coal: Any = import_module("coal")  # a module in C++ without types
 
 
 class Nearest(NamedTuple):
@@ -32,7 +33,10 @@ FAR = Nearest(np.inf, ("", ""))
 
 
 class RobotClearance:
-    """Clearances of arm, hand and tool in a scene. The tool's distance from containers is that of `ContainerSurface`."""
+    """Clearances of arm, hand and tool in a scene.
+
+    The tool's distance from containers is that of `ContainerSurface`.
+    """
 
     def __init__(self, scene: Scene, arm: Arm) -> None:
         self._arm, self._geometry, self._scene = arm, pinocchio.GeometryModel(), scene
@@ -98,7 +102,7 @@ class RobotClearance:
             placement, joint = frame.placement * local, frame.parentJoint
         return pinocchio.GeometryObject(f"geom_{geom}", joint, joint, placement, self._make_shape(geom))
 
-    def _make_shape(self, geom: int) -> coal.CollisionGeometry:
+    def _make_shape(self, geom: int) -> Any:
         """Make Coal's shape of a geom."""
         model = self._scene.model
         kind, (a, b, c) = model.geom_type[geom], model.geom_size[geom]
@@ -136,7 +140,8 @@ class RobotClearance:
 
     def _masks_meet(self, a: int, b: int) -> bool:
         model = self._scene.model
-        return bool(model.geom_contype[a] & model.geom_conaffinity[b] or model.geom_contype[b] & model.geom_conaffinity[a])
+        kinds, affinities = model.geom_contype, model.geom_conaffinity
+        return bool(kinds[a] & affinities[b] or kinds[b] & affinities[a])
 
     def _are_neighbours(self, a: int, b: int) -> bool:
         """Whether MuJoCo makes no contacts between two geoms: of one body, of a body and its parent, or excluded."""

@@ -121,7 +121,7 @@ def arm_pose(kind: str) -> CellResult:
     """Solve and follow a path of 3 cm in a second from a singular or extreme pose; it may be refused."""
     path = edge_path(kind)
     try:
-        solution = solve_path(arm(), path, [(0, "start"), (len(path) - 1, "end")])
+        solution = solve_path(arm(), path, [(0, "start"), (len(path) - 1, "end")], 1.0 / (len(path) - 1))
     except UnreachableWaypoint as error:
         return CellResult("arm_pose", kind, "refused", str(error))
     times = np.linspace(0.0, 1.0, len(path))

@@ -15,8 +15,8 @@ from robosim.config.rehearsal_file import load_rehearsal
 from robosim.config.resources import config_names, config_path
 from robosim.config.settings import read_setting
 from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
-from robosim.rehearsal.planning.waypoint_path import WaypointPath
 from robosim.rehearsal.planning.plan import plan_motion
+from robosim.rehearsal.planning.waypoint_path import WaypointPath
 from robosim.scene.field import check_field
 
 

@@ -11,8 +11,8 @@ import mpm
 from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
 from robosim.rehearsal.planning.learned_path import WEIGHING_TIME, LearnedPath
 from robosim.rehearsal.planning.motion_sequence import place_target
-from robosim.rehearsal.planning.pose_sequences import CLEARANCE, CONNECTION_SPEED, SHIFT_TOLERANCE, SMOOTHING
 from robosim.rehearsal.planning.plan import plan_motion
+from robosim.rehearsal.planning.pose_sequences import CLEARANCE, CONNECTION_SPEED, SHIFT_TOLERANCE, SMOOTHING
 from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.frames import container_pose
