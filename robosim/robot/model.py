@@ -165,7 +165,7 @@ def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
     root = ET.Element("mujoco", model="robot")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     # Pinocchio takes the first body to stand at the origin
-    stand = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name="stand")
+    stand = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name="robosim: origin")
     ET.SubElement(stand, "inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
     elements = {0: stand}
     for i in range(1, model.nbody):

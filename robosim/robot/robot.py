@@ -93,9 +93,7 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     for key in list(spec.keys):
         spec.delete(key)
     flange, bodies = find_flange(spec, config.flange, path)
-    site = spec.site(flange)
-    turn = Rotation.from_quat(site.quat, scalar_first=True) * Rotation.from_euler("z", config.mount_turn_deg, True)
-    site.quat = turn.as_quat(scalar_first=True)
+    turn_site(spec, flange, config.mount_turn_deg)
     joints = [joint for body in bodies for joint in body.joints]
     check_chain(joints, path)
     name_joints(joints)
@@ -139,6 +137,13 @@ def find_flange(spec: mujoco.MjSpec, name: str, path: Path) -> tuple[str, list[A
         chain.append(body)
         body = body.parent
     return name, chain[::-1]
+
+
+def turn_site(spec: mujoco.MjSpec, name: str, angle_deg: float) -> None:
+    """Turn a site about its z, and give its orientation as a quaternion, whatever the file gives."""
+    model, site = spec.copy().compile(), spec.site(name)
+    turn = Rotation.from_quat(model.site(name).quat, scalar_first=True) * Rotation.from_euler("z", angle_deg, True)
+    site.alt.type, site.quat = mujoco.mjtOrientation.mjORIENTATION_QUAT, turn.as_quat(scalar_first=True)
 
 
 def check_chain(joints: list[Any], path: Path) -> None:

@@ -146,7 +146,11 @@ def test_unreachable_waypoint_says_how_far(tmp_path: Path, spoon: dict) -> None:
 
 
 def test_a_speed_that_joints_cannot_follow_is_refused(tmp_path: Path, spoon: dict) -> None:
+    """At any turn of the tool in the hand; it is slowed down where the file allows that."""
     next(w for w in spoon["waypoints"] if w["name"] == "tilt")["angular_speed"] = 2.6
+    plan = plan_motion(load_rehearsal(written(tmp_path, spoon)))
+    assert 1.0 < plan.time_scale < 3.0 and plan.path.duration > plan_motion(load_rehearsal("spoon")).path.duration
+    spoon |= {"max_time_scale": 1.0, "grip_turn_deg": 0.0}
     with pytest.raises(ConfigError, match=r"joint A\d would need"):
         plan_motion(load_rehearsal(written(tmp_path, spoon)))
 

@@ -58,7 +58,7 @@ def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None
         "realtime_factor", "delivered_fraction", "spilled_fraction", "returned_fraction", "retained_fraction",
         "momentum_residual", "momentum_residual_linear", "momentum_residual_angular", "velocity_limit_ratio_max",
         "torque_limit_ratio_max", "joint_limit_ratio_max", "wrist_payload_relative_error",
-        "awake_share"}  # shares and ratios
+        "awake_share", "motion_time_scale", "wrist_load_ratio_max", "coupling_missed_fraction"}  # shares and ratios
     for name in ("momentum_residual", "velocity_limit_ratio_max",
                  "torque_limit_ratio_max", "joint_limit_ratio_max", "ik_position_error_max_m", "particles_lost",
                  "tool_container_contacts"):

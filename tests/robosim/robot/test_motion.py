@@ -70,9 +70,10 @@ def test_smoothed_motion_is_within_limits_and_near_the_path(spoon: Plan) -> None
     states = [motion.state(t) for t in times]
     qd, qdd = np.array([s.qd for s in states]), np.array([s.qdd for s in states])
     jerk = np.diff(qdd, axis=0) / 1e-3
-    assert (np.abs(qd) <= spoon.arm.velocity * config.limits.velocity_fraction).all()
-    assert (np.abs(qdd) <= np.array(config.limits.acceleration) + 1e-9).all()
-    assert (np.abs(jerk) <= np.array(config.limits.jerk) + 1e-6).all()
+    limits = spoon.arm.limits(config.limits)
+    assert (np.abs(qd) <= limits.velocity).all() and (limits.velocity < spoon.arm.velocity).all()
+    assert (np.abs(qdd) <= limits.acceleration + 1e-9).all()
+    assert (np.abs(jerk) <= limits.jerk + 1e-6).all()
     q = np.array([s.q for s in states])
     assert np.abs(np.diff(q, axis=0) / 1e-3 - 0.5 * (qd[1:] + qd[:-1])).max() < 1e-4
     assert motion.delay < 0.05

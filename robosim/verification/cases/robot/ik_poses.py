@@ -24,7 +24,8 @@ SOURCE = ("success and time of TRAC-IK on a KUKA LBR iiwa 14, 10 000 poses: 99.9
           "TRAC-IK 1.5.1); poses are recomputed here by MuJoCo")
 BANDS = {"failed": 0.005, "mean_ms": 2.0, "p95_ms": 10.0, "wrong": 0.0}
 """Share without a solution; milliseconds a pose; share of solutions that MuJoCo does not confirm."""
-SWEEP = [{"restarts": n} for n in (1, 3, 10, 30)]
+ARMS = ("iiwa14", "panda", "ur5e", "xarm7")
+SWEEP = [{"restarts": n} for n in (1, 3, 10, 30)] + [{"restarts": 30, "robot": robot} for robot in ARMS[1:]]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"restarts": n, "poses": 300} for n in (1, 30)]
 MAIN_ERROR, RESOLUTION = "failed", None
@@ -33,22 +34,24 @@ ACCURACY = 1e-6
 """[m] and [rad] that MuJoCo's pose may be off."""
 
 
-def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
+def measure(*, restarts: int = 30, poses: int = 1000, robot: str = "iiwa14") -> Record:
     """Run the case; return the shares of poses not solved and solved wrongly.
 
     restarts: most postures that a pose is solved from.
     """
-    assembly = assemble("spoon")
-    arm, model = Arm(assembly), compile_spec(assembly.build_spec())
+    assembly = assemble("spoon", robot)
+    spec = mujoco.MjSpec()
+    assembly.attach_to(spec)
+    arm, model = Arm(assembly), compile_spec(spec)
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     places = [model.joint(name).qposadr[0] for name in arm.joints]
-    middle = 0.5 * (arm.lower + arm.upper)
+    middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * (arm.upper - arm.lower)
     seconds, failed, wrong, worst = [], 0, 0, 0.0
     for _ in range(poses):
         target = arm.tool_pose(rng.uniform(arm.lower, arm.upper))
         begin = time.perf_counter()
         for attempt in range(restarts):
-            start = middle if attempt == 0 else rng.uniform(0.9 * arm.lower, 0.9 * arm.upper)
+            start = middle if attempt == 0 else middle + 0.9 * half * rng.uniform(-1.0, 1.0, len(half))
             solution = solve_pose(arm, target, start, rest=middle, iterations=60)
             if solution.converged:
                 break
@@ -66,7 +69,7 @@ def measure(*, restarts: int = 30, poses: int = 1000) -> Record:
         worst = max(worst, float(error))
     times_ms = 1e3 * np.array(seconds)
     return Record(
-        case=NAME, choices={"restarts": restarts, "poses": poses}, particles=0, steps=poses,
+        case=NAME, choices={"restarts": restarts, "poses": poses, "robot": robot}, particles=0, steps=poses,
         seconds=float(sum(seconds)), compile_seconds=0.0, errors={"failed": failed / poses, "wrong": wrong / poses},
         readings={"mean_ms": float(times_ms.mean()), "p95_ms": float(np.percentile(times_ms, 95)),
                   "worst_pose_error": worst},

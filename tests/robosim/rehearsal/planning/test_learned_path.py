@@ -117,7 +117,8 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
 
 def test_the_ros_trajectory_reproduces_the_motion(chained):
     """Points lie on the smoothed motion; speeds are the slopes of positions within jerk h^2 / 6."""
-    motion = plan_motion(chained).motion
+    plan = plan_motion(chained)
+    motion, limits = plan.motion, plan.arm.limits(chained.limits)
     message = yaml.safe_load(yaml.safe_dump(make_joint_trajectory(motion, [f"A{i}" for i in range(1, 8)])))
     assert message["joint_names"] == [f"A{i}" for i in range(1, 8)]
     times = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in message["points"]]
@@ -126,7 +127,7 @@ def test_the_ros_trajectory_reproduces_the_motion(chained):
     q, qd = (np.array([p[key] for p in message["points"]]) for key in ("positions", "velocities"))
     assert q[50] == pytest.approx(motion.state(times[50]).q, abs=1e-8)
     slopes = (q[2:] - q[:-2]) / (np.array(times[2:]) - times[:-2])[:, None]
-    assert slopes == pytest.approx(qd[1:-1], abs=max(chained.limits.jerk) * 0.01**2 / 6.0)
+    assert slopes == pytest.approx(qd[1:-1], abs=max(limits.jerk) * 0.01**2 / 6.0)
     assert qd[0] == pytest.approx(0.0, abs=1e-9) and qd[-1] == pytest.approx(0.0, abs=1e-9)
 
 

@@ -1,0 +1,114 @@
+"""Any arm performs a rehearsal, with its hand or without; what collides, or cannot follow, is refused by name."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from robosim.config.arm import BasePose
+from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.resources import config_path
+from robosim.errors import ConfigError
+from robosim.rehearsal.planning.path_clearance import LEAST
+from robosim.rehearsal.planning.plan import plan_motion
+from robosim.rehearsal.planning.robot_clearance import RobotClearance
+from robosim.rehearsal.planning.slower_waypoints import slow_down
+from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.robot.robot import bundled_arms
+from robosim.scene.build import compile_rehearsal
+
+
+def change(path: Path, waypoint: str = "", keys: dict[str, Any] | None = None, **more: Any) -> RehearsalConfig:
+    """Load the spoon's rehearsal with keys of one waypoint, and of the file, replaced."""
+    data = yaml.safe_load(config_path("rehearsals", "spoon", "rehearsal").read_text())
+    for entry in data["waypoints"]:
+        entry.update(keys or {} if entry["name"] == waypoint else {})
+    file = path / "changed.yaml"
+    file.write_text(yaml.safe_dump(data | more))
+    return load_rehearsal(str(file))
+
+
+@pytest.mark.parametrize("robot", bundled_arms())
+def test_one_word_of_the_file_changes_the_arm(robot: str, tmp_path: Path) -> None:
+    """The tool passes the same poses; the hand is the arm's own."""
+    plan = plan_motion(change(tmp_path, robot=robot))
+    assert plan.arm.assembly.robot.name == robot and plan.arm.assembly.hand is not None
+    assert plan.clearance.surroundings.distance > LEAST and plan.clearance.itself.distance > 0.01
+    for name, time in plan.path.times.items():
+        reached = plan.arm.tool_pose(plan.motion.state(time).q)
+        assert np.linalg.norm(reached.position - plan.path.pose(time).position) < 1e-3, name
+    limits = plan.arm.limits(plan.config.limits)
+    for time in np.arange(0.0, plan.motion.duration, 0.01):
+        state = plan.motion.state(time)
+        assert (np.abs(state.qd) <= limits.velocity + 1e-9).all()
+        assert (np.abs(state.qdd) <= limits.acceleration + 1e-9).all()
+        assert (state.q >= plan.arm.lower).all() and (state.q <= plan.arm.upper).all()
+
+
+@pytest.mark.parametrize("robot", ["iiwa14", "ur5e"])
+def test_a_tool_is_bolted_to_the_flange(robot: str, tmp_path: Path) -> None:
+    plan = plan_motion(change(tmp_path, robot=robot, gripper="none"))
+    assert plan.arm.assembly.gripper_name == "none" and plan.arm.model.nv == len(plan.arm.joints)
+
+
+def test_a_friction_grasp_needs_a_hand(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="grasp: friction with gripper: none; accepted: grasp: weld, or a gripper"):
+        plan_motion(change(tmp_path, gripper="none", grasp="friction"))
+
+
+@pytest.mark.parametrize(("waypoint", "keys", "parts"), [
+    ("over", {"position": [-0.02, 0, -0.03]}, "spoon and (table|a container)"),
+    ("across", {"frame": "world", "position": [0.72, 0.0, 0.01]}, "spoon and table"),
+    ("lifted", {"frame": "world", "position": [0.72, -0.055, 0.03]}, "spoon and a container"),
+])
+def test_a_waypoint_that_collides_is_refused_with_the_pair_and_the_depth(waypoint: str, keys: dict, parts: str,
+                                                                         tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=rf"near waypoint '\w+' \(t = [\d.]+ s\) {parts} overlap by [\d.]+ mm; "
+                                          rf"accepted: 0.5 mm or more"):
+        plan_motion(change(tmp_path, waypoint, keys, grip_turn_deg=0.0))
+
+
+def test_clearances_are_those_of_the_places() -> None:
+    """Raising the arm by a height raises its smallest distance from the table by that much; in itself nothing changes.
+
+    A posture folded into itself is found, with the bodies that overlap.
+    """
+    config = load_rehearsal("shovel", {"grip_turn_deg": 0.0})
+    plan = plan_motion(config)
+    q, rise = plan.solution.q[0], 0.01
+    raised = config.model_copy(update={"base": BasePose(position=(0.0, 0.0, rise))})
+    first, second = (RobotClearance(compile_rehearsal(c), plan.arm) for c in (config, raised))
+    low, high = first.measure(q), plan_clearance(raised, q)
+    assert high[0].distance - low[0].distance == pytest.approx(rise, abs=1e-6) and "table" in low[0].parts
+    assert high[1].distance == pytest.approx(low[1].distance, abs=1e-9)
+    folded = np.array([0.0, 2.0, 0.0, -2.09, 0.0, 2.09, 0.0])
+    assert first.measure(folded)[1].distance < first.measure(plan.arm.home)[1].distance
+    assert second.measure(q)[1].distance == pytest.approx(low[1].distance, abs=1e-9)
+
+
+def plan_clearance(config: RehearsalConfig, q: np.ndarray) -> tuple:
+    """Measure with an arm that stands where the configuration says."""
+    from robosim.robot.model import Arm
+    from robosim.scene.build import assemble_rehearsal
+
+    return RobotClearance(compile_rehearsal(config), Arm(assemble_rehearsal(config))).measure(q)
+
+
+def test_a_long_path_is_no_jump(tmp_path: Path) -> None:
+    """A carry of two minutes, in which joints move slowly between two coarse samples."""
+    config = change(tmp_path, "across", {"speed": 0.0035}, grip_turn_deg=0.0)
+    plan = plan_motion(config)
+    assert plan.path.duration > 120.0 and plan.solution.errors.max() < 1e-6
+
+
+def test_a_slower_script_passes_the_same_places(tmp_path: Path) -> None:
+    config = change(tmp_path)
+    path, slow = WaypointPath(config), WaypointPath(slow_down(config, 2.0))
+    moving = path.duration - sum(end - begin for begin, end in path.rests.values())
+    resting = slow.duration - sum(end - begin for begin, end in slow.rests.values())
+    assert resting == pytest.approx(2.0 * moving, rel=1e-6)
+    between = np.linspace(0.0, path.times["above"], 20)
+    for time in between:
+        np.testing.assert_allclose(slow.pose(2.0 * time).position, path.pose(time).position, atol=1e-9)

@@ -1,0 +1,129 @@
+"""Kinematics, dynamics and planning of arms of any number of joints, bundled, written and from elsewhere."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from written_arms import write_arm
+
+from mpm import Pose
+from mpm.geometry.rigid_motion import relative_rotation
+from robosim.config.arm import ArmConfig
+from robosim.errors import ConfigError, UnknownName
+from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_wrist_sensor, assemble
+from robosim.robot.hand import bundled_hands, load_hand
+from robosim.robot.inverse_kinematics import solve_pose
+from robosim.robot.mjspec import compile_spec
+from robosim.robot.model import Arm
+from robosim.robot.robot import bundled_arms, load_robot_model
+
+POSES, RESTARTS = 200, 60
+STAND = Pose(np.array([0.1, -0.2, 0.3]),
+             Rotation.from_euler("xyz", [10.0, 20.0, 30.0], degrees=True).as_quat(scalar_first=True))
+
+
+def make(kind: str, path: Path) -> Assembly:
+    """Return a bundled arm that stands askew, or one with so many joints, with a spoon in its hand."""
+    if not kind.isdigit():
+        bundled = assemble("spoon", kind)
+        return replace(bundled, robot=replace(bundled.robot, stand=STAND))
+    file = write_arm(path / "arm.xml", int(kind), slide=1 if kind == "8" else None)
+    config = ArmConfig.model_validate({"model": str(file), "flange": "tip", "limits": {"velocity": [2.0] * int(kind)}})
+    return replace(assemble("spoon", gripper="none"), robot=replace(load_robot_model(config, path), stand=STAND))
+
+
+@pytest.mark.parametrize("kind", [*bundled_arms(), "5", "8"])
+def test_reachable_poses_are_solved_and_mujoco_confirms_them(kind: str, tmp_path: Path) -> None:
+    """At least 99.5 %, with restarts; pose, gravity torques and Jacobian are MuJoCo's."""
+    assembly = make(kind, tmp_path)
+    arm, spec, rng = Arm(assembly), mujoco.MjSpec(), np.random.default_rng(3)
+    assembly.attach_to(spec)
+    model = compile_spec(spec)
+    data = mujoco.MjData(model)
+    places = [model.joint(name).qposadr[0] for name in arm.joints]
+    dofs = [model.joint(name).dofadr[0] for name in arm.joints]
+    middle, half = 0.5 * (arm.lower + arm.upper), 0.5 * (arm.upper - arm.lower)
+    failed = 0
+    for _ in range(POSES):
+        target = arm.tool_pose(middle + half * rng.uniform(-1.0, 1.0, len(half)))
+        for attempt in range(RESTARTS):
+            start = middle + (attempt > 0) * 0.9 * half * rng.uniform(-1.0, 1.0, len(half))
+            solution = solve_pose(arm, target, start, middle)
+            if solution.converged:
+                break
+        failed += not solution.converged
+        data.qpos[places] = solution.q
+        mujoco.mj_forward(model, data)
+        reached, own = data.body("spoon"), arm.tool_pose(solution.q)
+        assert np.linalg.norm(reached.xpos - own.position) < 1e-9
+        assert np.linalg.norm(relative_rotation(own.quaternion, reached.xquat)) < 1e-7
+        assert (solution.q >= arm.lower).all() and (solution.q <= arm.upper).all()
+    assert failed <= 0.005 * POSES
+    still = np.zeros(len(arm.joints))
+    assert arm.inverse_dynamics(solution.q, still, still) == pytest.approx(data.qfrc_bias[dofs], abs=1e-6)
+    jacobian = np.zeros((2, 3, model.nv))
+    mujoco.mj_jacBody(model, data, *jacobian, model.body("spoon").id)
+    R = data.body("spoon").xmat.reshape(3, 3)
+    expected = np.concatenate([R.T @ part[:, dofs] for part in jacobian])
+    assert arm.jacobian(solution.q) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("robot", bundled_arms())
+@pytest.mark.parametrize("gripper", [*bundled_hands(), "none"])
+def test_hands_hold_a_tool_in_one_orientation(robot: str, gripper: str) -> None:
+    """Whatever is between flange and tool; the wrist carries hand and tool, and the sensor lies at the flange."""
+    assembly = assemble("spoon", robot, gripper)
+    spec = assembly.build_spec()
+    add_wrist_sensor(spec, assembly)
+    model = compile_spec(spec)
+    data = mujoco.MjData(model)
+    data.qpos[[model.joint(name).qposadr[0] for name in assembly.robot.joints]] = assembly.robot.home
+    mujoco.mj_forward(model, data)
+    flange, grip = (data.site(name).xmat.reshape(3, 3) for name in (assembly.robot.flange, "spoon_grip"))
+    expected = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y of the grip is z of the flange
+    np.testing.assert_allclose(flange.T @ grip, expected, atol=1e-6)
+    offset = flange.T @ (data.site("spoon_grip").xpos - data.site(assembly.robot.flange).xpos)
+    assert np.abs(offset[:2]).max() < 1e-6 and 0.09 < offset[2] < 0.17
+    assert np.linalg.norm(data.site(WRIST_SITE).xpos - data.site(assembly.robot.flange).xpos) < 1e-6
+    carried = model.body_subtreemass[model.body(assembly.wrist).id]
+    assert carried > model.body("spoon").mass[0] and data.ncon == 0
+
+
+def test_a_turn_in_the_hand_is_about_the_handle() -> None:
+    straight, turned = (assemble("spoon", "iiwa14", grip_turn_deg=angle) for angle in (0.0, 40.0))
+    poses = []
+    for assembly in (straight, turned):
+        model = compile_spec(assembly.build_spec())
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        poses.append((data.site("spoon_grip").xpos.copy(), data.site("spoon_grip").xmat.reshape(3, 3).copy()))
+    assert np.linalg.norm(poses[1][0] - poses[0][0]) < 1e-9
+    turn = Rotation.from_matrix(poses[0][1].T @ poses[1][1]).as_rotvec(degrees=True)
+    np.testing.assert_allclose(turn, [0.0, 0.0, 40.0], atol=1e-6)
+
+
+def test_hands_are_files(tmp_path: Path) -> None:
+    (tmp_path / "hand.xml").write_text('<mujoco><worldbody><body name="base"><geom size="0.02"/><site name="g"/>'
+                                       '<body><joint name="j" type="slide"/><geom size="0.01"/></body></body>'
+                                       '</worldbody><actuator><position name="a" joint="j"/></actuator></mujoco>')
+    path, text = tmp_path / "hand.yaml", "model: hand.xml\ngrip: g\nopen: {a: 0.1}\nclosed: {a: 0.0}\n"
+    path.write_text(text)
+    hand = load_hand(str(path))
+    assert hand is not None and hand.base == "base"
+    assert assemble("spoon", "iiwa14", str(path)).wrist == HAND_PREFIX + "base"
+    for old, new, error, message in (("grip: g", "grip: h", UnknownName, "grip: site 'h'; valid: g"),
+                                     ("open: {a", "open: {b", ConfigError, "accepted: the same actuators"),
+                                     ("{a: 0.1}", "{c: 0.1}", ConfigError, "accepted: the same actuators")):
+        path.write_text(text.replace(old, new))
+        with pytest.raises(error, match=message):
+            load_hand(str(path))
+    path.write_text(text.replace("a:", "b:"))
+    with pytest.raises(UnknownName, match="actuator 'b'; valid: a"):
+        load_hand(str(path))
+    with pytest.raises(UnknownName, match="gripper 'claw'; valid: none, parallel_jaw, robotiq_3f"):
+        load_hand("claw")
+    with pytest.raises(ConfigError, match="no such file; accepted: a .yaml file of your own, or one of parallel_jaw"):
+        load_hand(str(tmp_path / "no.yaml"))
