@@ -12,7 +12,6 @@ from mpm.files import write
 from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.errors import UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
-from robosim.rehearsal.film_camera import FollowCamera
 from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.cameras import FOLLOW
@@ -37,6 +36,11 @@ SHEET_FRAMES = 9
 """Frames on the sheet."""
 FULL, EMPTYING = 0.95, 0.5
 """Shares of the largest load from which a tool counts as full, and below which as emptying."""
+DISTANCE, AZIMUTH_DEG, ELEVATION_DEG = 0.62, 205.0, -28.0
+"""Of the camera that follows the hand, from what it looks at [m], and its direction [deg]: from the
+other side of the table."""
+CAMERA_LAG = 0.5
+"""Time [s] in which the camera follows: a jerk of the hand does not shake the picture."""
 
 
 class FilmPlan(NamedTuple):
@@ -228,3 +232,22 @@ def choose_frames(loads: np.ndarray, passages: list[tuple[float, str]]) -> list[
         gaps |= {a: b - a for a, b in itertools.pairwise(order) if b in events and a not in events and a != order[0]}
         del chosen[min(gaps, key=lambda index: gaps[index])]
     return sorted(chosen.items()) or [(0, "start")]
+
+
+class FollowCamera:
+    """A camera that keeps hand and tool in the picture: it looks at the middle between them, smoothly."""
+
+    def __init__(self, model: mujoco.MjModel, hand: str, tool: str) -> None:
+        self._tool, self._hand = model.body(tool).id, model.body(hand).id
+        self._time: float | None = None
+        self.camera = mujoco.MjvCamera()
+        self.camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        self.camera.distance, self.camera.azimuth, self.camera.elevation = DISTANCE, AZIMUTH_DEG, ELEVATION_DEG
+
+    def follow(self, data: mujoco.MjData, time: float) -> mujoco.MjvCamera:
+        """Return the camera at a time [s]; data: with positions of bodies."""
+        aim = 0.4 * data.xpos[self._hand] + 0.6 * data.xpos[self._tool]
+        share = 1.0 if self._time is None else 1.0 - np.exp(-max(time - self._time, 0.0) / CAMERA_LAG)
+        self.camera.lookat[:] += share * (aim - self.camera.lookat)
+        self._time = time
+        return self.camera

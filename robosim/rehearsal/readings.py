@@ -114,12 +114,16 @@ class Readings:
     def write_csv(self, path: Path) -> None:
         """Write trajectory.csv: one row a step, nine digits."""
         values = {name: self.stack_steps(name).reshape(len(self.steps), -1) for name in WRITTEN}
-        commanded, reached = values["commanded"][:, 3:], values["reached"][:, 3:]
-        commanded[:] = make_continuous(commanded)
-        reached *= np.where(np.sum(reached * commanded, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        align_signs(values["commanded"], values["reached"])
         rows = np.column_stack(list(values.values()))
         with path.open("w") as file:
             np.savetxt(file, rows, delimiter=",", header=",".join(name_columns(self.joints)), comments="", fmt="%.9g")
+
+
+def align_signs(commanded: np.ndarray, reached: np.ndarray) -> None:
+    """Choose the signs of the quaternions of poses (n, 7), in place: continuous, and reached as commanded."""
+    commanded[:, 3:] = make_continuous(commanded[:, 3:])
+    reached[:, 3:] *= np.where(np.sum(reached[:, 3:] * commanded[:, 3:], axis=1, keepdims=True) < 0.0, -1.0, 1.0)
 
 
 def make_continuous(quaternions: np.ndarray) -> np.ndarray:

@@ -23,16 +23,14 @@ from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.recorder import RunReadings, make_recorder
 from robosim.rehearsal.replay.comparison import OPPOSITE
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
+from robosim.rehearsal.result import MISSED_TRAJECTORY, TRAJECTORY, Result
 from robosim.rehearsal.run import RehearsalRun
+from robosim.robot.assembly import check_payload
 from robosim.robot.model_errors import draw_model_errors
-from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints
+from robosim.robot.ros_trajectory import name_joints
 from robosim.scene.build import assemble_rehearsal
 from robosim.scene.field import check_field
 
-TRAJECTORY = "joint_trajectory.yaml"
-"""The motion for the real robot: written after a rehearsal that held all bounds."""
-MISSED_TRAJECTORY = "joint_trajectory_MISSED_BOUNDS.yaml"
-"""The same of one that did not, if it is asked for."""
 RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
            TRAJECTORY, MISSED_TRAJECTORY, RECORDING, "last_good_state.npz")
 """Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
@@ -59,32 +57,52 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
              height: int = 720, poster: float | None = None, seed: int = 0, trajectory: str | None = None,
              motions: Path | None = None, recorded: Path | None = None, model_errors: int | None = None,
              force_export: bool = False) -> int:
-    """Run a rehearsal and write its results into the folder `out`.
+    """Run a rehearsal, write its results into the folder `out`, and print the main figures.
 
-    Returns 0, or 1 where a figure missed its bound. camera: None for no video. colour: of its grains.
-    frame_rate: pictures per second; height: of a picture [pixels]; poster: time [s] of a still. trajectory: "script"
-    or "learned", the latter from a folder of motions, or with None the bundled ones. recorded: what the real arm
-    recorded of that motion (see `robosim.conversion.joint_log`), to be played in its place and compared with it.
-    model_errors: seed of errors by which the robot differs from its model; None: it does not. force_export: write the
-    motion for the real robot also where a bound was missed, under a name that says so.
-
-    Input is checked before any work; raises ConfigError. Files are complete however the run ends.
+    Returns 0, or 1 where a figure missed its bound. trajectory: "script" or "learned", the latter from a folder of
+    motions, or with None the bundled ones. recorded: what the real arm recorded of that motion (see
+    `robosim.conversion.joint_log`), to be played in its place and compared with it. force_export: write the motion for
+    the real robot also where a bound was missed, under a name that says so. Others as of `simulate`.
     """
     config = check_rehearsal(name, material=material, grasp=grasp, trajectory=trajectory, motions=motions)
-    material_config = load_material(config.material)
     log = None if recorded is None else read_log(recorded, config)
+    result = simulate(config, out, camera=camera, colour=colour, frame_rate=frame_rate, height=height, poster=poster,
+                      seed=seed, log=log, model_errors=model_errors)
+    if log is None and result.missed and force_export:
+        result.export_ros2(out / MISSED_TRAJECTORY, force=True)
+    _print(result.figures, result.missed, out)
+    if log is None and result.missed and not force_export:
+        print(f"no {TRAJECTORY}: a bound was missed (--force-export writes {MISSED_TRAJECTORY})")
+    if result.failure is not None:
+        raise result.failure
+    return int(bool(result.missed))
+
+
+def simulate(config: RehearsalConfig, out: Path, *, camera: str | None = "close", colour: str = "material",
+             frame_rate: int = FRAME_RATE, height: int = 720, poster: float | None = None, seed: int = 0,
+             log: JointLog | None = None, model_errors: int | None = None) -> Result:
+    """Run a rehearsal and write its results into the folder `out`.
+
+    camera: None for no video. colour: of its grains. frame_rate: pictures per second; height: of a picture [pixels];
+    poster: time [s] of a still. log: what the real arm recorded, to be played in the planned motion's place.
+    model_errors: seed of errors by which the robot differs from its model; None: it does not.
+
+    Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
+    real robot is written last, and only where every bound was held.
+    """
+    material = load_material(config.material)
     if camera is not None:
         check_camera(camera)
         check_colour(colour)
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
         folder.write_yaml("config.yaml", config.model_dump(mode="json"))
-        folder.write_yaml("material.yaml", material_config.model_dump(mode="json"))
+        folder.write_yaml("material.yaml", material.model_dump(mode="json"))
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
             film = None if camera is None else FilmProcess(folder)
             if film is not None:
                 stack.callback(film.close)
-            run = _prepare(config, folder, seed, log, model_errors)
+            run = _prepare(config, seed, log, model_errors)
             stack.callback(_write_trajectory, run, folder)
             recorder = make_recorder(run, folder.path / RECORDING)
             stack.callback(recorder.close)
@@ -100,16 +118,11 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
         missed = find_missed(figures, config)
         recorder.close()
         folder.write_text("index.html", make_page(run, figures, missed, folder.path).html())
-        if run.replay is None and (not missed or force_export):
-            folder.write_yaml(MISSED_TRAJECTORY if missed else TRAJECTORY, make_joint_trajectory(
-                run.plan.motion, run.plan.arm.joints, config.joint_trajectory, start=config.grasp_time))
+        result = Result(run, figures, missed, folder.path, failure)
+        if log is None and not missed:
+            result.export_ros2(folder.path / TRAJECTORY)
         folder.write_json("report.json", figures | {"missed": missed})
-        _print(figures, missed, folder)
-        if missed and not force_export and run.replay is None:
-            print(f"no {TRAJECTORY}: a bound was missed (--force-export writes {MISSED_TRAJECTORY})")
-        if failure is not None:
-            raise failure
-        return int(bool(missed))
+        return result
 
 
 def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None = None, trajectory: str | None = None,
@@ -119,15 +132,20 @@ def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None
         raise ConfigError(f"--motions {motions} with --trajectory script; accepted: with --trajectory learned")
     chosen = {"material": material, "grasp": grasp, "trajectory": trajectory or (motions and "learned"),
               "motions": motions and str(Path(motions).resolve())}
-    config = place_target(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
+    return check_config(load_rehearsal(name, {key: value for key, value in chosen.items() if value}))
+
+
+def check_config(config: RehearsalConfig) -> RehearsalConfig:
+    """Return a configuration with its target in place; raises ConfigError for what cannot be run."""
+    config = place_target(config)
     check_field(config, law_of(load_material(config.material)))
-    joints = assemble_rehearsal(config).robot.joints
-    name_joints(joints, config.joint_trajectory)  # raises for names that cannot be used
+    assembly = assemble_rehearsal(config)
+    name_joints(assembly.robot.joints, config.joint_trajectory)  # raises for names that cannot be used
+    check_payload(assembly)
     return config
 
 
-def _prepare(config: RehearsalConfig, folder: OutputFolder, seed: int, log: JointLog | None,
-             model_errors: int | None) -> RehearsalRun:
+def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_errors: int | None) -> RehearsalRun:
     """Plan the motion, and make robot and grains."""
     print("planning the motion ...", file=sys.stderr)
     began = clock.perf_counter()
@@ -177,7 +195,7 @@ def _simulate(run: RehearsalRun, film: FilmProcess | None, recorder: SceneRecord
         run.run(after_step)
 
 
-def _print(figures: dict, missed: list[str], folder: OutputFolder) -> None:
+def _print(figures: dict, missed: list[str], folder: Path) -> None:
     """Print the main figures, and those that missed their bounds."""
     for key, (name, form) in PRINTED.items():
         print(f"{name:46s} {'-' if figures[key] is None else form.format(figures[key])}")
@@ -189,4 +207,4 @@ def _print(figures: dict, missed: list[str], folder: OutputFolder) -> None:
               "arm's on the hand")
     for line in missed:
         print(f"outside its bound: {line}")
-    print(f"written to {folder.path}")
+    print(f"written to {folder}")

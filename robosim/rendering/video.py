@@ -112,6 +112,12 @@ def copy_with_index_first(source: Path, target: Path) -> None:
                 new.mux(packet)
 
 
+def count_frames(path: Path) -> int:
+    """Return the number of frames of a film."""
+    with av.open(str(path)) as film:
+        return film.streams.video[0].frames or sum(1 for _ in film.decode(video=0))
+
+
 def read_frames(path: Path, indices: list[int]) -> list[Frame]:
     """Return frames of a film by their numbers, in increasing order; those beyond its end are left out."""
     wanted, frames = set(indices), []

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 from mpm import Pose
 from robosim.config.arm import ArmConfig, BasePose, GripperConfig
 from robosim.config.resources import folder
+from robosim.errors import ConfigError
 from robosim.robot.hand import NONE, Hand, load_hand, load_hand_model
-from robosim.robot.mjspec import find_site_pose, quiet_attachment, read_model
+from robosim.robot.mjspec import compile_spec, find_site_pose, quiet_attachment, read_model
 from robosim.robot.robot import Robot, load_arm, load_robot_model, read_stand
 
 HAND_PREFIX = "hand_"
@@ -109,6 +110,15 @@ def meet_heads(spec: mujoco.MjSpec) -> None:
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
             geom.conaffinity |= HEAD
+
+
+def check_payload(assembly: Assembly) -> None:
+    """Raise ConfigError where hand and tool alone are heavier than what the arm may carry."""
+    payload, model = assembly.robot.payload, compile_spec(assembly.build_spec())
+    mass = float(model.body_subtreemass[model.body(assembly.wrist).id])
+    if payload is not None and mass > payload:
+        raise ConfigError(f"{assembly.gripper_name} with {assembly.tool.name if assembly.tool else 'no tool'} weighs "
+                          f"{mass:.3g} kg; accepted: up to the payload of {assembly.robot.name}, {payload:g} kg")
 
 
 def load_tool_model(name: str) -> ToolModel:

@@ -6,6 +6,7 @@ import numpy as np
 
 from robosim.config.robot import JointTrajectoryConfig
 from robosim.errors import ConfigError, UnknownName
+from robosim.robot.hand import Hand
 from robosim.robot.timing import JointMotion
 
 POINT_INTERVAL = 0.01
@@ -27,6 +28,17 @@ def make_joint_trajectory(motion: JointMotion, joints: Sequence[str], names: Joi
     points = [_make_point(motion, time, start) for time in ([0.0] if start > 0.0 else []) + times.tolist()]
     return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": names.frame_id}, "joint_names": joint_names,
             "points": points}
+
+
+def make_gripper_commands(hand: Hand, closing: float) -> dict:
+    """Make the commands of a hand that is open at the start and closed after a time [s], as plain Python values.
+
+    Values are those of the model's actuators; times count from the start, as those of the trajectory do.
+    """
+    seconds = {"sec": int(closing), "nanosec": round((closing - int(closing)) * 1e9)}
+    return {"actuator_names": list(hand.open),
+            "points": [{"positions": list(hand.open.values()), "time_from_start": {"sec": 0, "nanosec": 0}},
+                       {"positions": list(hand.closed.values()), "time_from_start": seconds}]}
 
 
 def name_joints(joints: Sequence[str], names: JointTrajectoryConfig) -> list[str]:

@@ -60,8 +60,9 @@ def test_a_friction_grasp_needs_a_hand(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("waypoint", "keys", "parts"), [
     ("over", {"position": [-0.02, 0, -0.03]}, "spoon and (table|a container)"),
-    ("across", {"frame": "world", "position": [0.72, 0.0, 0.01]}, "spoon and table"),
-    ("lifted", {"frame": "world", "position": [0.72, -0.055, 0.03]}, "spoon and a container"),
+    ("back", {"frame": "world", "position": [0.72, 0.0, 0.01], "rotation_deg": [0, 20, 90]}, "spoon and table"),
+    ("across", {"frame": "source", "position": [0.14, 0, 0.03]}, "spoon and a container"),
+    ("home", {"frame": "world", "position": [0.72, 0.02, -0.01], "rotation_deg": [0, 0, 90]}, "hand_f1_2 and source"),
 ])
 def test_a_waypoint_that_collides_is_refused_with_the_pair_and_the_depth(waypoint: str, keys: dict, parts: str,
                                                                          tmp_path: Path) -> None:

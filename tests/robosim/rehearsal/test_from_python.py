@@ -1,0 +1,72 @@
+"""Rehearsals from Python: plan, run, and what comes of them; what is exported may be trusted."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import robosim
+from robosim.rehearsal.result import GRIPPER_COMMANDS
+
+
+def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
+    """Too short to deliver anything: its motion is not exported, or only under a name that says so."""
+    rehearsal = robosim.Rehearsal(short, material="sugar", max_time_scale=1.0)
+    assert rehearsal.config.material == "sugar"
+    plan = rehearsal.plan()
+    assert plan.time_scale == 1.0 and plan.clearance.surroundings.distance > 0.0
+    drawable = os.environ["MUJOCO_GL"] != "disable"
+    result = rehearsal.run(camera="close" if drawable else None, height=180)
+    assert result.figures["material"] == "sugar" and any("delivered" in line for line in result.missed)
+    curves, steps = result.curves, len(result.curves["time"])
+    assert curves["q"].shape == curves["torque"].shape == (steps, 7) and curves["wrist"].shape == (steps, 6)
+    assert np.abs(curves["reached"] - curves["commanded"]).max() < 0.01 and result.positions.shape[1] == 3
+    frames = result.frames(4)
+    assert len(frames) == (4 if drawable else 0) and all(frame.shape == (180, 320, 3) for frame in frames)
+    saved = result.save(tmp_path / "saved")
+    assert {"report.json", "index.html", "trajectory.csv", "config.yaml"} <= {p.name for p in saved.iterdir()}
+    assert json.loads((saved / "report.json").read_text())["missed"] == result.missed
+    with pytest.raises(robosim.ConfigError, match=r"motion.yaml: not written, for bounds were missed: .*delivered"):
+        result.export_ros2(tmp_path / "motion.yaml")
+    assert not (tmp_path / "motion.yaml").exists()
+    written = result.export_ros2(tmp_path / "motion.yaml", force=True, joint_prefix="lbr_")
+    assert written.name == "motion_MISSED_BOUNDS.yaml"
+    message = yaml.safe_load(written.read_text())
+    assert message["joint_names"] == [f"lbr_A{k}" for k in range(1, 8)]
+    np.testing.assert_allclose(message["points"][0]["positions"], plan.motion.state(0.0).q, atol=1e-8)
+    commands = yaml.safe_load((tmp_path / GRIPPER_COMMANDS).read_text())
+    assert commands["actuator_names"] == ["f1", "f2", "fm"]
+    assert commands["points"][0]["positions"] == [0.0] * 3 and commands["points"][1]["positions"] == [0.9] * 3
+    times = [point["time_from_start"] for point in commands["points"]]
+    assert times == [{"sec": 0, "nanosec": 0}, {"sec": 0, "nanosec": 120_000_000}]  # the grasp takes 0.2 s
+
+
+def test_errors_come_before_any_work(short: Path) -> None:
+    with pytest.raises(robosim.UnknownName, match="unknown rehearsal 'sponn'.*spoon"):
+        robosim.Rehearsal("sponn")
+    with pytest.raises(robosim.UnknownName, match="unknown robot 'kuka'; valid: iiwa14, panda, ur5e, xarm7"):
+        robosim.Rehearsal(short, robot="kuka")
+    with pytest.raises(robosim.ConfigError, match=r"robotiq_3f with spoon weighs 2.43 kg; accepted: up to the payload"):
+        table = {"model": str(Path("models/robots/iiwa14/iiwa14.xml").resolve()), "flange": "flange", "payload": 1.0,
+                 "limits": {"velocity": [1.0] * 7}}
+        robosim.Rehearsal(short, robot=table, gripper="robotiq_3f")
+    with pytest.raises(robosim.ConfigError, match="acceleration has 6 values; accepted: 7, for A1, A2"):
+        robosim.Rehearsal(short, limits={"velocity_fraction": 0.9, "acceleration": [1.0] * 6}).plan()
+
+
+def test_paths_in_a_file_are_relative_to_it(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the working directory is."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "arm.yaml").write_text(yaml.safe_dump({
+        "model": str(Path("models/robots/ur5e/ur5e.xml").resolve()), "flange": "flange", "gripper": "parallel_jaw",
+        "limits": {"velocity": [3.0] * 6, "torque": [150.0, 150.0, 150.0, 28.0, 28.0, 28.0]}}))
+    table = yaml.safe_load(short.read_text()) | {"robot": "arm.yaml"}
+    (folder / "lab.yaml").write_text(yaml.safe_dump(table))
+    monkeypatch.chdir(tmp_path)
+    rehearsal = robosim.Rehearsal("lab/lab.yaml")
+    assert rehearsal.config.robot == str(folder / "arm.yaml")
+    assert rehearsal.plan().arm.joints[0] == "shoulder_pan_joint"
