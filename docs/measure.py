@@ -1,6 +1,7 @@
 """Run the commands whose results the pages quote, and store these in docs/results/data: `python docs/measure.py NAME`.
 
-Names: rehearsal_spoon (and the pictures of it), gallery (a still of each of the other rehearsals), report, stability,
+Names: rehearsal_spoon (and the pictures of it), gallery (a still of each of the other rehearsals), arms (three
+rehearsals with every arm, with its hand and without), report, stability,
 bench, bench_field. Without a name: all.
 """
 
@@ -90,6 +91,61 @@ def gallery(out: Path) -> None:
             still(out / name, name)
 
 
+ARMS = {"iiwa14": "KUKA LBR iiwa 14", "panda": "Franka Panda", "ur5e": "Universal Robots UR5e",
+        "xarm7": "UFACTORY xArm7"}
+FIGURES = {"delivered_fraction": "{:.3f}", "spilled_fraction": "{:.3f}", "tool_tracking_error_max_m": "{:.5f}",
+           "torque_limit_ratio_max": "{:.2f}", "velocity_limit_ratio_max": "{:.2f}", "motion_time_scale": "{:.2f}",
+           "grip_turn_deg": "{:.0f}", "planned_self_clearance_m": "{:.3f}", "wall_time_s": "{:.0f}"}
+"""Of the report of a rehearsal with one of the arms -> form in the table."""
+
+
+def arms(out: Path) -> dict[str, Any]:
+    """Rehearsals with every arm, and a picture of the arms at work."""
+    rows = []
+    for arm, name in ARMS.items():
+        for gripper in ("null", "none"):
+            for rehearsal in ("spoon", "scoop", "shovel"):
+                folder = out / f"{arm}_{gripper}_{rehearsal}"
+                command(["rehearse", rehearsal, "--no-video", "--set", f"robot={arm}", "--set", f"gripper={gripper}"],
+                        folder)
+                figures = json.loads((folder / "report.json").read_text())
+                rows.append([name, figures["gripper"], rehearsal, "; ".join(figures["missed"]) or "all",
+                             *(form.format(figures[key]) for key, form in FIGURES.items())])
+    picture_of_arms()
+    words = ["rehearse", "REHEARSAL", "--no-video", "--set", "robot=ARM", "--set", "gripper=GRIPPER"]
+    return {"made_by": made_by(words),
+            "code": code_digest("robosim.commands.runs.rehearse"),
+            "head": ["arm", "gripper", "rehearsal", "bounds held", *FIGURES], "rows": rows}
+
+
+def picture_of_arms() -> None:
+    """Draw every arm with its hand while it digs, and without while it pours."""
+    import mujoco
+    import numpy as np
+    from PIL import Image
+
+    from robosim.config.rehearsal_file import load_rehearsal
+    from robosim.rehearsal.planning.plan import plan_motion
+    from robosim.rendering.renderer import open_renderer
+    from robosim.scene.build import compile_rehearsal
+
+    option, rows = mujoco.MjvOption(), []
+    option.geomgroup[:], option.sitegroup[:] = (1, 1, 1, 0, 0, 0), 0
+    for gripper, waypoint in ((None, "dig"), ("none", "tilt")):
+        rows.append([])
+        for arm in ARMS:
+            plan = plan_motion(load_rehearsal("spoon", {"robot": arm, "gripper": gripper}))
+            scene = compile_rehearsal(plan.config)
+            data, renderer = mujoco.MjData(scene.model), open_renderer(scene.model, 480, 440)
+            data.qpos[scene.arm_qpos] = plan.motion.state(plan.path.times[waypoint]).q
+            mujoco.mj_forward(scene.model, data)
+            renderer.update_scene(data, "overview", option)
+            rows[-1].append(renderer.render())
+            renderer.close()
+    picture = Image.fromarray(np.concatenate([np.concatenate(row, 1) for row in rows], 0))
+    picture.resize((1440, 660), Image.Resampling.LANCZOS).save(IMAGES / "arms.jpg", quality=84, optimize=True)
+
+
 def picture_of_page(page: Path, out: Path) -> None:
     """Draw the curves of a run's page in Chromium, which has to be installed."""
     script = ("<script>for (const part of document.querySelectorAll('main > *')) "
@@ -137,7 +193,7 @@ def bench_field(out: Path) -> dict[str, Any]:
 
 TASKS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     "rehearsal_spoon": rehearsal_spoon, "report": report, "stability": stability, "bench": bench,
-    "bench_field": bench_field, "gallery": gallery}
+    "bench_field": bench_field, "gallery": gallery, "arms": arms}
 
 
 def main(names: list[str]) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 from generators import api, catalogue, commands, figures, keys, rooms
-from generators.results import learning, performance, verification
+from generators.results import arms, learning, performance, verification
 
 PARTS: dict[str, Callable[[], str]] = {
     "commands.md": commands.page,
@@ -17,6 +17,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "verification.md": verification.page,
     "stability.md": verification.stability_page,
     "performance.md": performance.page,
+    "arms.md": arms.page,
     "learning_scores.md": learning.scores_page,
     "learning_release_0_1.md": learning.release_page,
     "learning_materials.md": learning.materials_page,

@@ -13,7 +13,8 @@ EXAMPLE = """examples:
   robosim keys task --schema > task.json"""
 KINDS = {
     "rehearsal": "robosim.config.rehearsal_file:RehearsalConfig", "task": "robosim.tasks.task:TaskConfig",
-    "robot": "robosim.config.robot:RobotConfig", "material.granular": "robosim.config.materials:GranularConfig",
+    "robot": "robosim.config.robot:RobotConfig", "arm": "robosim.config.arm:ArmConfig",
+    "gripper": "robosim.config.arm:GripperConfig", "material.granular": "robosim.config.materials:GranularConfig",
     "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",
 }
 """Kind of file -> module and class of its schema."""

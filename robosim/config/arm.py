@@ -73,8 +73,6 @@ class ArmConfig(Table):
     limits: ArmLimits = ArmLimits()
     servo: ArmServo | None = None
     """Gains; the default follows from the limits, see `robosim.robot.robot`."""
-    reach: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
-    """Of the wrist from the base [m]; for messages."""
 
 
 class GripperConfig(Table):

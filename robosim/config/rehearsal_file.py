@@ -8,12 +8,12 @@ from pydantic import Field
 
 from robosim.config import rehearsal
 from robosim.config.arm import ArmConfig, ArmServo, BasePose, GripperConfig, PerJoint
-from robosim.config.bounds import Angle, FilePath, Share
+from robosim.config.bounds import MAX_ENTRIES, Angle, FilePath, HalfSize, Name, Share
 from robosim.config.resources import config_path
 from robosim.config.settings import Setting
-from robosim.config.table import Table, read, validate
+from robosim.config.table import Table, Vector3, read, validate
 
-PATH_KEYS = ("material", "motions", "robot", "gripper", "model", "mesh")
+PATH_KEYS = ("material", "motions", "robot", "gripper", "model", "mesh", "workcell")
 """Keys whose values may be paths."""
 SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
 """Ends of values that are paths, not names."""
@@ -28,6 +28,21 @@ class MotionLimitsConfig(Table):
     """Largest acceleration of each joint [rad/s^2]; null: the robot's."""
     jerk: PerJoint | None = None
     """Largest jerk of each joint [rad/s^3]; null: the robot's."""
+
+
+class ObstacleConfig(Table):
+    """A box, or an upright cylinder, that stands in the way."""
+
+    name: Name
+    """Its name in errors and reports."""
+    position: Vector3
+    """Centre [m]."""
+    half: tuple[HalfSize, HalfSize, HalfSize]
+    """Half sizes [m]; of a cylinder the first is the radius."""
+    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
+    """About x, then y, then z of the world."""
+    round: bool = False
+    """Whether it is a cylinder along its z axis."""
 
 
 class RehearsalConfig(rehearsal.RehearsalConfig):
@@ -45,6 +60,11 @@ class RehearsalConfig(rehearsal.RehearsalConfig):
     max_time_scale: Annotated[float, Field(ge=1.0, le=10.0)] = 1.0
     """Largest factor by which the whole motion is played slower where the arm is too slow for the waypoints' speeds; 1:
     refuse such a motion."""
+    workcell: FilePath | None = None
+    """MJCF file of table, floor, lights and cameras, in place of the bundled ones; planning and contacts respect its
+    colliding geoms. The grains lie on the plane z = 0 all the same."""
+    obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=MAX_ENTRIES)] = ()
+    """What stands in the robot's way; grains pass through it."""
     limits: MotionLimitsConfig  # pyright: ignore[reportIncompatibleVariableOverride]
     servo: ArmServo | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
     """Gains of the joints; null: the robot's."""

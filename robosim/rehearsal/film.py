@@ -11,13 +11,14 @@ from PIL import Image
 from mpm.files import write
 from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.errors import UnknownName
-from robosim.rehearsal import CAMERAS, COLOURS
+from robosim.rehearsal import COLOURS
 from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.cameras import FOLLOW
 from robosim.rendering.grain_skin import GRAIN_RADIUS, MARKED_SKIN, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
 from robosim.rendering.video import Mp4Writer, read_frames, write_caption, write_contact_sheet
+from robosim.robot.assembly import HAND_PREFIX
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec
 from robosim.scene.frames import body_pose
@@ -79,10 +80,13 @@ class FilmState(NamedTuple):
     """Which grains sleep (n,), where they are marked."""
 
 
-def check_camera(name: str) -> None:
-    """Raise UnknownName unless a film can be seen from this camera."""
-    if name not in (*CAMERAS, FOLLOW):
-        raise UnknownName("camera", name, (*CAMERAS, FOLLOW))
+def find_camera(model: mujoco.MjModel, name: str) -> str:
+    """Return the name that a camera of the scene, or of the hand in it, has in its model; raises UnknownName."""
+    names = [model.camera(k).name for k in range(model.ncam)]
+    for found in (name, HAND_PREFIX + name):
+        if found in (*names, FOLLOW):
+            return found
+    raise UnknownName("camera", name, [*(known.removeprefix(HAND_PREFIX) for known in names if known), FOLLOW])
 
 
 def check_colour(name: str) -> None:
@@ -93,8 +97,7 @@ def check_colour(name: str) -> None:
 
 def plan_film(run: RehearsalRun, camera: str, colour: str = "material", rate: int = FRAME_RATE, height: int = 720,
               poster: float | None = None) -> FilmPlan:
-    """Return what the film of a run shows; raises UnknownName for camera and colour, see `COLOURS`."""
-    check_camera(camera)
+    """Return what the film of a run shows; raises UnknownName for a colour, see `COLOURS`."""
     check_colour(colour)
     return FilmPlan(run.config, camera, sum(run.solver.particles.counts), run.grains.grain_volume,
                     tuple(run.material.colour), colour == "awake", rate, height, poster,
@@ -116,7 +119,7 @@ class Film:
     def __init__(self, plan: FilmPlan, out: Path) -> None:
         self._plan, self._out = plan, out
         self._model = _compile_drawn_model(plan)
-        self._data = mujoco.MjData(self._model)
+        self._data, self._camera_name = mujoco.MjData(self._model), find_camera(self._model, plan.camera)
         self._renderer = SceneRenderer(self._model, plan.grains, picture_width(plan.height), even(plan.height))
         hand = assemble_rehearsal(plan.config).wrist
         self._follow = FollowCamera(self._model, hand, plan.config.tool) if plan.camera == FOLLOW else None
@@ -149,7 +152,7 @@ class Film:
     def _camera(self, time: float) -> str | mujoco.MjvCamera:
         """Return the film's camera at the time [s] of the state that `_data` has."""
         if self._follow is None:
-            return self._plan.camera
+            return self._camera_name
         mujoco.mj_kinematics(self._model, self._data)
         return self._follow.follow(self._data, time)
 

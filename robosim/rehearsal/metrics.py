@@ -14,11 +14,9 @@ from robosim.rehearsal.mass_balance import (
     weigh_at_wrist,
 )
 from robosim.rehearsal.planning.learned_path import LearnedPath
-from robosim.rehearsal.planning.waypoint_path import is_in_container
+from robosim.rehearsal.planning.waypoint_path import find_tip, is_in_container
 from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
-from robosim.shapes import tool_shape
-from robosim.shapes.tool import WALL
 
 PATH_ERROR_STRIDE = 2
 """Steps from one comparison with the commanded path to the next."""
@@ -181,8 +179,7 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
     waypoints' screws. Each is compared with the path about the same time. The latter figure is None where the tool was
     in no container.
     """
-    head = tool_shape(run.config.tool).head(WALL).vertices
-    tip = head[np.linalg.norm(head, axis=1).argmax()]
+    tip = find_tip(run.config.tool)
     times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
     commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
     worst, inside, window = 0.0, None, round(PATH_ERROR_WINDOW / run.config.host_dt)

@@ -14,7 +14,7 @@ from robosim.conversion.joint_log import JointLog
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import SceneRecorder
-from robosim.rehearsal.film import FRAME_RATE, check_camera, check_colour
+from robosim.rehearsal.film import FRAME_RATE, check_colour, find_camera
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.page import make_page
@@ -28,7 +28,7 @@ from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.assembly import check_payload
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import name_joints
-from robosim.scene.build import assemble_rehearsal
+from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 from robosim.scene.field import check_field
 
 RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
@@ -92,7 +92,7 @@ def simulate(config: RehearsalConfig, out: Path, *, camera: str | None = "close"
     """
     material = load_material(config.material)
     if camera is not None:
-        check_camera(camera)
+        find_camera(compile_rehearsal(config).model, camera)
         check_colour(colour)
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)

@@ -1,16 +1,22 @@
 """The rigid scene: work cell, robot with its tool, and containers, assembled and compiled."""
 
+from pathlib import Path
+
 import mujoco
+from scipy.spatial.transform import Rotation
 
 from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.config.robot import Grip
 from robosim.config.scene import ContainerConfig
 from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble, meet_heads
-from robosim.robot.mjspec import quiet_attachment
+from robosim.robot.mjspec import quiet_attachment, read_model
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.frames import container_pose
 from robosim.scene.grasp import release_tool_joints
 from robosim.scene.models import load_spec
+
+OBSTACLE = (0.80, 0.45, 0.20, 1.0)
+"""Colour of obstacles: RGBA."""
 
 
 def assemble_rehearsal(config: RehearsalConfig) -> Assembly:
@@ -29,21 +35,36 @@ def compile_rehearsal(config: RehearsalConfig) -> Scene:
 def build_rehearsal_spec(config: RehearsalConfig) -> mujoco.MjSpec:
     """Assemble the whole rigid scene of a rehearsal, with its sensors."""
     assembly = assemble_rehearsal(config)
+    workcell = read_workcell(config)
     spec = build_scene_spec(assembly, config.grasp, config.containers, config.host_dt,
-                            contact="contact" in config.tool_container)
+                            contact="contact" in config.tool_container, workcell=workcell)
     add_wrist_sensor(spec, assembly)
     add_torque_sensors(spec, assembly)
     return spec
 
 
+def read_workcell(config: RehearsalConfig) -> mujoco.MjSpec:
+    """Read the work cell of a rehearsal, with its obstacles; raises ConfigError."""
+    own = config.workcell
+    spec = load_spec("workcell", "workcell.xml") if own is None else read_model(Path(own))
+    for obstacle in config.obstacles:
+        turn = Rotation.from_euler("xyz", obstacle.rotation_deg, degrees=True)
+        body = spec.worldbody.add_body(name=obstacle.name, pos=obstacle.position, quat=turn.as_quat(scalar_first=True))
+        radius, _, height = obstacle.half
+        kind = mujoco.mjtGeom.mjGEOM_CYLINDER if obstacle.round else mujoco.mjtGeom.mjGEOM_BOX
+        body.add_geom(name=obstacle.name, type=kind, size=(radius, height, 0.0) if obstacle.round else obstacle.half,
+                      rgba=OBSTACLE)
+    return spec
+
+
 def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, ContainerConfig], host_dt: float, *,
-                     contact: bool) -> mujoco.MjSpec:
+                     contact: bool, workcell: mujoco.MjSpec | None = None) -> mujoco.MjSpec:
     """Assemble work cell, robot with its tool, and containers.
 
     containers: name in models/containers -> where it stands. host_dt: MuJoCo's time step [s]. contact: whether MuJoCo
-    makes contacts between tool and containers.
+    makes contacts between tool and containers. workcell: None for the bundled one.
     """
-    spec = load_spec("workcell", "workcell.xml")
+    spec = load_spec("workcell", "workcell.xml") if workcell is None else workcell
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     meet_heads(spec)
     assembly.attach_to(spec)

@@ -80,9 +80,13 @@ def compute_blend_time(before: Leg | None, after: Leg | None, path: PathConfig, 
     return float(max(SMOOTHSTEP_SLOPE * max(linear, angular), MIN_BLEND))
 
 
-def compute_corner_cut(corner: Corner) -> float:
-    """Compute the distance [m] by which a corner between two legs misses its waypoint."""
+def compute_corner_cut(corner: Corner, tip: np.ndarray) -> float:
+    """Compute the distance [m] by which a corner between two legs misses its waypoint.
+
+    The larger one of the tool's origin and of a point `tip` (3,) [m] of its frame.
+    """
     assert corner.before is not None and corner.after is not None
-    R = corner.pose.matrix
-    change = R @ corner.after.twist.linear - R @ corner.before.twist.linear
-    return SMOOTHSTEP_CUT * corner.blend * float(np.linalg.norm(change))
+    linear = np.subtract(corner.after.twist.linear, corner.before.twist.linear)
+    angular = np.subtract(corner.after.twist.angular, corner.before.twist.angular)
+    changes = np.linalg.norm([linear, linear + np.cross(angular, tip)], axis=1)
+    return SMOOTHSTEP_CUT * corner.blend * float(changes.max())

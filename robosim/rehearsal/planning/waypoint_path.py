@@ -11,6 +11,8 @@ from robosim.rehearsal.planning.pose_sequences import check_duration
 from robosim.rehearsal.planning.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.models import read_inner_size
+from robosim.shapes import tool_shape
+from robosim.shapes.tool import WALL
 
 CONTAINER_MARGIN = 0.02
 """[m] around a container's inside within which the tool counts as in it."""
@@ -113,12 +115,19 @@ class WaypointPath:
         for corner in self._corners:
             if corner.before is None or corner.after is None or not is_in_container(corner.pose, config):
                 continue
-            cut = compute_corner_cut(corner)
+            cut = compute_corner_cut(corner, find_tip(config.tool))
             if cut > config.path.corner_tolerance:
                 raise ConfigError(
                     f"waypoint {corner.name!r} lies inside a container and its corner would be cut by "
                     f"{cut * 1e3:.2f} mm; accepted: {config.path.corner_tolerance * 1e3:.2f} mm "
                     "(path.corner_tolerance): lower the speeds before and after it, or stop there")
+
+
+@cache
+def find_tip(tool: str) -> np.ndarray:
+    """Return the point (3,) [m] of a tool's head that is farthest from the origin of its frame."""
+    head = tool_shape(tool).head(WALL).vertices
+    return head[np.linalg.norm(head, axis=1).argmax()]
 
 
 def is_in_container(pose: Pose, config: RehearsalConfig) -> bool:

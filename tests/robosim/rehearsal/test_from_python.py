@@ -9,7 +9,10 @@ import pytest
 import yaml
 
 import robosim
+from robosim.config.rehearsal_file import load_rehearsal
+from robosim.rehearsal.film import find_camera
 from robosim.rehearsal.result import GRIPPER_COMMANDS
+from robosim.scene.build import compile_rehearsal
 
 
 def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
@@ -70,3 +73,11 @@ def test_paths_in_a_file_are_relative_to_it(short: Path, tmp_path: Path, monkeyp
     rehearsal = robosim.Rehearsal("lab/lab.yaml")
     assert rehearsal.config.robot == str(folder / "arm.yaml")
     assert rehearsal.plan().arm.joints[0] == "shoulder_pan_joint"
+
+
+def test_a_film_is_seen_from_a_camera_that_the_scene_has(short: Path, tmp_path: Path) -> None:
+    """The camera at the wrist is that of the hand; a tool that is bolted to the flange has none."""
+    model = compile_rehearsal(load_rehearsal(str(short))).model
+    assert find_camera(model, "close") == "close" and find_camera(model, "wrist") == "hand_wrist"
+    with pytest.raises(robosim.UnknownName, match="unknown camera 'wrist'; valid: close, follow, overview"):
+        robosim.Rehearsal(short, gripper="none").run(out=tmp_path, camera="wrist")

@@ -10,7 +10,7 @@ import yaml
 from robosim.config.arm import BasePose
 from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
 from robosim.config.resources import config_path
-from robosim.errors import ConfigError
+from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.path_clearance import LEAST
 from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.planning.robot_clearance import RobotClearance
@@ -113,3 +113,29 @@ def test_a_slower_script_passes_the_same_places(tmp_path: Path) -> None:
     between = np.linspace(0.0, path.times["above"], 20)
     for time in between:
         np.testing.assert_allclose(slow.pose(2.0 * time).position, path.pose(time).position, atol=1e-9)
+
+
+def test_obstacles_are_kept_clear_of(tmp_path: Path) -> None:
+    """A pillar in the way of the carry is refused by its name; beside the way it is the closest thing."""
+    pillar = {"name": "pillar", "position": [0.72, 0.0, 0.15], "half": [0.02, 0.02, 0.15], "round": True}
+    with pytest.raises(ConfigError, match=r"near waypoint '\w+' \(t = [\d.]+ s\) .*pillar overlap by [\d.]+ mm"):
+        plan_motion(change(tmp_path, obstacles=[pillar], grip_turn_deg=0.0))
+    beside = pillar | {"position": [0.2, 0.45, 0.15]}
+    plan = plan_motion(change(tmp_path, obstacles=[beside], grip_turn_deg=0.0))
+    assert plan.clearance.surroundings.distance > LEAST
+
+
+def test_a_work_cell_of_ones_own_is_planned_around(tmp_path: Path) -> None:
+    """A lower shelf over the table, at which the elbow would strike, in place of the bundled table."""
+    (tmp_path / "cell.xml").write_text(
+        '<mujoco><worldbody><body name="bench"><geom type="box" size="1 1 0.01" pos="0.4 0 -0.011"/></body>'
+        '<body name="shelf"><geom type="box" size="0.4 0.5 0.01" pos="0.7 0 0.45"/></body></worldbody></mujoco>')
+    with pytest.raises((ConfigError, UnreachableWaypoint), match="shelf overlap by"):
+        plan_motion(change(tmp_path, workcell="cell.xml", grip_turn_deg=0.0))
+    (tmp_path / "cell.xml").write_text(
+        '<mujoco><worldbody><body name="bench"><geom type="box" size="1 1 0.01" pos="0.4 0 -0.011"/></body>'
+        '</worldbody></mujoco>')
+    plan = plan_motion(change(tmp_path, workcell="cell.xml", grip_turn_deg=0.0))
+    assert "bench" in plan.clearance.surroundings.parts
+    with pytest.raises(ConfigError, match=r"missing.xml: no such file"):
+        plan_motion(change(tmp_path, workcell="missing.xml"))
