@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import pydantic
 from pydantic import Field
 
 from robosim.config import rehearsal
@@ -13,6 +14,8 @@ from robosim.config.resources import config_path
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, read, validate
 
+APPROACH = "approach"
+"""Name of the waypoint from which a hand approaches a tool that it picks up."""
 PATH_KEYS = ("material", "motions", "robot", "gripper", "model", "mesh", "workcell")
 """Keys whose values may be paths."""
 SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
@@ -45,6 +48,13 @@ class ObstacleConfig(Table):
     """Whether it is a cylinder along its z axis."""
 
 
+class PickConfig(Table):
+    """The tool stands at the first waypoint, and the hand picks it up there."""
+
+    approach: Annotated[float, Field(gt=0.0, le=1.0)] = 0.12
+    """Distance [m] from which the open hand comes, along its approach direction."""
+
+
 class RehearsalConfig(rehearsal.RehearsalConfig):
     """A whole-arm rehearsal. Paths in the file are relative to it."""
 
@@ -60,6 +70,8 @@ class RehearsalConfig(rehearsal.RehearsalConfig):
     max_time_scale: Annotated[float, Field(ge=1.0, le=10.0)] = 1.0
     """Largest factor by which the whole motion is played slower where the arm is too slow for the waypoints' speeds; 1:
     refuse such a motion."""
+    pick: PickConfig | None = None
+    """Whether the tool is picked up; null: the hand holds it from the start."""
     workcell: FilePath | None = None
     """MJCF file of table, floor, lights and cameras, in place of the bundled ones; planning and contacts respect its
     colliding geoms. The grains lie on the plane z = 0 all the same."""
@@ -68,6 +80,15 @@ class RehearsalConfig(rehearsal.RehearsalConfig):
     limits: MotionLimitsConfig  # pyright: ignore[reportIncompatibleVariableOverride]
     servo: ArmServo | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
     """Gains of the joints; null: the robot's."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_pick(self) -> "RehearsalConfig":
+        if self.pick is not None and (self.grasp != "friction" or self.trajectory != "script"):
+            raise ValueError(f"pick with grasp: {self.grasp}, trajectory: {self.trajectory}; accepted: friction, "
+                             f"script")
+        if self.pick is not None and self.gripper == "none":
+            raise ValueError("pick with gripper: none; accepted: a gripper")
+        return self
 
 
 def load_rehearsal(name: str, overrides: dict | None = None, settings: Sequence[Setting] = ()) -> RehearsalConfig:

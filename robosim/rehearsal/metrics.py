@@ -167,9 +167,10 @@ def _replay_figures(run: RehearsalRun) -> dict[str, object]:
 
 
 def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:
-    """Compute the tracking errors [m] (n,) of the tool's position at each step."""
+    """Compute the tracking errors [m] (n,) of the tool's position at each step; zero before the hand holds it."""
     commanded, reached = run.readings.stack_steps("commanded"), run.readings.stack_steps("reached")
-    return np.linalg.norm(commanded[:, :3] - reached[:, :3], axis=1)
+    is_held = run.readings.stack_steps("time") >= run.held_from
+    return is_held * np.linalg.norm(commanded[:, :3] - reached[:, :3], axis=1)
 
 
 def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
@@ -183,7 +184,7 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
     times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
     commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
     worst, inside, window = 0.0, None, round(PATH_ERROR_WINDOW / run.config.host_dt)
-    for step in range(0, len(times), PATH_ERROR_STRIDE):
+    for step in range(int(np.searchsorted(times, run.held_from)), len(times), PATH_ERROR_STRIDE):
         pose = Pose(reached[step, :3], reached[step, 3:])
         measured = find_points(pose, tip)
         worst = max(worst, find_deviation(commanded[max(step - window, 0) : step + window + 1], measured))

@@ -18,13 +18,13 @@ from robosim.robot.assembly import WRIST_SITE
 from robosim.robot.joint_control import Servo, TorqueSensors
 from robosim.robot.model_errors import ModelErrors
 from robosim.robot.timing import JointState
-from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec
+from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec, standing_pose
 from robosim.scene.collisions import CollisionMonitor
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.field import build_field
 from robosim.scene.frames import body_pose
 from robosim.scene.grains import is_at_border, is_in_tool
-from robosim.scene.grasp import Grasp
+from robosim.scene.grasp import Grasp, put_tool
 
 GRAIN_SAMPLE_INTERVAL = 10
 """Steps between readings that need all grains' positions."""
@@ -59,6 +59,9 @@ class RehearsalRun:
             errors.change_model(self.scene.model, self.scene.wrist, self.scene.arm_dofs)
         self.model, self.data = self.scene.model, mujoco.MjData(self.scene.model)
         self.data.qpos[self.scene.arm_qpos] = self.plan.motion.state(-config.grasp_time).q
+        stand = standing_pose(config)
+        if stand is not None:
+            put_tool(self.scene, self.data, stand)
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.scene, self.data)
         self.sensors = TorqueSensors(self.model, self.data, plan.arm)
@@ -79,6 +82,10 @@ class RehearsalRun:
         """Times [s] of what stands beside the steps: "compile", and what a session adds."""
         self.scooped: np.ndarray | None = None
         """Which grains (n,) were in the tool when it was weighed; None before, or where nothing is weighed."""
+        self._grasp_begin = 0.0 if stand is None else plan.path.rests[config.waypoints[1].name][0] + config.grasp_time
+        """Time [s] at which the fingers begin to close."""
+        self.held_from = 0.0 if stand is None else self._grasp_begin + config.grasp_time
+        """Time [s] from which the hand holds the tool."""
         waypoint = config.weigh_at
         self._weighing_end = np.inf if waypoint is None else plan.path.rests[waypoint][1] + config.grasp_time
         self._grain_mass = float(self.solver.masses()[0])
@@ -146,9 +153,10 @@ class RehearsalRun:
 
     def _command(self, target: JointState) -> np.ndarray:
         """Set finger commands and motor torques, release the grasp after its time; returns the torques [N m] (n,)."""
-        if self.time < self.config.grasp_time:
-            self.grasp.close(min(self.time / (CLOSING_SHARE * self.config.grasp_time), 1.0))
-        else:
+        closing = self.time - self._grasp_begin
+        if 0.0 <= closing < self.config.grasp_time:
+            self.grasp.close(min(closing / (CLOSING_SHARE * self.config.grasp_time), 1.0))
+        elif closing >= self.config.grasp_time:
             self.grasp.release()
         q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
         torque = self.servo.compute_torque(target, q, qd)

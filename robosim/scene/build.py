@@ -5,13 +5,14 @@ from pathlib import Path
 import mujoco
 from scipy.spatial.transform import Rotation
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from mpm import Pose
+from robosim.config.rehearsal_file import APPROACH, RehearsalConfig
 from robosim.config.robot import Grip
 from robosim.config.scene import ContainerConfig
 from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble, meet_heads
 from robosim.robot.mjspec import quiet_attachment, read_model
 from robosim.scene.compiled import Scene, compile_scene
-from robosim.scene.frames import container_pose
+from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grasp import release_tool_joints
 from robosim.scene.models import load_spec
 
@@ -37,10 +38,19 @@ def build_rehearsal_spec(config: RehearsalConfig) -> mujoco.MjSpec:
     assembly = assemble_rehearsal(config)
     workcell = read_workcell(config)
     spec = build_scene_spec(assembly, config.grasp, config.containers, config.host_dt,
-                            contact="contact" in config.tool_container, workcell=workcell)
+                            contact="contact" in config.tool_container, workcell=workcell,
+                            stand=standing_pose(config))
     add_wrist_sensor(spec, assembly)
     add_torque_sensors(spec, assembly)
     return spec
+
+
+def standing_pose(config: RehearsalConfig) -> Pose | None:
+    """Return the world pose at which a tool that is picked up stands; None where none is."""
+    if config.pick is None:
+        return None
+    first = next(waypoint for waypoint in config.waypoints if waypoint.name != APPROACH)
+    return waypoint_pose(first, config.containers)
 
 
 def read_workcell(config: RehearsalConfig) -> mujoco.MjSpec:
@@ -58,18 +68,19 @@ def read_workcell(config: RehearsalConfig) -> mujoco.MjSpec:
 
 
 def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, ContainerConfig], host_dt: float, *,
-                     contact: bool, workcell: mujoco.MjSpec | None = None) -> mujoco.MjSpec:
+                     contact: bool, workcell: mujoco.MjSpec | None = None, stand: Pose | None = None) -> mujoco.MjSpec:
     """Assemble work cell, robot with its tool, and containers.
 
     containers: name in models/containers -> where it stands. host_dt: MuJoCo's time step [s]. contact: whether MuJoCo
-    makes contacts between tool and containers. workcell: None for the bundled one.
+    makes contacts between tool and containers. workcell: None for the bundled one. stand: where a
+    tool stands that the hand does not hold yet.
     """
     spec = load_spec("workcell", "workcell.xml") if workcell is None else workcell
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     meet_heads(spec)
     assembly.attach_to(spec)
     if grasp == "friction":
-        release_tool_joints(spec, assembly)
+        release_tool_joints(spec, assembly, stand)
     with quiet_attachment():
         for name, container in containers.items():
             add_container(spec, name, container)

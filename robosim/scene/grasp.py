@@ -16,14 +16,15 @@ HOLDER = "tool_holder"
 """Name of the equality constraint that holds a free tool while the fingers close."""
 
 
-def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly) -> None:
+def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly, stand: mpm.Pose | None = None) -> None:
     """Give the tool in the hand six degrees of freedom, for a grasp by friction.
 
     The joints lie between palm and tool. As a free body of the world the tool would creep by 1 mm in a second while the
     arm moves: MuJoCo's contacts neglect the rate of their Jacobian, which is the hand's centripetal acceleration in
     such coordinates, and friction responds with a slip velocity in proportion to the contact's time constant. A stiff
-    weld to the palm holds the tool until `Grasp.release`. Contact uses the elliptic cone with stiff friction: under the
-    pyramidal cone a held tool creeps. Raises ConfigError for a tool that is bolted to the flange.
+    weld holds the tool until `Grasp.release`: to the palm, or where it stands in the world. Contact uses the elliptic
+    cone with stiff friction: under the pyramidal cone a held tool creeps. Raises ConfigError for a tool that is bolted
+    to the flange.
     """
     if assembly.hand is None or assembly.tool is None:
         raise ConfigError("grasp: friction with gripper: none; accepted: grasp: weld, or a gripper")
@@ -37,11 +38,23 @@ def release_tool_joints(spec: mujoco.MjSpec, assembly: Assembly) -> None:
     for solid in (geom for geom in body.geoms if geom.contype & 1):
         for part in palm:  # MuJoCo makes no contacts between a body and its parent otherwise
             spec.add_pair(geomname1=part.name, geomname2=solid.name)
-    spec.add_equality(name=HOLDER, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY, name1=assembly.wrist,
-                      name2=assembly.tool.name, solref=[0.004, 1.0], solimp=[0.999, 0.9999, 0.001, 0.5, 2.0],
-                      data=[0.0] * 10 + [1.0, 0.0])  # a zero quaternion: the relative pose of the compiled model
+    place = np.zeros(7) if stand is None else np.concatenate(stand)  # zero: the relative pose of the compiled model
+    spec.add_equality(name=HOLDER, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY,
+                      name1=assembly.wrist if stand is None else "world", name2=assembly.tool.name,
+                      solref=[0.004, 1.0], solimp=[0.999, 0.9999, 0.001, 0.5, 2.0],
+                      data=[0.0, 0.0, 0.0, *place, 1.0, 0.0])
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 20.0
+
+
+def put_tool(scene: Scene, data: mujoco.MjData, pose: mpm.Pose) -> None:
+    """Put a tool that the hand does not hold yet to a world pose; data: with the arm in its posture."""
+    mujoco.mj_kinematics(scene.model, data)
+    model = scene.model
+    held = mpm.Pose(model.body_pos[scene.tool], model.body_quat[scene.tool])
+    relative = (body_pose(data, scene.wrist) @ held).inverse() @ pose
+    first = model.jnt_qposadr[model.body_jntadr[scene.tool]]
+    data.qpos[first : first + 7] = np.concatenate(relative)
 
 
 class Grasp:

@@ -8,6 +8,7 @@ from robosim.config.rehearsal_file import RehearsalConfig
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.path_clearance import PathClearance, check_path
+from robosim.rehearsal.planning.picking import add_approach
 from robosim.rehearsal.planning.robot_clearance import RobotClearance
 from robosim.rehearsal.planning.slower_waypoints import slow_down
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
@@ -88,6 +89,7 @@ def plan_motion(config: RehearsalConfig) -> Plan:
 def solve_grip(config: RehearsalConfig) -> Grip:
     """Solve the joint path with the tool held as the configuration says; errors as of `plan_motion`."""
     arm = Arm(assemble_rehearsal(config))
+    config = add_approach(config, arm.assembly)
     path = LearnedPath(config) if config.trajectory == "learned" else WaypointPath(config)
     robot = RobotClearance(compile_rehearsal(config), arm)
     times, solution = solve_joints(arm, path, robot)

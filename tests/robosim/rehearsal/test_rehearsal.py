@@ -138,6 +138,7 @@ def test_a_snapshot_resumes_to_the_bit(short: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("material", ["salt", "sugar", "flour"])
 @pytest.mark.parametrize("name, trajectory", [("spoon", "script"), ("scoop", "script"), ("bottle", "script"),
+                                              ("pick_bottle", "script"),
                                               ("shovel", "script"), ("spoon", "learned"), ("scoop", "learned"),
                                               ("bottle", "learned"), ("shovel", "learned")])
 def test_the_rehearsal_is_within_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:

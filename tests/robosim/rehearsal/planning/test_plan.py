@@ -9,7 +9,7 @@ from robosim.rehearsal.planning.plan import plan_motion
 from robosim.scene.field import check_field
 
 
-@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])
+@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "pick_bottle", "shovel"])
 def test_every_script_can_be_planned(name):
     """Within the arm's limits and joint ranges; the field accepts every bundled granular material."""
     config = load_rehearsal(name)
@@ -25,6 +25,8 @@ def test_every_script_can_be_planned(name):
     ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "unknown 'bucket'; valid: source, target, tray"),
     ("bottle", {"trajectory": "learned", "learned": []}, "needs `learned`"),
     ("bottle", {"weigh_at": "lifted"}, "needs a dwell"),
+    ("pick_bottle", {"grasp": "weld"}, "pick with grasp: weld, trajectory: script; accepted: friction, script"),
+    ("pick_bottle", {"gripper": "none"}, "pick with gripper: none; accepted: a gripper"),
 ])
 def test_invalid_rehearsals_are_refused(name, changes, message):
     with pytest.raises(ConfigError, match=message):

@@ -1,0 +1,76 @@
+"""A tool that stands somewhere is approached with an open hand, and held by friction alone from there on."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from robosim.config.rehearsal_file import APPROACH, RehearsalConfig, load_rehearsal
+from robosim.rehearsal.planning.plan import plan_motion
+from robosim.robot.robot import bundled_arms
+from robosim.scene.build import compile_rehearsal, standing_pose
+from robosim.scene.frames import body_pose
+from robosim.scene.grasp import HOLDER, Grasp, put_tool
+
+
+@pytest.fixture(scope="module")
+def config() -> RehearsalConfig:
+    return load_rehearsal("pick_bottle")
+
+
+@pytest.mark.parametrize("robot", bundled_arms())
+def test_the_hand_comes_along_its_approach_direction(robot: str, config: RehearsalConfig) -> None:
+    """Straight, from the distance in the file, whatever the arm and the turn of the tool in its hand."""
+    changed = config.model_copy(update={"robot": robot})
+    plan = plan_motion(changed)
+    assert plan.config.waypoints[0].name == APPROACH and plan.config.waypoints[1].dwell >= config.grasp_time
+    model = compile_rehearsal(plan.config).model
+    scene, data = compile_rehearsal(plan.config), mujoco.MjData(model)
+    places = []
+    for name in (APPROACH, "standing"):
+        data.qpos[scene.arm_qpos] = plan.motion.state(plan.path.rests[name][0]).q
+        mujoco.mj_kinematics(model, data)
+        site = data.site("hand_grip")
+        places.append((site.xpos.copy(), site.xmat.reshape(3, 3).copy()))
+    moved, approach = places[1][0] - places[0][0], places[1][1][:, 1]
+    assert changed.pick is not None
+    np.testing.assert_allclose(moved, changed.pick.approach * approach, atol=1e-4)
+    np.testing.assert_allclose(places[0][1], places[1][1], atol=1e-4)
+    data.qpos[scene.arm_qpos] = plan.motion.state(0.0).q
+    stand = standing_pose(plan.config)
+    assert stand is not None
+    put_tool(scene, data, stand)
+    mujoco.mj_forward(model, data)
+    reached = body_pose(data, scene.tool)
+    np.testing.assert_allclose(reached.position, config.waypoints[0].position, atol=1e-9)
+    np.testing.assert_allclose(reached.matrix, stand.matrix, atol=1e-9)
+    assert not [c for c in data.contact if scene.tool in model.geom_bodyid[c.geom]]  # the open fingers do not touch it
+
+
+def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it(config: RehearsalConfig) -> None:
+    """At the stand with open fingers; closed and released, gravity and a push of 1 N displace it by less than 1 mm."""
+    plan = plan_motion(config)
+    scene = compile_rehearsal(plan.config)
+    model, data = scene.model, mujoco.MjData(scene.model)
+    model.opt.timestep = 0.001
+    data.qpos[scene.arm_qpos] = q = plan.motion.state(plan.path.rests["standing"][0]).q
+    stand = standing_pose(plan.config)
+    assert stand is not None
+    put_tool(scene, data, stand)
+    mujoco.mj_forward(model, data)
+    grasp, still = Grasp(scene, data), np.zeros(len(q))
+    stiffness, damping = plan.arm.gains()
+    while data.time < 1.2:
+        if data.time > 0.2:
+            grasp.close(min((data.time - 0.2) / 0.3, 1.0))
+        if data.time > 0.8:
+            grasp.release()
+            data.xfrc_applied[scene.tool, 2] = -1.0
+        elif data.time > 0.15:
+            assert np.linalg.norm(data.xpos[scene.tool] - stand.position) < 5e-4
+        torque = stiffness * (q - data.qpos[scene.arm_qpos]) - damping * data.qvel[scene.arm_dofs]
+        data.ctrl[scene.arm_actuators] = torque + plan.arm.inverse_dynamics(q, still, still)
+        mujoco.mj_step(model, data)
+        mujoco.mj_kinematics(model, data)
+        grasp.measure_slip()
+    assert grasp.is_released and not data.eq_active[model.equality(HOLDER).id]
+    assert grasp.slip < 1e-3 and np.linalg.norm(data.xpos[scene.tool] - stand.position) < 2e-3
