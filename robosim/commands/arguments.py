@@ -97,7 +97,7 @@ class Settings(tuple[Setting, ...]):
             if copy.resolve() == source.resolve():
                 raise ConfigError(f"--out {folder}: {source.name} with the settings would replace {source}; give "
                                   f"another folder")
-            out.write_yaml(copy.name, self.apply(locate_paths(read(source), source.parent)))  # pyright: ignore[reportArgumentType]
+            out.write_yaml(copy.name, locate_paths(self.apply(locate_paths(read(source), source.parent)), Path.cwd()))  # pyright: ignore[reportArgumentType]
             out.release()  # the command itself locks its folder
             yield str(copy)
 

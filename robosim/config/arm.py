@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robosim.config.bounds import FilePath, JointValue, Length, Mass, Name, Text
+from robosim.config.bounds import FilePath, JointValue, Mass, Name, Text
 from robosim.config.table import Table, Vector3
 
 LEAST_JOINTS, MOST_JOINTS = 5, 8
@@ -90,8 +90,6 @@ class GripperConfig(Table):
     squeeze: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     """Largest command beyond the fingers' present place, as a share of the way from open to closed; for actuators
     whose limits allow too much force. null: the actuators' limits are the bound."""
-    opening: Length | None = None
-    """Between open fingers [m]; a thicker tool is refused."""
 
     @model_validator(mode="after")
     def _check_commands(self) -> "GripperConfig":

@@ -106,9 +106,9 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         **_arm_figures(run),
         "robot": run.plan.arm.assembly.robot.name, "gripper": run.plan.arm.assembly.gripper_name,
         "grip_turn_deg": run.config.grip_turn_deg, "motion_time_scale": run.plan.time_scale,
-        "planned_clearance_m": run.plan.clearance.surroundings.distance,
+        "planned_clearance_m": finite(run.plan.clearance.surroundings.distance),
         "planned_clearance_between": list(run.plan.clearance.surroundings.parts),
-        "planned_self_clearance_m": run.plan.clearance.itself.distance,
+        "planned_self_clearance_m": finite(run.plan.clearance.itself.distance),
         "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
         **_learned_path_figures(run), **_replay_figures(run),
         "model_errors": None if run.errors is None else run.errors.figures(),
@@ -149,6 +149,7 @@ def _arm_figures(run: RehearsalRun) -> dict[str, object]:
         "tool_tracking_error_max_m": float(compute_tracking_errors(run).max()),
         **compute_path_errors(run), "wrist_load_ratio_max": compute_wrist_load(run),
         "robot_sources": arm.assembly.robot.sources,
+        "robot_contacts_left_out": [" and ".join(pair) for pair in arm.assembly.robot.touching],
     }
 
 
@@ -164,6 +165,11 @@ def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:
 def _replay_figures(run: RehearsalRun) -> dict[str, object]:
     """Differences of a recording from plan and simulation; empty without one."""
     return {} if run.replay is None else replay_figures(run.replay, run.compare_wrench(), run.plan.arm)
+
+
+def finite(value: float) -> float | None:
+    """Return a value; None for an infinite one, which JSON cannot hold."""
+    return value if np.isfinite(value) else None
 
 
 def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The readings of a rehearsal, step by step."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -74,21 +74,24 @@ class EnergySample(NamedTuple):
     elastic: float
 
 
-def name_columns(joints: Sequence[str]) -> list[str]:
-    """Name the columns of trajectory.csv.
+def name_columns(joints: Sequence[str], slides: Collection[str] = ()) -> list[str]:
+    """Name the columns of trajectory.csv; slides: joints whose values are in metres and newtons.
 
     Poses are in metres and quaternions, whose signs are chosen by `make_continuous`.
     """
     forms = ("q_{}_rad", "qd_{}_rad_s", "qdd_{}_rad_s2", "torque_{}_Nm", "sensed_torque_{}_Nm", "external_torque_{}_Nm")
-    return ["time_s", *(form.format(joint) for form in forms for joint in joints), *(f"wrist_{c}" for c in WRENCH),
+    def name(form: str, joint: str) -> str:
+        return form.format(joint).replace("_rad", "_m").replace("_Nm", "_N") if joint in slides else form.format(joint)
+
+    return ["time_s", *(name(form, joint) for form in forms for joint in joints), *(f"wrist_{c}" for c in WRENCH),
             *(f"commanded_{c}" for c in POSE), *(f"reached_{c}" for c in POSE)]
 
 
 class Readings:
     """All readings of a run of an arm with these joints."""
 
-    def __init__(self, joints: Sequence[str]) -> None:
-        self.joints = tuple(joints)
+    def __init__(self, joints: Sequence[str], slides: Collection[str] = ()) -> None:
+        self.joints, self.slides = tuple(joints), tuple(slides)
         self.steps: list[Step] = []
         self.grains: list[GrainSample] = []
         self.energies: list[EnergySample] = []
@@ -116,8 +119,9 @@ class Readings:
         values = {name: self.stack_steps(name).reshape(len(self.steps), -1) for name in WRITTEN}
         align_signs(values["commanded"], values["reached"])
         rows = np.column_stack(list(values.values()))
+        header = ",".join(name_columns(self.joints, self.slides))
         with path.open("w") as file:
-            np.savetxt(file, rows, delimiter=",", header=",".join(name_columns(self.joints)), comments="", fmt="%.9g")
+            np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.9g")
 
 
 def align_signs(commanded: np.ndarray, reached: np.ndarray) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.table import validate
 from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.result import Result
 from robosim.rehearsal.session import check_config, simulate
@@ -21,7 +22,7 @@ class Rehearsal:
 
     def __init__(self, config: str | Path | RehearsalConfig, **changes: Any) -> None:
         if isinstance(config, RehearsalConfig):
-            config = RehearsalConfig.model_validate(config.model_dump() | changes)
+            config = validate(config.model_dump() | changes, Path("the configuration"), RehearsalConfig)
         else:
             config = load_rehearsal(str(config), changes)
         self.config = check_config(config)

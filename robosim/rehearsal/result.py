@@ -8,7 +8,9 @@ import numpy as np
 
 from robosim.config.output import OutputFolder
 from robosim.config.robot import JointTrajectoryConfig
+from robosim.config.table import validate
 from robosim.errors import ConfigError
+from robosim.recordings.reader import FILE as RECORDING
 from robosim.rehearsal.film_process import FilmFailed
 from robosim.rehearsal.readings import align_signs
 from robosim.rehearsal.run import CLOSING_SHARE, RehearsalRun
@@ -19,8 +21,10 @@ TRAJECTORY = "joint_trajectory.yaml"
 """The motion for the real robot: written after a rehearsal that held all bounds."""
 MISSED_TRAJECTORY = "joint_trajectory_MISSED_BOUNDS.yaml"
 """The same of one that did not, if it is asked for."""
-GRIPPER_COMMANDS = "gripper_commands.yaml"
-"""When the hand closes; beside the motion."""
+RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv", TRAJECTORY,
+           MISSED_TRAJECTORY, "joint_trajectory_gripper.yaml", "joint_trajectory_MISSED_BOUNDS_gripper.yaml", RECORDING,
+           "last_good_state.npz")
+"""Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 CURVES = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque", "commanded", "reached", "wrist",
           "tool_force")
 """Fields of `robosim.rehearsal.readings.Step` that are curves."""
@@ -47,6 +51,8 @@ class Result:
                         "mass_in_tool": run.readings.stack_grains("mass_in_tool")}
         self.positions = run.solver.positions()
         """Of the grains at the end [m] (m, 3)."""
+        self._closes = run.grasp_begin
+        self._closed = run.grasp_begin + CLOSING_SHARE * run.config.grasp_time
         self._motion, self._assembly = run.plan.motion, run.plan.arm.assembly
 
     def frames(self, count: int = 9) -> list[np.ndarray]:
@@ -59,14 +65,15 @@ class Result:
     def save(self, folder: str | Path) -> Path:
         """Copy all files into a folder, and return it; files of an earlier run there are replaced."""
         with OutputFolder(Path(folder)) as out:
+            out.clear(RESULTS)
             for file in sorted(self.folder.iterdir()):
-                if file.is_file():
+                if file.name in (*RESULTS, "config.yaml", "material.yaml"):
                     out.write(file.name, lambda path, file=file: shutil.copyfile(file, path))
             return out.path
 
     def export_ros2(self, path: str | Path, *, joint_prefix: str = "", joint_names: dict[str, str] | None = None,
                     frame_id: str = "", force: bool = False) -> Path:
-        """Write the motion as ROS 2's trajectory_msgs/JointTrajectory, and the hand's commands beside it.
+        """Write the motion as ROS 2's trajectory_msgs/JointTrajectory, and the hand's commands as NAME_gripper.yaml.
 
         joint_prefix, joint_names, frame_id: of the controller, as `joint_trajectory` of the file, which holds where
         none is given. Raises ConfigError where a bound was missed, unless force: then the file's name says so.
@@ -77,11 +84,13 @@ class Result:
         if self.missed and "MISSED_BOUNDS" not in path.stem:
             path = path.with_name(f"{path.stem}_MISSED_BOUNDS{path.suffix}")
         given = {"joint_prefix": joint_prefix, "joint_names": joint_names or {}, "frame_id": frame_id}
-        names = JointTrajectoryConfig.model_validate(given) if any(given.values()) else self.config.joint_trajectory
+        names = self.config.joint_trajectory
+        if any(given.values()):
+            names = validate(given, Path("export_ros2"), JointTrajectoryConfig)
         message = make_joint_trajectory(self._motion, self._assembly.robot.joints, names, start=self.config.grasp_time)
         out = OutputFolder(path.parent)
         out.write_yaml(path.name, message)
         if self._assembly.hand is not None:
-            closed = CLOSING_SHARE * self.config.grasp_time
-            out.write_yaml(GRIPPER_COMMANDS, make_gripper_commands(self._assembly.hand, closed))
+            commands = make_gripper_commands(self._assembly.hand, self._closes, self._closed)
+            out.write_yaml(f"{path.stem}_gripper{path.suffix}", commands)
         return path

@@ -73,7 +73,7 @@ class RehearsalRun:
         self.servo = Servo(plan.arm, gains if errors is None else errors.change_gains(gains))
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self.collisions = CollisionMonitor(self.scene, self.data, config)
-        self.readings = Readings(plan.arm.joints)
+        self.readings = Readings(plan.arm.joints, plan.arm.assembly.robot.slides)
         self.duration = config.grasp_time + self.plan.motion.duration
         """Simulated time [s], including the grasp."""
         self.wall_time = 0.0
@@ -82,9 +82,9 @@ class RehearsalRun:
         """Times [s] of what stands beside the steps: "compile", and what a session adds."""
         self.scooped: np.ndarray | None = None
         """Which grains (n,) were in the tool when it was weighed; None before, or where nothing is weighed."""
-        self._grasp_begin = 0.0 if stand is None else plan.path.rests[config.waypoints[1].name][0] + config.grasp_time
+        self.grasp_begin = 0.0 if stand is None else plan.path.rests[config.waypoints[1].name][0] + config.grasp_time
         """Time [s] at which the fingers begin to close."""
-        self.held_from = 0.0 if stand is None else self._grasp_begin + config.grasp_time
+        self.held_from = 0.0 if stand is None else self.grasp_begin + config.grasp_time
         """Time [s] from which the hand holds the tool."""
         waypoint = config.weigh_at
         self._weighing_end = np.inf if waypoint is None else plan.path.rests[waypoint][1] + config.grasp_time
@@ -153,7 +153,7 @@ class RehearsalRun:
 
     def _command(self, target: JointState) -> np.ndarray:
         """Set finger commands and motor torques, release the grasp after its time; returns the torques [N m] (n,)."""
-        closing = self.time - self._grasp_begin
+        closing = self.time - self.grasp_begin
         if 0.0 <= closing < self.config.grasp_time:
             self.grasp.close(min(closing / (CLOSING_SHARE * self.config.grasp_time), 1.0))
         elif closing >= self.config.grasp_time:

@@ -23,7 +23,7 @@ from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.recorder import RunReadings, make_recorder
 from robosim.rehearsal.replay.comparison import OPPOSITE
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
-from robosim.rehearsal.result import MISSED_TRAJECTORY, TRAJECTORY, Result
+from robosim.rehearsal.result import MISSED_TRAJECTORY, RESULTS, TRAJECTORY, Result
 from robosim.rehearsal.run import RehearsalRun
 from robosim.robot.assembly import check_payload
 from robosim.robot.model_errors import draw_model_errors
@@ -31,9 +31,6 @@ from robosim.robot.ros_trajectory import name_joints
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 from robosim.scene.field import check_field
 
-RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
-           TRAJECTORY, MISSED_TRAJECTORY, RECORDING, "last_good_state.npz")
-"""Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
     "spilled_fraction": ("spilled", "{:.1%}"),

@@ -150,9 +150,10 @@ def add_wrist_sensor(spec: mujoco.MjSpec, assembly: Assembly) -> None:
 
 
 def add_torque_sensors(spec: mujoco.MjSpec, assembly: Assembly) -> None:
-    """Add a torque sensor to each joint, on the link's side of motor, rotor and bearing friction."""
+    """Add a sensor of torque, or of force to slides, to each joint: beyond motor, rotor and bearing friction."""
     for name in assembly.robot.joints:
+        kind = mujoco.mjtSensor.mjSENS_FORCE if name in assembly.robot.slides else mujoco.mjtSensor.mjSENS_TORQUE
         body = spec.joint(name).parent
         body.add_site(name=f"{name}_torque_site", pos=spec.joint(name).pos, group=4)
-        spec.add_sensor(name=f"{name}_torque", type=mujoco.mjtSensor.mjSENS_TORQUE, objtype=mujoco.mjtObj.mjOBJ_SITE,
+        spec.add_sensor(name=f"{name}_torque", type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE,
                         objname=f"{name}_torque_site")

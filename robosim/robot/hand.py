@@ -31,8 +31,6 @@ class Hand:
     closed: dict[str, float]
     squeeze: float | None
     """Largest command beyond the fingers' present place, as a share of the way from open to closed."""
-    opening: float | None
-    """Between open fingers [m]."""
 
 
 def bundled_hands() -> list[str]:
@@ -62,8 +60,6 @@ def load_hand_model(config: GripperConfig, place: Path) -> Hand:
     """Read a hand's model; place: folder of the file with relative paths. Raises ConfigError, UnknownName."""
     path = (place / config.model).resolve()
     spec = read_model(path)
-    for key in list(spec.keys):
-        spec.delete(key)
     roots = [body.name for body in spec.worldbody.bodies]
     if len(roots) != 1 or not roots[0]:
         raise ConfigError(f"{path}: root bodies {', '.join(map(repr, roots)) or 'none'}; accepted: one, with a name")
@@ -74,5 +70,4 @@ def load_hand_model(config: GripperConfig, place: Path) -> Hand:
     for name in config.open:
         if name not in actuators:
             raise UnknownName(f"{path}: open, closed: actuator", name, actuators)
-    return Hand(path.stem, spec, roots[0], config.grip, dict(config.open), dict(config.closed), config.squeeze,
-                config.opening)
+    return Hand(path.stem, spec, roots[0], config.grip, dict(config.open), dict(config.closed), config.squeeze)

@@ -13,13 +13,24 @@ from robosim.errors import ConfigError
 
 
 def read_model(path: Path) -> mujoco.MjSpec:
-    """Read an MJCF or URDF file; raises ConfigError with MuJoCo's reason for another."""
+    """Read an MJCF or URDF file, without its keyframes and gravity compensation; all bodies have names.
+
+    Raises ConfigError with MuJoCo's reason for what cannot be read or compiled.
+    """
     if not path.is_file():
         raise ConfigError(f"{path}: no such file; accepted: a model of MuJoCo (MJCF) or a URDF")
     try:
-        return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compiler.fusestatic = False  # else a URDF loses its root and the frames at its flange
+        for number, body in enumerate(spec.bodies):
+            body.name = body.name or f"{path.stem}_body_{number}"
+            body.gravcomp = 0.0  # the servo compensates gravity
+        for key in list(spec.keys):
+            spec.delete(key)
+        spec.copy().compile()
     except ValueError as error:
         raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
+    return spec
 
 
 @contextlib.contextmanager

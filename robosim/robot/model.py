@@ -61,7 +61,8 @@ class Arm:
         self.q_index = np.array([self.model.joints[j].idx_q for j in self._ids])
         self.v_index = np.array([self.model.joints[j].idx_v for j in self._ids])
         frame = robot.flange if assembly.tool is None else assembly.tool.name
-        self.frame = self.model.getFrameId(frame)
+        kind = pinocchio.FrameType.OP_FRAME if assembly.tool is None else pinocchio.FrameType.BODY
+        self.frame = self.model.getFrameId(frame, kind)
         self.lower, self.upper = robot.lower, robot.upper
         self.velocity, self.torque_limits = robot.velocity, robot.torque
         """[rad/s], [N m] (n,)"""
@@ -158,10 +159,9 @@ def _format(values: np.ndarray) -> str:
 
 def write_robot_mjcf(assembly: Assembly, path: Path) -> None:
     """Write arm, hand and tool without geometry, contact or actuators to a file."""
-    model = compile_spec(assembly.build_spec())
-    base = model.body(assembly.robot.base).id
-    T_wb = assembly.robot.stand @ Pose(model.body_pos[base], model.body_quat[base])
-    model.body_pos[base], model.body_quat[base] = T_wb
+    spec = mujoco.MjSpec()
+    assembly.attach_to(spec)
+    model = compile_spec(spec)
     root = ET.Element("mujoco", model="robot")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     # Pinocchio takes the first body to stand at the origin

@@ -62,6 +62,10 @@ class Robot:
     """Distance [m] from the flange to the grip of a tool without a hand."""
     sources: dict[str, str]
     """Quantity -> where its values come from."""
+    touching: tuple[tuple[str, ...], ...] = ()
+    """Pairs of its bodies that touch at home, and make no contacts in any posture."""
+    slides: tuple[str, ...] = ()
+    """Joints that slide: their values are in metres and newtons."""
 
 
 def bundled_arms() -> list[str]:
@@ -90,16 +94,15 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     """
     path = (place / config.model).resolve()
     spec = read_model(path)
-    for key in list(spec.keys):
-        spec.delete(key)
     flange, bodies = find_flange(spec, config.flange, path)
-    turn_site(spec, flange, config.mount_turn_deg)
+    place_flange(spec, bodies[-1], flange, config.mount_turn_deg)
     joints = [joint for body in bodies for joint in body.joints]
-    check_chain(joints, path)
+    check_chain(bodies, joints, path)
     name_joints(joints)
     names = tuple(joint.name for joint in joints)
     model = spec.copy().compile()
     limits, sources = collect_limits(model, names, config, path)
+    write_limits(spec, joints, limits)
     replace_actuators(spec, names, limits["torque"])
     middle = (limits["lower"] + limits["upper"]) / 2.0
     home = middle if config.home_deg is None else to_si(joints, config.home_deg, "home_deg", path)
@@ -107,13 +110,15 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
         k = int(np.argmax(np.maximum(limits["lower"] - home, home - limits["upper"])))
         raise ConfigError(f"{path}: home_deg: joint {names[k]} = {home[k]:.4g}; accepted: {limits['lower'][k]:.4g} to "
                           f"{limits['upper'][k]:.4g}")
+    touching = exclude_contacts(spec, bodies, names, home)
     servo = config.servo
     sources["servo"] = ASSUMED if servo is None else CONFIGURED
     stiffness = STIFFNESS * limits["torque"] if servo is None else per_joint(names, servo.stiffness, "stiffness", path)
     damping = DAMPING * stiffness if servo is None else per_joint(names, servo.damping, "damping", path)
     return Robot(name=path.stem, spec=spec, base=bodies[0].name, stand=read_stand(config.base), flange=flange,
-                 joints=names, home=home, gripper=config.gripper, standoff=config.standoff,
-                 stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, **limits)
+                 joints=names, home=home, gripper=locate_hand(config.gripper, place), standoff=config.standoff,
+                 stiffness=stiffness, damping=damping, payload=config.payload, sources=sources, touching=touching,
+                 slides=tuple(joint.name for joint in joints if joint.type == SLIDE), **limits)
 
 
 def read_stand(base: BasePose) -> Pose:
@@ -139,15 +144,58 @@ def find_flange(spec: mujoco.MjSpec, name: str, path: Path) -> tuple[str, list[A
     return name, chain[::-1]
 
 
-def turn_site(spec: mujoco.MjSpec, name: str, angle_deg: float) -> None:
-    """Turn a site about its z, and give its orientation as a quaternion, whatever the file gives."""
-    model, site = spec.copy().compile(), spec.site(name)
-    turn = Rotation.from_quat(model.site(name).quat, scalar_first=True) * Rotation.from_euler("z", angle_deg, True)
-    site.alt.type, site.quat = mujoco.mjtOrientation.mjORIENTATION_QUAT, turn.as_quat(scalar_first=True)
+def place_flange(spec: mujoco.MjSpec, body: Any, name: str, angle_deg: float) -> None:
+    """Replace the flange's site by one of its body itself, turned about its z, however the file places it."""
+    site = spec.copy().compile().site(name)
+    turn = Rotation.from_quat(site.quat, scalar_first=True) * Rotation.from_euler("z", angle_deg, True)
+    spec.delete(spec.site(name))
+    body.add_site(name=name, pos=site.pos, quat=turn.as_quat(scalar_first=True), group=4)
 
 
-def check_chain(joints: list[Any], path: Path) -> None:
-    """Raise ConfigError unless joints are those of a serial arm."""
+def exclude_contacts(spec: mujoco.MjSpec, bodies: list[Any], names: tuple[str, ...],
+                     home: np.ndarray) -> tuple[tuple[str, ...], ...]:
+    """Exclude contacts that no posture can avoid: of the base with the first link, and of what touches at home.
+
+    Returns the pairs of the latter. MuJoCo leaves contacts of parent and child out, but not those of a static parent.
+    """
+    moving = next(body for body in bodies if body.joints)
+    for static in bodies[: bodies.index(moving)]:
+        spec.add_exclude(bodyname1=static.name, bodyname2=moving.name)
+    model = spec.copy().compile()
+    data = mujoco.MjData(model)
+    data.qpos[[model.joint(name).qposadr[0] for name in names]] = home
+    mujoco.mj_forward(model, data)
+    bodies_of = [[model.body(int(model.geom_bodyid[geom])).name for geom in contact.geom] for contact in data.contact]
+    pairs = {tuple(sorted(names)) for names in bodies_of}
+    own = {body.name for body in spec.bodies}
+    touching = tuple(sorted(pair for pair in pairs if set(pair) <= own - {"world"}))
+    for first, second in touching:
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+    return touching
+
+
+def write_limits(spec: mujoco.MjSpec, joints: list[Any], limits: dict[str, np.ndarray]) -> None:
+    """Give the model the ranges and torques that planner and servo keep to."""
+    for joint, lower, upper, most in zip(joints, limits["lower"], limits["upper"], limits["torque"]):
+        unit = np.degrees(1.0) if spec.compiler.degree and joint.type == HINGE else 1.0
+        joint.range, joint.limited = [lower * unit, upper * unit], True
+        joint.actfrcrange, joint.actfrclimited = [-most, most], True
+
+
+def locate_hand(name: str, place: Path) -> str:
+    """Return the name of a hand, or its file's path, which is relative to a folder."""
+    return str((place / name).resolve()) if name.endswith((".yaml", ".yml")) else name
+
+
+def check_chain(bodies: list[Any], joints: list[Any], path: Path) -> None:
+    """Raise ConfigError unless joints are those of a serial arm, as Pinocchio has them."""
+    double = next((body.name for body in bodies if len(body.joints) > 1), None)
+    if double is not None:
+        raise ConfigError(f"{path}: body {double} has several joints; accepted: one for each body")
+    for joint in joints:
+        if joint.ref or joint.stiffness[0]:
+            raise ConfigError(f"{path}: joint {joint.name} has ref {joint.ref:g}, stiffness {joint.stiffness[0]:g}; "
+                              f"accepted: none of both")
     others = [joint.name or "without a name" for joint in joints if joint.type not in (HINGE, SLIDE)]
     if others:
         raise ConfigError(f"{path}: joint {others[0]} between base and flange has several degrees of freedom; "
@@ -228,7 +276,7 @@ def read_velocities(path: Path, names: tuple[str, ...]) -> np.ndarray | None:
     """Return the speed limits of a URDF; None for a file without them."""
     root = ET.fromstring(read_text(path, 50_000_000))
     found = {joint.get("name"): limit.get("velocity") for joint in root.iter("joint")
-             if (limit := joint.find("limit")) is not None and limit.get("velocity")}
+             if (limit := joint.find("limit")) is not None and float(limit.get("velocity") or 0.0) > 0.0}
     if not all(name in found for name in names):
         return None
     return np.array([float(found[name] or 0.0) for name in names])

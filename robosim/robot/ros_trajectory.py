@@ -30,15 +30,15 @@ def make_joint_trajectory(motion: JointMotion, joints: Sequence[str], names: Joi
             "points": points}
 
 
-def make_gripper_commands(hand: Hand, closing: float) -> dict:
-    """Make the commands of a hand that is open at the start and closed after a time [s], as plain Python values.
+def make_gripper_commands(hand: Hand, closes: float, closed: float) -> dict:
+    """Make the commands of a hand that begins to close at a time [s] and is closed at another, as plain Python values.
 
     Values are those of the model's actuators; times count from the start, as those of the trajectory do.
     """
-    seconds = {"sec": int(closing), "nanosec": round((closing - int(closing)) * 1e9)}
+    points = [(hand.open, 0.0)] + ([(hand.open, closes)] if closes > 0.0 else []) + [(hand.closed, closed)]
     return {"actuator_names": list(hand.open),
-            "points": [{"positions": list(hand.open.values()), "time_from_start": {"sec": 0, "nanosec": 0}},
-                       {"positions": list(hand.closed.values()), "time_from_start": seconds}]}
+            "points": [{"positions": list(values.values()), "time_from_start": _split(round(time * 1e9))}
+                       for values, time in points]}
 
 
 def name_joints(joints: Sequence[str], names: JointTrajectoryConfig) -> list[str]:
@@ -58,9 +58,14 @@ def name_joints(joints: Sequence[str], names: JointTrajectoryConfig) -> list[str
 
 def _make_point(motion: JointMotion, time: float, start: float) -> dict:
     """Make the point at a time [s], of a motion that begins at `start` [s]."""
-    state, nanoseconds = motion.state(time - start), round(time * 1e9)
+    state = motion.state(time - start)
     return {"positions": _round(state.q), "velocities": _round(state.qd), "accelerations": _round(state.qdd),
-            "time_from_start": {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}}
+            "time_from_start": _split(round(time * 1e9))}
+
+
+def _split(nanoseconds: int) -> dict[str, int]:
+    """Return a time as ROS has it."""
+    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
 
 
 def _round(values: np.ndarray) -> list[float]:

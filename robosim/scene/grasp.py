@@ -92,7 +92,8 @@ class Grasp:
         if not self._fingers:
             return
         if np.isfinite(self._squeeze):
-            places = (self._data.actuator_length[self._fingers] - self._open) / self._way
+            moved = self._way != 0.0
+            places = ((self._data.actuator_length[self._fingers] - self._open)[moved] / self._way[moved])
             progress = min(progress, 0.5 * float(places.min() + places.max()) + self._squeeze)
         self._data.ctrl[self._fingers] = self._open + progress * self._way
 

@@ -38,6 +38,7 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
     """
     config = place_target(config)
     plan = plan_motion(config)
+    config = plan.config
     scene = compile_rehearsal(config)
     data = mujoco.MjData(scene.model)
     data.qpos[scene.arm_qpos] = plan.motion.state(0.0).q

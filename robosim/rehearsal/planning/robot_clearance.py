@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pinocchio
 
+from robosim.errors import ConfigError
 from robosim.robot.mjspec import body_ids_below
 from robosim.robot.model import Arm
 from robosim.scene.compiled import Scene
@@ -50,6 +51,9 @@ class RobotClearance:
             number = self._geometry.addGeometryObject(self._make_object(geom, data, body in own))
             numbers[geom], self._bodies[number] = number, body
         robot = [g for g in colliding if model.geom_bodyid[g] in own]
+        if not [g for g in robot if model.body_weldid[model.geom_bodyid[g]] > 0]:
+            raise ConfigError(f"robot {arm.assembly.robot.name}: its model has no geom with contype or conaffinity, so "
+                              f"that collisions cannot be seen; accepted: a model with collision geometry")
         others = [g for g in colliding if model.geom_bodyid[g] not in own]
         for a in robot:
             for b in others:
@@ -57,11 +61,10 @@ class RobotClearance:
                     self._geometry.addCollisionPair(pinocchio.CollisionPair(numbers[a], numbers[b]))
         self._outer = len(self._geometry.collisionPairs)
         carried = set(body_ids_below(model, scene.wrist).tolist())
-        touching = self._touching_at_home(data)
         for k, a in enumerate(robot):
             for b in robot[k + 1 :]:
                 pair = {int(model.geom_bodyid[a]), int(model.geom_bodyid[b])}
-                if not pair <= carried and not self._are_neighbours(a, b) and frozenset((a, b)) not in touching:
+                if not pair <= carried and not self._are_neighbours(a, b):
                     self._geometry.addCollisionPair(pinocchio.CollisionPair(numbers[a], numbers[b]))
         self._results = pinocchio.GeometryData(self._geometry)
 
@@ -96,7 +99,8 @@ class RobotClearance:
         placement = pinocchio.SE3(R, data.geom_xpos[geom])
         joint = 0
         if is_own:
-            frame = self._arm.model.frames[self._arm.model.getFrameId(model.body(model.geom_bodyid[geom]).name)]
+            frame = self._arm.model.frames[self._arm.model.getFrameId(model.body(model.geom_bodyid[geom]).name,
+                                                                    pinocchio.FrameType.BODY)]
             body = data.xmat[model.geom_bodyid[geom]].reshape(3, 3)
             local = pinocchio.SE3(body.T @ R, body.T @ (data.geom_xpos[geom] - data.xpos[model.geom_bodyid[geom]]))
             placement, joint = frame.placement * local, frame.parentJoint
@@ -145,16 +149,9 @@ class RobotClearance:
 
     def _are_neighbours(self, a: int, b: int) -> bool:
         """Whether MuJoCo makes no contacts between two geoms: of one body, of a body and its parent, or excluded."""
-        model = self._scene.model
-        first, second = (int(model.body_weldid[model.geom_bodyid[g]]) for g in (a, b))
+        model, bodies = self._scene.model, sorted(int(self._scene.model.geom_bodyid[g]) for g in (a, b))
+        first, second = (int(model.body_weldid[body]) for body in bodies)
         parents = [int(model.body_weldid[model.body_parentid[body]]) for body in (first, second)]
-        signature = (min(first, second) << 16) + max(first, second)
-        is_excluded = any(int(s) == signature for s in model.exclude_signature)
-        return first == second or first == parents[1] or second == parents[0] or is_excluded \
-            or not self._masks_meet(a, b)
-
-    def _touching_at_home(self, data: mujoco.MjData) -> set[frozenset[int]]:
-        """Pairs of geoms that overlap in the home posture, as shapes of a maker's model may."""
-        data.qpos[self._scene.arm_qpos] = self._arm.home
-        mujoco.mj_forward(self._scene.model, data)
-        return {frozenset(int(g) for g in contact.geom) for contact in data.contact}
+        are_linked = bool(first and second) and (first == parents[1] or second == parents[0])
+        is_excluded = (bodies[0] << 16) + bodies[1] in model.exclude_signature
+        return first == second or are_linked or is_excluded or not self._masks_meet(a, b)

@@ -28,7 +28,7 @@ class PointRun:
     def __init__(self, plan, seed=0, replay=None, errors=None):
         from robosim.rehearsal.readings import Readings
 
-        self.replay = replay
+        self.replay, self.grasp_begin, self.held_from = replay, 0.0, 0.0
         self.config = config = plan.config
         self.plan, self.seed, self.readings, self.wall_time = plan, seed, Readings(NAMES), 0.0
         self.duration, self.time = STEPS * config.host_dt, 0.0
@@ -62,7 +62,8 @@ def plan_motion(config):
     """Return a plan of the waving arm."""
     time.sleep(50 * STEP)
     return SimpleNamespace(config=config, motion=SimpleNamespace(state=wave, duration=STEPS * config.host_dt),
-                           arm=SimpleNamespace(joints=NAMES, torque_limits=np.full(7, 300.0)),
+                           arm=SimpleNamespace(joints=NAMES, torque_limits=np.full(7, 300.0), assembly=SimpleNamespace(
+                               hand=None, robot=SimpleNamespace(joints=NAMES))),
                            path=SimpleNamespace(times={"dig": 0.01, "pour": 0.04}))
 
 

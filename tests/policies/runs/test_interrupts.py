@@ -22,6 +22,7 @@ from policies.demonstrations.demo import demonstrate  # noqa: E402
 from robosim.commands.main import main  # noqa: E402
 from robosim.evaluation import evaluate  # noqa: E402
 from robosim.rehearsal import session  # noqa: E402
+from robosim.rehearsal.result import TRAJECTORY  # noqa: E402
 from robosim.rendering.video import Mp4Writer  # noqa: E402
 
 QUICK = ["--set", "options.batch_size=16", "--set", "options.policy_kwargs.net_arch=[8,8]"]
@@ -178,7 +179,7 @@ def test_an_interrupted_evaluation_leaves_no_unfinished_film(tmp_path: Path, mon
 @pytest.mark.parametrize("error", [KeyboardInterrupt("SIGTERM"), OSError(errno.ENOSPC, "No space left on device")])
 def test_a_rehearsal_has_a_report_only_with_all_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                             error: BaseException) -> None:
-    """It ends while the page is made, before which everything is there; an earlier run's report is no longer."""
+    """It ends while the page is made; an earlier run's report, and its motion for the real robot, are no longer there."""
     for name in ("plan_motion", "RehearsalRun", "FilmProcess", "compute_figures", "find_missed", "make_recorder",
                  "RunReadings", "make_page"):
         monkeypatch.setattr(session, name, getattr(session, name))  # as it was, afterwards
@@ -195,7 +196,7 @@ def test_a_rehearsal_has_a_report_only_with_all_other_files(tmp_path: Path, monk
     monkeypatch.setattr(session, "make_page", fail)
     with pytest.raises(type(error)):
         session.rehearse("spoon", tmp_path)
-    assert whole - {path.name for path in tmp_path.glob("[!.]*")} == {"report.json", "index.html"}
+    assert whole - {path.name for path in tmp_path.glob("[!.]*")} == {"report.json", "index.html", TRAJECTORY}
     assert read_status(tmp_path) == ("interrupted" if isinstance(error, KeyboardInterrupt) else "failed")
     assert not find_unfinished(tmp_path)
     check_files(tmp_path)

@@ -11,7 +11,6 @@ import yaml
 import robosim
 from robosim.config.rehearsal_file import load_rehearsal
 from robosim.rehearsal.film import find_camera
-from robosim.rehearsal.result import GRIPPER_COMMANDS
 from robosim.scene.build import compile_rehearsal
 
 
@@ -40,7 +39,7 @@ def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
     message = yaml.safe_load(written.read_text())
     assert message["joint_names"] == [f"lbr_A{k}" for k in range(1, 8)]
     np.testing.assert_allclose(message["points"][0]["positions"], plan.motion.state(0.0).q, atol=1e-8)
-    commands = yaml.safe_load((tmp_path / GRIPPER_COMMANDS).read_text())
+    commands = yaml.safe_load((tmp_path / "motion_MISSED_BOUNDS_gripper.yaml").read_text())
     assert commands["actuator_names"] == ["f1", "f2", "fm"]
     assert commands["points"][0]["positions"] == [0.0] * 3 and commands["points"][1]["positions"] == [0.9] * 3
     times = [point["time_from_start"] for point in commands["points"]]

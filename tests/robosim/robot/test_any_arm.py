@@ -13,12 +13,15 @@ from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
 from robosim.config.arm import ArmConfig
 from robosim.errors import ConfigError, UnknownName
+from robosim.rehearsal.planning.robot_clearance import RobotClearance
 from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_wrist_sensor, assemble
 from robosim.robot.hand import bundled_hands, load_hand
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
 from robosim.robot.robot import bundled_arms, load_robot_model
+from robosim.scene.build import build_scene_spec
+from robosim.scene.compiled import compile_scene
 
 POSES, RESTARTS = 200, 60
 STAND = Pose(np.array([0.1, -0.2, 0.3]),
@@ -127,3 +130,75 @@ def test_hands_are_files(tmp_path: Path) -> None:
         load_hand("claw")
     with pytest.raises(ConfigError, match="no such file; accepted: a .yaml file of your own, or one of parallel_jaw"):
         load_hand(str(tmp_path / "no.yaml"))
+
+
+URDF = """<robot name="lab"><link name="base_link"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
+</link>{links}<link name="tool0"/><joint name="to_tool" type="fixed"><parent link="l5"/><child link="tool0"/>
+<origin xyz="0 0 0.1" rpy="0.3 0 0"/></joint></robot>"""
+LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.1"/><mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.01"
+ixy="0" ixz="0" iyz="0"/></inertial><collision><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.04" length="0.15"/>
+</geometry></collision></link><joint name="q{k}" type="revolute"><parent link="{parent}"/><child link="l{k}"/>
+<origin xyz="0 0 0.2"/><axis xyz="{axis}"/><limit lower="-2.5" upper="2.5" effort="100" velocity="2"/></joint>"""
+
+
+def test_a_urdf_with_fixed_frames_is_an_arm(tmp_path: Path) -> None:
+    """Base and flange are links without a joint, which MuJoCo would fuse; poses and gravity torques are MuJoCo's."""
+    links = "".join(LINK.format(k=k, parent=f"l{k - 1}" if k else "base_link", axis="0 0 1" if k % 2 == 0 else "0 1 0")
+                    for k in range(6))
+    (tmp_path / "lab.urdf").write_text(URDF.format(links=links))
+    robot = load_robot_model(ArmConfig.model_validate({"model": "lab.urdf", "flange": "tool0"}), tmp_path)
+    assert robot.base == "base_link" and robot.sources["velocity"] == "model" and robot.velocity.tolist() == [2.0] * 6
+    assembly = replace(assemble("spoon", "iiwa14", "parallel_jaw"), robot=replace(robot, stand=STAND))
+    check_against_mujoco(assembly)
+    compiled = compile_scene(build_scene_spec(assembly, "weld", {}, 1e-3, contact=True), assembly)
+    clearance = RobotClearance(compiled, Arm(assembly)).measure(robot.home)
+    assert np.isfinite(clearance[0].distance) and np.isfinite(clearance[1].distance)
+
+
+def check_against_mujoco(assembly: Assembly) -> None:
+    """Compare the tool's pose and the gravity torques in a posture off the home."""
+    arm, spec = Arm(assembly), mujoco.MjSpec()
+    assembly.attach_to(spec)
+    model = compile_spec(spec)
+    data, q = mujoco.MjData(model), arm.home + 0.1
+    data.qpos[[model.joint(name).qposadr[0] for name in arm.joints]] = q
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(arm.tool_pose(q).position, data.body("spoon").xpos, atol=1e-9)
+    np.testing.assert_allclose(arm.tool_pose(q).matrix, data.body("spoon").xmat.reshape(3, 3), atol=1e-9)
+    torque = arm.inverse_dynamics(q, 0.0 * q, 0.0 * q)
+    dofs = [model.joint(name).dofadr[0] for name in arm.joints]
+    np.testing.assert_allclose(torque, data.qfrc_bias[dofs] - data.qfrc_passive[dofs], atol=1e-6)
+
+
+def test_frames_names_and_compensation_of_a_foreign_model(tmp_path: Path) -> None:
+    """Enclosing frames, bodies without names or with a joint's, gravity compensation, limits of the configuration."""
+    path = write_arm(tmp_path / "arm.xml", 6)
+    text = path.read_text().replace('<body name="stand">', '<frame pos="0.3 0 0.1" euler="0 0 40"><body name="stand">')
+    text = text.replace('name="l2"', "").replace('name="l3"', 'name="j3" gravcomp="1"')
+    site = '<site name="tip" pos="0 0 0.25"/>'
+    text = text.replace(site, f'<frame euler="50 0 0">{site}</frame>')
+    path.write_text(text.replace("</worldbody>", "</frame></worldbody>"))
+    robot = load_robot_model(ArmConfig.model_validate({
+        "model": "arm.xml", "flange": "tip", "limits": {"velocity": [2.0] * 6, "torque": [77.0] * 6,
+                                                        "upper_deg": [90.0] * 6}}), tmp_path)
+    for gripper in ("parallel_jaw", "none"):
+        assembly = replace(assemble("spoon", "iiwa14", gripper), robot=robot)
+        check_against_mujoco(assembly)
+        model = compile_spec(assembly.build_spec())
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        flange = data.site("tip").xmat.reshape(3, 3)
+        link = data.body("l5").xmat.reshape(3, 3)
+        np.testing.assert_allclose(link.T @ flange, Rotation.from_euler("x", 50.0, degrees=True).as_matrix(), atol=1e-9)
+        for name in robot.joints:
+            assert model.joint(name).range[1] == pytest.approx(np.radians(90.0))
+            assert model.jnt_actfrcrange[model.joint(name).id] == pytest.approx([-77.0, 77.0])
+    for old, new, message in (('name="j1"', 'name="j1" ref="20"', "joint j1 has ref"),
+                              ('name="j1"', 'name="j1" stiffness="5"', "joint j1 has ref 0, stiffness 5"),
+                              ('<joint name="j2"', '<joint name="extra" axis="1 0 0" range="0 9"/><joint name="j2"',
+                               "has several joints")):
+        write_arm(path, 6)
+        path.write_text(path.read_text().replace(old, new, 1))
+        with pytest.raises(ConfigError, match=message):
+            load_robot_model(ArmConfig.model_validate({"model": "arm.xml", "flange": "tip",
+                                                       "limits": {"velocity": [2.0] * 6}}), tmp_path)
