@@ -179,7 +179,7 @@ def test_an_interrupted_evaluation_leaves_no_unfinished_film(tmp_path: Path, mon
 @pytest.mark.parametrize("error", [KeyboardInterrupt("SIGTERM"), OSError(errno.ENOSPC, "No space left on device")])
 def test_a_rehearsal_has_a_report_only_with_all_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                             error: BaseException) -> None:
-    """It ends while the page is made; an earlier run's report, and its motion for the real robot, are no longer there."""
+    """It ends while the page is made; an earlier run's report, and its motion for the robot, are no longer there."""
     for name in ("plan_motion", "RehearsalRun", "FilmProcess", "compute_figures", "find_missed", "make_recorder",
                  "RunReadings", "make_page"):
         monkeypatch.setattr(session, name, getattr(session, name))  # as it was, afterwards
