@@ -11,7 +11,6 @@ from robosim.envs import register_with_gymnasium
 from robosim.rendering.opengl import choose_graphics
 
 if TYPE_CHECKING:
-    from robosim.config.rehearsal_file import RehearsalConfig
     from robosim.coupling.plugin import GranularPlugin
     from robosim.errors import (
         BodyLeftGrid,
@@ -21,17 +20,12 @@ if TYPE_CHECKING:
         UnknownName,
         UnreachableWaypoint,
     )
-    from robosim.rehearsal.rehearsal import Rehearsal
-    from robosim.rehearsal.result import Result
 
-__all__ = ["BodyLeftGrid", "ConfigError", "GranularPlugin", "Rehearsal", "RehearsalConfig", "Result", "RobosimError",
-           "RobotDiverged", "UnknownName", "UnreachableWaypoint"]
+__all__ = ["BodyLeftGrid", "ConfigError", "GranularPlugin", "RobosimError", "RobotDiverged", "UnknownName",
+           "UnreachableWaypoint"]
 
 MODULES = {
     "robosim.coupling.plugin": ("GranularPlugin",),
-    "robosim.config.rehearsal_file": ("RehearsalConfig",),
-    "robosim.rehearsal.rehearsal": ("Rehearsal",),
-    "robosim.rehearsal.result": ("Result",),
     "robosim.errors": ("BodyLeftGrid", "ConfigError", "RobosimError", "RobotDiverged", "UnknownName",
                        "UnreachableWaypoint"),
 }

@@ -44,9 +44,9 @@ def measure_coupling() -> dict[str, float]:
 
 def measure_kinematics() -> dict[str, float]:
     """Time the inverse kinematics of poses of the arm, from mid-range to 1e-6."""
-    from robosim.verification.cases.robot.ik_poses import measure
+    from robosim.verification.cases import find
 
-    record = measure(poses=500)
+    record = find("ik_poses").measure(poses=500)
     return {"inverse kinematics, mean [ms]": record.readings["mean_ms"],
             "inverse kinematics, 95th percentile [ms]": record.readings["p95_ms"],
             "poses solved [%]": 100 * (1 - record.errors["failed"])}

@@ -21,7 +21,7 @@ SUBJECTS = {
     "shell_leak": "coupling", "closed_system": "coupling", "bar_impact": "coupling", "floating_cube": "coupling",
     "block_at_rest": "coupling", "carried_load": "coupling", "added_mass": "coupling", "driven_wheel": "coupling",
     "sleeping_scenes": "scenes",
-    "ik_poses": "robot", "jerk_limits": "robot", "arm_limits": "scenes", "two_models": "robot",
+    "ik_poses": "robot", "jerk_limits": "robot", "arm_limits": "robot", "two_models": "robot",
 }
 """Name of each case -> its folder, in the order of the report."""
 NAMES = tuple(SUBJECTS)

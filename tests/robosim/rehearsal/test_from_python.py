@@ -11,12 +11,13 @@ import yaml
 import robosim
 from robosim.config.rehearsal_file import load_rehearsal
 from robosim.rehearsal.film import find_camera
+from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.scene.build import compile_rehearsal
 
 
 def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
     """Too short to deliver anything: its motion is not exported, or only under a name that says so."""
-    rehearsal = robosim.Rehearsal(short, material="sugar", max_time_scale=1.0)
+    rehearsal = Rehearsal(short, material="sugar", max_time_scale=1.0)
     assert rehearsal.config.material == "sugar"
     plan = rehearsal.plan()
     assert plan.time_scale == 1.0 and plan.clearance.surroundings.distance > 0.0
@@ -48,15 +49,15 @@ def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
 
 def test_errors_come_before_any_work(short: Path) -> None:
     with pytest.raises(robosim.UnknownName, match="unknown rehearsal 'sponn'.*spoon"):
-        robosim.Rehearsal("sponn")
+        Rehearsal("sponn")
     with pytest.raises(robosim.UnknownName, match="unknown robot 'kuka'; valid: iiwa14, panda, ur5e, xarm7"):
-        robosim.Rehearsal(short, robot="kuka")
+        Rehearsal(short, robot="kuka")
     with pytest.raises(robosim.ConfigError, match=r"robotiq_3f with spoon weighs 2.43 kg; accepted: up to the payload"):
         table = {"model": str(Path("models/robots/iiwa14/iiwa14.xml").resolve()), "flange": "flange", "payload": 1.0,
                  "limits": {"velocity": [1.0] * 7}}
-        robosim.Rehearsal(short, robot=table, gripper="robotiq_3f")
+        Rehearsal(short, robot=table, gripper="robotiq_3f")
     with pytest.raises(robosim.ConfigError, match="acceleration has 6 values; accepted: 7, for A1, A2"):
-        robosim.Rehearsal(short, limits={"velocity_fraction": 0.9, "acceleration": [1.0] * 6}).plan()
+        Rehearsal(short, limits={"velocity_fraction": 0.9, "acceleration": [1.0] * 6}).plan()
 
 
 def test_paths_in_a_file_are_relative_to_it(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,7 +70,7 @@ def test_paths_in_a_file_are_relative_to_it(short: Path, tmp_path: Path, monkeyp
     table = yaml.safe_load(short.read_text()) | {"robot": "arm.yaml"}
     (folder / "lab.yaml").write_text(yaml.safe_dump(table))
     monkeypatch.chdir(tmp_path)
-    rehearsal = robosim.Rehearsal("lab/lab.yaml")
+    rehearsal = Rehearsal("lab/lab.yaml")
     assert rehearsal.config.robot == str(folder / "arm.yaml")
     assert rehearsal.plan().arm.joints[0] == "shoulder_pan_joint"
 
@@ -79,4 +80,4 @@ def test_a_film_is_seen_from_a_camera_that_the_scene_has(short: Path, tmp_path: 
     model = compile_rehearsal(load_rehearsal(str(short))).model
     assert find_camera(model, "close") == "close" and find_camera(model, "wrist") == "hand_wrist"
     with pytest.raises(robosim.UnknownName, match="unknown camera 'wrist'; valid: close, follow, overview"):
-        robosim.Rehearsal(short, gripper="none").run(out=tmp_path, camera="wrist")
+        Rehearsal(short, gripper="none").run(out=tmp_path, camera="wrist")

@@ -27,6 +27,6 @@ def test_the_digest_changes_with_imported_code_only(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("module", ["robosim.benchmarks.scene_run", "robosim.evaluation.material_episode",
-                                    "robosim.verification.cases.scenes.arm_limits"])
+                                    "robosim.verification.cases.robot.arm_limits"])
 def test_the_digest_covers_the_shapes_of_tools(module: str) -> None:
     assert {"vessels.py", "sheet_tools.py", "tool.py"} <= {path.name for path in source_files(module)}

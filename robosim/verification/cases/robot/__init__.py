@@ -1,4 +1,4 @@
 """Cases of the arm.
 
-Imports: config, robot, verification, mpm.
+Imports: config, evaluation, robot, scene, verification, mpm.
 """
