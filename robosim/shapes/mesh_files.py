@@ -1,0 +1,154 @@
+"""Meshes of a laboratory's own tools and containers: read, checked, and made closed.
+
+A solid is closed already. A surface is the middle of a wall: it gets a thickness. What is wrong with a file is refused
+by name, because a tool that leaks or holds the wrong volume looks right in every picture.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from robosim.errors import ConfigError
+
+SUFFIXES = (".stl", ".obj")
+MOST_BYTES = 200_000_000
+MOST_FACES = 200_000
+LARGEST, SMALLEST = 3.0, 5e-3
+"""Longest edge [m] of the box around a tool or container, and the least; beyond them the unit is wrong."""
+UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254}
+PARALLEL = 1e-12
+"""Determinant, relative to the size of triangles, below which a segment is parallel to one."""
+
+Array = NDArray[np.float64]
+
+
+def read_solid(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
+    """Read a closed mesh [m], normals outward; scale: of its unit. Raises ConfigError for one that is not closed."""
+    mesh = read_mesh(path, scale)
+    check_closed(mesh, path)
+    check_intersections(mesh, path)
+    return mesh
+
+
+def read_shell(path: Path, thickness: float, scale: float = 1.0) -> trimesh.Trimesh:
+    """Read a surface [m] and make the wall about it, half of the thickness [m] to each side, as a closed mesh.
+
+    Raises ConfigError for a surface that is closed, or whose wall would cut itself.
+    """
+    mesh = read_mesh(path, scale)
+    if mesh.is_watertight:
+        raise ConfigError(f"{path}: closed, and thickness = {thickness} m is given; accepted: an open surface with a "
+                          f"thickness, or a closed mesh with solid: true")
+    if not mesh.is_winding_consistent:
+        raise ConfigError(f"{path}: neighbouring faces look to opposite sides; accepted: a surface with one front side")
+    check_intersections(mesh, path)
+    wall = thicken(mesh, thickness)
+    check_closed(wall, path)
+    check_intersections(wall, path, f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow places")
+    return wall
+
+
+def read_mesh(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
+    """Read a file with its vertices merged and its unit checked; raises ConfigError."""
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file; accepted: a mesh, {' or '.join(SUFFIXES)}")
+    if path.suffix.lower() not in SUFFIXES:
+        raise ConfigError(f"{path}: {path.suffix or 'no'} format; accepted: {', '.join(SUFFIXES)}")
+    if path.stat().st_size > MOST_BYTES:
+        raise ConfigError(f"{path}: {path.stat().st_size:.3g} bytes; accepted: up to {MOST_BYTES:.3g}")
+    try:
+        mesh = trimesh.load(path, force="mesh", process=False)
+    except Exception as error:  # a reader of many formats raises as many kinds
+        raise ConfigError(f"{path}: cannot be read as a mesh: {error}") from None
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces) or not np.all(np.isfinite(mesh.vertices)):
+        raise ConfigError(f"{path}: holds no triangles with finite corners; accepted: a mesh of triangles")
+    if len(mesh.faces) > MOST_FACES:
+        raise ConfigError(f"{path}: {len(mesh.faces)} triangles; accepted: up to {MOST_FACES}")
+    mesh.apply_scale(scale)
+    check_unit(float(mesh.extents.max()), path)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+def check_unit(size: float, path: Path) -> None:
+    """Raise ConfigError for a size [m] that no tool or container has, with the unit that would explain it."""
+    if SMALLEST <= size <= LARGEST:
+        return
+    likely = [f"{unit} (scale: {factor:g})" for unit, factor in UNITS.items() if 0.02 <= size * factor <= 1.0]
+    raise ConfigError(f"{path}: {size:.4g} m long; accepted: {SMALLEST} to {LARGEST} m; is it in "
+                      f"{' or '.join(likely) or 'another unit'}?")
+
+
+def check_closed(mesh: trimesh.Trimesh, path: Path) -> None:
+    """Raise ConfigError unless a mesh is closed; turn its normals outward."""
+    edges, counts = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    bad = edges[counts != 2]
+    if len(bad):
+        x, y, z = 1e3 * mesh.vertices[bad[0, 0]]
+        what = "open" if np.all(counts[counts != 2] == 1) else "open, or with more than two faces,"
+        raise ConfigError(f"{path}: {what} at {len(bad)} edges, the first near ({x:.1f}, {y:.1f}, {z:.1f}) mm; "
+                          f"accepted: a closed mesh, or a surface with a thickness")
+    if not mesh.is_winding_consistent:
+        trimesh.repair.fix_winding(mesh)
+    if mesh.volume < 0.0:
+        mesh.invert()
+
+
+def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
+    """Make the wall about a surface, closed along its rim."""
+    normals, count = mesh.vertex_normals, len(mesh.vertices)
+    vertices = np.concatenate([mesh.vertices + 0.5 * thickness * normals, mesh.vertices - 0.5 * thickness * normals])
+    directed = mesh.edges[trimesh.grouping.group_rows(mesh.edges_sorted, require_count=1)]
+    a, b = directed.T
+    rim = np.concatenate([np.column_stack([b, a, a + count]), np.column_stack([b, a + count, b + count])])
+    faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, rim])
+    wall = trimesh.Trimesh(vertices, faces, process=False)
+    if wall.volume < 0.0:
+        wall.invert()
+    return wall
+
+
+def check_intersections(mesh: trimesh.Trimesh, path: Path, what: str = "a mesh that does not cut itself") -> None:
+    """Raise ConfigError where faces cut others that they share no corner with."""
+    pairs = find_near_pairs(mesh)
+    triangles = mesh.triangles
+    cut = np.zeros(len(pairs), bool)
+    for first, second in (pairs.T, pairs.T[::-1]):
+        for corner in range(3):
+            begin, end = triangles[first, corner], triangles[first, (corner + 1) % 3]
+            cut |= pierce(begin, end, triangles[second])
+    if cut.any():
+        x, y, z = 1e3 * triangles[pairs[cut][0, 0]].mean(0)
+        raise ConfigError(f"{path}: cuts itself at {int(cut.sum())} pairs of faces, the first near ({x:.1f}, {y:.1f}, "
+                          f"{z:.1f}) mm; accepted: {what}")
+
+
+def find_near_pairs(mesh: trimesh.Trimesh) -> NDArray[np.int64]:
+    """Return pairs (n, 2) of faces whose boxes overlap and that share no corner."""
+    triangles, tree = mesh.triangles, mesh.triangles_tree
+    bounds = np.concatenate([triangles.min(1), triangles.max(1)], axis=1)
+    near = [(face, other) for face, box in enumerate(bounds) for other in tree.intersection(box) if other > face]
+    pairs = np.array(near, np.int64).reshape(-1, 2)
+    shared = (mesh.faces[pairs[:, 0], :, None] == mesh.faces[pairs[:, 1], None, :]).any((1, 2))
+    return pairs[~shared]
+
+
+def pierce(begin: Array, end: Array, triangles: Array) -> NDArray[np.bool_]:
+    """Test which segments (n, 3) to (n, 3) pass through the inside of triangles (n, 3, 3), by Moeller and Trumbore."""
+    direction, origin = end - begin, triangles[:, 0]
+    u_edge, v_edge = triangles[:, 1] - origin, triangles[:, 2] - origin
+    across = np.cross(direction, v_edge)
+    determinant = np.einsum("ij,ij->i", u_edge, across)
+    size = np.linalg.norm(direction, axis=1) * np.linalg.norm(u_edge, axis=1) * np.linalg.norm(v_edge, axis=1)
+    is_parallel = np.abs(determinant) <= PARALLEL * size
+    inverse = 1.0 / np.where(is_parallel, 1.0, determinant)
+    offset = begin - origin
+    u = inverse * np.einsum("ij,ij->i", offset, across)
+    turned = np.cross(offset, u_edge)
+    v = inverse * np.einsum("ij,ij->i", direction, turned)
+    t = inverse * np.einsum("ij,ij->i", v_edge, turned)
+    return ~is_parallel & (u > 0.0) & (v > 0.0) & (u + v < 1.0) & (t > 0.0) & (t < 1.0)

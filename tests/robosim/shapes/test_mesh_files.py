@@ -1,0 +1,71 @@
+"""Meshes from files: exact volumes of walls, and what is wrong with a file is refused by name."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from robosim.errors import ConfigError
+from robosim.shapes.inside import find_inside
+from robosim.shapes.mesh_files import read_shell, read_solid
+
+
+def half_sphere(radius: float = 0.04, sections: int = 96) -> trimesh.Trimesh:
+    """Return the lower half of a sphere, open at the top."""
+    angle = np.linspace(-np.pi / 2.0, 0.0, 33)
+    return trimesh.creation.revolve(radius * np.column_stack([np.cos(angle), np.sin(angle)]), sections=sections)
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".obj"])
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+def test_a_surface_becomes_a_wall_of_its_area_and_thickness(suffix: str, scale: float, tmp_path: Path) -> None:
+    """A thin half sphere: 2 pi r^2 t, and inside it 2/3 pi (r - t/2)^3 of water, less what the lattice rounds."""
+    path, thickness = tmp_path / f"bowl{suffix}", 1.5e-3
+    surface = half_sphere()
+    surface.copy().apply_scale(1.0 / scale).export(path)
+    wall = read_shell(path, thickness, scale)
+    assert wall.is_watertight and wall.volume == pytest.approx(surface.area * thickness, rel=2e-3)
+    assert wall.volume == pytest.approx(2.0 * np.pi * 0.04**2 * thickness, rel=0.01)
+    inside = find_inside(wall)
+    assert inside.volume == pytest.approx(2.0 / 3.0 * np.pi * (0.04 - thickness / 2) ** 3, rel=0.06)
+
+
+def test_a_closed_mesh_is_a_solid_whatever_its_winding(tmp_path: Path) -> None:
+    box = trimesh.creation.box((0.1, 0.05, 0.02))
+    box.invert()
+    box.export(tmp_path / "box.stl")
+    solid = read_solid(tmp_path / "box.stl")
+    assert solid.volume == pytest.approx(1e-4) and solid.is_watertight
+
+
+def refuse(mesh: trimesh.Trimesh, path: Path, message: str, thickness: float | None = None) -> None:
+    """Write a mesh and check that it is refused with a message."""
+    mesh.export(path)
+    with pytest.raises(ConfigError, match=message):
+        read_solid(path) if thickness is None else read_shell(path, thickness)
+
+
+def test_what_is_wrong_with_a_file_is_said(tmp_path: Path) -> None:
+    path, bowl, box = tmp_path / "tool.stl", half_sphere(), trimesh.creation.box((0.1, 0.1, 0.1))
+    refuse(bowl, path, r"open at \d+ edges, the first near \(.*\) mm; accepted: a closed mesh, or a surface")
+    refuse(box, path, "closed, and thickness = 0.001 m is given", 1e-3)
+    refuse(bowl.copy().apply_scale(1000.0), path, r"80 m long; .* is it in millimetres \(scale: 0.001\)", 1e-3)
+    refuse(bowl.copy().apply_scale(1e-3), path, r"8e-05 m long; .* is it in another unit", 1e-3)
+    crossed = trimesh.util.concatenate([box, box.copy().apply_translation([0.04, 0.03, 0.02])])
+    refuse(crossed, path, r"cuts itself at \d+ pairs of faces, the first near \(.*\) mm; accepted: a mesh that does")
+    refuse(bowl, path, r"cuts itself at .*; accepted: its wall of 100 mm: thinner", 0.1)
+    flipped = bowl.copy()
+    flipped.faces[::2] = flipped.faces[::2, ::-1]
+    refuse(flipped, path, "neighbouring faces look to opposite sides", 1e-3)
+    apart = trimesh.util.concatenate([box, box.copy().apply_translation([0.2, 0.0, 0.0])])
+    apart.export(path)
+    assert read_solid(path).volume == pytest.approx(2e-3)
+    (tmp_path / "no.stl").write_text("not a mesh")
+    for name, message in (("no.stl", "cannot be read as a mesh|holds no triangles"), ("missing.stl", "no such file"),
+                          ("tool.ply", "no such file")):
+        with pytest.raises(ConfigError, match=message):
+            read_solid(tmp_path / name)
+    (tmp_path / "tool.ply").write_text("ply")
+    with pytest.raises(ConfigError, match=r"\.ply format; accepted: .stl, .obj"):
+        read_solid(tmp_path / "tool.ply")
