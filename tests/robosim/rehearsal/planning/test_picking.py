@@ -6,7 +6,6 @@ import pytest
 
 from robosim.config.rehearsal_file import APPROACH, RehearsalConfig, load_rehearsal
 from robosim.rehearsal.planning.plan import plan_motion
-from robosim.robot.robot import bundled_arms
 from robosim.scene.build import compile_rehearsal, standing_pose
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp, put_tool
@@ -17,7 +16,7 @@ def config() -> RehearsalConfig:
     return load_rehearsal("pick_bottle")
 
 
-@pytest.mark.parametrize("robot", bundled_arms())
+@pytest.mark.parametrize("robot", ["iiwa14", "xarm7"])
 def test_the_hand_comes_along_its_approach_direction(robot: str, config: RehearsalConfig) -> None:
     """Straight, from the distance in the file, whatever the arm and the turn of the tool in its hand."""
     changed = config.model_copy(update={"robot": robot})
