@@ -6,13 +6,14 @@ from pathlib import Path
 import mujoco
 
 from robosim.config.arm import GripperConfig
-from robosim.config.resources import folder
 from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName
-from robosim.robot.mjspec import read_model
+from robosim.robot.mjspec import bundled_parts, find_part, read_model
 
 NONE = "none"
 """Name of no hand: the tool is bolted to the flange."""
+FILES = "grippers/*/hand.yaml"
+"""Of the bundled hands, below models/."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Hand:
 
 def bundled_hands() -> list[str]:
     """Return the names of the hands in models/grippers."""
-    return sorted(path.parent.name for path in folder("models").glob("grippers/*/hand.yaml"))
+    return bundled_parts(FILES)
 
 
 def load_hand(name: str) -> Hand | None:
@@ -45,14 +46,7 @@ def load_hand(name: str) -> Hand | None:
     """
     if name == NONE:
         return None
-    path = Path(name)
-    if not name.endswith((".yaml", ".yml")):
-        if name not in bundled_hands():
-            raise UnknownName("gripper", name, [*bundled_hands(), NONE], "or the path of a .yaml file of your own")
-        path = folder("models") / "grippers" / name / "hand.yaml"
-    elif not path.is_file():
-        raise ConfigError(f"gripper {name}: no such file; accepted: a .yaml file of your own, or one of "
-                          f"{', '.join([*bundled_hands(), NONE])}")
+    path = find_part("gripper", name, FILES, [NONE])
     return load_hand_model(load(path, GripperConfig), path.parent)
 
 

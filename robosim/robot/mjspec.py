@@ -1,15 +1,16 @@
-"""Specifications of MuJoCo's models: reading, compiling, and places in them."""
+"""Specifications of MuJoCo's models: finding, reading, compiling, and places in them."""
 
 import contextlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.errors import ConfigError
+from robosim.config.resources import folder
+from robosim.errors import ConfigError, UnknownName
 
 
 def read_model(path: Path) -> mujoco.MjSpec:
@@ -31,6 +32,28 @@ def read_model(path: Path) -> mujoco.MjSpec:
     except ValueError as error:
         raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
     return spec
+
+
+def bundled_parts(place: str) -> list[str]:
+    """Return the names of parts below models/; place: pattern of their files, as robots/*/arm.yaml."""
+    return sorted(path.parent.name for path in folder("models").glob(place))
+
+
+def find_part(what: str, name: str, place: str, others: Sequence[str] = ()) -> Path:
+    """Return the file of a part by its name, or a .yaml file of one's own.
+
+    what: its key in a configuration; place: as of `bundled_parts`; others: names that are no files. Raises ConfigError,
+    UnknownName.
+    """
+    accepted = [*bundled_parts(place), *others]
+    if not name.endswith((".yaml", ".yml")):
+        if name not in accepted:
+            raise UnknownName(what, name, accepted, "or the path of a .yaml file of your own")
+        return folder("models") / place.replace("*", name)
+    if not Path(name).is_file():
+        raise ConfigError(f"{what} {name}: no such file; accepted: a .yaml file of your own, or one of "
+                          f"{', '.join(accepted)}")
+    return Path(name)
 
 
 @contextlib.contextmanager

@@ -16,10 +16,9 @@ from scipy.spatial.transform import Rotation
 from mpm import Pose
 from mpm.input_files import read_text
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, BasePose
-from robosim.config.resources import folder
 from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName
-from robosim.robot.mjspec import read_model
+from robosim.robot.mjspec import bundled_parts, find_part, read_model
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
 """Times [s] in which a joint is assumed to reach its largest speed, and its largest acceleration."""
@@ -27,6 +26,8 @@ STIFFNESS, DAMPING = 30.0, 0.02
 """Assumed stiffness per torque limit [1/rad], and damping per stiffness [s]: about those of the iiwa's controller."""
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 CONFIGURED, ASSUMED = "configuration", "assumed"
+FILES = "robots/*/arm.yaml"
+"""Of the bundled arms, below models/."""
 
 
 @dataclass(frozen=True)
@@ -70,19 +71,12 @@ class Robot:
 
 def bundled_arms() -> list[str]:
     """Return the names of the arms in models/robots."""
-    return sorted(path.parent.name for path in folder("models").glob("robots/*/arm.yaml"))
+    return bundled_parts(FILES)
 
 
 def load_arm(name: str) -> Robot:
     """Load an arm by name (models/robots) or from a .yaml file of one's own; raises ConfigError, UnknownName."""
-    path = Path(name)
-    if not name.endswith((".yaml", ".yml")):
-        if name not in bundled_arms():
-            raise UnknownName("robot", name, bundled_arms(), "or the path of a .yaml file of your own")
-        path = folder("models") / "robots" / name / "arm.yaml"
-    elif not path.is_file():
-        raise ConfigError(f"robot {name}: no such file; accepted: a .yaml file of your own, or one of "
-                          f"{', '.join(bundled_arms())}")
+    path = find_part("robot", name, FILES)
     return load_robot_model(load(path, ArmConfig), path.parent)
 
 

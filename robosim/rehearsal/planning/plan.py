@@ -55,6 +55,7 @@ class Grip(NamedTuple):
     times: np.ndarray
     """(n,) [s]"""
     solution: PathSolution
+    robot: RobotClearance
     clearance: PathClearance
     slowness: float
     """Factor on time that the arm's limits demand at least."""
@@ -95,14 +96,13 @@ def solve_grip(config: RehearsalConfig) -> Grip:
     times, solution = solve_joints(arm, path, robot)
     clearance = check_path(config, path, times, solution.q, robot)
     slowness = compute_time_scale(times, solution.q, arm.limits(config.limits)).max()
-    return Grip(config, arm, path, times, solution, clearance, float(slowness))
+    return Grip(config, arm, path, times, solution, robot, clearance, float(slowness))
 
 
 def time_motion(grip: Grip, most: float) -> Plan:
     """Put the joint path into time, a script slower by up to a factor where limits demand it; raises ConfigError."""
-    config, arm, path, times, solution, clearance, _ = grip
+    config, arm, path, times, solution, robot, clearance, _ = grip
     limits, scale, reason = arm.limits(config.limits), 1.0, ConfigError("")
-    robot = RobotClearance(compile_rehearsal(config), arm)
     for _ in range(MAX_SLOWDOWNS):
         try:
             motion = SmoothMotion(times, solution.q, limits, path.times, arm.joints)
