@@ -8,7 +8,8 @@ import mpm
 
 EXAMPLE = """example:
   robosim tables out/runs --out out/tables
-  robosim tables policies/trained/tables.json --check"""
+  robosim tables policies/trained/tables.json --check
+  robosim tables policies/trained/tables.json --replay"""
 
 
 def add_parser(commands: Any) -> None:
@@ -23,14 +24,21 @@ def add_parser(commands: Any) -> None:
                         "they would be refused")
     parser.add_argument("--check", action="store_true", help="only name the rows that are older than the code that "
                         "they exercise; the exit status is 1 if there are any")
+    parser.add_argument("--replay", action="store_true", help="run the first episodes of one run of each kind of a "
+                        "tables.json again, where code has changed since; rows whose scores are found again count as "
+                        "rows of today; written to its folder, as replays.json")
     parser.add_page()
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the tables, or check the rows."""
-    from policies.results.tables import check, tables
+    from policies.results.tables import check, repeat, tables
 
+    if options.replay:
+        if len(options.runs) != 1:
+            raise mpm.InvalidValue(f"tables --replay: {len(options.runs)} sources; accepted: one tables.json")
+        return repeat(options.runs[0])
     if options.check:
         return check(options.runs)
     if options.out is None:

@@ -13,6 +13,7 @@ from policies.learning.preset_files import migrate_manifest, read_yaml
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
 from policies.results.page import align_columns, fill_page, format_scores
+from policies.results.replays import replay
 from policies.results.rows import COLUMNS, OPTIONAL, ROW, is_same_run, make_row, pack_rows, unpack_rows
 from policies.results.staleness import find_stale, report_stale
 from policies.results.summary import summarise_runs
@@ -74,6 +75,16 @@ def check(sources: list[Path]) -> int:
     return report_stale(require_rows(sources)[0], sources)
 
 
+def repeat(source: Path) -> int:
+    """Run the first episodes of a tables.json once more; write what they scored to replays.json in its folder.
+
+    Returns 0 where all of them have, 1 otherwise; raises mpm.InvalidValue for another file.
+    """
+    if not source.is_file():
+        raise mpm.InvalidValue(f"{source}: no file; accepted with --replay: a tables.json")
+    return replay(read_table(source), source.parent)
+
+
 def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
     """Return what `collect_rows` does; raises mpm.InvalidValue where there is no finished run, too."""
     rows, unfinished = collect_rows(sources)
@@ -98,7 +109,7 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = N
     if notes and not is_mixed:
         raise mpm.InvalidValue(f"means over runs that differ: {'; '.join(notes)}; accepted: runs of one kind in a "
                                f"line: leave some out, give them another --label in training, or add --mixed")
-    stale = [f"{len(group)} of {len(rows)} runs: {reason}" for reason, group in find_stale(rows).items()]
+    stale = [f"{len(group)} of {len(rows)} runs: {reason}" for reason, group in find_stale(rows, sources).items()]
     out.mkdir(parents=True, exist_ok=True)
     numbers, further_tables = make_further_tables(summaries, rows, sources, published)
     write_json(out / "tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes, "not_finished": unfinished,

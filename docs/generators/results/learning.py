@@ -35,10 +35,10 @@ def published_results() -> dict:
     return yaml.safe_load((ROOT / "configs" / "published" / "arxiv_2406_09178.yaml").read_text())
 
 
-def age(rows: list[dict]) -> str:
+def age(rows: list[dict], name: str) -> str:
     """A sentence for each part of the rows that today's code did not make."""
     return " ".join(f"**Older than the code:** {len(group)} of {len(rows)} runs; {reason}."
-                    for reason, group in find_stale(rows).items())
+                    for reason, group in find_stale(rows, [TRAINED / name]).items())
 
 
 def scores_page() -> str:
@@ -46,7 +46,7 @@ def scores_page() -> str:
     rows, summaries = read_runs("tables.json")
     scores = score_table(summaries, published_results())
     commits = ", ".join(f"`{commit}`" for commit in sorted({row["commit"] for row in rows}))
-    return f"""{len(rows)} training runs at {commits}. {age(rows)}
+    return f"""{len(rows)} training runs at {commits}. {age(rows, "tables.json")}
 
 {table(scores.head, [[row[0], f"`{row[1]}`", *row[2:]] for row in scores.rows])}"""
 

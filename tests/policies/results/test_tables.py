@@ -14,7 +14,7 @@ from policies.learning.preset_files import ROW_KEYS, load_preset
 from policies.results.curves import group_curves
 from policies.results.rows import preset_digest
 from policies.results.summary import summarise
-from policies.results.tables import check, collect_rows, tables
+from policies.results.tables import check, collect_rows, read_table, repeat, tables
 from robosim.reports.page import Page
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task
@@ -198,7 +198,7 @@ def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.Captu
     assert {"policies.results.tables", "policies.commands.tables"}.isdisjoint(now) and "mpm.solver" in now
     assert len(now) > 30
     write_run(tmp_path / "a", 0, 10.0, code=now)
-    assert check([tmp_path / "a"]) == 0 and "all made by the code of today" in capsys.readouterr().out
+    assert check([tmp_path / "a"]) == 0 and "all made or repeated by the code of today" in capsys.readouterr().out
     for name, changes in (("b", {"code": {**now, "mpm.solver": "0", "mpm.gone": "1"}}), ("c", {}),
                           ("d", {"code": now, "commit": "c-dirty"}), ("e", {"code": now, "options": {"gamma": 0.5}})):
         write_run(tmp_path / name, ord(name), 10.0, **changes)
@@ -237,3 +237,22 @@ def test_a_digest_of_code_is_one_of_its_statements() -> None:
     source = '"""A module."""\nLENGTH = 1.0\n"""[m]"""\n\n\ndef f(x):\n    """Do."""\n    return x + 1  # more\n'
     plain = "LENGTH = 1.0\ndef f(x): return x + 1"
     assert source_digest(source) == source_digest(plain) != source_digest(plain.replace("1.0", "2.0"))
+
+
+def test_a_row_stays_old_where_a_score_differs(tmp_path: Path, capsys: pytest.CaptureFixture,
+                                               monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or where the settings do, or where the run cannot be repeated; a replay of changed code is none."""
+    now = exercised_code()
+    write_run(tmp_path / "a", 0, 10.0, code={**now, "mpm.solver": "0"})
+    (tmp_path / "a" / "episodes.csv").write_text("episode,tcs\n0,8.5\n")
+    assert tables([tmp_path / "a"], tmp_path / "out") == 0
+    path = tmp_path / "out" / "tables.json"
+    (row,) = read_table(path)
+    for found, status in (({}, 0), ({"curve": [8.51]}, 1), ({"preset": "p"}, 1), (None, 1),
+                          ({"code": {**now, "mpm.solver": "1"}}, 0)):
+        again = None if found is None else {**row, "code": now, **found}
+        monkeypatch.setattr("policies.results.replays.run_first_episodes", lambda row, again=again: (again, "no disk"))
+        assert repeat(path) == status
+        is_of_today = found == {}
+        assert check([path]) == (0 if is_of_today else 1), found
+    assert "DIFFERS" in capsys.readouterr().out

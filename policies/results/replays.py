@@ -1,0 +1,110 @@
+"""Rows whose runs today's code repeats: the first episodes of a run of each kind, run again.
+
+A row is a result of the code that made it. Most changes of that code move or add something and leave every figure as it
+was. Where a run of the row's kind, begun again, has the scores of its first episodes, the row counts as one of today.
+"""
+
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import mpm
+from mpm.files import write_json
+from mpm.input_files import check_form, read_json
+from mpm.progress import Progress
+from policies.learning.code_digests import changed_modules
+from policies.learning.files import digest, read_last_line
+from policies.results.curves import POINT, read_curve
+from policies.results.rows import make_row
+
+FILE = "replays.json"
+"""Beside the tables.json whose rows it is about."""
+REPLAY: dict[str, Any] = {"kind": str, "task": str, "method": str, "seed": int, "commit": str, "preset": str,
+                          "stored": float, "found": float, "code": str}
+"""Form of a replay. kind: of its run; commit: where it was run again; stored, found: mean score of the first episodes
+in the row, and when they were run again; code: key of the file's table `code`."""
+OWN = ("--seed", "--out")
+"""Options of a run's command in which the runs of one kind differ."""
+
+
+def kind(row: dict[str, Any]) -> str:
+    """Return a row's command without its seed and folder, which runs that differ in these alone share."""
+    words = shlex.split(row["command"] or "")
+    return shlex.join(word for k, word in enumerate(words) if word not in OWN and (k == 0 or words[k - 1] not in OWN))
+
+
+def read_replays(sources: list[Path]) -> list[dict[str, Any]]:
+    """Return the replays that lie beside tables.json files, with their code in place of its key.
+
+    Raises:
+        mpm.InvalidValue: a file is not one of `robosim tables --replay`.
+    """
+    replays = []
+    for path in sorted({source.with_name(FILE) for source in sources if source.is_file()}):
+        if path.is_file():
+            try:
+                table = read_json(path)
+                check_form(table, {"made_by": str, "replays": [REPLAY], "code": {str: {str: str}}}, path.name)
+                replays += [{**one, "code": table["code"][one["code"]]} for one in table["replays"]]
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                raise mpm.InvalidValue(f"{path}: not a {FILE} of `robosim tables --replay`: {error}") from error
+    return replays
+
+
+def is_repeated(row: dict[str, Any], replays: list[dict[str, Any]]) -> bool:
+    """Return whether today's code has repeated a run of the row's kind, with the row's preset and its scores."""
+    return any(one["kind"] == kind(row) and one["preset"] == row["preset"] and one["stored"] == one["found"]
+               and not changed_modules(one["code"]) for one in replays)
+
+
+def replay(rows: list[dict[str, Any]], folder: Path) -> int:
+    """Run the first episodes of one run of each kind again; write replays.json into a folder.
+
+    Returns 1 where a score differs or a run cannot be repeated, which is printed; 0 otherwise. Takes about 20 s a kind.
+    """
+    first: dict[str, dict[str, Any]] = {}
+    for row in sorted(rows, key=lambda row: row["seed"]):
+        first.setdefault(kind(row), row)
+    replays, failed = [], 0
+    for name, row in Progress(list(first.items()), desc="replays", unit="runs"):
+        title = f"{row['method']} {row['task']} seed {row['seed']}"
+        if not (row["command"] and row["curve"]):
+            failed, text = 1, "its row has no command or no scores"
+        else:
+            again, text = run_first_episodes(row)
+            if again is None:
+                failed = 1
+            else:
+                replays.append({"kind": name, "task": row["task"], "method": row["method"], "seed": row["seed"],
+                                "commit": again["commit"], "preset": again["preset"], "stored": row["curve"][0],
+                                "found": again["curve"][0], "code": again["code"]})
+                is_same = row["curve"][0] == again["curve"][0] and row["preset"] == again["preset"]
+                failed |= not is_same
+                text = f"mean score of the first episodes {again['curve'][0]:g}, stored {row['curve'][0]:g}" \
+                       f"{'' if is_same else ': DIFFERS'}"
+        print(f"{title}: {text}")
+    write_json(folder / FILE, {"made_by": "robosim tables --replay", "code": {digest(one["code"]): one["code"]
+                                                                              for one in replays},
+                               "replays": [{**one, "code": digest(one["code"])} for one in replays]})
+    return int(failed)
+
+
+def run_first_episodes(row: dict[str, Any]) -> tuple[dict[str, Any] | None, str]:
+    """Return the row of the first episodes of a run, run again in a process of its own; or None, and why not."""
+    with tempfile.TemporaryDirectory(prefix="replay_") as folder:
+        out = Path(folder) / "run"
+        words = shlex.split(row["command"])[1:]
+        words[words.index("--out") + 1] = str(out)
+        log = Path(folder) / "log.txt"
+        with log.open("w") as file:
+            code = subprocess.run([sys.executable, "-m", "robosim", *words, "--episodes",
+                                   str(min(POINT, row["episodes"]))], stdout=file, stderr=file,
+                                  env={**os.environ, "OMP_NUM_THREADS": "1"}).returncode
+        if code != 0:
+            return None, f"cannot be run again: {read_last_line(log) or f'exit status {code}'}"
+        return make_row(read_json(out / "manifest.json"), read_json(out / "status.json"),
+                        read_curve(out / "episodes.csv")), ""
