@@ -19,7 +19,7 @@ from policies.learning.presets import Preset
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.commands.keys import KINDS, schema_class
 from robosim.config.materials import law_of, load_material
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.resources import folder
 from robosim.config.robot import load_robot
 from robosim.config.settings import read_setting, with_settings

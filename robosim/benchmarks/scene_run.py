@@ -13,7 +13,7 @@ import numpy as np
 import mpm
 from robosim.benchmarks.scene_parts import Stopwatch, list_parts
 from robosim.config.materials import MaterialConfig, load_material, overridden
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.reports.jobs import pin_to_core
 from robosim.tasks.task import is_task, load_task
 
@@ -86,7 +86,7 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     cell = config.field.cell * setting.get("cell", 1.0)
     field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
                                             * setting.get("grains_per_cell", 1.0)})
-    wall = float(np.clip(config.collision_thickness, 0.5 * cell, cell))
+    wall = float(np.clip(config.grain_wall, 0.5 * cell, cell))
     config = config.model_copy(update={"field": field, "collision_thickness": wall})
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))

@@ -85,7 +85,7 @@ class Settings(tuple[Setting, ...]):
             yield name
             return
         from robosim.config.output import OutputFolder
-        from robosim.config.rehearsal_file import locate_paths
+        from robosim.config.rehearsal import locate_paths
         from robosim.config.resources import config_path
         from robosim.config.table import read
 
@@ -111,7 +111,7 @@ class Settings(tuple[Setting, ...]):
 
             load_task(name, self)
         else:
-            from robosim.config.rehearsal_file import load_rehearsal
+            from robosim.config.rehearsal import load_rehearsal
 
             load_rehearsal(name, settings=self)
 

@@ -12,7 +12,7 @@ EXAMPLE = """examples:
   robosim keys rehearsal
   robosim keys task --schema > task.json"""
 KINDS = {
-    "rehearsal": "robosim.config.rehearsal_file:RehearsalConfig", "task": "robosim.tasks.task:TaskConfig",
+    "rehearsal": "robosim.config.rehearsal:RehearsalConfig", "task": "robosim.tasks.task:TaskConfig",
     "robot": "robosim.config.robot:RobotConfig", "arm": "robosim.config.arm:ArmConfig",
     "gripper": "robosim.config.arm:GripperConfig", "material.granular": "robosim.config.materials:GranularConfig",
     "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",

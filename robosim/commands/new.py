@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
 def schema_of(kind: str, source: str) -> Any:
     """Find the schema of a valid file; raises ConfigError for one that is not."""
     if kind == "rehearsal":
-        from robosim.config.rehearsal_file import load_rehearsal as load
+        from robosim.config.rehearsal import load_rehearsal as load
     elif kind == "task":
         from robosim.tasks.task import load_task as load
     elif kind == "material":

@@ -1,104 +1,75 @@
 """Configuration of a whole-arm rehearsal."""
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import pydantic
 from pydantic import Field
 
+from robosim.config.arm import ArmConfig, ArmServo, BasePose, GripperConfig
 from robosim.config.bounds import (
     MAX_ENTRIES,
-    Acceleration,
     Angle,
-    AngularAcceleration,
-    AngularSpeed,
-    Duration,
     FilePath,
     GraspTime,
     Length,
     Mass,
     Name,
-    Speed,
     Text,
-    Tolerance,
 )
-from robosim.config.resources import config_path, container_names
-from robosim.config.robot import Grip, JointTrajectoryConfig, LimitsConfig, ServoConfig
-from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
+from robosim.config.motion import MotionLimitsConfig, PathConfig, PickConfig, WaypointConfig
+from robosim.config.resources import config_path, container_names, tool_names
+from robosim.config.robot import Grip, JointTrajectoryConfig
+from robosim.config.scene import ContainerConfig, FieldConfig, ObstacleConfig, RegionConfig
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector3, load
+from robosim.config.table import Table, read, validate
+from robosim.config.tool import ToolConfig
 
-
-class PathConfig(Table):
-    """How the tool rounds the corners between waypoints."""
-
-    acceleration: Acceleration
-    """Acceleration of the tool along the path [m/s^2]."""
-    angular_acceleration: AngularAcceleration
-    """Angular acceleration of the tool along the path [rad/s^2]."""
-    corner_tolerance: Tolerance = 1.5e-3
-    """Largest distance [m] between the rounded path and the screw motions inside a container."""
-
-
-class WaypointConfig(Table):
-    """A pose of the tool, reached by a screw motion from the waypoint before."""
-
-    name: Name
-    """Its name in reports and errors."""
-    frame: Name
-    """Frame of position and rotation: "world", or the name of a container."""
-    position: Vector3
-    """Position of the tool's frame [m]."""
-    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    """Rotations about the frame's x, then y, then z axis [deg]."""
-    speed: Speed
-    """Speed of the tool on the way to this waypoint [m/s]."""
-    angular_speed: AngularSpeed = 1.5
-    """Angular speed on the way to this waypoint [rad/s]; the slower of the two decides."""
-    stop: bool = False
-    """Whether the tool stops there."""
-    dwell: Duration = 0.0
-    """Duration [s] of the stop."""
-    acceleration: Acceleration | None = None
-    """Acceleration [m/s^2] in the rounded corner, or before and after the stop; null: path.acceleration."""
+PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell")
+"""Keys whose values may be paths."""
+SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
+"""Ends of values that are paths, not names."""
 
 
 class RehearsalConfig(Table):
-    """A whole-arm rehearsal."""
+    """A whole-arm rehearsal. Paths in the file are relative to it."""
 
     description: Text
     """Title of its reports."""
-    tool: Literal["spoon", "scoop", "bottle", "shovel"]
-    """Name of a tool of models/tools."""
-    material: FilePath
+    tool: FilePath | ToolConfig
+    """Name of a tool of models/tools, the path of a .yaml file of one's own, or a table with its keys."""
+    material: FilePath = "salt"
     """Name of a material of configs/materials, or the path of a .yaml file."""
-    grasp: Grip
+    grasp: Grip = "weld"
     """weld: fixed in the hand; friction: held by the fingers alone."""
     tool_container: Annotated[list[Literal["contact", "sdf"]], Field(max_length=2)] = ["contact", "sdf"]  # noqa: RUF012
     """How collisions of tool and containers are detected. contact: MuJoCo contacts, which exert forces; sdf: points of
     the container with a negative signed distance to the tool."""
-    host_dt: float = Field(ge=1e-5, le=1e-3)
+    host_dt: Annotated[float, Field(ge=1e-5, le=1e-3)] = 1e-3
     """MuJoCo step [s]."""
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
     """one_way: grains exert no force on the arm; lagged: their force acts one step later; mobility: contact and motion
     of the arm are solved together."""
-    collision_thickness: Length
-    """Wall thickness [m] of the tool in the simulation of the grains; thickened outward, the inner volume is kept."""
-    grasp_time: GraspTime
+    collision_thickness: Length | None = None
+    """Wall thickness [m] of the tool in the simulation of the grains; thickened outward, the inner volume is kept.
+    null: half a cell."""
+    grasp_time: GraspTime = 0.5
     """Time [s] for the fingers to close before the arm moves."""
     containers: dict[Name, ContainerConfig] = {}  # noqa: RUF012
-    """Containers by their names in models/containers. A filled one is the source of the material, an empty one the
-    target."""
+    """Containers by name: of models/containers, from sizes or from meshes. Filled ones are the sources of the material,
+    empty ones take it."""
     pile: RegionConfig | None = None
     """Region of material on the table at the start, before it settles; instead of a filled container."""
     tool_fill_height: Length | None = None
     """Height [m] of material in the tool at the start, above its inner bottom; instead of a filled container."""
     area: RegionConfig | None = None
     """Target region of the material, if the target is not a container."""
-    field: FieldConfig
-    limits: LimitsConfig
-    servo: ServoConfig
-    path: PathConfig
+    field: FieldConfig = FieldConfig()
+    limits: MotionLimitsConfig = MotionLimitsConfig()
+    servo: ArmServo | None = None
+    """Gains of the joints; null: the robot's."""
+    path: PathConfig = PathConfig()
     joint_trajectory: JointTrajectoryConfig = JointTrajectoryConfig()
     waypoints: Annotated[tuple[WaypointConfig, ...], Field(min_length=2, max_length=MAX_ENTRIES)]
     """Poses of the tool, in order."""
@@ -107,6 +78,25 @@ class RehearsalConfig(Table):
     weighing, all grains count."""
     least_load: Mass = 0.0
     """Smallest accepted mass [kg] of the load."""
+    robot: FilePath | ArmConfig = "iiwa14"
+    """Name of an arm of models/robots, the path of a .yaml file of one's own, or a table with its keys."""
+    gripper: FilePath | GripperConfig | None = None
+    """Name of a hand of models/grippers, the path of a .yaml file, a table, or none: the tool is bolted to the flange;
+    null: the robot's usual hand."""
+    base: BasePose | None = None
+    """Where the arm's base stands; null: where the robot's file says."""
+    grip_turn_deg: Angle | None = None
+    """Turn of the tool in the hand about its handle [deg]; null: the planner chooses, 0 where that can be followed."""
+    max_time_scale: Annotated[float, Field(ge=1.0, le=10.0)] = 1.0
+    """Largest factor by which the whole motion is played slower where the arm is too slow for the waypoints' speeds; 1:
+    refuse such a motion."""
+    pick: PickConfig | None = None
+    """Whether the tool is picked up; null: the hand holds it from the start."""
+    workcell: FilePath | None = None
+    """MJCF file of table, floor, lights and cameras, in place of the bundled ones; planning and contacts respect its
+    colliding geoms. The grains lie on the plane z = 0 all the same."""
+    obstacles: Annotated[tuple[ObstacleConfig, ...], Field(max_length=MAX_ENTRIES)] = ()
+    """What stands in the robot's way; grains pass through it."""
     trajectory: Literal["script", "learned"] = "script"
     """script: follow the waypoints; learned: follow the learned motions of the sub-tasks in `learned`."""
     learned: Annotated[tuple[Name, ...], Field(max_length=MAX_ENTRIES)] = ()
@@ -115,32 +105,63 @@ class RehearsalConfig(Table):
     """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
     @property
-    def source(self) -> str | None:
-        """The container that is filled at the start, if one is."""
-        return next((name for name, c in self.containers.items() if c.fill_height > 0), None)
+    def sources(self) -> tuple[str, ...]:
+        """The containers that are filled at the start."""
+        return tuple(name for name, container in self.containers.items() if container.fill_height > 0)
 
     @property
-    def sink(self) -> str | None:
-        """The container that takes the material, if one does."""
-        return next((name for name, c in self.containers.items() if c.fill_height == 0), None)
+    def sinks(self) -> tuple[str, ...]:
+        """The containers that take the material."""
+        return tuple(name for name, container in self.containers.items() if container.fill_height == 0)
+
+    @property
+    def grain_wall(self) -> float:
+        """Wall thickness [m] of the tool in the simulation of the grains."""
+        return 0.5 * self.field.cell if self.collision_thickness is None else self.collision_thickness
+
+    @property
+    def tool_name(self) -> str:
+        """Name of the tool's body."""
+        return self.tool if isinstance(self.tool, str) else self.tool.name
+
+    @pydantic.field_validator("tool", mode="before")
+    @classmethod
+    def _read_tool(cls, given: Any) -> Any:
+        if not isinstance(given, str) or not given.endswith((".yaml", ".yml")):
+            return given
+        if not Path(given).is_file():
+            raise ValueError(f"{given}: no such file; accepted: a .yaml file of your own, or one of "
+                             f"{', '.join(tool_names())}")
+        table = locate_paths(read(Path(given)), Path(given).parent)
+        if not isinstance(table, dict):
+            raise ValueError(f"{given}: holds {type(table).__name__}; accepted: a table of "
+                             f"{', '.join(ToolConfig.model_fields)}")
+        return validate(table, Path(given), ToolConfig)
 
     @pydantic.model_validator(mode="after")
     def _check_material(self) -> "RehearsalConfig":
         names = container_names()
-        for name in self.containers:
-            if name not in names:
-                raise ValueError(f"containers: unknown {name!r}; valid: {', '.join(names)}")
+        for name, container in self.containers.items():
+            if container.is_named and (container.model or name) not in names:
+                raise ValueError(f"containers: unknown {container.model or name!r}; valid: {', '.join(names)}; or a "
+                                 f"container with size, radius and height, or mesh")
+        if isinstance(self.tool, str) and self.tool not in tool_names():
+            raise ValueError(f"tool: unknown {self.tool!r}; valid: {', '.join(tool_names())}, or the path of a .yaml "
+                             f"file of your own")
+        if self.tool_name in self.containers:
+            raise ValueError(f"containers: {self.tool_name!r} is the tool's name; accepted: another")
         filled = [c.fill_height > 0 for c in self.containers.values()]
-        givers = filled.count(True) + (self.pile is not None) + (self.tool_fill_height is not None)
+        givers = any(filled) + (self.pile is not None) + (self.tool_fill_height is not None)
         if givers != 1:
-            raise ValueError(f"{givers} places hold material at the start; accepted: one of a container with a "
+            raise ValueError(f"{givers} kinds of places hold material at the start; accepted: one of containers with a "
                              f"fill_height, pile, tool_fill_height")
-        if filled.count(False) + (self.area is not None) != 1:
-            raise ValueError(f"{filled.count(False) + (self.area is not None)} places take material; accepted: one of "
-                             f"a container without fill_height, area")
+        takers = (False in filled) + (self.area is not None)
+        if takers != 1:
+            raise ValueError(f"{takers} kinds of places take material; accepted: one of containers without "
+                             f"fill_height, area")
         if self.pile is not None and (self.pile.round or min(self.pile.half) <= 0):
             raise ValueError(f"pile: half {self.pile.half}, round: {self.pile.round}; accepted: above 0, a block")
-        if self.source is not None and self.weigh_at is None:
+        if self.sources and self.weigh_at is None:
             raise ValueError("weigh_at: missing; a tool that is filled is weighed at a waypoint with a dwell")
         if self.trajectory == "learned" and not self.learned:
             raise ValueError("trajectory: learned needs `learned`, a list of sub-tasks")
@@ -162,11 +183,11 @@ class RehearsalConfig(Table):
                                  f"valid: {', '.join(('world', *self.containers))}")
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
-        walls = self.collision_thickness / self.field.cell
+        walls = self.grain_wall / self.field.cell
         if not 0.5 - 1e-9 <= walls <= 1.0 + 1e-9:
             raise ValueError(f"collision_thickness = {self.collision_thickness} m is {walls:.2f} cells of "
                              f"{self.field.cell} m; accepted: 0.5 to 1 (a thinner wall leaks, "
-                             f"a thicker one distorts the {self.tool})")
+                             f"a thicker one distorts the {self.tool_name})")
         if self.field.dt is not None and abs(self.host_dt / self.field.dt - round(self.host_dt / self.field.dt)) > 1e-6:
             raise ValueError(f"field.dt = {self.field.dt} s divides host_dt = {self.host_dt} s "
                              f"{self.host_dt / self.field.dt:.4f} times; accepted: a whole number")
@@ -174,7 +195,33 @@ class RehearsalConfig(Table):
             raise ValueError("waypoints: the first and the last need stop: true")
         return self
 
+    @pydantic.model_validator(mode="after")
+    def _check_pick(self) -> "RehearsalConfig":
+        if self.pick is not None and (self.grasp != "friction" or self.trajectory != "script"):
+            raise ValueError(f"pick with grasp: {self.grasp}, trajectory: {self.trajectory}; accepted: friction, "
+                             f"script")
+        if self.pick is not None and self.gripper == "none":
+            raise ValueError("pick with gripper: none; accepted: a gripper")
+        return self
+
 
 def load_rehearsal(name: str, overrides: dict | None = None, settings: Sequence[Setting] = ()) -> RehearsalConfig:
-    """Load a rehearsal by name (configs/rehearsals) or path; overrides and settings as of `load`."""
-    return load(config_path("rehearsals", name, "rehearsal"), RehearsalConfig, overrides, settings)
+    """Load a rehearsal by name (configs/rehearsals) or path; overrides and settings as of `load`.
+
+    Paths in settings and overrides are relative to the working directory.
+    """
+    path = config_path("rehearsals", name, "rehearsal")
+    table = locate_paths(read(path), path.parent)
+    return validate(table, path, RehearsalConfig, overrides, settings)
+
+
+def locate_paths(value: Any, place: Path) -> Any:
+    """Return a file's content with the paths in it made absolute; place: folder that they are relative to."""
+    if isinstance(value, dict):
+        return {key: str((place / item).resolve()) if _is_path(key, item) else locate_paths(item, place)
+                for key, item in value.items()}
+    return [locate_paths(item, place) for item in value] if isinstance(value, list) else value
+
+
+def _is_path(key: Any, value: Any) -> bool:
+    return key in PATH_KEYS and isinstance(value, str) and (value.lower().endswith(SUFFIXES) or key == "motions")

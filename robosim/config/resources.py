@@ -37,6 +37,11 @@ def container_names() -> list[str]:
     return sorted(path.stem for path in (folder("models") / "containers").glob("*.xml"))
 
 
+def tool_names() -> list[str]:
+    """Names of the tools of models/tools, sorted."""
+    return sorted(path.parent.name for path in (folder("models") / "tools").glob("*/*.xml"))
+
+
 def config_path(kind: str, name: str, what: str) -> Path:
     """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
     if name.endswith((".yaml", ".yml")) and Path(name).is_file():

@@ -7,8 +7,20 @@ import pydantic
 from pydantic import Field
 
 import mpm
-from robosim.config.bounds import MAX_NODES, Angle, Friction, GrainsPerCell, HalfSize, Height, Length, TimeStep
+from robosim.config.bounds import (
+    MAX_NODES,
+    Angle,
+    FilePath,
+    Friction,
+    GrainsPerCell,
+    HalfSize,
+    Height,
+    Length,
+    Name,
+    TimeStep,
+)
 from robosim.config.table import Table, Vector3
+from robosim.errors import ConfigError
 
 
 class RegionConfig(Table):
@@ -28,32 +40,81 @@ class RegionConfig(Table):
 
 
 class ContainerConfig(Table):
-    """A container of models/containers."""
+    """A container: of models/containers, or from inner sizes, or from a mesh."""
 
     position: Vector3
-    """Centre of the inner floor [m]."""
+    """Centre of the inner floor [m]; of a mesh, its origin."""
     yaw_deg: Angle = 0.0
     """Rotation about the vertical [deg]."""
+    tilt_deg: tuple[Angle, Angle] = (0.0, 0.0)
+    """Rotations about its x, then its y axis [deg], before the yaw."""
     fill_height: Height = 0.0
-    """Height of the material in it at the start [m]."""
+    """Height of the material in it at the start [m], along its own z axis."""
+    model: Name | None = None
+    """Name in models/containers; null: the container's own name, unless there are sizes or a mesh."""
+    size: tuple[Length, Length, Length] | None = None
+    """Inner length, width and height [m] of a box."""
+    radius: Length | None = None
+    """Inner radius [m] of a round container."""
+    height: Length | None = None
+    """Its inner height [m]."""
+    wall: Annotated[float, Field(ge=5e-4, le=0.1)] = 0.006
+    """Thickness [m] of walls and floor that are given by sizes."""
+    mesh: FilePath | None = None
+    """Path of a closed mesh, or of a surface with a thickness, z up; STL or OBJ."""
+    scale: Annotated[float, Field(ge=1e-6, le=1e3)] = 1.0
+    """Metres per unit of the mesh: 0.001 for millimetres."""
+    thickness: Length | None = None
+    """Thickness [m] of the wall whose middle the mesh is; null: the mesh is closed."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_shape(self) -> "ContainerConfig":
+        if (self.radius is None) != (self.height is None):
+            raise ValueError(f"radius = {self.radius}, height = {self.height}; accepted: both, or none of them")
+        given = [name for name in ("model", "size", "radius", "mesh") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} are given; accepted: one of model, size, radius with height, mesh")
+        if self.mesh is None and (self.scale != 1.0 or self.thickness is not None):
+            raise ValueError("scale or thickness without a mesh; accepted: wall, for a container from sizes")
+        return self
+
+    @property
+    def is_named(self) -> bool:
+        """Whether it is a container of models/containers."""
+        return self.size is None and self.radius is None and self.mesh is None
+
+
+class ObstacleConfig(Table):
+    """A box, or an upright cylinder, that stands in the way."""
+
+    name: Name
+    """Its name in errors and reports."""
+    position: Vector3
+    """Centre [m]."""
+    half: tuple[HalfSize, HalfSize, HalfSize]
+    """Half sizes [m]; of a cylinder the first is the radius."""
+    rotation_deg: Vector3 = (0.0, 0.0, 0.0)
+    """About x, then y, then z of the world."""
+    round: bool = False
+    """Whether it is a cylinder along its z axis."""
 
 
 class FieldConfig(Table):
     """Numerics of the grains."""
 
-    cell: Length
+    cell: Length = 0.004
     """Edge of a grid cell [m]."""
-    grains_per_cell: GrainsPerCell
+    grains_per_cell: GrainsPerCell = 2.0
     """Number of grains in a filled cell at the start."""
-    tool_friction: Friction
-    """Friction coefficient between grains and tool."""
-    container_friction: Friction
+    tool_friction: Friction = 0.1
+    """Friction coefficient between grains and tool; the default is that of polished steel."""
+    container_friction: Friction = 0.5
     """Friction coefficient between grains and containers."""
-    floor_friction: Friction
+    floor_friction: Friction = 0.5
     """Friction coefficient between grains and table."""
-    region_lower: Vector3
-    """Lower corner of the region that the material can reach [m]."""
-    region_upper: Vector3
+    region_lower: Vector3 | None = None
+    """Lower corner of the region that the material can reach [m]; null: around a rehearsal's places and motion."""
+    region_upper: Vector3 | None = None
     """Upper corner of that region [m]."""
     dt: TimeStep | None = None
     """Substep [s]; null: from the stability bound."""
@@ -65,9 +126,21 @@ class FieldConfig(Table):
     """Whether grains at rest fall asleep and cost nothing; a number is a factor on the thresholds; null: true in a
     rehearsal on a CPU, false in an environment and on a GPU."""
 
+    @property
+    def grid(self) -> "mpm.Grid":
+        """The grid of the region; raises ConfigError where the region is left open."""
+        if self.region_lower is None or self.region_upper is None:
+            raise ConfigError("field.region_lower, region_upper: missing; accepted: the corners of the region")
+        return mpm.Grid(self.region_lower, self.region_upper, self.cell)
+
     @pydantic.model_validator(mode="after")
     def _check_size(self) -> "FieldConfig":
-        nodes = int(np.prod(mpm.Grid(self.region_lower, self.region_upper, self.cell).shape, dtype=float))
+        if (self.region_lower is None) != (self.region_upper is None):
+            raise ValueError(f"region_lower = {self.region_lower}, region_upper = {self.region_upper}; accepted: both, "
+                             f"or none of them")
+        if self.region_lower is None:
+            return self
+        nodes = int(np.prod(self.grid.shape, dtype=float))
         if nodes > MAX_NODES:
             raise ValueError(f"region_lower {self.region_lower} to region_upper {self.region_upper} m with cell = "
                              f"{self.cell} m: {nodes:.3g} grid nodes; accepted: up to {MAX_NODES:.3g}; make the region "

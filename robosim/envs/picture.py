@@ -8,8 +8,9 @@ from robosim.config.materials import MaterialConfig
 from robosim.errors import ConfigError
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
+from robosim.robot.mjspec import compile_spec, quiet_attachment
 from robosim.scene.build import add_container
-from robosim.scene.models import allow_empty_prefixes, compile_spec, load_spec
+from robosim.scene.models import load_spec
 from robosim.tasks.counting import TOOL
 from robosim.tasks.field import grain_volume
 from robosim.tasks.task import RegionConfig, TaskConfig
@@ -74,7 +75,7 @@ def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
     """Build table, container, and the tool on a mocap body."""
     spec = load_spec("workcell", "workcell.xml")
     carrier = spec.worldbody.add_body(name="carrier", mocap=True)
-    with allow_empty_prefixes():
+    with quiet_attachment():
         carrier.add_frame().attach_body(load_spec("tools", task.tool, f"{task.tool}.xml").body(task.tool), "", "")
         for name, container in task.containers.items():
             add_container(spec, name, container)

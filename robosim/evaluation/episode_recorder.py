@@ -10,8 +10,8 @@ from robosim.envs.picture import build_task_spec, place_tool
 from robosim.recordings.header import CurveEntry, RegionEntry, region_entry
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.reports.provenance import commit
+from robosim.robot.mjspec import compile_spec
 from robosim.scene.container_region import container_region
-from robosim.scene.models import compile_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
 

@@ -16,7 +16,7 @@ import numpy as np
 import robosim.envs  # noqa: F401  (registers the ids)
 from mpm.progress import Progress
 from robosim.config.output import OutputFolder, aligned
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError
 from robosim.evaluation.episode_recorder import EpisodeRecorder

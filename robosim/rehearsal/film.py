@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from mpm.files import write
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import UnknownName
 from robosim.rehearsal import COLOURS
 from robosim.rehearsal.planning.waypoint_path import is_in_container
@@ -122,10 +122,10 @@ class Film:
         self._data, self._camera_name = mujoco.MjData(self._model), find_camera(self._model, plan.camera)
         self._renderer = SceneRenderer(self._model, plan.grains, picture_width(plan.height), even(plan.height))
         hand = assemble_rehearsal(plan.config).wrist
-        self._follow = FollowCamera(self._model, hand, plan.config.tool) if plan.camera == FOLLOW else None
+        self._follow = FollowCamera(self._model, hand, plan.config.tool_name) if plan.camera == FOLLOW else None
         self._poster: FilmState | None = None
         self._writer = Mp4Writer(out / "rehearsal.mp4", fps=plan.rate)
-        self._tool = self._model.body(plan.config.tool).id
+        self._tool = self._model.body(plan.config.tool_name).id
         self._loads: list[tuple[float, float]] = []
         """Of every frame: time [s], and number of grains in the tool; none while it digs."""
 

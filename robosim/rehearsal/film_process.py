@@ -16,7 +16,7 @@ from typing import BinaryIO
 import numpy as np
 
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import RobosimError
 from robosim.rehearsal.film import FRAME_RATE, Film, FilmPlan, FilmState, plan_film, read_state
 from robosim.rehearsal.run import RehearsalRun

@@ -1,10 +1,11 @@
 """Where the material is at the end of a rehearsal, and the load weighed at the wrist."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from robosim.rehearsal.run import RehearsalRun
 from robosim.scene.grains import is_in_container, is_in_tool
-from robosim.scene.models import read_inner_size
 
 GRAVITY = 9.81
 SETTLING_TIME = 0.1
@@ -25,10 +26,9 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
     """
     mass, config = run.solver.masses(), run.config
     scooped = np.full(len(mass), config.weigh_at is None) if run.scooped is None else run.scooped
-    nowhere = np.zeros(len(mass), bool)
-    in_container = {name: is_in_container(positions, c, read_inner_size(name)) for name, c in config.containers.items()}
-    delivered = config.area.region.holds(positions) if config.area else in_container.get(config.sink or "", nowhere)
-    returned = in_container.get(config.source or "", nowhere)
+    inside = {name: is_in_container(positions, name, one) for name, one in config.containers.items()}
+    delivered = config.area.region.holds(positions) if config.area else find_any(inside, config.sinks, len(mass))
+    returned = find_any(inside, config.sources, len(mass))
     retained = is_in_tool(config.tool, positions, run.tool_pose())
     if config.weigh_at is not None:  # grains in a tool above the area, or in the container, are not delivered yet
         delivered &= ~retained
@@ -39,6 +39,11 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
     result = {name: compute_ratio(mass[scooped & region].sum(), scooped_mass) for name, region in regions.items()}
     result["spilled_fraction"] = compute_ratio(mass[spilled].sum(), scooped_mass)
     return result
+
+
+def find_any(inside: dict[str, np.ndarray], names: Iterable[str], count: int) -> np.ndarray:
+    """Return which of `count` grains are in any of the named containers; inside: name -> which are in it."""
+    return np.logical_or.reduce([inside[name] for name in names] or [np.zeros(count, bool)])
 
 
 def compute_scooped_mass(run: RehearsalRun) -> float:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.mass_balance import (
     GRAVITY,
     compute_fractions,

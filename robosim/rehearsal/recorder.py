@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
 from robosim.recordings.places import find_placed
@@ -46,8 +46,8 @@ def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneReco
     return SceneRecorder(
         path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
         curves=CURVES, frame_rate=FRAME_RATE, grain_volume=run.grains.grain_volume, colour=run.material.colour,
-        tool=config.tool, paths={"commanded": commanded}, regions=list(counting_regions(config)), waypoints=waypoints,
-        command=command, commit=commit())
+        tool=config.tool_name, paths={"commanded": commanded}, regions=list(counting_regions(config)),
+        waypoints=waypoints, command=command, commit=commit())
 
 
 def counting_regions(config: RehearsalConfig) -> list[RegionEntry]:
@@ -59,7 +59,7 @@ def counting_regions(config: RehearsalConfig) -> list[RegionEntry]:
         entries.append(region_entry("area", config.area.region))
     if config.pile is not None:
         entries.append(region_entry("pile", config.pile.region))
-    entries.append(region_entry(config.tool, tool_shape(config.tool).interior, body=config.tool))
+    entries.append(region_entry(config.tool_name, tool_shape(config.tool).interior, body=config.tool_name))
     return entries
 
 
@@ -91,7 +91,7 @@ class RunReadings:
         run, config = self._run, self._run.config
         pose, masses = run.tool_pose(), self._grain_masses
         held = masses[is_in_tool(config.tool, positions, pose)].sum()
-        outside = masses[~find_placed(self._regions, {config.tool: pose}, positions)].sum()
+        outside = masses[~find_placed(self._regions, {config.tool_name: pose}, positions)].sum()
         return (np.nan if is_in_container(pose, config) else 1e3 * float(held)), 1e3 * float(outside)
 
     def _wrist(self, steps: Sequence[Step]) -> np.ndarray:

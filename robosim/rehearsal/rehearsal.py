@@ -6,7 +6,7 @@ import weakref
 from pathlib import Path
 from typing import Any
 
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.table import validate
 from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.result import Result

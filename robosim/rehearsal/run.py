@@ -53,7 +53,7 @@ class RehearsalRun:
         self.material: MaterialConfig = material or load_material(config.material)
         spec = build_rehearsal_spec(config)
         if errors is not None:
-            errors.place_tool(spec, config.tool)
+            errors.place_tool(spec, config.tool_name)
         self.scene: Scene = compile_scene(spec, assemble_rehearsal(config))
         if errors is not None:
             errors.change_model(self.scene.model, self.scene.wrist, self.scene.arm_dofs)
@@ -67,7 +67,7 @@ class RehearsalRun:
         self.sensors = TorqueSensors(self.model, self.data, plan.arm)
         self.grains = build_field(config, law_of(self.material), self.tool_pose(), seed)
         self.solver = self.grains.solver
-        self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool: self.grains.tool},
+        self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool_name: self.grains.tool},
                                      coupling=config.coupling)
         gains = plan.arm.gains(config.servo)
         self.servo = Servo(plan.arm, gains if errors is None else errors.change_gains(gains))
@@ -173,7 +173,7 @@ class RehearsalRun:
                    velocity_begin: np.ndarray) -> Step:
         """Readings of the step that has just ended; arguments ending in _begin are from its start."""
         scene, data, ledger = self.scene, self.data, self.plugin.ledger
-        wrench = self.plugin.wrench(self.config.tool)
+        wrench = self.plugin.wrench(self.config.tool_name)
         end = self.tool_pose()
         commanded = self.plan.arm.tool_pose(self.plan.motion.state(self.time - self.config.grasp_time).q)
         q, qd = data.qpos[scene.arm_qpos].copy(), data.qvel[scene.arm_dofs].copy()

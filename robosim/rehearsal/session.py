@@ -9,7 +9,7 @@ import mpm
 from mpm.progress import Progress
 from robosim.config.materials import law_of, load_material
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import JointLog
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.recordings.reader import FILE as RECORDING
@@ -29,7 +29,7 @@ from robosim.robot.assembly import check_payload
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import name_joints
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
-from robosim.scene.field import check_field
+from robosim.scene.field import check_field, choose_region
 
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
@@ -134,7 +134,7 @@ def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None
 
 def check_config(config: RehearsalConfig) -> RehearsalConfig:
     """Return a configuration with its target in place; raises ConfigError for what cannot be run."""
-    config = place_target(config)
+    config = choose_region(place_target(config))
     check_field(config, law_of(load_material(config.material)))
     assembly = assemble_rehearsal(config)
     name_joints(assembly.robot.joints, config.joint_trajectory)  # raises for names that cannot be used
@@ -183,7 +183,7 @@ def _simulate(run: RehearsalRun, film: FilmProcess | None, recorder: SceneRecord
             if film is not None:
                 film.add_due_frame()
             began = clock.perf_counter()
-            recorder.add(run.data, readings, run.plugin.wrench(run.config.tool))
+            recorder.add(run.data, readings, run.plugin.wrench(run.config.tool_name))
             run.timings["record"] += clock.perf_counter() - began
             bar.update(min(run.config.host_dt, bar.total - bar.n))
             elapsed = bar.format_dict["elapsed"]

@@ -14,11 +14,11 @@ from robosim.errors import ConfigError
 from robosim.robot.hand import NONE, Hand, load_hand, load_hand_model
 from robosim.robot.mjspec import compile_spec, find_site_pose, quiet_attachment, read_model
 from robosim.robot.robot import Robot, load_arm, load_robot_model, read_stand
+from robosim.shapes.mesh_tool import OwnTool, read_tool
+from robosim.shapes.rigid_models import HEAD, build_tool_spec
 
 HAND_PREFIX = "hand_"
 """Before all names of a hand, which may be those of the arm's maker."""
-HEAD = 2
-"""Bit of `contype` of tools' heads; `conaffinity` has it in all that they meet."""
 WRIST_SITE = "wrist_sensor"
 """Site at the flange, in whose axes the wrist sensor measures."""
 CLAMP_RADIUS = 0.017
@@ -121,12 +121,15 @@ def check_payload(assembly: Assembly) -> None:
                           f"{mass:.3g} kg; accepted: up to the payload of {assembly.robot.name}, {payload:g} kg")
 
 
-def load_tool_model(name: str) -> ToolModel:
-    """Load a tool of models/tools."""
+def load_tool_model(tool: str | OwnTool) -> ToolModel:
+    """Load a tool of models/tools, or one of one's own; raises ConfigError."""
+    if not isinstance(tool, str):
+        return ToolModel(tool.name, build_tool_spec(read_tool(tool)), f"{tool.name}_grip")
+    name = tool
     return ToolModel(name, read_model(folder("models") / "tools" / name / f"{name}.xml"), f"{name}_grip")
 
 
-def assemble(tool: str | None, robot: str | ArmConfig = "iiwa14", gripper: str | GripperConfig | None = None,
+def assemble(tool: str | OwnTool | None, robot: str | ArmConfig = "iiwa14", gripper: str | GripperConfig | None = None,
              grip_turn_deg: float = 0.0, base: BasePose | None = None) -> Assembly:
     """Put together an arm, a hand and a tool by their names, files or tables.
 

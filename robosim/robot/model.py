@@ -16,7 +16,7 @@ import pinocchio
 
 from mpm import Pose
 from robosim.config.arm import ArmServo
-from robosim.config.rehearsal_file import MotionLimitsConfig
+from robosim.config.motion import MotionLimitsConfig
 from robosim.config.robot import LimitsConfig, ServoConfig
 from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import compile_spec

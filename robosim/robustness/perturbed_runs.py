@@ -11,7 +11,7 @@ from mpm.input_files import read_json
 from mpm.progress import Progress
 from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.metrics import Bound, get_bounds
 from robosim.rehearsal.page import split_unit
 from robosim.rehearsal.session import check_rehearsal

@@ -6,7 +6,8 @@ import mujoco
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from robosim.config.rehearsal_file import APPROACH, RehearsalConfig
+from robosim.config.motion import APPROACH
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.robot import Grip
 from robosim.config.scene import ContainerConfig
 from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble, meet_heads
@@ -14,7 +15,7 @@ from robosim.robot.mjspec import quiet_attachment, read_model
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grasp import release_tool_joints
-from robosim.scene.models import load_spec
+from robosim.scene.models import load_container, load_spec
 
 OBSTACLE = (0.80, 0.45, 0.20, 1.0)
 """Colour of obstacles: RGBA."""
@@ -71,7 +72,7 @@ def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, Cont
                      contact: bool, workcell: mujoco.MjSpec | None = None, stand: Pose | None = None) -> mujoco.MjSpec:
     """Assemble work cell, robot with its tool, and containers.
 
-    containers: name in models/containers -> where it stands. host_dt: MuJoCo's time step [s]. contact: whether MuJoCo
+    containers: name -> what it is and where it stands. host_dt: MuJoCo's time step [s]. contact: whether MuJoCo
     makes contacts between tool and containers. workcell: None for the bundled one. stand: where a
     tool stands that the hand does not hold yet.
     """
@@ -92,7 +93,7 @@ def build_scene_spec(assembly: Assembly, grasp: Grip, containers: dict[str, Cont
 
 
 def add_container(spec: mujoco.MjSpec, name: str, container: ContainerConfig) -> None:
-    """Add a container of models/containers at its configured pose."""
+    """Add a container at its configured pose."""
     pose = container_pose(container)
     frame = spec.worldbody.add_frame(pos=pose.position, quat=pose.quaternion)
-    frame.attach_body(load_spec("containers", f"{name}.xml").body(name), "", "")
+    frame.attach_body(load_container(name, container).body(name), "", "")

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import mujoco
 import numpy as np
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.robot.mjspec import body_ids_below
 from robosim.scene.compiled import Scene
 from robosim.scene.container_clearance import ContainerSurface

@@ -7,12 +7,11 @@ import trimesh
 
 from mpm import Pose
 from mpm.geometry.sampled_sdf import Lattice
-from robosim.config.rehearsal_file import RehearsalConfig
-from robosim.scene.field import build_tool_sdf
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.scene.field import TOOL_SPACING
 from robosim.scene.frames import container_pose
-from robosim.scene.models import read_inner_size
-from robosim.shapes.tool import WALL
-from robosim.shapes.vessels import make_container_shell
+from robosim.scene.models import container_shape
+from robosim.shapes import MeshTool, ToolShape, tool_shape
 
 POINTS_PER_CONTAINER = 20_000
 """Sampled points on the surface of each container: about 2 mm apart."""
@@ -25,12 +24,12 @@ DIFFERENCE_STEP = 1e-3
 
 
 @cache
-def build_real_tool_sdf(tool: str) -> Lattice:
+def build_real_tool_sdf(shape: ToolShape | MeshTool) -> Lattice:
     """Build the signed distance of a tool with its real wall, in its own frame.
 
     It is evaluated on the host only, so all scenes share one.
     """
-    return build_tool_sdf(tool, WALL)
+    return shape.real_distance(TOOL_SPACING)
 
 
 class ContainerSurface:
@@ -40,11 +39,11 @@ class ContainerSurface:
     """
 
     def __init__(self, config: RehearsalConfig) -> None:
-        self._sdf = build_real_tool_sdf(config.tool)
+        self._sdf = build_real_tool_sdf(tool_shape(config.tool))
         points = []
         for name, container in config.containers.items():
-            shell = make_container_shell(read_inner_size(name))
-            local = trimesh.sample.sample_surface(shell, POINTS_PER_CONTAINER, seed=0)[0]
+            walls = container_shape(name, container).walls()
+            local = trimesh.sample.sample_surface(walls, POINTS_PER_CONTAINER, seed=0)[0]
             points.append(container_pose(container).apply(local))
         self._points = np.concatenate(points)
         self._points_f32 = np.ascontiguousarray(self._points.T, np.float32)

@@ -13,11 +13,10 @@ from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
 from robosim.errors import ConfigError
-from robosim.scene.frames import container_pose
+from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grains import fill
-from robosim.scene.models import read_inner_size
-from robosim.shapes import tool_shape
-from robosim.shapes.vessels import make_container_shell
+from robosim.scene.models import container_shape
+from robosim.shapes import OwnTool, tool_shape
 
 TOOL_SPACING = 1e-3
 """Lattice spacing [m] of the tool's signed distance: interpolation is exact to 0.1 mm at a sixth of a wall."""
@@ -25,6 +24,10 @@ CONTAINER_SPACING = 2e-3
 """Lattice spacing [m] of a container's signed distance."""
 CONTAINER_WALL = 3.0
 """Thickness of a container's collider walls, in cells, grown outward."""
+
+
+REGION_MARGIN = 0.08
+"""Distance [m] around containers, waypoints, pile and area to which grains are computed, where no region is given."""
 
 
 class GrainField(NamedTuple):
@@ -40,13 +43,13 @@ class GrainField(NamedTuple):
 def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: int = 0) -> GrainField:
     """Build the solver of a rehearsal, with the tool at its initial world pose."""
     field = config.field
-    sdf = build_tool_sdf(config.tool, config.collision_thickness)
+    sdf = build_tool_sdf(config.tool, config.grain_wall)
     # as the plugin will want it: a collider that it has to change makes the solver anew
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=tool_pose, mobile=config.coupling == "mobility")]
     colliders += build_container_colliders(config.containers, field)
     positions, volume = fill(config, sdf, tool_pose, np.random.default_rng(seed))
     solver = mpm.Solver(
-        grid=mpm.Grid(field.region_lower, field.region_upper, field.cell),
+        grid=field.grid,
         bodies=[mpm.Body(law, positions, volume=volume,
                          stress=mpm.geostatic_stress(positions, volume, law))], colliders=colliders,
         walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, transfer_interval=field.transfer_interval,
@@ -55,21 +58,38 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
     return GrainField(solver, 0, volume)
 
 
-def build_tool_sdf(tool: str, thickness: float) -> Lattice:
+def choose_region(config: RehearsalConfig) -> RehearsalConfig:
+    """Return a configuration with a region of the grains: around places and motion where the file gives none."""
+    if config.field.region_lower is not None:
+        return config
+    points = [waypoint_pose(waypoint, config.containers).position for waypoint in config.waypoints]
+    for name, container in config.containers.items():
+        low, high = container_shape(name, container).bounds
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        points += list(container_pose(container).apply(corners))
+    for place in filter(None, (config.pile, config.area)):
+        points += [np.array(place.centre) - place.half, np.array(place.centre) + place.half]
+    low, high = np.min(points, axis=0) - REGION_MARGIN, np.max(points, axis=0) + REGION_MARGIN
+    region = {"region_lower": (float(low[0]), float(low[1]), 0.0), "region_upper": tuple(map(float, high))}
+    field = FieldConfig.model_validate(config.field.model_dump() | region)
+    return config.model_copy(update={"field": field})
+
+
+def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
     """Build the signed distance of a tool in its own frame.
 
     thickness: of its wall [m].
     """
-    return mpm.Sdf.from_mesh(tool_shape(tool).solid(thickness), spacing=TOOL_SPACING)
+    return tool_shape(tool).distance(thickness, TOOL_SPACING)
 
 
 def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig) -> list[mpm.Collider]:
-    """Build static colliders of containers, by their names in models/containers."""
+    """Build static colliders of containers, by their names."""
     colliders = []
     for name, container in containers.items():
-        shell = make_container_shell(read_inner_size(name), wall=CONTAINER_WALL * field.cell)
-        colliders.append(mpm.Collider(mpm.Sdf.from_mesh(shell, spacing=CONTAINER_SPACING), static=True,
-                                      friction=field.container_friction, pose=container_pose(container)))
+        sdf = container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
+        colliders.append(mpm.Collider(sdf, static=True, friction=field.container_friction,
+                                      pose=container_pose(container)))
     return colliders
 
 
@@ -96,36 +116,42 @@ def check_substeps(name: str, step: float, substep: float) -> None:
 
 def _check_count(config: RehearsalConfig) -> None:
     """Refuse more grains than a scene can have, before any is placed."""
-    if config.source is not None:
-        size = read_inner_size(config.source)
-        where, volume = f"container {config.source!r}", size[0] * size[1] * config.containers[config.source].fill_height
+    if config.sources:
+        where, volume = f"container {' and '.join(map(repr, config.sources))}", sum(
+            _filled_volume(name, config.containers[name]) for name in config.sources)
     elif config.pile is not None:
         where, volume = "pile", 8.0 * float(np.prod(config.pile.half))
     else:  # as `sample_in_tool` does, with as much height again
-        where, volume = f"{config.tool}", 12.0 * float(np.prod(tool_shape(config.tool).interior.half))
+        where, volume = config.tool_name, 12.0 * float(np.prod(tool_shape(config.tool).interior.half))
     count = volume * config.field.grains_per_cell / config.field.cell**3
     if count > MAX_GRAINS:
         raise ConfigError(f"field.grains_per_cell = {config.field.grains_per_cell} with field.cell = "
                           f"{config.field.cell} m: {count:.3g} grains in the {where}; accepted: up to {MAX_GRAINS}")
 
 
+def _filled_volume(name: str, container: ContainerConfig) -> float:
+    """Volume [m^3] of the box around a container's inside, up to its fill height."""
+    low, high = container_shape(name, container).bounds
+    return float(np.prod((high - low)[:2])) * container.fill_height
+
+
 def _check_fill_heights(config: RehearsalConfig) -> None:
     for name, container in config.containers.items():
-        height = read_inner_size(name)[2]
+        height = container_shape(name, container).height
         if container.fill_height > height:
-            raise ConfigError(f"containers.{name}: fill_height = {container.fill_height} m; accepted: up to {height} "
-                              f"m, the height of the container")
+            raise ConfigError(f"containers.{name}: fill_height = {container.fill_height} m; accepted: up to "
+                              f"{height:.3g} m, the height of the container")
     depth = 2.0 * tool_shape(config.tool).interior.half[2]
     if config.tool_fill_height is not None and config.tool_fill_height > depth:
         raise ConfigError(f"tool_fill_height = {config.tool_fill_height} m; accepted: up to {depth:.3f} m, the height "
-                          f"of the interior of the {config.tool}")
+                          f"of the interior of the {config.tool_name}")
 
 
 def _check_region(config: RehearsalConfig) -> None:
-    grid = mpm.Grid(config.field.region_lower, config.field.region_upper, config.field.cell)
+    grid = config.field.grid
     for name, container in config.containers.items():
-        half = read_inner_size(name) / 2.0
-        corners = np.array([[x, y, 0.0] for x in (-half[0], half[0]) for y in (-half[1], half[1])])
+        low, high = container_shape(name, container).bounds
+        corners = np.array([[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
         try:
             grid.check_inside(container_pose(container).apply(corners))
         except mpm.InvalidValue as error:

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from robosim.config.rehearsal import WaypointConfig
+from robosim.config.motion import WaypointConfig
 from robosim.config.scene import ContainerConfig
 
 
@@ -17,9 +17,11 @@ def body_pose(data: mujoco.MjData, body: int) -> Pose:
 def container_pose(container: ContainerConfig) -> Pose:
     """Return the world pose of a container's frame.
 
-    Its origin is the centre of the inner floor, z up.
+    Its origin is the centre of the inner floor, or that of its mesh.
     """
     rotation = Rotation.from_euler("z", container.yaw_deg, degrees=True)
+    if any(container.tilt_deg):
+        rotation = rotation * Rotation.from_euler("xy", container.tilt_deg, degrees=True)
     return Pose(np.asarray(container.position), rotation.as_quat(scalar_first=True))
 
 

@@ -8,12 +8,9 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig
 from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose
-from robosim.scene.models import read_inner_size
-from robosim.shapes import tool_shape
-from robosim.shapes.vessels import CONTAINER_CORNER
+from robosim.scene.models import container_shape
+from robosim.shapes import OwnTool, tool_shape
 
-RIM_MARGIN = 0.02
-"""Height [m] above a container's rim up to which grains count as in it."""
 BORDER = 1e-6
 """Distance [m] from the region's border within which a grain counts as stopped by it."""
 
@@ -26,12 +23,17 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
     Raises ConfigError where tool_fill_height is too small for any grain.
     """
     spacing = config.field.cell / config.field.grains_per_cell ** (1.0 / 3.0)
-    if config.source is not None:
-        container, half = config.containers[config.source], read_inner_size(config.source) / 2.0
-        upper = np.array([half[0], half[1], container.fill_height])
-        local = mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng)
-        volume = float(4.0 * np.prod(upper)) / len(local)
-        return container_pose(container).apply(local[is_between_edges(local, half)]), volume
+    if config.sources:
+        places, total = [], 0.0
+        for name in config.sources:
+            container = config.containers[name]
+            local, volume = container_shape(name, container).fill(container.fill_height, spacing, rng)
+            if not len(local):
+                raise ConfigError(f"containers.{name}: fill_height = {container.fill_height} m holds no grain; "
+                                  f"accepted: more than a cell, {config.field.cell} m")
+            places.append(container_pose(container).apply(local))
+            total += len(local) * volume
+        return np.concatenate(places), total / sum(map(len, places))
     if config.pile is not None:
         centre, half = np.array(config.pile.centre), np.array(config.pile.half)
         positions = mpm.sample_box(centre - half, centre + half, spacing, rng)
@@ -45,13 +47,7 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
     return tool_pose.apply(local), spacing**3
 
 
-def is_between_edges(points: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Test which points (n, 3), in a container's box of half edges [m] (3,), lie inside its rounded upright edges."""
-    beyond = np.maximum(np.abs(points[:, :2]) - (half[:2] - CONTAINER_CORNER), 0.0)
-    return np.hypot(*beyond.T) <= CONTAINER_CORNER
-
-
-def sample_in_tool(tool: str, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:
+def sample_in_tool(tool: str | OwnTool, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:
     """Sample positions [m] (n, 3) in the tool's frame where it supports grains.
 
     They fill its interior and as much height again above it, about `spacing` [m] apart.
@@ -70,7 +66,7 @@ def _is_above_tool(points: np.ndarray, sdf: Lattice, spacing: float) -> np.ndarr
     return result
 
 
-def is_in_tool(tool: str, positions: np.ndarray, tool_pose: mpm.Pose) -> np.ndarray:
+def is_in_tool(tool: str | OwnTool, positions: np.ndarray, tool_pose: mpm.Pose) -> np.ndarray:
     """Test which grains lie in a tool or in the heap on it.
 
     positions [m] (n, 3). Returns (n,) bool.
@@ -78,15 +74,12 @@ def is_in_tool(tool: str, positions: np.ndarray, tool_pose: mpm.Pose) -> np.ndar
     return tool_shape(tool).interior.holds(tool_pose.inverse().apply(positions))
 
 
-def is_in_container(positions: np.ndarray, container: ContainerConfig, inner_size: np.ndarray) -> np.ndarray:
+def is_in_container(positions: np.ndarray, name: str, container: ContainerConfig) -> np.ndarray:
     """Test which grains lie between a container's walls.
 
-    positions [m] (n, 3), inner_size [m] (3,). Returns (n,) bool.
+    positions [m] (n, 3). Returns (n,) bool.
     """
-    local = container_pose(container).inverse().apply(positions)
-    half = inner_size[:2] / 2.0 + 1e-3
-    between_walls = np.all(np.abs(local[:, :2]) < half, axis=1)
-    return between_walls & (local[:, 2] < inner_size[2] + RIM_MARGIN) & (local[:, 2] > -5e-3)
+    return container_shape(name, container).holds(container_pose(container).inverse().apply(positions))
 
 
 def is_at_border(positions: np.ndarray, grid: mpm.Grid) -> np.ndarray:

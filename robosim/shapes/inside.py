@@ -10,10 +10,11 @@ import numpy as np
 import trimesh
 from scipy.ndimage import generate_binary_structure, label
 
+import mpm
 from mpm.geometry.mesh_distance import signed_distances
 from robosim.errors import ConfigError
 
-CELLS = 90
+CELLS = 180
 """Cells along the longest edge of a mesh."""
 BORDER = 2
 """Cells around it, through which what is not held flows off."""
@@ -44,6 +45,12 @@ class Inside(NamedTuple):
         return self.lower + self.spacing * np.argwhere(self.held).mean(0)
 
     @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner (3,) [m] of the box around the space."""
+        cells = np.argwhere(self.held)
+        return self.lower + self.spacing * (cells.min(0) - 0.5), self.lower + self.spacing * (cells.max(0) + 0.5)
+
+    @property
     def level(self) -> float:
         """Height [m] of the highest water."""
         return float(self.lower[2] + self.spacing * (np.flatnonzero(self.held.any((0, 1)))[-1] + 0.5))
@@ -63,15 +70,17 @@ class Inside(NamedTuple):
         return found
 
 
-def find_inside(mesh: trimesh.Trimesh, cells: int = CELLS) -> Inside:
-    """Return what a closed mesh, z up, holds; cells: along its longest edge.
+def find_inside(solid: trimesh.Trimesh | list[trimesh.Trimesh], cells: int = CELLS) -> Inside:
+    """Return what closed meshes, z up, hold together; cells: along their longest edge.
 
-    Raises ConfigError where it holds nothing.
+    Raises ConfigError where they hold nothing.
     """
-    spacing = float(mesh.extents.max()) / cells
-    lower = mesh.bounds[0] - BORDER * spacing
-    shape = tuple(int(n) for n in np.ceil(mesh.extents / spacing).astype(int) + 2 * BORDER + 1)
-    free = signed_distances(mesh, lower, spacing, shape) > 0.0
+    parts = solid if isinstance(solid, list) else [solid]
+    low, extents = span(parts)
+    spacing = float(extents.max()) / cells
+    lower = low - BORDER * spacing
+    shape = tuple(int(n) for n in np.ceil(extents / spacing).astype(int) + 2 * BORDER + 1)
+    free = find_free(parts, lower, spacing, shape)
     labels, _ = label_parts(free)
     outside = labels == labels[0, 0, 0]
     held = np.zeros(shape, bool)
@@ -86,6 +95,31 @@ def find_inside(mesh: trimesh.Trimesh, cells: int = CELLS) -> Inside:
         raise ConfigError("no inside found: level, it holds no water; accepted: a vessel whose opening is up along z, "
                           "or a given inside")
     return Inside(lower, spacing, held)
+
+
+def given_inside(parts: list[trimesh.Trimesh], region: mpm.Region, cells: int = CELLS) -> Inside:
+    """Return the free space of closed meshes within a region, for a tool that holds no water; as `find_inside`."""
+    spacing = float(span(parts)[1].max()) / cells
+    lower = np.array(region.centre) - region.half
+    shape = tuple(int(n) for n in np.maximum(np.ceil(2.0 * np.array(region.half) / spacing).astype(int), 1) + 1)
+    points = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).reshape(-1, 3) * spacing + lower
+    held = find_free(parts, lower, spacing, shape) & region.holds(points).reshape(shape)
+    if held.sum() < LEAST_CELLS:
+        raise ConfigError(f"inside {tuple(region.centre)}, half {tuple(region.half)} m holds {int(held.sum())} places "
+                          f"of {1e3 * spacing:.2g} mm beside the mesh; accepted: the space in front of its wall")
+    return Inside(lower, spacing, held)
+
+
+def span(parts: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lower corner and the size (3,) [m] of the box around meshes."""
+    bounds = np.array([part.bounds for part in parts])
+    low = bounds[:, 0].min(0)
+    return low, bounds[:, 1].max(0) - low
+
+
+def find_free(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
+    """Return which points of a lattice lie in no mesh (nx, ny, nz)."""
+    return np.all([signed_distances(part, lower, spacing, shape) > 0.0 for part in parts], axis=0)
 
 
 def largest_part(held: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Meshes of a laboratory's own tools and containers: read, checked, and made closed.
 
-A solid is closed already. A surface is the middle of a wall: it gets a thickness. What is wrong with a file is refused
+A closed part is a solid. An open one is the middle of a wall: it gets a thickness. What is wrong with a file is refused
 by name, because a tool that leaks or holds the wrong volume looks right in every picture.
 """
 
@@ -24,27 +24,50 @@ PARALLEL = 1e-12
 Array = NDArray[np.float64]
 
 
-def read_solid(path: Path, scale: float = 1.0) -> trimesh.Trimesh:
-    """Read a closed mesh [m], normals outward; scale: of its unit. Raises ConfigError for one that is not closed."""
-    mesh = read_mesh(path, scale)
-    check_closed(mesh, path)
-    check_intersections(mesh, path)
-    return mesh
+def read_parts(path: Path, thickness: float | None = None, scale: float = 1.0) -> list[trimesh.Trimesh]:
+    """Read the connected parts of a file as closed meshes [m], normals outward; they may overlap.
 
-
-def read_shell(path: Path, thickness: float, scale: float = 1.0) -> trimesh.Trimesh:
-    """Read a surface [m] and make the wall about it, half of the thickness [m] to each side, as a closed mesh.
-
-    Raises ConfigError for a surface that is closed, or whose wall would cut itself.
+    thickness: of the walls [m] about open parts, half of it to each side; closed parts are solids. scale: of the file's
+    unit. Raises ConfigError for an open part without a thickness, for a thickness without an open part, and for a part
+    or a wall that cuts itself.
     """
-    mesh = read_mesh(path, scale)
-    if mesh.is_watertight:
+    parts = split_parts(read_mesh(path, scale))
+    if thickness is not None and all(part.is_watertight for part in parts):
         raise ConfigError(f"{path}: closed, and thickness = {thickness} m is given; accepted: an open surface with a "
-                          f"thickness, or a closed mesh with solid: true")
-    if not mesh.is_winding_consistent:
+                          f"thickness, or a closed mesh without")
+    solids = []
+    for part in parts:
+        if thickness is None or part.is_watertight:
+            check_closed(part, path)
+            check_intersections(part, path)
+            solids.append(part)
+        else:
+            solids.append(make_wall(part, path, thickness))
+    return solids
+
+
+def split_parts(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+    """Return the parts of a mesh that are connected over edges; one alone is the mesh itself."""
+    labels = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+    count = int(labels.max()) + 1
+    if count == 1:
+        return [mesh]
+    return [pick_faces(mesh, labels == k) for k in range(count)]
+
+
+def pick_faces(mesh: trimesh.Trimesh, chosen: NDArray[np.bool_]) -> trimesh.Trimesh:
+    """Return some faces of a mesh with the vertices that they use."""
+    part = trimesh.Trimesh(mesh.vertices, mesh.faces[chosen], process=False)
+    part.remove_unreferenced_vertices()
+    return part
+
+
+def make_wall(part: trimesh.Trimesh, path: Path, thickness: float) -> trimesh.Trimesh:
+    """Return the closed wall about an open part; raises ConfigError."""
+    if not part.is_winding_consistent:
         raise ConfigError(f"{path}: neighbouring faces look to opposite sides; accepted: a surface with one front side")
-    check_intersections(mesh, path)
-    wall = thicken(mesh, thickness)
+    check_intersections(part, path)
+    wall = thicken(part, thickness)
     check_closed(wall, path)
     check_intersections(wall, path, f"its wall of {1e3 * thickness:g} mm: thinner, or a surface without narrow places")
     return wall
@@ -110,6 +133,19 @@ def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
     if wall.volume < 0.0:
         wall.invert()
     return wall
+
+
+def join(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """Return meshes as one, each with its own vertices."""
+    shifts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    return trimesh.Trimesh(np.concatenate([part.vertices for part in parts]),
+                           np.concatenate([part.faces + shift for part, shift in zip(parts, shifts)]), process=False)
+
+
+def subdivide(mesh: trimesh.Trimesh, edge: float) -> trimesh.Trimesh:
+    """Return the same surface with edges of at most `edge` [m]."""
+    found = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, edge, max_iter=16)
+    return trimesh.Trimesh(found[0], found[1], process=False)
 
 
 def check_intersections(mesh: trimesh.Trimesh, path: Path, what: str = "a mesh that does not cut itself") -> None:

@@ -11,6 +11,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 import mpm
+from mpm.geometry.sampled_sdf import Lattice
 from robosim.shapes.lofts import compute_end_scale, smoothstep, space_stations, sweep
 
 Array = NDArray[np.float64]
@@ -95,6 +96,22 @@ class ToolShape:
     def solid(self, wall: float = WALL) -> list[trimesh.Trimesh]:
         """Make all parts as closed meshes, the head with a wall thickness [m]."""
         return [self.head(wall)] + ([make_handle(self.handle_start)] if self.handle_start else [])
+
+    def distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of all parts, the head with a wall of `wall` [m] that is grown outward."""
+        return mpm.Sdf.from_mesh(self.solid(wall), spacing=spacing)
+
+    def head_distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of the head alone, with a wall of `wall` [m] that is grown outward."""
+        return mpm.Sdf.from_mesh(self.head(wall), spacing=spacing)
+
+    def real_distance(self, spacing: float) -> Lattice:
+        """Return the signed distance of all parts with their real wall."""
+        return self.distance(WALL, spacing)
+
+    def head_vertices(self) -> Array:
+        """Return the vertices (n, 3) of the head with its real wall."""
+        return self.head(WALL).vertices
 
     def visuals(self) -> dict[str, trimesh.Trimesh]:
         """Make the parts with their real wall, by the names of their files."""

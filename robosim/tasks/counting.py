@@ -11,9 +11,8 @@ import trimesh
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.scene.frames import container_pose
-from robosim.scene.models import read_inner_size
+from robosim.scene.models import container_shape
 from robosim.shapes import tool_shape
-from robosim.shapes.vessels import make_container_shell
 from robosim.tasks.task import TaskConfig
 
 TOOL = 0
@@ -103,11 +102,11 @@ def container_points(task: TaskConfig) -> np.ndarray | None:
     """Sample the container's surface: points [m] (WALL_POINTS, 3) in the world; None without a container."""
     points = None
     for name, container in task.containers.items():
-        shell = make_container_shell(read_inner_size(name))
-        points = container_pose(container).apply(trimesh.sample.sample_surface(shell, WALL_POINTS, seed=0)[0])
+        walls = container_shape(name, container).walls()
+        points = container_pose(container).apply(trimesh.sample.sample_surface(walls, WALL_POINTS, seed=0)[0])
     return points
 
 
 def whole_tool_sdf(task: TaskConfig) -> Lattice:
     """Return the signed distance of the whole tool, handle included, in its own frame."""
-    return mpm.Sdf.from_mesh(tool_shape(task.tool).solid(), spacing=PROBE_SPACING)
+    return tool_shape(task.tool).real_distance(PROBE_SPACING)

@@ -12,7 +12,7 @@ from robosim.config.materials import Law
 from robosim.scene.field import build_container_colliders, check_substeps
 from robosim.scene.frames import container_pose
 from robosim.scene.grains import sample_in_tool
-from robosim.scene.models import read_inner_size
+from robosim.scene.models import container_shape
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
 
@@ -23,14 +23,15 @@ TOOL_SDF_POINTS = 4
 @functools.lru_cache(maxsize=8)
 def tool_distance(tool: str, wall: float, spacing: float) -> Lattice:
     """Return the signed distance of a tool's head with walls of `wall` [m], at points `spacing` [m] apart."""
-    return mpm.Sdf.from_mesh(tool_shape(tool).head(wall), spacing=spacing)
+    return tool_shape(tool).head_distance(wall, spacing)
 
 
 def grain_volume(task: TaskConfig) -> float:
     """Return the volume of one grain [m^3]."""
     for name, container in task.containers.items():
-        size = read_inner_size(name)
-        return float(size[0] * size[1] * container.fill_height) / task.grains.count
+        low, high = container_shape(name, container).bounds
+        x, y, _ = high - low
+        return float(x * y * container.fill_height) / task.grains.count
     if task.start.pile is not None:
         return 8.0 * float(np.prod(task.start.pile.half)) / task.grains.count
     return task.field.cell**3 / task.field.grains_per_cell
@@ -45,9 +46,10 @@ def fill_positions(task: TaskConfig, tool: Lattice) -> np.ndarray:
     spacing = grain_volume(task) ** (1.0 / 3.0)
     rng = np.random.default_rng(0)
     if task.container is not None and task.container_place is not None:
-        half, container = read_inner_size(task.container) / 2.0, task.container_place
-        upper = np.array([half[0], half[1], container.fill_height + spacing])
-        sites = container_pose(container).apply(mpm.sample_box(upper * [-1, -1, 0], upper, spacing, rng))
+        container = task.container_place
+        low, high = container_shape(task.container, container).bounds
+        upper = np.array([high[0], high[1], low[2] + container.fill_height + spacing])
+        sites = container_pose(container).apply(mpm.sample_box(low, upper, spacing, rng))
         keys = sites[:, 2]
     elif task.start.pile is not None:
         centre, half = np.array(task.start.pile.centre), np.array(task.start.pile.half)
@@ -91,7 +93,7 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
     with warnings.catch_warnings():
         if positions is not None:  # grains that have flowed stand in no lattice any more
             warnings.simplefilter("ignore", mpm.VolumeMismatch)
-        return mpm.Solver(grid=mpm.Grid(field.region_lower, field.region_upper, field.cell), bodies=[body],
+        return mpm.Solver(grid=field.grid, bodies=[body],
                           colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
                           dt=requested_step(task, law), transfer_interval=field.transfer_interval,
                           sleep=field.sleep or False)

@@ -5,7 +5,6 @@ Headings and tables follow Gymnasium's environment pages.
 
 import numpy as np
 
-import mpm
 from robosim.config.materials import law_of, load_material
 from robosim.tasks.field import largest_step
 from robosim.tasks.observation import grain_bounds, tool_bounds
@@ -114,7 +113,7 @@ def _action_rows(task: TaskConfig) -> list[tuple[object, ...]]:
 def _observation_rows(task: TaskConfig) -> tuple[list[tuple[object, ...]], int]:
     """Return the rows of the table of observations, and the number of entries of one."""
     field, n = task.field, task.grains.count // task.grains.observe_every
-    grid = mpm.Grid(field.region_lower, field.region_upper, field.cell)
+    grid = field.grid
     lower, upper = grain_bounds(grid, largest_step(task, law_of(load_material(task.material))))
     tool = tool_bounds(task, grid)
     begin = 6 * n

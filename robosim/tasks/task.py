@@ -125,6 +125,8 @@ class TaskConfig(Table):
             raise ValueError("reward.turn belongs to kind: scoop, and to no other")
         if (self.kind == "move") != (self.start.pile is not None):
             raise ValueError("start.pile belongs to kind: move, and to no other")
+        if self.field.region_lower is None:
+            raise ValueError("field.region_lower, region_upper: missing; accepted: the corners of the grains' region")
         if self.field.dt is not None and abs(self.step_dt / self.field.dt - round(self.step_dt / self.field.dt)) > 1e-6:
             raise ValueError(f"field.dt = {self.field.dt} s divides step_dt = {self.step_dt} s "
                              f"{self.step_dt / self.field.dt:.4f} times; accepted: a whole number")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.settings import Setting
 from robosim.errors import RobosimError
 from robosim.recordings.reader import FILE, Recording

@@ -5,7 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.recordings.header import CurveEntry, WaypointEntry, three
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rehearsal.planning.motion_sequence import place_target
@@ -45,7 +45,7 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
                  for name, time in plan.path.times.items()]
     clearance = RobotClearance(scene, plan.arm)
     recorder = SceneRecorder(path, scene.model, data, None, kind="plan", title=f"plan: {config.description}",
-                             curves=CURVES, frame_rate=FRAME_RATE, tool=config.tool, waypoints=waypoints,
+                             curves=CURVES, frame_rate=FRAME_RATE, tool=config.tool_name, waypoints=waypoints,
                              regions=counting_regions(config), commit=commit(),
                              paths={"commanded": np.array([plan.path.pose(t).position for t in times])})
     try:

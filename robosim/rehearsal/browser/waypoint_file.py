@@ -11,7 +11,7 @@ from ruamel.yaml.error import YAMLError
 
 from mpm.files import write_text
 from mpm.input_files import read_text
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.resources import config_path
 from robosim.config.settings import Setting
 from robosim.errors import ConfigError

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.input_files import read_arrays
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.resources import trained
 from robosim.errors import ConfigError
 from robosim.rehearsal.planning.pose_sequences import SAMPLING, PoseSequence

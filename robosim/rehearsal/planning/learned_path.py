@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.geometry.rigid_motion import Pose
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.planning.motion_sequence import load_sequence
 from robosim.rehearsal.planning.pose_sequences import (
     SAMPLING,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.rehearsal.planning.bundled_motions import find_motion, load_motion
 from robosim.rehearsal.planning.pose_sequences import PoseSequence
@@ -37,7 +37,7 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
     for name in config.learned:
         task = load_task(name)
         if task.tool != config.tool:
-            raise ConfigError(f"learned: {name} moves a {task.tool}; the rehearsal's tool is {config.tool}")
+            raise ConfigError(f"learned: {name} moves a {task.tool}; the rehearsal's tool is {config.tool_name}")
         motion = load_motion(find_motion(config, name), name, task)
         if sequence:
             last = sequence[-1]
@@ -58,7 +58,7 @@ def place_target(config: RehearsalConfig) -> RehearsalConfig:
         return config
     last = load_sequence(config)[-1]
     x, y, _ = map(float, np.array(last.task.target.centre) + last.offset)
-    containers = {name: box.model_copy(update={"position": (x, y, box.position[2])}) if name == config.sink else box
+    containers = {name: box.model_copy(update={"position": (x, y, box.position[2])}) if name in config.sinks else box
                   for name, box in config.containers.items()}
     area = config.area and config.area.model_copy(update={"centre": (x, y, config.area.centre[2])})
     return config.model_copy(update={"containers": containers, "area": area})
@@ -68,7 +68,7 @@ def _compute_first_offset(config: RehearsalConfig, name: str, task: TaskConfig) 
     """Translation (3,) [m] from where the first motion was learned to where the rehearsal's material is."""
     if task.container is not None and task.container_place is not None:
         own = config.containers.get(task.container)
-        if own is None or task.container != config.source or own.yaw_deg != task.container_place.yaw_deg:
+        if own is None or task.container not in config.sources or own.yaw_deg != task.container_place.yaw_deg:
             raise ConfigError(f"learned: {name} was learned over a filled container {task.container!r} with yaw_deg "
                               f"{task.container_place.yaw_deg:g}; accepted: one like it in containers")
         return np.array(own.position) - np.array(task.container_place.position)

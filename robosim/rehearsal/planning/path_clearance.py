@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.robot_clearance import FAR, Nearest, RobotClearance
@@ -43,7 +43,7 @@ def check_path(config: RehearsalConfig, path: WaypointPath | LearnedPath, times:
         if surface is not None:
             surface.record_penetrations(path.pose(time))
             if surface.penetrations:
-                raise ConfigError(_describe(path, time, (config.tool, "a container"), -surface.depth))
+                raise ConfigError(_describe(path, time, (config.tool_name, "a container"), -surface.depth))
     return least
 
 

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from robosim.config.rehearsal import WaypointConfig
-from robosim.config.rehearsal_file import APPROACH, RehearsalConfig
+from robosim.config.motion import APPROACH, WaypointConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import find_site_pose
 from robosim.scene.frames import waypoint_pose

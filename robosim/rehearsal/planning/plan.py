@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.path_clearance import PathClearance, check_path

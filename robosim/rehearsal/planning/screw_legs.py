@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose, Twist, exponential, logarithm
-from robosim.config.rehearsal import PathConfig
+from robosim.config.motion import PathConfig
 from robosim.errors import ConfigError
 
 SMOOTHSTEP_SLOPE = 1.875

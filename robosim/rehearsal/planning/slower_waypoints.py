@@ -1,6 +1,6 @@
 """Waypoints passed more slowly, all by one factor, so that the path stays what it is."""
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 
 
 def slow_down(config: RehearsalConfig, factor: float) -> RehearsalConfig:

@@ -5,14 +5,13 @@ from functools import cache
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import ConfigError
 from robosim.rehearsal.planning.pose_sequences import check_duration
 from robosim.rehearsal.planning.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
 from robosim.scene.frames import container_pose, waypoint_pose
-from robosim.scene.models import read_inner_size
-from robosim.shapes import tool_shape
-from robosim.shapes.tool import WALL
+from robosim.scene.models import container_shape
+from robosim.shapes import MeshTool, OwnTool, ToolShape, tool_shape
 
 CONTAINER_MARGIN = 0.02
 """[m] around a container's inside within which the tool counts as in it."""
@@ -123,10 +122,14 @@ class WaypointPath:
                     "(path.corner_tolerance): lower the speeds before and after it, or stop there")
 
 
-@cache
-def find_tip(tool: str) -> np.ndarray:
+def find_tip(tool: str | OwnTool) -> np.ndarray:
     """Return the point (3,) [m] of a tool's head that is farthest from the origin of its frame."""
-    head = tool_shape(tool).head(WALL).vertices
+    return _find_tip(tool_shape(tool))
+
+
+@cache
+def _find_tip(shape: ToolShape | MeshTool) -> np.ndarray:
+    head = shape.head_vertices()
     return head[np.linalg.norm(head, axis=1).argmax()]
 
 
@@ -136,8 +139,8 @@ def is_in_container(pose: Pose, config: RehearsalConfig) -> bool:
     pose: of the tool in the world.
     """
     for name, container in config.containers.items():
-        size = read_inner_size(name)
+        low, high = container_shape(name, container).bounds
         p = container_pose(container).inverse().apply(pose.position[None])[0]
-        if np.all(np.abs(p[:2]) < size[:2] / 2.0 + CONTAINER_MARGIN) and p[2] < size[2] + CONTAINER_MARGIN:
+        if np.all((p < high + CONTAINER_MARGIN) & (p > low - [CONTAINER_MARGIN, CONTAINER_MARGIN, np.inf])):
             return True
     return False

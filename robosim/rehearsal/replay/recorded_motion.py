@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
 from scipy.signal import butter, sosfiltfilt
 
-from robosim.config.rehearsal_file import RehearsalConfig
+from robosim.config.rehearsal import RehearsalConfig
 from robosim.conversion.joint_log import JointLog, read_joint_log
 from robosim.errors import ConfigError
 from robosim.robot.model import Arm

@@ -14,7 +14,7 @@ import pytest
 import mpm
 from policies.runs import pipeline
 from robosim.commands.main import parser
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 
 
 class EndedProcess:

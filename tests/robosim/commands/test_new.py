@@ -10,7 +10,7 @@ from robosim.commands.keys import KINDS, schema_class
 from robosim.commands.main import main
 from robosim.commands.new import BASES
 from robosim.config.materials import load_material
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_names
 from robosim.config.robot import load_robot
 from robosim.tasks.task import load_task

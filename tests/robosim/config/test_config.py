@@ -11,7 +11,7 @@ import mpm
 from robosim.commands.main import main
 from robosim.config.materials import law_of, load_material, overridden
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_names, config_path
 from robosim.config.settings import read_setting
 from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint

@@ -5,7 +5,7 @@ from typing import ClassVar
 import pytest
 import yaml
 
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import Setting, read_setting, with_settings
 from robosim.config.table import Table, load
 from robosim.errors import ConfigError
@@ -54,7 +54,7 @@ def test_a_configuration_has_the_values_that_were_set() -> None:
     ("waypoints.40.speed=1", "--set waypoints.40.speed: waypoints is a list, '40' is no place in it; accepted: 0 to"),
     ("waypoints.lifted.speed=1", "waypoints is a list, 'lifted' is no place in it; accepted: 0 to"),
     ("host_dt.x=1", "--set host_dt.x: host_dt is 0.001, neither a table nor a list; accepted: --set host_dt=VALUE"),
-    ("containers.source.color=1", "unknown key 'containers.source.color'; valid: position, yaw_deg, fill_height"),
+    ("containers.source.color=1", "unknown key 'containers.source.color'; valid: position, yaw_deg, tilt_deg,"),
     ("weigh_at=raised", r"spoon.yaml --set weigh_at: weigh_at: unknown waypoint 'raised'; valid: .*lifted"),
 ])
 def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robosim.config.output import OutputFolder
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.planning.motion_sequence import place_target

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import robosim
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.film import find_camera
 from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.scene.build import compile_rehearsal

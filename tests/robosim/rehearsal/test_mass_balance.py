@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.mass_balance import compute_fractions
 from robosim.shapes import tool_shape
 

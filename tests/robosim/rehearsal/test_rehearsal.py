@@ -12,7 +12,7 @@ import yaml
 from scipy.interpolate import CubicHermiteSpline
 
 from robosim.commands.main import main
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.planning.plan import plan_motion

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robosim.commands.main import main
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import AXES, JointLog, Samples
 from robosim.errors import ConfigError
 from robosim.rehearsal.planning.plan import Plan, plan_motion

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.model import Gains
 from robosim.robot.model_errors import (
     FRICTION,

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.config.robot import load_robot
 from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.robot.assembly import assemble

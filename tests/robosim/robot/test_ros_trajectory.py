@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.commands.main import main
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.config.robot import JointTrajectoryConfig
 from robosim.config.settings import read_setting
 from robosim.errors import ConfigError, UnknownName

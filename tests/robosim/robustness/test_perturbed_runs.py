@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robosim.commands.main import main
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.metrics import get_bounds
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robustness import perturbed_runs

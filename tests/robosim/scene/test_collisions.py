@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mpm
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.assembly import assemble
 from robosim.scene import container_clearance
 from robosim.scene.build import compile_rehearsal

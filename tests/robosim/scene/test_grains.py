@@ -5,7 +5,7 @@ import pytest
 
 import mpm
 from robosim.config.materials import Law, law_of, load_material
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError
 from robosim.scene.field import build_field, build_tool_sdf, check_field
 from robosim.scene.frames import container_pose

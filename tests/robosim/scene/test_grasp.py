@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.robot.joint_control import TorqueSensors
 from robosim.robot.model import Arm
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal

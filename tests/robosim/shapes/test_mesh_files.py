@@ -8,7 +8,7 @@ import trimesh
 
 from robosim.errors import ConfigError
 from robosim.shapes.inside import find_inside
-from robosim.shapes.mesh_files import read_shell, read_solid
+from robosim.shapes.mesh_files import read_parts
 
 
 def half_sphere(radius: float = 0.04, sections: int = 96) -> trimesh.Trimesh:
@@ -24,7 +24,7 @@ def test_a_surface_becomes_a_wall_of_its_area_and_thickness(suffix: str, scale: 
     path, thickness = tmp_path / f"bowl{suffix}", 1.5e-3
     surface = half_sphere()
     surface.copy().apply_scale(1.0 / scale).export(path)
-    wall = read_shell(path, thickness, scale)
+    (wall,) = read_parts(path, thickness, scale)
     assert wall.is_watertight and wall.volume == pytest.approx(surface.area * thickness, rel=2e-3)
     assert wall.volume == pytest.approx(2.0 * np.pi * 0.04**2 * thickness, rel=0.01)
     inside = find_inside(wall)
@@ -35,7 +35,7 @@ def test_a_closed_mesh_is_a_solid_whatever_its_winding(tmp_path: Path) -> None:
     box = trimesh.creation.box((0.1, 0.05, 0.02))
     box.invert()
     box.export(tmp_path / "box.stl")
-    solid = read_solid(tmp_path / "box.stl")
+    (solid,) = read_parts(tmp_path / "box.stl")
     assert solid.volume == pytest.approx(1e-4) and solid.is_watertight
 
 
@@ -43,7 +43,28 @@ def refuse(mesh: trimesh.Trimesh, path: Path, message: str, thickness: float | N
     """Write a mesh and check that it is refused with a message."""
     mesh.export(path)
     with pytest.raises(ConfigError, match=message):
-        read_solid(path) if thickness is None else read_shell(path, thickness)
+        read_parts(path, thickness)
+
+
+def self_cutting_box() -> trimesh.Trimesh:
+    """Return a box with one corner drawn through the opposite side."""
+    box = trimesh.creation.box((0.1, 0.1, 0.1)).subdivide()
+    corner = np.linalg.norm(box.vertices - 0.05, axis=1).argmin()
+    vertices = box.vertices.copy()
+    vertices[corner] = [-0.08, -0.01, -0.02]
+    return trimesh.Trimesh(vertices, box.faces)
+
+
+def test_parts_may_overlap_and_a_thickness_is_that_of_open_ones(tmp_path: Path) -> None:
+    """A bowl with a rod through its wall, in one file; two boxes that share a corner of space."""
+    rod = trimesh.creation.cylinder(0.005, 0.1).apply_translation([0.0, 0.0, 0.02])
+    trimesh.util.concatenate([half_sphere(), rod]).export(tmp_path / "ladle.stl")
+    wall, solid = sorted(read_parts(tmp_path / "ladle.stl", 1e-3), key=lambda part: -part.area)
+    assert wall.volume == pytest.approx(2.0 * np.pi * 0.04**2 * 1e-3, rel=0.01)
+    assert solid.volume == pytest.approx(rod.volume, rel=1e-6)
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    trimesh.util.concatenate([box, box.copy().apply_translation([0.04, 0.03, 0.02])]).export(tmp_path / "boxes.obj")
+    assert [part.volume for part in read_parts(tmp_path / "boxes.obj")] == pytest.approx([1e-3, 1e-3])
 
 
 def test_what_is_wrong_with_a_file_is_said(tmp_path: Path) -> None:
@@ -52,20 +73,16 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path: Path) -> None:
     refuse(box, path, "closed, and thickness = 0.001 m is given", 1e-3)
     refuse(bowl.copy().apply_scale(1000.0), path, r"80 m long; .* is it in millimetres \(scale: 0.001\)", 1e-3)
     refuse(bowl.copy().apply_scale(1e-3), path, r"8e-05 m long; .* is it in another unit", 1e-3)
-    crossed = trimesh.util.concatenate([box, box.copy().apply_translation([0.04, 0.03, 0.02])])
-    refuse(crossed, path, r"cuts itself at \d+ pairs of faces, the first near \(.*\) mm; accepted: a mesh that does")
+    refuse(self_cutting_box(), path, r"cuts itself at \d+ pairs of faces, the first near \(.*\) mm; accepted: a mesh")
     refuse(bowl, path, r"cuts itself at .*; accepted: its wall of 100 mm: thinner", 0.1)
     flipped = bowl.copy()
     flipped.faces[::2] = flipped.faces[::2, ::-1]
     refuse(flipped, path, "neighbouring faces look to opposite sides", 1e-3)
-    apart = trimesh.util.concatenate([box, box.copy().apply_translation([0.2, 0.0, 0.0])])
-    apart.export(path)
-    assert read_solid(path).volume == pytest.approx(2e-3)
     (tmp_path / "no.stl").write_text("not a mesh")
     for name, message in (("no.stl", "cannot be read as a mesh|holds no triangles"), ("missing.stl", "no such file"),
                           ("tool.ply", "no such file")):
         with pytest.raises(ConfigError, match=message):
-            read_solid(tmp_path / name)
+            read_parts(tmp_path / name)
     (tmp_path / "tool.ply").write_text("ply")
     with pytest.raises(ConfigError, match=r"\.ply format; accepted: .stl, .obj"):
-        read_solid(tmp_path / "tool.ply")
+        read_parts(tmp_path / "tool.ply")

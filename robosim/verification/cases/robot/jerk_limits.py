@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
 from robosim.robot.timing import SmoothMotion

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import mpm
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
 from robosim.evaluation.policies import make_policy

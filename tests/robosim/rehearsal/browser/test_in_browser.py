@@ -8,7 +8,7 @@ import pytest
 import yaml
 from browser_window import BrowserWindow, serve, wait_until
 
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.session import rehearse
 from robosim.scene.frames import waypoint_pose
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.config.resources import config_path
 from robosim.errors import ConfigError
 from robosim.rehearsal.browser.waypoint_file import WaypointFile, move_waypoint

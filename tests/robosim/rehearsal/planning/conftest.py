@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.rehearsal.planning import bundled_motions
 from robosim.rehearsal.planning.motion_sequence import place_target
 from robosim.tasks.task import load_task

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from robosim.config.arm import BasePose
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.resources import config_path
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.path_clearance import LEAST

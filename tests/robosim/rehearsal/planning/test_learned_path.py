@@ -8,7 +8,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.config.rehearsal_file import RehearsalConfig, load_rehearsal
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.rehearsal.planning.learned_path import WEIGHING_TIME, LearnedPath
 from robosim.rehearsal.planning.motion_sequence import place_target
 from robosim.rehearsal.planning.plan import plan_motion

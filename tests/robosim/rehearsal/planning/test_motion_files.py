@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.config.rehearsal_file import load_rehearsal
+from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError
 from robosim.rehearsal.planning import bundled_motions
 from robosim.rehearsal.planning.bundled_motions import find_motion, load_motion

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from robosim.config.rehearsal_file import APPROACH, RehearsalConfig, load_rehearsal
+from robosim.config.motion import APPROACH
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.rehearsal.planning.plan import plan_motion
 from robosim.scene.build import compile_rehearsal, standing_pose
 from robosim.scene.frames import body_pose

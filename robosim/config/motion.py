@@ -1,0 +1,74 @@
+"""Configuration of a motion: waypoints of the tool, the rounding between them, and the joints' limits."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from robosim.config.arm import PerJoint
+from robosim.config.bounds import (
+    Acceleration,
+    Angle,
+    AngularAcceleration,
+    AngularSpeed,
+    Duration,
+    Name,
+    Share,
+    Speed,
+    Tolerance,
+)
+from robosim.config.table import Table, Vector3
+
+APPROACH = "approach"
+"""Name of the waypoint from which a hand approaches a tool that it picks up."""
+
+
+class PathConfig(Table):
+    """How the tool rounds the corners between waypoints."""
+
+    acceleration: Acceleration = 2.0
+    """Acceleration of the tool along the path [m/s^2]."""
+    angular_acceleration: AngularAcceleration = 10.0
+    """Angular acceleration of the tool along the path [rad/s^2]."""
+    corner_tolerance: Tolerance = 1.5e-3
+    """Largest distance [m] between the rounded path and the screw motions inside a container."""
+
+
+class WaypointConfig(Table):
+    """A pose of the tool, reached by a screw motion from the waypoint before."""
+
+    name: Name
+    """Its name in reports and errors."""
+    frame: Name
+    """Frame of position and rotation: "world", or the name of a container."""
+    position: Vector3
+    """Position of the tool's frame [m]."""
+    rotation_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """Rotations about the frame's x, then y, then z axis [deg]."""
+    speed: Speed
+    """Speed of the tool on the way to this waypoint [m/s]."""
+    angular_speed: AngularSpeed = 1.5
+    """Angular speed on the way to this waypoint [rad/s]; the slower of the two decides."""
+    stop: bool = False
+    """Whether the tool stops there."""
+    dwell: Duration = 0.0
+    """Duration [s] of the stop."""
+    acceleration: Acceleration | None = None
+    """Acceleration [m/s^2] in the rounded corner, or before and after the stop; null: path.acceleration."""
+
+
+class PickConfig(Table):
+    """The tool stands at the first waypoint, and the hand picks it up there."""
+
+    approach: Annotated[float, Field(gt=0.0, le=1.0)] = 0.12
+    """Distance [m] from which the open hand comes, along its approach direction."""
+
+
+class MotionLimitsConfig(Table):
+    """Joint limits of the time-scaled motion."""
+
+    velocity_fraction: Share = 0.9
+    """Largest joint speed as a fraction of the robot's limit."""
+    acceleration: PerJoint | None = None
+    """Largest acceleration of each joint [rad/s^2]; null: the robot's."""
+    jerk: PerJoint | None = None
+    """Largest jerk of each joint [rad/s^3]; null: the robot's."""

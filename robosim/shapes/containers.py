@@ -1,0 +1,185 @@
+"""Containers: walls, what is in them, and their distances, whatever they were made from.
+
+Frame: z up; of a box or a round one, the origin is the centre of the inner floor. Lengths are metres.
+"""
+
+from abc import ABC, abstractmethod
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+import mpm
+from mpm.geometry.sampled_sdf import Lattice
+from robosim.errors import ConfigError
+from robosim.shapes.grown_wall import grow_outward, wall_at_inside
+from robosim.shapes.inside import Inside, find_inside
+from robosim.shapes.lofts import revolve
+from robosim.shapes.mesh_files import join, read_parts
+from robosim.shapes.mesh_tool import MeshFile
+from robosim.shapes.vessels import CONTAINER_CORNER, make_container_shell
+
+Array = NDArray[np.float64]
+Found = NDArray[np.bool_]
+
+RIM_MARGIN = 0.02
+"""Height above a container's rim up to which grains count as in it."""
+WALL_MARGIN, FLOOR_MARGIN = 1e-3, 5e-3
+"""Distances beyond the inner walls, and below the floor, up to which grains count as in it."""
+
+
+class ContainerShape(ABC):
+    """The shape of a container, in its own frame."""
+
+    wall: float
+    """Thickness of its real wall."""
+    is_round = False
+    """Whether its counting region is a cylinder."""
+
+    @property
+    @abstractmethod
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner (3,) of the box around the inside."""
+
+    @abstractmethod
+    def walls(self) -> trimesh.Trimesh:
+        """Make the real walls, closed."""
+
+    @abstractmethod
+    def distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of walls that are `wall` thick, grown outward."""
+
+    @abstractmethod
+    def holds(self, points: Array) -> Found:
+        """Return which points (n, 3) count as in it, up to RIM_MARGIN above its rim."""
+
+    @abstractmethod
+    def between_walls(self, points: Array) -> Found:
+        """Return which points (n, 3) of the box around the inside are in it."""
+
+    @property
+    def height(self) -> float:
+        """Of the inside."""
+        low, high = self.bounds
+        return float(high[2] - low[2])
+
+    @property
+    def region(self) -> mpm.Region:
+        """The box, or cylinder, around what counts as in it."""
+        low, high = self.bounds
+        low, high = low - [WALL_MARGIN, WALL_MARGIN, FLOOR_MARGIN], high + [WALL_MARGIN, WALL_MARGIN, RIM_MARGIN]
+        x, y, z = map(float, 0.5 * (low + high))
+        a, b, c = map(float, 0.5 * (high - low))
+        return mpm.Region((x, y, z), (a, b, c), self.is_round)
+
+    def fill(self, height: float, spacing: float, rng: np.random.Generator) -> tuple[Array, float]:
+        """Sample positions (n, 3) up to a height above the floor, `spacing` apart; and the volume of one grain."""
+        low, high = self.bounds
+        upper = np.array([high[0], high[1], low[2] + height])
+        points = mpm.sample_box(low, upper, spacing, rng)
+        return points[self.between_walls(points)], float(np.prod(upper - low)) / len(points)
+
+
+class BoxShape(ContainerShape):
+    """A box with rounded upright edges; size (3,): of the inside."""
+
+    def __init__(self, size: tuple[float, float, float], wall: float = 0.006) -> None:
+        self.size, self.wall = np.array(size), wall
+        self.corner = min(CONTAINER_CORNER, 0.45 * float(self.size[:2].min()))
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        half = self.size / 2.0
+        return np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], self.size[2]])
+
+    def walls(self) -> trimesh.Trimesh:
+        return make_container_shell(self.size, self.wall, self.corner)
+
+    def distance(self, wall: float, spacing: float) -> Lattice:
+        return mpm.Sdf.from_mesh(make_container_shell(self.size, wall, self.corner), spacing=spacing)
+
+    def holds(self, points: Array) -> Found:
+        half = self.size[:2] / 2.0 + WALL_MARGIN
+        between = np.all(np.abs(points[:, :2]) < half, axis=1)
+        return between & (points[:, 2] < self.size[2] + RIM_MARGIN) & (points[:, 2] > -FLOOR_MARGIN)
+
+    def between_walls(self, points: Array) -> Found:
+        beyond = np.maximum(np.abs(points[:, :2]) - (self.size[:2] / 2.0 - self.corner), 0.0)
+        return np.hypot(*beyond.T) <= self.corner
+
+
+class RoundShape(ContainerShape):
+    """An upright cylinder."""
+
+    is_round = True
+
+    def __init__(self, radius: float, height: float, wall: float = 0.006) -> None:
+        self.radius, self.wall, self._height = radius, wall, height
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return np.array([-self.radius, -self.radius, 0.0]), np.array([self.radius, self.radius, self._height])
+
+    def _make(self, wall: float) -> trimesh.Trimesh:
+        outer, high = self.radius + wall, self._height
+        return revolve([(0.0, -wall), (outer, -wall), (outer, high), (self.radius, high), (self.radius, 0.0),
+                        (0.0, 0.0)], 64)
+
+    def walls(self) -> trimesh.Trimesh:
+        return self._make(self.wall)
+
+    def distance(self, wall: float, spacing: float) -> Lattice:
+        return mpm.Sdf.from_mesh(self._make(wall), spacing=spacing)
+
+    def holds(self, points: Array) -> Found:
+        within = np.hypot(points[:, 0], points[:, 1]) < self.radius + WALL_MARGIN
+        return within & (points[:, 2] < self._height + RIM_MARGIN) & (points[:, 2] > -FLOOR_MARGIN)
+
+    def between_walls(self, points: Array) -> Found:
+        return np.hypot(points[:, 0], points[:, 1]) <= self.radius
+
+
+class MeshShape(ContainerShape):
+    """A container from closed meshes."""
+
+    is_round = True
+
+    def __init__(self, parts: list[trimesh.Trimesh], inside: Inside) -> None:
+        self.parts, self.inside = parts, inside
+        self.wall = wall_at_inside(parts, inside)
+        self._near = inside._replace(held=binary_dilation(inside.held))
+        """The inside and a lattice spacing around it: grains sink a little into walls."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return self.inside.bounds
+
+    def walls(self) -> trimesh.Trimesh:
+        return join(self.parts)
+
+    def distance(self, wall: float, spacing: float) -> Lattice:
+        return grow_outward(self.parts, self.inside, wall - self.wall, spacing)
+
+    def holds(self, points: Array) -> Found:
+        return self._near.holds(points, RIM_MARGIN)
+
+    def between_walls(self, points: Array) -> Found:
+        return self.inside.holds(points)
+
+
+def read_container(file: MeshFile) -> MeshShape:
+    """Read a container from a mesh; raises ConfigError. A file that has not changed is read once."""
+    path = Path(file.mesh)
+    return _read_container(file, path.stat().st_mtime_ns if path.is_file() else 0)
+
+
+@lru_cache(maxsize=16)
+def _read_container(file: MeshFile, stamp: int) -> MeshShape:
+    parts = read_parts(Path(file.mesh), file.thickness, file.scale)
+    try:
+        return MeshShape(parts, find_inside(parts))
+    except ConfigError as error:
+        raise ConfigError(f"{file.mesh}: {error}") from None

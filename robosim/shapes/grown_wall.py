@@ -1,0 +1,68 @@
+"""The collider of a thin wall: thickened outward, so that what the vessel holds stays as it is.
+
+On cells of a few millimetres a wall of sheet metal is thinner than the grid resolves, and grains would pass it. The
+distance is that of the union of the real solid and of a layer behind its inner surface: places within the growth of the
+solid, below the water's level, that are not on the inner side.
+"""
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+import mpm
+from mpm.geometry.mesh_distance import sheet_distances, wall_thickness
+from mpm.geometry.sampled_sdf import Lattice
+from robosim.errors import ConfigError
+from robosim.shapes.inside import Inside, span
+from robosim.shapes.mesh_files import join, pick_faces, subdivide
+
+MARGIN = 4e-3
+"""Distance [m] around the grown solid up to which its lattice reaches."""
+PROBE = 1.5
+"""Distance from a face to the place that decides on which side it is, in spacings of the inside."""
+MOST_POINTS = 40_000_000
+"""Lattice points beyond which a solid is too large for its spacing."""
+
+Array = NDArray[np.float64]
+
+
+def grow_outward(parts: list[trimesh.Trimesh], inside: Inside, growth: float, spacing: float) -> Lattice:
+    """Return the distances of closed meshes whose wall is `growth` [m] thicker, on the side that holds nothing.
+
+    spacing: of the lattice [m]. Raises ConfigError where no face borders the inside.
+    """
+    real = mpm.Sdf.from_mesh(parts, spacing=spacing)
+    if growth <= 0.0:
+        return real
+    low, extents = span(parts)
+    lower = low - growth - MARGIN
+    shape = tuple(int(n) for n in np.ceil((extents + 2.0 * (growth + MARGIN)) / spacing).astype(int) + 1)
+    if np.prod(np.array(shape, float)) > MOST_POINTS:
+        raise ConfigError(f"a mesh of {np.round(1e3 * extents).astype(int)} mm: too large for distances every "
+                          f"{1e3 * spacing:g} mm; accepted: up to {MOST_POINTS:.0e} of them")
+    axes = [lower[k] + spacing * np.arange(shape[k]) for k in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+    solid = real.distance(points.reshape(-1, 3)).reshape(shape)
+    inner = inner_surface(parts, inside)
+    band = growth + 2.0 * spacing
+    side, _ = sheet_distances(inner, lower, spacing, shape, band)
+    side[side > 0.9 * band] = np.inf  # in the middle of the inside, where nothing grows
+    layer = np.maximum.reduce([solid - growth, points[..., 2] - inside.level, side])
+    return Lattice(np.minimum(solid, layer).astype(np.float32), lower, spacing)
+
+
+def wall_at_inside(parts: list[trimesh.Trimesh], inside: Inside) -> float:
+    """Return the least thickness [m] of the wall that borders an inside: of the part with the most of it."""
+    shares = [int(inside.holds(part.triangles_center + PROBE * inside.spacing * part.face_normals).sum())
+              for part in parts]
+    return wall_thickness(parts[int(np.argmax(shares))])
+
+
+def inner_surface(parts: list[trimesh.Trimesh], inside: Inside) -> trimesh.Trimesh:
+    """Return the faces of closed meshes that border their inside, front to it; raises ConfigError for none."""
+    fine = subdivide(join(parts), 2.0 * inside.spacing)
+    probes = fine.triangles_center + PROBE * inside.spacing * fine.face_normals
+    faces = inside.holds(probes)
+    if not faces.any():
+        raise ConfigError("no wall found about the inside; accepted: an inside that the mesh's wall surrounds")
+    return pick_faces(fine, faces)

@@ -1,0 +1,182 @@
+"""A tool of one's own: a mesh with a handle and an inside, in place of a bundled shape."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+import mpm
+from mpm.geometry.sampled_sdf import Lattice
+from robosim.errors import ConfigError
+from robosim.shapes.grown_wall import grow_outward, wall_at_inside
+from robosim.shapes.inside import Inside, find_inside, given_inside
+from robosim.shapes.mesh_files import join, read_parts
+
+Array = NDArray[np.float64]
+
+HEAP = 0.04
+"""Height [m] above the water's level up to which grains count as on the tool."""
+ASIDE = 3**0.5
+"""By which the counting region is wider than what holds water: cohesive heaps overhang the rim."""
+NEAR_HANDLE = 1.6
+"""Radii of the handle within which a part of the mesh belongs to it and not to the head."""
+UP = np.array([0.0, 0.0, 1.0])
+
+
+class MeshFile(Protocol):
+    """What is read of the configuration of something of one's own."""
+
+    @property
+    def mesh(self) -> str: ...
+    @property
+    def scale(self) -> float: ...
+    @property
+    def thickness(self) -> float | None: ...
+
+
+class HandleLine(Protocol):
+    """The line of a handle, by which a hand holds a tool."""
+
+    @property
+    def head(self) -> tuple[float, float, float]: ...
+    @property
+    def end(self) -> tuple[float, float, float]: ...
+    @property
+    def hold(self) -> float: ...
+    @property
+    def radius(self) -> float | None: ...
+    @property
+    def approach(self) -> tuple[float, float, float]: ...
+
+
+class OwnTool(MeshFile, Protocol):
+    """Configuration of a tool of one's own, see `robosim.config.tool.ToolConfig`."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def mass(self) -> float | None: ...
+    @property
+    def density(self) -> float | None: ...
+    @property
+    def handle(self) -> HandleLine: ...
+    @property
+    def colour(self) -> tuple[float, float, float]: ...
+    @property
+    def inside(self) -> Any: ...
+
+
+@dataclass(frozen=True, eq=False)
+class MeshTool:
+    """A tool from a mesh, in the mesh's frame: z up while the tool is level; lengths in metres."""
+
+    name: str
+    parts: list[trimesh.Trimesh]
+    """Closed, with the real wall; they may overlap."""
+    mesh: trimesh.Trimesh
+    """All parts as one mesh."""
+    inside: Inside
+    interior: mpm.Region
+    """Region in which grains count as in the tool."""
+    handle: tuple[Array, Array]
+    """Its ends (3,): at the head, and the free one."""
+    radius: float
+    """Of the handle."""
+    grip: Array
+    """Pose (4, 4) of the grip: z along the handle towards the head, y along the hand's approach."""
+    mass: float
+    """[kg]"""
+    colour: tuple[float, float, float]
+
+    def distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of the tool with its wall at least `wall` [m] thick, grown outward."""
+        return grow_outward(self.parts, self.inside, wall - wall_at_inside(self.parts, self.inside), spacing)
+
+    def head_distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the same: head and handle are one file."""
+        return self.distance(wall, spacing)
+
+    def real_distance(self, spacing: float) -> Lattice:
+        """Return the signed distance of the tool with its real wall."""
+        return mpm.Sdf.from_mesh(self.parts, spacing=spacing)
+
+    def head_vertices(self) -> Array:
+        """Return the vertices (n, 3) that are no part of the handle."""
+        return self.mesh.vertices[~is_near_line(self.mesh.vertices, self.handle, NEAR_HANDLE * self.radius)]
+
+
+def read_tool(own: OwnTool) -> MeshTool:
+    """Read a tool of one's own; raises ConfigError for what is wrong with its mesh, handle or inside.
+
+    A file that has not changed is read once.
+    """
+    path = Path(own.mesh)
+    stamp = path.stat().st_mtime_ns if path.is_file() else 0
+    return _read_tool(own, stamp)
+
+
+@lru_cache(maxsize=16)
+def _read_tool(own: OwnTool, stamp: int) -> MeshTool:
+    parts = read_parts(Path(own.mesh), own.thickness, own.scale)
+    mesh = join(parts)
+    try:
+        inside = find_inside(parts) if own.inside is None else given_inside(parts, own.inside.region)
+    except ConfigError as error:
+        raise ConfigError(f"{own.mesh}: {error} (key inside)") from None
+    mass = own.mass if own.mass is not None else (own.density or 0.0) * mesh.volume
+    ends = np.array(own.handle.head), np.array(own.handle.end)
+    radius = own.handle.radius or measure_radius(mesh, ends, own.mesh)
+    region = own.inside.region if own.inside is not None else counting_region(inside)
+    return MeshTool(own.name, parts, mesh, inside, region, ends, radius, grip_pose(own.handle), mass, own.colour)
+
+
+def counting_region(inside: Inside) -> mpm.Region:
+    """Return the region of the grains in and on a vessel: an upright cylinder, wider than what it holds."""
+    low, high = inside.bounds
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    top = inside.level + HEAP
+    return mpm.Region((float(middle[0]), float(middle[1]), float(0.5 * (low[2] + top))),
+                      (ASIDE * float(half[0]), ASIDE * float(half[1]), float(0.5 * (top - low[2]))), round=True)
+
+
+def grip_pose(handle: HandleLine) -> Array:
+    """Return the pose (4, 4) of a handle's grip; raises ConfigError for a line without a direction."""
+    head, end = np.array(handle.head), np.array(handle.end)
+    length = float(np.linalg.norm(head - end))
+    if length < 1e-3:
+        raise ConfigError(f"handle: from head {handle.head} to end {handle.end} m; accepted: a line of 1 mm or more")
+    z = (head - end) / length
+    y = np.array(handle.approach, float) - z * np.dot(z, handle.approach)
+    if np.linalg.norm(y) < 0.1 * np.linalg.norm(handle.approach) or not np.any(handle.approach):
+        raise ConfigError(f"handle.approach = {handle.approach} is along the handle; accepted: a direction across it")
+    y /= np.linalg.norm(y)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([np.cross(y, z), y, z], axis=1)
+    pose[:3, 3] = head + handle.hold * (end - head)
+    return pose
+
+
+def is_near_line(points: Array, line: tuple[Array, Array], reach: float) -> NDArray[np.bool_]:
+    """Test which points (n, 3) lie within `reach` [m] of a line between two points."""
+    begin, end = line
+    along = end - begin
+    share = np.clip((points - begin) @ along / np.dot(along, along), 0.0, 1.0)
+    return np.linalg.norm(points - (begin + share[:, None] * along), axis=1) < reach
+
+
+def measure_radius(mesh: trimesh.Trimesh, line: tuple[Array, Array], name: str) -> float:
+    """Return the mean distance [m] of a handle's surface from its line; raises ConfigError where there is none."""
+    begin, end = line
+    length = float(np.linalg.norm(end - begin))
+    points = trimesh.sample.sample_surface(mesh, 20_000, seed=0)[0]
+    share = (points - begin) @ (end - begin) / length**2
+    away = np.linalg.norm(points - (begin + share[:, None] * (end - begin)), axis=1)
+    beside = away[(share > 0.25) & (share < 0.75) & (away < 0.25 * length)]
+    if len(beside) < 20:
+        raise ConfigError(f"{name}: no part of the mesh lies along handle, {tuple(begin)} to {tuple(end)} m; accepted: "
+                          f"the line in the middle of the handle, or handle.radius")
+    return float(beside.mean())
