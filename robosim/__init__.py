@@ -11,6 +11,7 @@ from robosim.envs import register_with_gymnasium
 from robosim.rendering.opengl import choose_graphics
 
 if TYPE_CHECKING:
+    from robosim.config.rehearsal import RehearsalConfig
     from robosim.coupling.plugin import GranularPlugin
     from robosim.errors import (
         BodyLeftGrid,
@@ -20,14 +21,25 @@ if TYPE_CHECKING:
         UnknownName,
         UnreachableWaypoint,
     )
+    from robosim.rehearsal.rehearsal import Rehearsal
+    from robosim.rehearsal.result import Result
+    from robosim.rendering.video import Mp4Writer
+    from robosim.scene.composing import Container
+    from robosim.scene.grain_renderer import GrainRenderer
 
-__all__ = ["BodyLeftGrid", "ConfigError", "GranularPlugin", "RobosimError", "RobotDiverged", "UnknownName",
-           "UnreachableWaypoint"]
+__all__ = ["BodyLeftGrid", "ConfigError", "Container", "GrainRenderer", "GranularPlugin", "Mp4Writer", "Rehearsal",
+           "RehearsalConfig", "Result", "RobosimError", "RobotDiverged", "UnknownName", "UnreachableWaypoint"]
 
 MODULES = {
+    "robosim.config.rehearsal": ("RehearsalConfig",),
     "robosim.coupling.plugin": ("GranularPlugin",),
     "robosim.errors": ("BodyLeftGrid", "ConfigError", "RobosimError", "RobotDiverged", "UnknownName",
                        "UnreachableWaypoint"),
+    "robosim.rehearsal.rehearsal": ("Rehearsal",),
+    "robosim.rehearsal.result": ("Result",),
+    "robosim.rendering.video": ("Mp4Writer",),
+    "robosim.scene.composing": ("Container",),
+    "robosim.scene.grain_renderer": ("GrainRenderer",),
 }
 """Module -> the public names that it defines; the same as the imports above, which type checkers read."""
 

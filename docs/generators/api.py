@@ -73,7 +73,9 @@ def robosim_page() -> str:
     from robosim.envs import TASKS
     from robosim.envs.grain_env import GrainEnv
 
-    public = package_page("robosim", {"Coupling": ["GranularPlugin"]})
+    public = package_page("robosim", {"Rehearsals": ["Rehearsal", "Result", "RehearsalConfig"],
+                                      "Coupling": ["GranularPlugin"],
+                                      "Scenes": ["Container", "GrainRenderer", "Mp4Writer"]})
     envs = group("Environments", [("robosim.envs.grain_env.GrainEnv", GrainEnv)])
     pages = importlib.import_module("robosim.envs.sub_tasks")
     docs = {name: (inspect.getdoc(getattr(pages, name)) or "").replace("\n## ", "\n#### ") for name in TASKS}

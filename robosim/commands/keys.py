@@ -14,7 +14,8 @@ EXAMPLE = """examples:
 KINDS = {
     "rehearsal": "robosim.config.rehearsal:RehearsalConfig", "task": "robosim.tasks.task:TaskConfig",
     "robot": "robosim.config.robot:RobotConfig", "arm": "robosim.config.arm:ArmConfig",
-    "gripper": "robosim.config.arm:GripperConfig", "material.granular": "robosim.config.materials:GranularConfig",
+    "gripper": "robosim.config.arm:GripperConfig", "tool": "robosim.config.tool:ToolConfig",
+    "material.granular": "robosim.config.materials:GranularConfig",
     "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",
 }
 """Kind of file -> module and class of its schema."""

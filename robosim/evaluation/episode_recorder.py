@@ -11,7 +11,7 @@ from robosim.recordings.header import CurveEntry, RegionEntry, region_entry
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.reports.provenance import commit
 from robosim.robot.mjspec import compile_spec
-from robosim.scene.container_region import container_region
+from robosim.scene.grains import container_region
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
 

@@ -15,8 +15,7 @@ from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.readings import Step
 from robosim.rehearsal.run import RehearsalRun
 from robosim.reports.provenance import commit
-from robosim.scene.container_region import container_region
-from robosim.scene.grains import is_in_tool
+from robosim.scene.grains import container_region, is_in_tool
 from robosim.shapes import tool_shape
 
 FORCES = ("Fx", "Fy", "Fz")

@@ -90,3 +90,8 @@ def is_at_border(positions: np.ndarray, grid: mpm.Grid) -> np.ndarray:
     lower, upper = np.asarray(grid.lower) + BORDER, np.asarray(grid.lower) + grid.cells * grid.cell - BORDER
     x, y, z = np.ascontiguousarray(positions.T)  # a column at a time: a fifth of the time
     return ~((x > lower[0]) & (x < upper[0]) & (y > lower[1]) & (y < upper[1]) & (z < upper[2]))
+
+
+def container_region(name: str, container: ContainerConfig) -> tuple[mpm.Region, mpm.Pose]:
+    """Return the region around what `is_in_container` counts, in the container's frame, and the pose of that frame."""
+    return container_shape(name, container).region, container_pose(container)

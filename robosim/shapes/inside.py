@@ -11,7 +11,7 @@ import trimesh
 from scipy.ndimage import generate_binary_structure, label
 
 import mpm
-from mpm.geometry.mesh_distance import signed_distances
+from mpm.geometry import mesh_distance
 from robosim.errors import ConfigError
 
 CELLS = 180
@@ -119,7 +119,7 @@ def span(parts: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
 
 def find_free(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
     """Return which points of a lattice lie in no mesh (nx, ny, nz)."""
-    return np.all([signed_distances(part, lower, spacing, shape) > 0.0 for part in parts], axis=0)
+    return ~np.any([mesh_distance.find_inside(part, lower, spacing, shape) for part in parts], axis=0)
 
 
 def largest_part(held: np.ndarray) -> np.ndarray:

@@ -13,8 +13,10 @@ from robosim.shapes.mesh_tool import NEAR_HANDLE, MeshTool, is_near_line
 HEAD = 2
 """Bit of `contype` of tools' heads; `conaffinity` has it in all that they meet."""
 SECTORS, BANDS = 24, 8
-"""Convex parts of a container's wall, around its axis and from floor to rim: hulls of a 7 cm bowl's parts reach 1 mm
-into its inside."""
+"""Convex parts of a container's wall, around its axis and from floor to rim: hulls of an 8 cm bowl's parts reach
+2 mm into its inside, those of a box's rounded edges 4 mm."""
+FLOOR_SLOPE = 0.7
+"""Vertical part of a face's normal from which it belongs to a floor."""
 GRIP_FRICTION = (1.0, 0.005, 0.0001)
 GLASS = (0.80, 0.86, 0.90, 0.45)
 
@@ -47,8 +49,14 @@ def build_tool_spec(tool: MeshTool) -> mujoco.MjSpec:
 
 
 def build_container_spec(name: str, shape: ContainerShape) -> mujoco.MjSpec:
-    """Build a container's static body: its walls, and convex parts of them that arm, hand and handles meet."""
+    """Build the specification of a container alone."""
     spec = mujoco.MjSpec()
+    add_container_body(spec, name, shape)
+    return spec
+
+
+def add_container_body(spec: mujoco.MjSpec, name: str, shape: ContainerShape) -> mujoco.MjsBody:
+    """Add a container's static body: its walls, and convex parts of them that arm, hand and handles meet."""
     body, walls = spec.worldbody.add_body(name=name), shape.walls()
     add_mesh(spec, f"{name}_walls", walls)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}_walls", group=2, contype=0, conaffinity=0,
@@ -58,7 +66,7 @@ def build_container_spec(name: str, shape: ContainerShape) -> mujoco.MjSpec:
         add_mesh(spec, part_name, part)
         body.add_geom(name=part_name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part_name, group=3, mass=0.0,
                       rgba=[0.3, 0.5, 0.8, 0.4])
-    return spec
+    return body
 
 
 def add_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh) -> None:
@@ -79,9 +87,11 @@ def split_wall(mesh: trimesh.Trimesh, lower: Array, upper: Array) -> list[trimes
     sector = np.clip(((around + np.pi) / (2.0 * np.pi) * SECTORS).astype(int), 0, SECTORS - 1)
     band = np.clip((down / (0.5 * np.pi) * BANDS).astype(int), 0, BANDS - 1)
     sector[band == 0] = 0  # one disc in the middle of the floor
+    is_floor = np.abs(fine.face_normals[:, 2]) > FLOOR_SLOPE  # a hull over the corner of floor and wall would fill it
+    keys = 2 * (SECTORS * band + sector) + is_floor
     parts = []
-    for key in np.unique(SECTORS * band + sector):
-        points = np.unique(fine.vertices[fine.faces[SECTORS * band + sector == key]].reshape(-1, 3), axis=0)
+    for key in np.unique(keys):
+        points = np.unique(fine.vertices[fine.faces[keys == key]].reshape(-1, 3), axis=0)
         if len(points) > 3 and np.linalg.matrix_rank(points - points.mean(0), tol=1e-5) == 3:
             parts.append(trimesh.convex.convex_hull(points))
     return parts

@@ -23,7 +23,7 @@ TASKS = ["SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTransl
 def test_material_fills_the_configured_region():
     """In the bottle up to the fill height and not in its wall; on the table as large as the pile."""
     bottle, rng = load_rehearsal("bottle"), np.random.default_rng(0)
-    sdf = build_tool_sdf("bottle", bottle.collision_thickness)
+    sdf = build_tool_sdf("bottle", bottle.grain_wall)
     pose = mpm.Pose(np.array([0.7, 0.1, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
     positions, volume = fill(bottle, sdf, pose, rng)
     local, region = positions - pose.position, tool_shape("bottle").interior
@@ -63,8 +63,9 @@ def test_no_sub_task_begins_with_grains_in_a_solid(name: str) -> None:
 def test_a_container_is_filled_up_to_its_rounded_edges() -> None:
     """All grains lie in the container's own mesh, and few of the places in its box are left out."""
     config = load_rehearsal("spoon")
-    container, size = config.containers[config.source], read_inner_size(config.source)
-    positions, volume = fill(config, build_tool_sdf("spoon", config.collision_thickness), mpm.Pose.identity(),
+    (source,) = config.sources
+    container, size = config.containers[source], read_inner_size(source)
+    positions, volume = fill(config, build_tool_sdf("spoon", config.grain_wall), mpm.Pose.identity(),
                              np.random.default_rng(0))
     wall = mpm.Sdf.from_mesh(make_container_shell(size), spacing=1e-3)
     depth = wall.distance(container_pose(container).inverse().apply(positions))

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from robosim.errors import ConfigError
-from robosim.shapes import tool_shape
+from robosim.shapes import TOOLS
 from robosim.shapes.inside import Inside, find_inside
 from robosim.shapes.lofts import revolve
 
@@ -18,7 +18,7 @@ def make_cup(radius: float, height: float, wall: float) -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def spoon() -> tuple[trimesh.Trimesh, Inside]:
-    mesh = tool_shape("spoon").head(0.0015)
+    mesh = TOOLS["spoon"].head(0.0015)
     return mesh, find_inside(mesh)
 
 

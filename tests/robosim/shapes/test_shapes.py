@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robosim.scene.models import load_spec
-from robosim.shapes import TOOLS, tool_shape
+from robosim.shapes import TOOLS
 from robosim.shapes.lofts import loft, revolve, sweep
 from robosim.shapes.tool import WALL
 from robosim.shapes.vessels import (
@@ -36,13 +36,13 @@ def test_builders_give_closed_meshes_of_the_right_volume() -> None:
 @pytest.mark.parametrize("tool", TOOLS)
 @pytest.mark.parametrize("wall", [0.0015, 0.004, 0.008])
 def test_solids_are_closed(tool: str, wall: float) -> None:
-    for mesh in tool_shape(tool).solid(wall):
+    for mesh in TOOLS[tool].solid(wall):
         assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0 and mesh.body_count == 1
 
 
 def test_cavities_have_the_volume_of_their_dimensions() -> None:
     for wall in (0.001, 0.004, 0.012):
-        bowl = tool_shape("spoon").head(wall)
+        bowl = TOOLS["spoon"].head(wall)
         assert bowl.convex_hull.volume - bowl.volume == pytest.approx(2 / 3 * np.pi * np.prod(BOWL), rel=0.01)
     bottle = make_bottle()
     inside = np.pi * (RADIUS**2 * BODY + NECK_RADIUS**2 * NECK)
@@ -63,7 +63,7 @@ def test_the_model_has_the_mass_of_its_meshes(tool: str) -> None:
     """Mass, centre and inertia in the MJCF are those of the meshes with the materials' densities."""
     model = load_spec("tools", tool, f"{tool}.xml").compile()
     parts = []
-    for name, mesh in tool_shape(tool).visuals().items():
+    for name, mesh in TOOLS[tool].visuals().items():
         mesh.density = DENSITIES.get(name, 7900.0)
         parts.append((mesh.mass, mesh.center_mass, mesh.moment_inertia))
     mass = sum(p[0] for p in parts)
@@ -82,8 +82,8 @@ def test_the_model_has_the_mass_of_its_meshes(tool: str) -> None:
 @pytest.mark.parametrize("tool", TOOLS)
 def test_the_mesh_files_are_up_to_date(tool: str) -> None:
     model = load_spec("tools", tool, f"{tool}.xml").compile()
-    heads = [mesh for name, mesh in tool_shape(tool).visuals().items() if name != "handle"]
-    volume = sum(mesh.volume for mesh in tool_shape(tool).visuals().values())
+    heads = [mesh for name, mesh in TOOLS[tool].visuals().items() if name != "handle"]
+    volume = sum(mesh.volume for mesh in TOOLS[tool].visuals().values())
     assert len(heads) == 1
     stored = sum(_volume(model, k) for k in range(model.nmesh))
     assert stored == pytest.approx(volume, rel=1e-4)

@@ -1,0 +1,117 @@
+"""Tools from meshes: what they hold is exact, however thick the grains need their wall."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from own_meshes import BOWL_MM, HANDLE, HANDLE_MM, WALL_MM, write_ladle
+
+from robosim.config.scene import RegionConfig
+from robosim.config.tool import HandleConfig, ToolConfig
+from robosim.errors import ConfigError
+from robosim.shapes import TOOLS
+from robosim.shapes.mesh_tool import MeshTool, read_tool
+from robosim.shapes.rigid_models import build_tool_spec
+
+GROWN = 4e-3
+"""Wall of the collider [m]."""
+
+
+def configure(path: Path, **changes) -> ToolConfig:
+    """Return the ladle's configuration."""
+    keys = {"name": "ladle", "mesh": str(path), "scale": 1e-3, "mass": 0.12, "handle": HANDLE}
+    return ToolConfig.model_validate(keys | changes)
+
+
+@pytest.fixture(scope="module")
+def ladle(tmp_path_factory: pytest.TempPathFactory) -> MeshTool:
+    return read_tool(configure(write_ladle(tmp_path_factory.mktemp("ladle") / "ladle.stl")))
+
+
+def crossings(values: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the places at which values change their sign."""
+    return places[1:][np.diff(np.sign(values)) != 0]
+
+
+def test_the_inside_is_exact_and_the_wall_grows_outward(ladle: MeshTool) -> None:
+    """At every height the inner surface is at sqrt(r^2 - z^2), and straight through the wall it is GROWN thick."""
+    grown, radius = ladle.distance(GROWN, 1e-3), 1e-3 * BOWL_MM
+    x = np.linspace(0.0, 0.06, 3001)
+    for z in (-0.001, -0.01, -0.02):
+        inner, outer = crossings(grown.distance(np.column_stack([x, 0 * x, 0 * x + z])), x)
+        assert inner == pytest.approx(np.sqrt(radius**2 - z**2), abs=1.5e-4)
+        assert outer == pytest.approx(np.sqrt((radius + GROWN) ** 2 - z**2), abs=4e-4)
+    above = np.column_stack([x, 0 * x, 0 * x + 0.0015])
+    assert len(crossings(grown.distance(above), x)) == 0  # the rim stays where it is
+    inner, outer = -crossings(grown.distance(np.column_stack([0 * x, 0 * x, -x])), -x)
+    assert (inner, outer) == (pytest.approx(radius, abs=1.5e-4), pytest.approx(radius + GROWN, abs=4e-4))
+
+
+def test_a_wall_that_is_thick_enough_is_left_alone(ladle: MeshTool) -> None:
+    real, grown = ladle.real_distance(1e-3), ladle.distance(0.9e-3 * WALL_MM, 1e-3)
+    assert np.array_equal(real.host, grown.host)
+
+
+def test_it_holds_its_volume_of_water_and_a_heap(ladle: MeshTool) -> None:
+    assert ladle.inside.volume == pytest.approx(2.0 / 3.0 * np.pi * (1e-3 * BOWL_MM) ** 3, rel=0.04)
+    held = ladle.interior.holds(np.array([[0.0, 0.0, -0.02], [0.02, 0.0, 0.02], [0.0, 0.0, 0.06], [-0.1, 0.0, 0.07]]))
+    assert held.tolist() == [True, True, False, False]
+
+
+def test_the_handle_is_measured_and_held_in_the_middle(ladle: MeshTool) -> None:
+    """The hand comes along -y, with z of the grip towards the bowl."""
+    assert ladle.radius == pytest.approx(1e-3 * HANDLE_MM, rel=0.02)
+    middle = 0.5 * (np.array(HANDLE["head"]) + HANDLE["end"])
+    assert ladle.grip[:3, 3] == pytest.approx(middle)
+    assert ladle.grip[:3, 1] == pytest.approx([0.0, -1.0, 0.0], abs=1e-3)
+    assert ladle.grip[:3, 2] @ (np.array([0.0, 0.0, 0.0]) - middle) > 0.0
+    assert np.linalg.det(ladle.grip[:3, :3]) == pytest.approx(1.0)
+
+
+def test_the_body_has_the_mass_and_the_inertia_of_the_mesh(ladle: MeshTool) -> None:
+    model = build_tool_spec(ladle).compile()
+    body = model.body("ladle")
+    assert body.mass[0] == pytest.approx(0.12)
+    assert body.ipos == pytest.approx(ladle.mesh.center_mass, abs=1e-6)
+    expected = np.linalg.eigvalsh(ladle.mesh.moment_inertia) * 0.12 / ladle.mesh.volume
+    assert np.sort(body.inertia) == pytest.approx(expected, rel=1e-3)
+    kinds = {model.geom(k).name: model.geom_type[k] for k in range(model.ngeom) if model.geom_contype[k]}
+    assert kinds == {"ladle_head": mujoco.mjtGeom.mjGEOM_MESH, "ladle_handle": mujoco.mjtGeom.mjGEOM_CAPSULE}
+    head = model.mesh_vert[model.mesh_vertadr[1] :]
+    assert np.ptp(head[:, 0]) < 2.5e-3 * (BOWL_MM + WALL_MM + HANDLE_MM)  # the bowl, without the handle
+
+
+def test_a_mesh_of_the_spoon_is_as_the_spoon(tmp_path: Path) -> None:
+    """The bundled spoon, written as a file and read as a tool of one's own: same collider within its lattice."""
+    spoon = TOOLS["spoon"]
+    path = tmp_path / "spoon.stl"
+    spoon.head(0.0015).export(path)
+    handle = {"head": (-0.1, 0, 0.04), "end": (-0.2, 0, 0.14), "radius": 0.011}
+    own = read_tool(configure(path, name="own_spoon", scale=1.0, handle=handle))
+    ours, theirs = own.distance(GROWN, 1e-3), spoon.head_distance(GROWN, 1e-3)
+    points = np.random.default_rng(0).uniform([-0.05, -0.04, -0.045], [0.05, 0.04, -0.002], (20_000, 3))
+    near = np.abs(theirs.distance(points)) < 1.5e-3
+    difference = np.abs(ours.distance(points) - theirs.distance(points))[near]
+    assert near.sum() > 1000 and np.median(difference) < 1.5e-4 and np.quantile(difference, 0.99) < 1e-3
+
+
+def test_what_is_wrong_with_a_tool_is_said(tmp_path: Path) -> None:
+    path = write_ladle(tmp_path / "ladle.stl")
+    point = {"head": (0.1, 0.0, 0.1), "end": (0.1, 0.0, 0.1), "radius": 0.01}
+    for changes, message in (
+            ({"mass": None}, "mass = None, density = None; accepted: one of the two"),
+            ({"density": 7900.0}, "mass = 0.12, density = 7900.0; accepted: one of the two"),
+            ({"scale": 1.0}, r"\d+ m long; .* is it in millimetres \(scale: 0.001\)"),
+            ({"thickness": 0.001}, "closed, and thickness = 0.001 m is given"),
+            ({"handle": {"head": (0.2, 0, 0), "end": (0.3, 0, 0)}}, "no part of the mesh lies along handle"),
+            ({"handle": {**HANDLE, "approach": (-1.0, 0.0, 1.0)}}, r"handle.approach = .* is along the handle"),
+            ({"handle": point}, "accepted: a line of 1 mm or more"),
+            ({"inside": RegionConfig(centre=(0.0, 0.0, -0.5), half=(1e-3, 1e-3, 1e-3))}, "inside .* holds .* places")):
+        with pytest.raises((ConfigError, ValueError), match=message):
+            read_tool(configure(path, **changes))
+    assert HandleConfig.model_validate(HANDLE).hold == 0.5
+    trimesh.creation.box((0.1, 0.05, 0.001)).export(tmp_path / "plate.stl")
+    with pytest.raises(ConfigError, match="no inside found: level, it holds no water; .*key inside"):
+        read_tool(configure(tmp_path / "plate.stl", scale=1.0, handle={**HANDLE, "radius": 0.01}))
