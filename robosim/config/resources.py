@@ -42,6 +42,11 @@ def tool_names() -> list[str]:
     return sorted(path.parent.name for path in (folder("models") / "tools").glob("*/*.xml"))
 
 
+def part_names(kind: str) -> list[str]:
+    """Names of the folders of models/<kind> with a .yaml file: arms of robots, hands of grippers."""
+    return sorted({path.parent.name for path in (folder("models") / kind).glob("*/*.yaml")})
+
+
 def config_path(kind: str, name: str, what: str) -> Path:
     """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
     if name.endswith((".yaml", ".yml")) and Path(name).is_file():

@@ -2,18 +2,19 @@
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 import mpm
+from robosim.config.motion import MotionLimitsConfig
 from robosim.config.robot import Grip, load_robot
 from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
-from robosim.errors import UnreachableWaypoint
-from robosim.robot.assembly import assemble
+from robosim.errors import ConfigError, UnreachableWaypoint
+from robosim.robot.assembly import GRIP_TURNS_DEG, assemble
 from robosim.robot.inverse_kinematics import solve_pose, step_towards
 from robosim.robot.joint_control import JointSmoother, Servo
 from robosim.robot.joint_path import solve_path
@@ -27,49 +28,71 @@ from robosim.scene.grasp import Grasp
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
 
+IIWA = "iiwa14"
+"""The arm where none is named; its limits in environments are those of configs/robots."""
 PATH_POSES = 61
 """Poses of the task's script that the arm must be able to follow from its start."""
 
 
-@lru_cache(maxsize=32)
-def start_posture(task_json: str) -> tuple[float, ...]:
-    """Return joint angles [rad] (7,) at a task's start from which its whole script can be followed.
+class Hold(NamedTuple):
+    """How an arm holds a task's tool at its start."""
 
-    task_json: the task, as JSON, because configurations are not hashable.
-    Raises UnreachableWaypoint where there are none.
+    grip_turn_deg: float
+    """Turn of the tool in the hand."""
+    posture: tuple[float, ...]
+    """Joint angles [rad] (n,)."""
+
+
+@lru_cache(maxsize=32)
+def find_hold(task_json: str, robot: str = IIWA, gripper: str | None = None) -> Hold:
+    """Find the turn of the tool in the hand, and the posture at a task's start, with which its script can be followed.
+
+    The first of GRIP_TURNS_DEG with which all of it is within reach. task_json: as JSON, because configurations
+    are not hashable. Raises UnreachableWaypoint, ConfigError where there is none.
     """
     task = TaskConfig.model_validate_json(task_json)
     path = task.scripted_path()
     times = np.linspace(0.0, task.steps * task.step_dt, PATH_POSES)
     poses, ends = [path.pose(t) for t in times], [(0, "start"), (PATH_POSES - 1, "end")]
-    solution = solve_path(Arm(assemble(task.tool)), poses, ends, times[1] - times[0])
-    return tuple(solution.q[0])
+    refused: list[UnreachableWaypoint | ConfigError] = []
+    for turn in GRIP_TURNS_DEG:
+        try:
+            solution = solve_path(Arm(assemble(task.tool, robot, gripper, turn)), poses, ends, times[1] - times[0])
+            return Hold(turn, tuple(solution.q[0]))
+        except (UnreachableWaypoint, ConfigError) as error:
+            refused.append(error)
+    raise refused[0]
 
 
 class ArmTool(Carrier):
     """Moves the tool with the arm; the grains push back."""
 
-    def __init__(self, task: TaskConfig, solver: mpm.Solver, grasp: Grip) -> None:
+    def __init__(self, task: TaskConfig, solver: mpm.Solver, grasp: Grip, robot: str = IIWA,
+                 gripper: str | None = None) -> None:
         super().__init__(task)
         self._solver = solver
-        self._robot = load_robot("iiwa14")
+        own = load_robot(IIWA)
         self._task = task
         self._grip: Grip = grasp
-        self._assembly = assemble(task.tool)
+        hold = find_hold(task.model_dump_json(), robot, gripper)
+        self._assembly = assemble(task.tool, robot, gripper, hold.grip_turn_deg)
         self.scene = compile_scene(self.build_spec(), self._assembly)
         self.model = self.scene.model
         self.data = self.robot_data = mujoco.MjData(self.model)
         self._arm = Arm(self._assembly)
-        self._start_q = np.array(start_posture(task.model_dump_json()))
+        self._start_q = np.array(hold.posture)
+        self._closing_steps = round(own.grasp_time / task.step_dt)
         self.data.qpos[self.scene.arm_qpos] = self._start_q
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.scene, self.data)
-        self.servo = Servo(self._arm, self._arm.gains(self._robot.servo))
-        self._smoother = JointSmoother(self._arm.limits(self._robot.limits), task.step_dt, self._arm)
+        self.servo = Servo(self._arm, self._arm.gains(own.servo if robot == IIWA else None))
+        limits = own.limits if robot == IIWA else MotionLimitsConfig(velocity_fraction=1.0)
+        self._smoother = JointSmoother(self._arm.limits(limits), task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self._contacts = ContactCounter(self.scene, self.data, task.containers)
         self._torque_ratio = self._lag = 0.0
+        self._behind = np.zeros(len(self._start_q))
         self._close_fingers()
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
 
@@ -79,8 +102,8 @@ class ArmTool(Carrier):
 
     def _close_fingers(self) -> None:
         """Keep the start posture until the fingers are closed and, in a grasp by friction, carry the tool alone."""
-        still = JointState(self._start_q, np.zeros(7), np.zeros(7))
-        steps = round(self._robot.grasp_time / self._dt)
+        still = JointState(self._start_q, np.zeros_like(self._start_q), np.zeros_like(self._start_q))
+        steps = self._closing_steps
         for k in range(2 * steps):
             if k < steps:
                 self.grasp.close(min(k / (0.6 * steps), 1.0))
@@ -110,6 +133,7 @@ class ArmTool(Carrier):
         mujoco.mj_forward(self.model, self.data)
         self._smoother.restart(self._q)
         self._torque_ratio = self._lag = 0.0
+        self._behind[:] = 0.0
         self._contacts.restart()
         self.grasp.restart()
         self.plugin.restart()
@@ -122,6 +146,7 @@ class ArmTool(Carrier):
         mujoco.mj_getState(self.model, self.data, integration, STATE)
         return super().state() | {
             "integration": integration, "q": self._q.copy(), "torque_ratio": self._torque_ratio, "lag": self._lag,
+            "behind": self._behind.copy(),
             "smoother": self._smoother.state(), "saturations": self.servo.saturations, "grasp": self.grasp.state(),
             "demanded_torque": self.servo.demanded_torque.copy(), "contacts": self._contacts.state(),
             "plugin": self.plugin.state(),
@@ -136,6 +161,7 @@ class ArmTool(Carrier):
         mujoco.mj_comVel(self.model, self.data)
         self._q, self._torque_ratio, self._lag = np.array(state["q"]), state["torque_ratio"], state["lag"]
         self._smoother.load(state["smoother"])
+        self._behind = np.array(state["behind"])
         self.servo.saturations, self.servo.demanded_torque = state["saturations"], np.array(state["demanded_torque"])
         self._contacts.load(state["contacts"])
         self.grasp.load(state["grasp"])
@@ -146,7 +172,9 @@ class ArmTool(Carrier):
         for _ in range(steps):
             self.command(linear, angular)
             q = step_towards(self._arm, self.commanded, self._q, self._start_q)
-            self._apply_torques(self._smoother.step(q, (q - self._q) / self._dt))
+            target = self._smoother.step(q, (q - self._q) / self._dt)
+            self._behind = np.maximum(self._behind, np.abs(target.q - q))
+            self._apply_torques(target)
             self._q = q
             self.plugin.step()
             self.grasp.measure_slip()
@@ -166,10 +194,13 @@ class ArmTool(Carrier):
 
         torque_limit_ratio_max: largest demanded torque over its limit. tool_lag_max_m: largest distance of the tool
         from its commanded position. surroundings_contacts: contacts of the robot with table or containers, or of the
-        tool with the table, summed over all steps.
+        tool with the table, summed over all steps. joint_lag_max_deg: largest angle by which a joint's own limits
+        keep it behind the posture of the command; slowest_joint: the number of that joint, from 1 at the base.
         """
         return {"torque_limit_ratio_max": self._torque_ratio, "tool_lag_max_m": self._lag,
-                "surroundings_contacts": float(self._contacts.robot_surroundings_contacts)}
+                "surroundings_contacts": float(self._contacts.robot_surroundings_contacts),
+                "joint_lag_max_deg": float(np.degrees(self._behind.max())),
+                "slowest_joint": float(1 + self._behind.argmax())}
 
     def _apply_torques(self, target: JointState) -> None:
         """Set the motors' torques for a joint state."""

@@ -41,7 +41,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
         action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate", clip_actions: bool = False,
         randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
-        camera: str = "task", grasp: Grip = "weld", load: Load | None = None, **numbers: float,
+        camera: str = "task", grasp: Grip = "weld", load: Load | None = None,
+        robot: str | None = None, gripper: str | None = None, **numbers: float,
     ) -> None:
         for option, value, valid in (("render_mode", render_mode, (None, *self.metadata["render_modes"])),
                                      ("grasp", grasp, get_args(Grip))):
@@ -49,6 +50,10 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
                 raise UnknownName(option, value, [name for name in valid if name])
         if render_mode is not None and camera not in CAMERAS:
             raise UnknownName("camera", camera, CAMERAS)
+        if not arm and (robot or gripper):
+            raise ConfigError(f"robot = {robot!r}, gripper = {gripper!r} with arm = False; accepted: arm = True")
+        self._robot = (robot or "iiwa14", gripper)
+        """Arm and hand, by name or file; a hand of None is the arm's usual one."""
         self.action_repeat = check_action_repeat(action_repeat)
         check_horizon(horizon)
         if not (task or self.TASK):
@@ -74,7 +79,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         self.observation: Any = None
         """The last observation of `reset` or `step`."""
         self._options = self.world.describe(arm=arm, grasp=grasp if arm else None, action_repeat=self.action_repeat,
-                                            horizon=horizon, clip_actions=clip_actions)
+                                            horizon=horizon, clip_actions=clip_actions,
+                                            **({"robot": list(self._robot)} if arm else {}))
         self._renderer, self._is_closed = None, False
 
     def _check_kind(self, task: TaskConfig) -> None:
@@ -100,7 +106,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
             return KinematicTool(self.task, self.solver)
         from robosim.envs.arm_tool import ArmTool
 
-        return ArmTool(self.task, self.solver, grasp)
+        return ArmTool(self.task, self.solver, grasp, *self._robot)
 
     # episodes -------------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -200,7 +206,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         """Make the arm's kinematics with this task's tool, a `robosim.envs.reach.Reach`."""
         from robosim.envs.reach import Reach  # imports the arm's modules
 
-        return Reach(self.task)
+        return Reach(self.task, *self._robot)
 
     # rendering ------------------------------------------------------------------------------------------------------
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]

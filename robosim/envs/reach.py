@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm import Pose
-from robosim.envs.arm_tool import start_posture
+from robosim.envs.arm_tool import IIWA, find_hold
 from robosim.errors import UnreachableWaypoint
 from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
@@ -26,17 +26,18 @@ class JointMotion(NamedTuple):
     """Joint angles and speeds of every step."""
 
     q: np.ndarray
-    """Angles [rad] (n + 1, 7)."""
+    """Angles [rad] (n + 1, joints)."""
     speeds: np.ndarray
-    """Speeds [rad/s] (n, 7)."""
+    """Speeds [rad/s] (n, joints)."""
 
 
 class Reach:
     """An arm that carries a task's tool exactly as commanded."""
 
-    def __init__(self, task: TaskConfig) -> None:
-        self._arm, self._dt = Arm(assemble(task.tool)), task.step_dt
-        self._rest = np.array(start_posture(task.model_dump_json()))
+    def __init__(self, task: TaskConfig, robot: str = IIWA, gripper: str | None = None) -> None:
+        hold = find_hold(task.model_dump_json(), robot, gripper)
+        self._arm = Arm(assemble(task.tool, robot, gripper, hold.grip_turn_deg))
+        self._dt, self._rest = task.step_dt, np.array(hold.posture)
         self._middle = 0.5 * (self._arm.upper + self._arm.lower)
         self._half = 0.5 * (self._arm.upper - self._arm.lower)
 

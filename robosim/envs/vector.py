@@ -37,7 +37,7 @@ def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str
     if num_envs < 1:
         raise ConfigError(f"num_envs = {num_envs}; accepted: a whole number from 1 on")
     if not arm and render_mode is None:
-        for unused in ("grasp", "camera"):  # options of arms and pictures
+        for unused in ("grasp", "camera", "robot", "gripper"):  # options of arms and pictures
             options.pop(unused, None)
         return GrainVectorEnv(name, num_envs, workers=workers, autoreset_mode=autoreset_mode, **options)
     return ProcessVectorEnv(name, num_envs, workers=num_envs if workers is None else workers,

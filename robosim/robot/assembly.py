@@ -25,6 +25,8 @@ CLAMP_RADIUS = 0.017
 """[m]"""
 CLAMP_MASS = 0.15
 """[kg]"""
+GRIP_TURNS_DEG = (0.0, 20.0, -20.0, 40.0, -40.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
+"""Turns of the tool about its handle in the hand that are tried, in this order."""
 APPROACH_TO_GRIP = Rotation.from_euler("x", 90.0, degrees=True)
 """Axes of the grip of a bolted tool in those of the flange, as in the bundled hands: y is the flange's z."""
 

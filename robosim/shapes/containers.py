@@ -92,21 +92,26 @@ class BoxShape(ContainerShape):
 
     @property
     def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner (3,) of the box around the inside."""
         half = self.size / 2.0
         return np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], self.size[2]])
 
     def walls(self) -> trimesh.Trimesh:
+        """Make the real walls, closed."""
         return make_container_shell(self.size, self.wall, self.corner)
 
     def distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of walls that are `wall` thick, grown outward."""
         return mpm.Sdf.from_mesh(make_container_shell(self.size, wall, self.corner), spacing=spacing)
 
     def holds(self, points: Array) -> Found:
+        """Return which points (n, 3) count as in it."""
         half = self.size[:2] / 2.0 + WALL_MARGIN
         between = np.all(np.abs(points[:, :2]) < half, axis=1)
         return between & (points[:, 2] < self.size[2] + RIM_MARGIN) & (points[:, 2] > -FLOOR_MARGIN)
 
     def between_walls(self, points: Array) -> Found:
+        """Return which points (n, 3) of the box around the inside are in it."""
         beyond = np.maximum(np.abs(points[:, :2]) - (self.size[:2] / 2.0 - self.corner), 0.0)
         return np.hypot(*beyond.T) <= self.corner
 
@@ -121,6 +126,7 @@ class RoundShape(ContainerShape):
 
     @property
     def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner (3,) of the box around the inside."""
         return np.array([-self.radius, -self.radius, 0.0]), np.array([self.radius, self.radius, self._height])
 
     def _make(self, wall: float) -> trimesh.Trimesh:
@@ -129,16 +135,20 @@ class RoundShape(ContainerShape):
                         (0.0, 0.0)], 64)
 
     def walls(self) -> trimesh.Trimesh:
+        """Make the real walls, closed."""
         return self._make(self.wall)
 
     def distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of walls that are `wall` thick, grown outward."""
         return mpm.Sdf.from_mesh(self._make(wall), spacing=spacing)
 
     def holds(self, points: Array) -> Found:
+        """Return which points (n, 3) count as in it."""
         within = np.hypot(points[:, 0], points[:, 1]) < self.radius + WALL_MARGIN
         return within & (points[:, 2] < self._height + RIM_MARGIN) & (points[:, 2] > -FLOOR_MARGIN)
 
     def between_walls(self, points: Array) -> Found:
+        """Return which points (n, 3) of the box around the inside are in it."""
         return np.hypot(points[:, 0], points[:, 1]) <= self.radius
 
 
@@ -155,18 +165,23 @@ class MeshShape(ContainerShape):
 
     @property
     def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner (3,) of the box around the inside."""
         return self.inside.bounds
 
     def walls(self) -> trimesh.Trimesh:
+        """Make the real walls, closed."""
         return join(self.parts)
 
     def distance(self, wall: float, spacing: float) -> Lattice:
+        """Return the signed distance of walls that are `wall` thick, grown outward."""
         return grow_outward(self.parts, self.inside, wall - self.wall, spacing)
 
     def holds(self, points: Array) -> Found:
+        """Return which points (n, 3) count as in it."""
         return self._near.holds(points, RIM_MARGIN)
 
     def between_walls(self, points: Array) -> Found:
+        """Return which points (n, 3) of the box around the inside are in it."""
         return self.inside.holds(points)
 
 

@@ -31,43 +31,82 @@ class MeshFile(Protocol):
     """What is read of the configuration of something of one's own."""
 
     @property
-    def mesh(self) -> str: ...
+    def mesh(self) -> str:
+        """Path of the file."""
+        ...
+
     @property
-    def scale(self) -> float: ...
+    def scale(self) -> float:
+        """Metres per unit of the file."""
+        ...
+
     @property
-    def thickness(self) -> float | None: ...
+    def thickness(self) -> float | None:
+        """Of the wall of open parts [m]; None: all are closed."""
+        ...
 
 
 class HandleLine(Protocol):
     """The line of a handle, by which a hand holds a tool."""
 
     @property
-    def head(self) -> tuple[float, float, float]: ...
+    def head(self) -> tuple[float, float, float]:
+        """End at the tool's head [m]."""
+        ...
+
     @property
-    def end(self) -> tuple[float, float, float]: ...
+    def end(self) -> tuple[float, float, float]:
+        """Free end [m]."""
+        ...
+
     @property
-    def hold(self) -> float: ...
+    def hold(self) -> float:
+        """Where it is held: 0 at the head, 1 at the free end."""
+        ...
+
     @property
-    def radius(self) -> float | None: ...
+    def radius(self) -> float | None:
+        """[m]; None: measured."""
+        ...
+
     @property
-    def approach(self) -> tuple[float, float, float]: ...
+    def approach(self) -> tuple[float, float, float]:
+        """Direction from which the hand comes."""
+        ...
 
 
 class OwnTool(MeshFile, Protocol):
     """Configuration of a tool of one's own, see `robosim.config.tool.ToolConfig`."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Of the body."""
+        ...
+
     @property
-    def mass(self) -> float | None: ...
+    def mass(self) -> float | None:
+        """[kg]; None: from the density."""
+        ...
+
     @property
-    def density(self) -> float | None: ...
+    def density(self) -> float | None:
+        """[kg/m^3]"""
+        ...
+
     @property
-    def handle(self) -> HandleLine: ...
+    def handle(self) -> HandleLine:
+        """The line of its handle."""
+        ...
+
     @property
-    def colour(self) -> tuple[float, float, float]: ...
+    def colour(self) -> tuple[float, float, float]:
+        """Red, green, blue."""
+        ...
+
     @property
-    def inside(self) -> Any: ...
+    def inside(self) -> Any:
+        """With the region in which grains count; None: where it holds water."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,6 +71,7 @@ Truncated: with `horizon="truncate"`, after {steps} steps.
 | `clip_actions` | False | True: clip actions to -1 to 1; False: an action outside raises ConfigError |
 | `randomize` | None | parameter of the material -> (lowest, highest), drawn for every episode |
 | `arm` | False | True: the whole arm carries the tool, with two-way coupling |
+| `robot`, `gripper` | None | with `arm=True`: names or files of another arm and hand |
 | `grasp` | "weld" | "weld" or "friction": how the arm's hand holds the tool |
 | `render_mode` | None | "rgb_array" or "human" |
 | `camera` | "task" | "task", "side", "overview" or "close" |

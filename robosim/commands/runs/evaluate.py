@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names, config_path, trained_network
+from robosim.config.resources import config_names, config_path, part_names, trained_network
 from robosim.envs import TASKS, is_task_file, task_name
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import NETWORK, POLICIES, SUITES
@@ -38,6 +38,10 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--arm", action="store_true", help="move the tool with the whole arm")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="weld", help="with --arm: tool welded to the "
                         "hand, or held by the fingers alone (default: weld)")
+    parser.add_argument("--robot", help=f"with --arm: one of {', '.join(part_names('robots'))}; or an arm's .yaml "
+                        "file (default: iiwa14)")
+    parser.add_argument("--gripper", help="with --arm: a hand's name or .yaml file, or none (default: the arm's usual "
+                        "one)")
     parser.add_argument("--out", type=Path, help="folder for evaluation.json and episode.mp4 (the first episode); "
                         "with --suite evaluation.csv, a row an episode, and a picture")
     parser.add_argument("--no-video", action="store_true", help="make no video")
@@ -61,7 +65,8 @@ def run(options: argparse.Namespace) -> int:
 
         return evaluate(task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
                         film=not options.no_video, nominal=options.nominal, material=options.material,
-                        arm=options.arm, grasp=options.grasp, changed=changed_keys(options))
+                        arm=options.arm, grasp=options.grasp, robot=options.robot, gripper=options.gripper,
+                        changed=changed_keys(options))
 
 
 def run_suite(options: argparse.Namespace) -> int:

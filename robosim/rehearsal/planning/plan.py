@@ -12,6 +12,7 @@ from robosim.rehearsal.planning.picking import add_approach
 from robosim.rehearsal.planning.robot_clearance import RobotClearance
 from robosim.rehearsal.planning.slower_waypoints import slow_down
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.robot.assembly import GRIP_TURNS_DEG
 from robosim.robot.joint_path import PathSolution, solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointMotion, MotionLimits, SmoothMotion, compute_time_scale
@@ -23,8 +24,6 @@ LIMIT_SHARE = 0.92
 """Share of the arm's limits to which a motion is slowed down."""
 PATH_SAMPLING = 0.01
 """Time [s] between the poses at which the path is solved for joint angles."""
-GRIP_TURNS_DEG = (0.0, 20.0, -20.0, 40.0, -40.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0)
-"""Turns of the tool about its handle in the hand that are tried, in this order."""
 SLOWNESS = 1.3
 """Factor by which a path's derivatives may exceed the limits for it to be tried at full speed: Ruckig's motion through
 its knots has a smaller jerk than a spline."""

@@ -210,10 +210,10 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
 
 def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFixture,
                                        monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(self: OutputFolder, name: str, writer: object) -> Path:
-        raise OSError(28, "No space left on device", str(self.path / name))
+    def full(path: Path, text: str) -> None:
+        raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr(OutputFolder, "write", full)
+    monkeypatch.setattr("robosim.config.output.write_text", full)
     assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
     assert "No space left on device" in capsys.readouterr().err
 

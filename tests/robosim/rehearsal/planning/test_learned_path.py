@@ -17,7 +17,7 @@ from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.frames import container_pose
 from robosim.scene.models import read_inner_size
-from robosim.shapes import tool_shape
+from robosim.shapes import TOOLS, tool_shape
 from robosim.shapes.vessels import make_container_shell
 from robosim.tasks.task import load_task
 
@@ -83,7 +83,7 @@ SOURCE = make_container_shell(read_inner_size("source")).subdivide_to_size(0.003
 def compute_gap(config: RehearsalConfig, pose: mpm.Pose) -> float:
     """Compute the least distance [m] between the tool at a pose and points on the source container."""
     points = container_pose(config.containers["source"]).apply(SOURCE)
-    return float(build_real_tool_sdf(config.tool).distance(pose.inverse().apply(points)).min())
+    return float(build_real_tool_sdf(tool_shape(config.tool)).distance(pose.inverse().apply(points)).min())
 
 
 def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
@@ -93,7 +93,7 @@ def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
     floor is in the middle of the bowl needs more than the largest shift and is unchanged.
     """
     action = load_task("SpoonScoop").action
-    head = np.concatenate([part.vertices for part in tool_shape("spoon").solid()])
+    head = np.concatenate([part.vertices for part in TOOLS["spoon"].solid()])
     height = LearnedPath(chained).pose(0.0).apply(head)[:, 2].min() - chained.containers["source"].position[2]
 
     def make_path(depth: float) -> LearnedPath:

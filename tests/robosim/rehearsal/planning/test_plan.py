@@ -19,9 +19,9 @@ def test_every_script_can_be_planned(name):
 
 
 @pytest.mark.parametrize("name, changes, message", [
-    ("bottle", {"pile": {"centre": [0.7, 0, 0.01], "half": [0.01] * 3}}, "2 places hold material"),
-    ("shovel", {"pile": None}, "0 places hold material"),
-    ("shovel", {"area": None}, "0 places take material"),
+    ("bottle", {"pile": {"centre": [0.7, 0, 0.01], "half": [0.01] * 3}}, "2 kinds of places hold material"),
+    ("shovel", {"pile": None}, "0 kinds of places hold material"),
+    ("shovel", {"area": None}, "0 kinds of places take material"),
     ("spoon", {"containers": {"bucket": {"position": [0.7, 0, 0]}}}, "unknown 'bucket'; valid: source, target, tray"),
     ("bottle", {"trajectory": "learned", "learned": []}, "needs `learned`"),
     ("bottle", {"weigh_at": "lifted"}, "needs a dwell"),
