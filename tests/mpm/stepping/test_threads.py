@@ -52,7 +52,7 @@ def gap(result: Results) -> float:
     return float(np.abs(result["gap"]).max() / np.abs(result["ledger"]).max())
 
 
-@pytest.mark.parametrize("scene", ["elastic", "tools", pytest.param("fluid", marks=SLOW),
+@pytest.mark.parametrize("scene", [pytest.param("elastic", marks=SLOW), "tools", pytest.param("fluid", marks=SLOW),
                                    pytest.param("sleep", marks=SLOW)])
 def test_two_threads_are_one(scene: str, results: Callable[..., Results]) -> None:
     """The same grains to rounding, the same bits in every run, and every impulse in the ledger; in strides and not.

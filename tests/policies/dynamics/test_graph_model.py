@@ -169,6 +169,7 @@ def test_rollouts_are_stored_and_recognised(tmp_path):
         train("sac", "Pendulum-v1", tmp_path / "run", rollouts=tmp_path)
 
 
+@pytest.mark.slow
 def test_planning_with_a_network(tmp_path):
     """Rollouts, training, search and simulator, end to end; the same command again changes nothing."""
     make_rollouts("SpoonTranslate", tmp_path / "rollouts", episodes=2, action_repeat=250)

@@ -52,7 +52,7 @@ def test_each_episode_is_that_of_one_environment(tmp_path, starts):
     assert len({round(episode.row["return"], 9) for episode in recorded}) > 1
 
 
-@pytest.mark.parametrize("actor", [None, Actor(imitation=0.1)])
+@pytest.mark.parametrize("actor", [pytest.param(None, marks=pytest.mark.slow), Actor(imitation=0.1)])
 def test_an_interrupted_run_of_a_batch_continues_to_the_same_bits(tmp_path, actor):
     """Interrupted after four of six episodes of two environments; continued with other global random states."""
     preset = make_preset(actor=actor)

@@ -30,6 +30,7 @@ def run(folder, *, episodes=4, starts="random", **settings):
     return training
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_however_often_its_policy_is_evaluated(tmp_path):
     often, once = run(tmp_path / "often", evaluate_every=1), run(tmp_path / "once", evaluate_every=100)
     keys = ("episode", "start", "return", "tcs", "decisions")

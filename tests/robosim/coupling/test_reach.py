@@ -41,7 +41,7 @@ def drop(coupling: str, steps: int, sleep: bool = False, speed: float = 0.0) -> 
     return plugin, answers, np.array(heights)
 
 
-@pytest.mark.parametrize("coupling", ["mobility", "lagged", "one_way"])
+@pytest.mark.parametrize("coupling", ["mobility", pytest.param("lagged", marks=pytest.mark.slow), "one_way"])
 def test_a_ball_falls_and_lands_as_if_it_were_always_probed(coupling: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """To the bit, but where the motion of a fast ball that is far away would have made substeps shorter."""
     plugin, answers, heights = drop(coupling, 90)
@@ -81,6 +81,7 @@ def test_clearances_are_measured_rarely_and_a_rising_ball_is_let_go(monkeypatch:
     assert not rising[0] and any(rising[1:]), "in reach, then out of it"
 
 
+@pytest.mark.slow
 def test_states_hold_what_was_measured() -> None:
     plugin, _, _ = drop("mobility", 30, sleep=True)
     saved, grains = plugin.state(), plugin.solver.state()

@@ -60,6 +60,7 @@ def read_film(folder: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
 
 
+@pytest.mark.slow
 def test_grains_that_sleep_are_marked(tmp_path: Path) -> None:
     shoot(tmp_path / "material").close()
     shoot(tmp_path / "awake", colour="awake").close()

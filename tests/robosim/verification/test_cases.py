@@ -51,6 +51,7 @@ def test_a_spinning_block_conserves_momentum(precision: str, steps: int) -> None
     assert max(errors.values()) <= spin.BANDS[precision]
 
 
+@pytest.mark.slow
 def test_walls_are_second_order() -> None:
     """Zeroed nodes would give order 1 and 60 times the error."""
     coarse, fine, finest = (bar.measure(cells=n).errors for n in (13, 25, 50))
@@ -151,6 +152,7 @@ def test_axis_aligned_acceleration(model: str, expected: tuple[float, ...]) -> N
     assert value[0] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_vortex() -> None:
     coarse, fine = (vortex.measure(cells=n).errors["rms"] for n in (20, 40))
     assert fine <= vortex.BANDS["rms at 40 cells per metre"]

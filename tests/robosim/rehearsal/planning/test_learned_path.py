@@ -131,6 +131,7 @@ def test_the_ros_trajectory_reproduces_the_motion(chained):
     assert qd[0] == pytest.approx(0.0, abs=1e-9) and qd[-1] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_scoops_bundled_motions_are_within_reach():
     """They go farthest: with the container at the arm's side the tray was out of reach by 5 mm."""
     plan = plan_motion(place_target(load_rehearsal("scoop", {"trajectory": "learned"})))
