@@ -9,9 +9,9 @@ import mpm
 from mpm.input_files import StoredArrays, read_arrays
 from policies.learning.environments import fingerprint, make_environment
 
-SURROGATE_MATERIALS = {"move": "clay", "scoop": "clay"}
-"""Kind of sub-task -> material of the search, where it is not FLUID. A fluid's surface lies below the rim of a level
-spoon that stands on the container's floor, so that there is nothing to scoop."""
+CLAY = "clay"
+"""Material of the search where the tool is empty at the start. A fluid's surface lies below the rim of a level spoon
+that stands on the container's floor, so that there is nothing to scoop."""
 FLUID = "glycerol"
 """Not water, which splashes: over a pour its derivatives by positions grow by four orders of magnitude, glycerol's by
 two."""
@@ -19,7 +19,7 @@ two."""
 
 def surrogate_material(task: Any) -> str:
     """Return the material that demonstrations of a task are searched in."""
-    return SURROGATE_MATERIALS.get(task.kind, FLUID)
+    return FLUID if task.carried else CLAY
 
 
 class DemonstrationRequest(NamedTuple):

@@ -84,8 +84,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         self._renderer, self._is_closed = None, False
 
     def _check_kind(self, task: TaskConfig) -> None:
-        """Raise ConfigError where a registered sub-task is given a task of another kind or tool."""
-        given, accepted = (f"{one.kind} with the {one.tool}" for one in (task, load_task(self.TASK)))
+        """Raise ConfigError where a registered sub-task is given a task with another tool or other terms."""
+        given, accepted = (f"{', '.join(one.reward.terms)} with the {one.tool}" for one in (task, load_task(self.TASK)))
         if given != accepted:
             raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other as "
                               f"robosim.envs.GrainEnv(task=...)")

@@ -84,7 +84,7 @@ def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
 
 def _add_regions(spec: mujoco.MjSpec, task: TaskConfig) -> None:
     """Add the target, where it meets the table or as a box in the air, and the stand."""
-    if task.kind != "scoop":
+    if task.container is None:
         add_mark(spec, task.target)
     if task.stand is not None:
         _add_block(spec, task.stand)

@@ -57,15 +57,16 @@ class TaskCounter:
     """Counts a task's grains in a solver, also within its advances once `attach` has been called."""
 
     def __init__(self, task: TaskConfig, solver: mpm.Solver) -> None:
-        scoops = task.kind == "scoop"
+        ranks = task.grains.elites is not None
+        touches = task.container is not None or task.reward.contact > 0.0
         points = container_points(task)
         self._solver = solver
         self._counter = mpm.RegionCounter(
-            solver, np.arange(task.grains.count) if scoops else observed_grains(task), point=np.array(task.goal),
+            solver, np.arange(task.grains.count) if ranks else observed_grains(task), point=np.array(task.goal),
             weights=np.array(task.reward.distance.weights), region=task.target.region, bounds=task.bounds.region,
-            inner=tool_shape(task.tool).interior, index=TOOL, reach=0.5 * task.field.cell if scoops else None,
+            inner=tool_shape(task.tool).interior, index=TOOL, reach=0.5 * task.field.cell if touches else None,
             points=points, probe=None if points is None else whole_tool_sdf(task), margin=WALL_MARGIN,
-            per_particle=scoops, latching=observed_grains(task))
+            per_particle=ranks, latching=observed_grains(task))
 
     def attach(self, sample: mpm.Sample | None) -> None:
         """Have the solver count within its advances and sample the observed grains at their end."""

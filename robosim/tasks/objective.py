@@ -33,7 +33,7 @@ def build_objective(task: TaskConfig) -> Loss:
     counted = None if task.grains.elites else observed_grains(task)
     terms: list[Loss] = [WeightedDistance(np.array(task.goal), np.array(distance.weights), counted, scale,
                                           task.grains.elites)]
-    if task.kind == "pour":
+    if task.reward.pours:
         plane = task.bounds.centre[2] - task.bounds.half[2]
         per_metre = 2.0 * task.reward.poured / (task.steps * (task.start.position[2] - plane))
         terms.append(Above(plane, counted, per_metre))
@@ -43,7 +43,7 @@ def build_objective(task: TaskConfig) -> Loss:
     if not task.carried:
         interior = tool_shape(task.tool).interior
         weights = np.full(task.steps, ATTRACTION * distance.total / (task.steps * distance.reference))
-        if task.kind == "scoop":
+        if task.container is not None:
             weights[round(ATTRACTION_SHARE * task.steps) :] = 0.0
         terms.append(Attraction(np.array(interior.centre), counted, 0.0, weights))
     points = container_points(task)

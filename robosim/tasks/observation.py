@@ -64,7 +64,7 @@ class Observer:
         parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
                  centre - self.task.goal, pose.inverse().apply(centre[None])[0],
                  [counts.held / candidates, counts.on_target / candidates, counts.lost / counted]]
-        if self.task.kind == "scoop":
+        if self.task.container is not None:
             parts.append([counts.touching / n, min(counts.clearance, 0.1)])
         return np.concatenate(parts)
 
@@ -79,7 +79,7 @@ class Observer:
             "from_goal": (lower - self.task.goal, upper - self.task.goal), "in_tool_frame": (-diagonal, diagonal),
         }
         bounds |= {name: (np.zeros(1), np.ones(1)) for name in ("held", "on_target", "lost")}
-        if self.task.kind == "scoop":
+        if self.task.container is not None:
             bounds |= {"touching": (np.zeros(1), np.ones(1)), "clearance": (-np.full(1, 0.1), np.full(1, 0.1))}
         return bounds
 

@@ -75,7 +75,7 @@ Truncated: with `horizon="truncate"`, after {steps} steps.
 | `grasp` | "weld" | "weld" or "friction": how the arm's hand holds the tool |
 | `render_mode` | None | "rgb_array" or "human" |
 | `camera` | "task" | "task", "side", "overview" or "close" |
-| `task` | None | a TaskConfig or the path of a task file, of the same kind and tool |
+| `task` | None | a TaskConfig or the path of a task file, with the same tool and terms of the reward |
 | any parameter of the material | the material's | such as `E=2e5` [Pa] or `friction_angle_deg=25.0` |
 
 ## Version History
@@ -149,18 +149,27 @@ def _term_rows(task: TaskConfig) -> list[tuple[object, ...]]:
     rows: list[tuple[object, ...]] = [
         ("distance", "step", f"{reward.beta:.4g} ({reward.gamma:.4g} - sum over the {n} {counted} of "
          f"{distance.weights} . abs(x - {task.goal}))")]
-    if task.kind == "pour":
+    if weights.pours:
         return [*rows, ("target", "grain that leaves the bounds",
                         f"+{weights.target} over the target, else -{weights.target}"),
-                ("poured", "grain, last step", f"+{weights.poured} outside the bounds, else -{weights.poured}")]
+                ("poured", "grain, last step", f"+{weights.poured} outside the bounds, else -{weights.poured}"),
+                *_further_rows(task)]
     rows += [("lost", "grain that leaves the bounds", weights.lost),
              ("target", f"grain of the {n}, last step", f"+{weights.target} on the target, else -{weights.target}")]
+    return rows + _further_rows(task)
+
+
+def _further_rows(task: TaskConfig) -> list[tuple[object, ...]]:
+    """Return the rows of contact, collision and turn, where the reward has them."""
+    weights, rows = task.reward, []
+    if weights.contact:
+        rows.append(("contact", "grain that touches the tool, step", f"+{weights.contact}"))
+    if weights.collision:
+        rows.append(("collision", "step in which the tool hits the container", weights.collision))
     if weights.turn is not None:
         turn = weights.turn
-        rows += [("contact", "grain that touches the tool, step", f"+{weights.contact}"),
-                 ("collision", "step in which the tool hits the container", weights.collision),
-                 ("turn", "last step", f"{turn.scale:g} ({turn.margin:g} - abs(rotation - {turn.angle_deg:g} deg)), "
-                  f"in rad")]
+        rows.append(("turn", "last step", f"{turn.scale:g} ({turn.margin:g} - abs(rotation - {turn.angle_deg:g} deg)), "
+                     f"in rad"))
     return rows
 
 

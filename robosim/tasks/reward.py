@@ -29,7 +29,7 @@ class Reward:
         """Weighted distance [m] of all counted grains at which the distance term is zero."""
         self.beta = distance.total / (task.steps * self.gamma)
         """Reward per step and metre."""
-        self.terms = _term_names(task)
+        self.terms = task.reward.terms
         self.restart()
 
     def restart(self) -> None:
@@ -65,17 +65,19 @@ class Reward:
         if counts.grain_distances is not None and counts.grain_on_target is not None:
             total, self.on_target = self._elites(counts.grain_distances, counts.grain_on_target)
         values = {"distance": self.beta * (self.gamma - total)}
-        if self.task.kind == "pour":
+        if weights.pours:
             self.poured_on_target += counts.lost_on_target
             values["target"] = weights.target * (2 * counts.lost_on_target - counts.newly_lost)
             values["poured"] = weights.poured * (2 * counts.lost - n) if last else 0.0
         else:
             values["lost"] = weights.lost * counts.newly_lost
             values["target"] = weights.target * (2 * self.on_target - n) if last else 0.0
-        if weights.turn is not None:
+        if weights.contact:
             values["contact"] = weights.contact * counts.touching
+        if weights.collision:
             values["collision"] = weights.collision if counts.wall_hits > 0 else 0.0
             self.collisions += counts.wall_hits > 0
+        if weights.turn is not None:
             self.turn_error = abs(math.remainder(angle - math.radians(weights.turn.angle_deg), 2 * math.pi))
             values["turn"] = weights.turn.scale * (weights.turn.margin - self.turn_error) if last else 0.0
         self._add_to_score(values)
@@ -111,17 +113,19 @@ class Reward:
     def readings(self, counts: TaskCounts) -> dict[str, float]:
         """Return physical readings that do not depend on the weights.
 
-        delivered, retained: shares of the counted grains; spilled: share of the observed grains. Scooping adds
-        collisions, a number of steps, and turn_error_deg.
+        delivered, retained: shares of the counted grains; spilled: share of the observed grains. Those with the terms
+        have collisions, a number of steps, and turn_error_deg.
         """
-        pours, n = self.task.kind == "pour", self.counted
+        pours, n = self.task.reward.pours, self.counted
         values = {
             "delivered": (self.poured_on_target if pours else self.on_target) / n,
             "spilled": (counts.lost - self.poured_on_target if pours else counts.lost) / self.observed,
             "retained": min(counts.held / n, 1.0) if self.task.grains.elites else counts.held / n,
         }
+        if self.task.reward.collision:
+            values["collisions"] = float(self.collisions)
         if self.task.reward.turn is not None:
-            values |= {"collisions": float(self.collisions), "turn_error_deg": math.degrees(self.turn_error)}
+            values["turn_error_deg"] = math.degrees(self.turn_error)
         return values
 
     def is_success(self, counts: TaskCounts) -> bool:
@@ -136,20 +140,11 @@ class Reward:
         A perfect motion brings all grains to the target, loses none and never collides.
         """
         weights, n = self.task.reward, self.counted
-        if self.task.kind == "pour":
-            return -weights.poured * n, (weights.poured + weights.target) * n
         worst, best = -weights.target * n, weights.target * n
+        if weights.pours:
+            worst, best = -weights.poured * n, (weights.poured + weights.target) * n
         if weights.turn is not None:
             turn = weights.turn
             worst += turn.scale * (turn.margin - abs(math.radians(turn.angle_deg)))
             best += turn.scale * turn.margin
         return worst, best
-
-
-def _term_names(task: TaskConfig) -> tuple[str, ...]:
-    """Return the names of a task's reward terms."""
-    if task.kind == "pour":
-        return ("distance", "target", "poured")
-    if task.kind == "scoop":
-        return ("distance", "lost", "target", "contact", "collision", "turn")
-    return ("distance", "lost", "target")

@@ -128,6 +128,18 @@ class RewardConfig(Table):
     turn: TurnConfig | None = None
     """Rotation of the tool, in the last step."""
 
+    @property
+    def pours(self) -> bool:
+        """Whether grains shall leave the bounds, over the target."""
+        return self.poured > 0.0
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the terms: those without a weight are left out, but for grains that are lost."""
+        rest = ("distance", "target", "poured") if self.pours else ("distance", "lost", "target")
+        given = [name for name in ("contact", "collision") if getattr(self, name)]
+        return (*rest, *given, *(["turn"] if self.turn is not None else []))
+
 
 class SuccessConfig(Table):
     """What counts as success at the end of an episode."""

@@ -18,7 +18,6 @@ from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, load, read
 from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
 
-Kind = Literal["scoop", "translate", "pour", "move"]
 MAX_EPISODE = 100_000
 """Steps of an episode: a hundred times those of arXiv 2406.09178."""
 MAX_TIME = 600.0
@@ -47,12 +46,10 @@ class ScriptedPath:
 
 
 class TaskConfig(Table):
-    """A sub-task."""
+    """A sub-task: a start, regions, and the terms of its reward."""
 
     description: Text
     """What the agent has to do; first line of the environment's page."""
-    kind: Kind
-    """Kind of task; it determines the reward terms."""
     tool: Literal["spoon", "scoop", "bottle", "shovel"]
     """Name of a tool of models/tools."""
     material: FilePath
@@ -82,7 +79,7 @@ class TaskConfig(Table):
     target: RegionConfig
     """Region in which grains count as delivered."""
     bounds: RegionConfig
-    """A grain outside this region and not in the tool is lost; in tasks of the kind pour it is poured out."""
+    """A grain outside this region and not in the tool is lost; where the reward has the term poured, poured out."""
     reward: RewardConfig
     """Weights of the reward terms."""
     success: SuccessConfig
@@ -110,7 +107,6 @@ class TaskConfig(Table):
     @pydantic.model_validator(mode="after")
     def _check(self) -> "TaskConfig":
         """Refuse sections that do not fit each other."""
-        scoops = self.kind == "scoop"
         if self.container is not None and self.container not in container_names():
             raise ValueError(f"container: unknown {self.container!r}; valid: {', '.join(container_names())}")
         if self.steps * self.step_dt > MAX_TIME:
@@ -119,12 +115,19 @@ class TaskConfig(Table):
         times = [s.time for s in self.script]
         if times[0] <= 0 or any(b <= a for a, b in pairwise(times)):
             raise ValueError(f"script: times {times} s; accepted: positive and rising")
-        if {scoops} != {self.container is not None, self.container_place is not None, self.grains.elites is not None}:
-            raise ValueError("container, container_place and grains.elites belong to kind: scoop, and to no other")
-        if scoops != (self.reward.turn is not None):
-            raise ValueError("reward.turn belongs to kind: scoop, and to no other")
-        if (self.kind == "move") != (self.start.pile is not None):
-            raise ValueError("start.pile belongs to kind: move, and to no other")
+        if (self.container is None) != (self.container_place is None):
+            raise ValueError(f"container = {self.container!r}, container_place = {self.container_place!r}; accepted: "
+                             f"both, or none of them")
+        if self.container is not None and self.start.pile is not None:
+            raise ValueError("container and start.pile; accepted: one of them, or a tool that is full at the start")
+        if self.container is None and self.reward.collision:
+            raise ValueError(f"reward.collision = {self.reward.collision} without a container; accepted: 0")
+        if self.reward.pours and self.reward.lost:
+            raise ValueError(f"reward.poured = {self.reward.poured}, reward.lost = {self.reward.lost}; accepted: one "
+                             f"of them, for grains that leave the bounds")
+        if self.success.turn_error_deg is not None and self.reward.turn is None:
+            raise ValueError(f"success.turn_error_deg = {self.success.turn_error_deg} without reward.turn; accepted: "
+                             f"null")
         if self.field.region_lower is None:
             raise ValueError("field.region_lower, region_upper: missing; accepted: the corners of the grains' region")
         if self.field.dt is not None and abs(self.step_dt / self.field.dt - round(self.step_dt / self.field.dt)) > 1e-6:
@@ -144,12 +147,12 @@ def task_names() -> list[str]:
 def is_task(scene: str) -> bool:
     """Return whether a scene is a sub-task's name or file.
 
-    Files of tasks have the key `kind`, files of rehearsals do not.
+    Files of tasks have the key `reward`, files of rehearsals do not.
     """
     if scene in task_names() or not Path(scene).is_file():
         return scene in task_names()
     data = read(Path(scene))
-    return isinstance(data, dict) and "kind" in data
+    return isinstance(data, dict) and "reward" in data
 
 
 def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:

@@ -81,7 +81,7 @@ def test_actions_are_checked(env: GrainEnv) -> None:
 
 
 def test_a_registered_name_refuses_another_kind_of_task() -> None:
-    with pytest.raises(robosim.ConfigError, match="pour with the scoop; accepted for .*Pour-v0: pour with the spoon"):
+    with pytest.raises(robosim.ConfigError, match="poured with the scoop; accepted for .*Pour-v0: .*the spoon"):
         gymnasium.make("robosim/SpoonPour-v0", task="ScoopPour")
 
 

@@ -89,7 +89,7 @@ def test_a_perfect_motion_scores_the_upper_extreme(name: str) -> None:
     """All grains reach the target, in the last step or, where they are poured, in one on the way."""
     task = load_task(name)
     reward, n = Reward(task), task.grains.counted
-    poured = n if task.kind == "pour" else 0
+    poured = n if task.reward.pours else 0
     none = TaskCounts(0.0, 0, 0, 0, 0, n, 0, 0, 1.0)
     way = none._replace(newly_lost=poured, lost_on_target=poured, lost=poured, on_target=n)
     total = sum(sum(reward.step(now, 0.0, now is way).values()) for now in (none, way))

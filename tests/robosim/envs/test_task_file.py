@@ -17,7 +17,7 @@ from robosim.config.resources import config_path
 from robosim.envs import make
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation.evaluate import evaluate
-from robosim.tasks.task import is_task
+from robosim.tasks.task import is_task, load_task
 
 ACTION_REPEAT = 250
 ACTION = np.array([0.1, 0.2, -0.1], np.float32)
@@ -48,6 +48,42 @@ def test_a_task_file_makes_its_environment() -> None:
     assert np.array_equal(by_file.reset(seed=3)[0], begun)
     other = by_file.step(ACTION)
     assert np.array_equal(after[0], other[0]) and after[1] == other[1]
+
+
+def test_a_new_sort_of_task_is_a_file() -> None:
+    """A push with a term for contact and one for the shovel's turn, which none of the bundled tasks combines."""
+    task = yaml.safe_load(config_path("tasks", "ShovelMove", "task").read_text())
+    task["reward"] |= {"contact": 0.001, "turn": {"scale": 2.0, "margin": 1.0, "angle_deg": -20}}
+    task["success"] = {"delivered": 0.1, "turn_error_deg": 30}
+    Path("sweep.yaml").write_text(yaml.safe_dump(task))
+    env = make("sweep.yaml", action_repeat=ACTION_REPEAT)
+    env.reset(seed=0, options={"nominal": True})
+    terms = env.unwrapped.reward.terms  # pyright: ignore[reportAttributeAccessIssue]
+    assert terms == ("distance", "lost", "target", "contact", "turn")
+    over, touching, info = False, 0.0, {}
+    while not over:
+        _, _, over, _, info = env.step(np.array([0.0, 0.5, 0.0], np.float32))
+        touching += info["reward_terms"]["contact"]
+    assert touching > 0.0
+    # the shovel has not turned: its error is the whole of what is asked for
+    assert info["tcs_terms"]["turn"] == pytest.approx(2.0 * (1.0 - np.radians(20.0)), abs=1e-6)
+    assert not info["is_success"]
+
+
+@pytest.mark.parametrize(("section", "keys", "message"), [
+    ("reward", {"collision": -0.1}, "reward.collision = -0.1 without a container; accepted: 0"),
+    ("reward", {"poured": 0.1}, "reward.poured = 0.1, reward.lost = -.*; accepted: one of them"),
+    ("success", {"turn_error_deg": 10}, "success.turn_error_deg = 10.0 without reward.turn; accepted: null"),
+    ("start", {"pile": None}, None)])
+def test_parts_of_a_task_that_do_not_fit_are_named(section: str, keys: dict, message: str | None) -> None:
+    task = yaml.safe_load(config_path("tasks", "ShovelMove", "task").read_text())
+    task[section] |= keys
+    Path("mine.yaml").write_text(yaml.safe_dump(task))
+    if message is None:
+        assert load_task("mine.yaml").carried  # the blade is full then, as its interior is
+        return
+    with pytest.raises(ConfigError, match=message):
+        load_task("mine.yaml")
 
 
 @pytest.mark.slow
