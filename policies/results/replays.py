@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from mpm.progress import Progress
 from policies.learning.code_digests import changed_modules
 from policies.learning.files import digest, read_last_line
 from policies.results.curves import POINT, read_curve
-from policies.results.rows import make_row
+from policies.results.rows import preset_digest
 
 FILE = "replays.json"
 """Beside the tables.json whose rows it is about."""
@@ -27,6 +28,8 @@ REPLAY: dict[str, Any] = {"kind": str, "task": str, "method": str, "seed": int, 
                           "stored": float, "found": float, "code": str}
 """Form of a replay. kind: of its run; commit: where it was run again; stored, found: mean score of the first episodes
 in the row, and when they were run again; code: key of the file's table `code`."""
+POLL = 0.2
+"""Time [s] between two looks at a run."""
 OWN = ("--seed", "--out")
 """Options of a run's command in which the runs of one kind differ."""
 
@@ -94,17 +97,33 @@ def replay(rows: list[dict[str, Any]], folder: Path) -> int:
 
 
 def run_first_episodes(row: dict[str, Any]) -> tuple[dict[str, Any] | None, str]:
-    """Return the row of the first episodes of a run, run again in a process of its own; or None, and why not."""
+    """Begin a run again in a process of its own, and stop it after its first episodes.
+
+    Not with fewer episodes: rates may decay over all of them. Returns commit, preset's digest, code and curve; or None,
+    and why not.
+    """
     with tempfile.TemporaryDirectory(prefix="replay_") as folder:
-        out = Path(folder) / "run"
+        out, log = Path(folder) / "run", Path(folder) / "log.txt"
         words = shlex.split(row["command"])[1:]
         words[words.index("--out") + 1] = str(out)
-        log = Path(folder) / "log.txt"
         with log.open("w") as file:
-            code = subprocess.run([sys.executable, "-m", "robosim", *words, "--episodes",
-                                   str(min(POINT, row["episodes"]))], stdout=file, stderr=file,
-                                  env={**os.environ, "OMP_NUM_THREADS": "1"}).returncode
-        if code != 0:
-            return None, f"cannot be run again: {read_last_line(log) or f'exit status {code}'}"
-        return make_row(read_json(out / "manifest.json"), read_json(out / "status.json"),
-                        read_curve(out / "episodes.csv")), ""
+            process = subprocess.Popen([sys.executable, "-m", "robosim", *words], stdout=file, stderr=file,
+                                       env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
+            try:
+                while process.poll() is None and count_episodes(out) < POINT:
+                    time.sleep(POLL)
+            finally:
+                is_ended = process.poll() is not None
+                process.terminate()
+                process.wait()
+        if is_ended and process.returncode != 0:
+            return None, f"cannot be run again: {read_last_line(log) or f'exit status {process.returncode}'}"
+        manifest, curve = read_json(out / "manifest.json"), read_curve(out / "episodes.csv")
+        return {"commit": manifest["commit"], "preset": preset_digest(manifest["preset"]), "code": manifest["code"],
+                "curve": curve}, ""
+
+
+def count_episodes(out: Path) -> int:
+    """Return how many episodes a run has written."""
+    path = out / "episodes.csv"
+    return max(len(path.read_text().splitlines()) - 1, 0) if path.is_file() else 0
