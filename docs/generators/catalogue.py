@@ -7,6 +7,7 @@ import yaml
 from generators.markdown import code, table
 from generators.results.measured import ROOT
 from robosim.envs import TASKS
+from robosim.tasks.task import load_task
 
 CONFIGS = ROOT / "configs"
 SYMBOLS = {"density": "density [kg/m^3]", "E": "E [Pa]", "nu": "nu", "friction_angle": "friction angle [deg]",
@@ -33,9 +34,9 @@ def materials() -> str:
 def tasks() -> str:
     """The sub-tasks."""
     data = read("tasks")
-    return table(["id", "kind", "tool", "particles", "goal"],
-                 [[f"`robosim/{name}-v0`", data[name]["kind"], data[name]["tool"], data[name]["grains"]["count"],
-                   data[name]["description"]] for name in TASKS])
+    return table(["id", "tool", "particles", "terms of the reward", "goal"],
+                 [[f"`robosim/{name}-v0`", data[name]["tool"], data[name]["grains"]["count"],
+                   ", ".join(load_task(name).reward.terms), data[name]["description"]] for name in TASKS])
 
 
 def methods() -> str:

@@ -6,8 +6,8 @@ from robosim.commands.description import keys_of
 from robosim.commands.keys import KINDS, schema_class
 
 FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks", "robot": "configs/robots",
-           "training": "configs/training"}
-"""Where the bundled files of a kind are."""
+           "training": "configs/training", "arm": "models/robots", "gripper": "models/grippers", "tool": ""}
+"""Where the bundled files of a kind are; empty where there are none."""
 
 
 def section(kind: str, schema: dict) -> str:
@@ -15,8 +15,8 @@ def section(kind: str, schema: dict) -> str:
     rows = [[code(key), takes, code(default) if default != "required" else default, meaning]
             for key, takes, default, meaning in keys_of(schema, schema)]
     place = FOLDERS.get(kind, "configs/materials")
-    text = schema.get("description", "").split("\n\n")[0]
-    return f"## {kind}\n\n{text} Bundled files: `{place}/`.\n\n{table(['key', 'accepts', 'default', 'meaning'], rows)}"
+    text = schema.get("description", "").split("\n\n")[0] + (f" Bundled files: `{place}/`." if place else "")
+    return f"## {kind}\n\n{text}\n\n{table(['key', 'accepts', 'default', 'meaning'], rows)}"
 
 
 def training_schema() -> dict:
