@@ -97,7 +97,8 @@ def export_lerobot(task: str, demos: Path, out: Path, *, obs: str = "flat", acti
                                        np.array([t.reward for t in transitions], np.float32), shown))
     states = episodes[0].states.shape[1]
     write_lerobot_dataset(out, episodes, fps=1.0 / (action_repeat * inner.task.step_dt), task=inner.task.description,
-                          robot=f"{inner.task.tool}, moved alone", state_names=[f"{obs}_{k}" for k in range(states)],
+                          robot=f"{inner.task.tool_name}, moved alone",
+                          state_names=[f"{obs}_{k}" for k in range(states)],
                           action_names=[f"velocity_{k}" for k in range(dimensions)])
     env.close()
     print(f"{out}: {len(episodes)} episodes, scores {min(scores):.2f} to {max(scores):.2f}")

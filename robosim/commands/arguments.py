@@ -85,8 +85,7 @@ class Settings(tuple[Setting, ...]):
             yield name
             return
         from robosim.config.output import OutputFolder
-        from robosim.config.rehearsal import locate_paths
-        from robosim.config.resources import config_path
+        from robosim.config.resources import config_path, locate_paths
         from robosim.config.table import read
 
         source = config_path(kind, name, kind[:-1])

@@ -1,8 +1,7 @@
 """Configuration of a whole-arm rehearsal."""
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pydantic
 from pydantic import Field
@@ -19,17 +18,12 @@ from robosim.config.bounds import (
     Text,
 )
 from robosim.config.motion import MotionLimitsConfig, PathConfig, PickConfig, WaypointConfig
-from robosim.config.resources import config_path, container_names, tool_names
+from robosim.config.resources import config_path
 from robosim.config.robot import Grip, JointTrajectoryConfig
-from robosim.config.scene import ContainerConfig, FieldConfig, ObstacleConfig, RegionConfig
+from robosim.config.scene import ContainerConfig, FieldConfig, ObstacleConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
-from robosim.config.table import Table, read, validate
-from robosim.config.tool import ToolConfig
-
-PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell")
-"""Keys whose values may be paths."""
-SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
-"""Ends of values that are paths, not names."""
+from robosim.config.table import Table, load
+from robosim.config.tool import Tool, name_tool
 
 
 class RehearsalConfig(Table):
@@ -37,7 +31,7 @@ class RehearsalConfig(Table):
 
     description: Text
     """Title of its reports."""
-    tool: FilePath | ToolConfig
+    tool: Tool
     """Name of a tool of models/tools, the path of a .yaml file of one's own, or a table with its keys."""
     material: FilePath = "salt"
     """Name of a material of configs/materials, or the path of a .yaml file."""
@@ -122,32 +116,11 @@ class RehearsalConfig(Table):
     @property
     def tool_name(self) -> str:
         """Name of the tool's body."""
-        return self.tool if isinstance(self.tool, str) else self.tool.name
-
-    @pydantic.field_validator("tool", mode="before")
-    @classmethod
-    def _read_tool(cls, given: Any) -> Any:
-        if not isinstance(given, str) or not given.endswith((".yaml", ".yml")):
-            return given
-        if not Path(given).is_file():
-            raise ValueError(f"{given}: no such file; accepted: a .yaml file of your own, or one of "
-                             f"{', '.join(tool_names())}")
-        table = locate_paths(read(Path(given)), Path(given).parent)
-        if not isinstance(table, dict):
-            raise ValueError(f"{given}: holds {type(table).__name__}; accepted: a table of "
-                             f"{', '.join(ToolConfig.model_fields)}")
-        return validate(table, Path(given), ToolConfig)
+        return name_tool(self.tool)
 
     @pydantic.model_validator(mode="after")
     def _check_material(self) -> "RehearsalConfig":
-        names = container_names()
-        for name, container in self.containers.items():
-            if container.is_named and (container.model or name) not in names:
-                raise ValueError(f"containers: unknown {container.model or name!r}; valid: {', '.join(names)}; or a "
-                                 f"container with size, radius and height, or mesh")
-        if isinstance(self.tool, str) and self.tool not in tool_names():
-            raise ValueError(f"tool: unknown {self.tool!r}; valid: {', '.join(tool_names())}, or the path of a .yaml "
-                             f"file of your own")
+        check_containers(self.containers)
         if self.tool_name in self.containers:
             raise ValueError(f"containers: {self.tool_name!r} is the tool's name; accepted: another")
         filled = [c.fill_height > 0 for c in self.containers.values()]
@@ -206,22 +179,5 @@ class RehearsalConfig(Table):
 
 
 def load_rehearsal(name: str, overrides: dict | None = None, settings: Sequence[Setting] = ()) -> RehearsalConfig:
-    """Load a rehearsal by name (configs/rehearsals) or path; overrides and settings as of `load`.
-
-    Paths in settings and overrides are relative to the working directory.
-    """
-    path = config_path("rehearsals", name, "rehearsal")
-    table = locate_paths(read(path), path.parent)
-    return validate(table, path, RehearsalConfig, overrides, settings)
-
-
-def locate_paths(value: Any, place: Path) -> Any:
-    """Return a file's content with the paths in it made absolute; place: folder that they are relative to."""
-    if isinstance(value, dict):
-        return {key: str((place / item).resolve()) if _is_path(key, item) else locate_paths(item, place)
-                for key, item in value.items()}
-    return [locate_paths(item, place) for item in value] if isinstance(value, list) else value
-
-
-def _is_path(key: Any, value: Any) -> bool:
-    return key in PATH_KEYS and isinstance(value, str) and (value.lower().endswith(SUFFIXES) or key == "motions")
+    """Load a rehearsal by name (configs/rehearsals) or path; overrides, settings and errors as of `load`."""
+    return load(config_path("rehearsals", name, "rehearsal"), RehearsalConfig, overrides, settings)

@@ -2,11 +2,16 @@
 
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from robosim.errors import ConfigError, UnknownName
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Folder of the packages: the repository, or site-packages."""
+PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell")
+"""Keys of files whose values may be paths."""
+SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
+"""Ends of values that are paths, not names."""
 
 
 def folder(name: str) -> Path:
@@ -57,3 +62,15 @@ def config_path(kind: str, name: str, what: str) -> Path:
     if name not in config_names(kind):
         raise UnknownName(what, name, config_names(kind), "or the path of a .yaml file of your own")
     return folder("configs") / kind / f"{name}.yaml"
+
+
+def locate_paths(value: Any, place: Path) -> Any:
+    """Return a file's content with the paths in it made absolute; place: folder that they are relative to."""
+    if isinstance(value, dict):
+        return {key: str((place / item).resolve()) if _is_path(key, item) else locate_paths(item, place)
+                for key, item in value.items()}
+    return [locate_paths(item, place) for item in value] if isinstance(value, list) else value
+
+
+def _is_path(key: Any, value: Any) -> bool:
+    return key in PATH_KEYS and isinstance(value, str) and (value.lower().endswith(SUFFIXES) or key == "motions")

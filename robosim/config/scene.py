@@ -19,6 +19,7 @@ from robosim.config.bounds import (
     Name,
     TimeStep,
 )
+from robosim.config.resources import container_names
 from robosim.config.table import Table, Vector3
 from robosim.errors import ConfigError
 
@@ -82,6 +83,15 @@ class ContainerConfig(Table):
     def is_named(self) -> bool:
         """Whether it is a container of models/containers."""
         return self.size is None and self.radius is None and self.mesh is None
+
+
+def check_containers(containers: dict[str, ContainerConfig]) -> None:
+    """Raise ValueError for a container that is neither of models/containers nor given by sizes or a mesh."""
+    names = container_names()
+    for name, container in containers.items():
+        if container.is_named and (container.model or name) not in names:
+            raise ValueError(f"containers: unknown {container.model or name!r}; valid: {', '.join(names)}; or a "
+                             f"container with size, radius and height, or mesh")
 
 
 class ObstacleConfig(Table):

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from mpm.input_files import quote, read_text
 from robosim.config.bounds import Coordinate, JointValue, Name, Text
+from robosim.config.resources import locate_paths
 from robosim.config.settings import Setting, parse_yaml, with_settings
 from robosim.errors import ConfigError
 
@@ -55,9 +56,10 @@ def read(path: Path) -> object:
 def load(path: Path, kind: type[Kind], overrides: dict | None = None, settings: Sequence[Setting] = ()) -> Kind:
     """Read a YAML file into a configuration, with settings and then overrides of its top keys in place of its values.
 
-    Raises ConfigError with file or setting, key, value and what is accepted.
+    Paths in the file are relative to it, those in settings and overrides to the working directory. Raises ConfigError
+    with file or setting, key, value and what is accepted.
     """
-    data = read(path)
+    data = locate_paths(read(path), path.parent)
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}; accepted: a table of {', '.join(kind.model_fields)}")
     return validate(data, path, kind, overrides, settings)

@@ -1,13 +1,15 @@
 """Configuration of a tool of one's own, from a mesh."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import pydantic
 from pydantic import Field
 
 from robosim.config.bounds import FilePath, Intensity, Length
+from robosim.config.resources import tool_names
 from robosim.config.scene import RegionConfig
-from robosim.config.table import Table, Vector3
+from robosim.config.table import Table, Vector3, load
 
 Scale = Annotated[float, Field(ge=1e-6, le=1e3)]
 """Of a mesh's unit in metres."""
@@ -34,6 +36,20 @@ class HandleConfig(Table):
     """[m]; null: measured in the mesh."""
     approach: Vector3 = (0.0, -1.0, 0.0)
     """Direction from which the hand comes."""
+    mesh: FilePath | None = None
+    """Path of the handle's own mesh, closed, in the frame and unit of the tool's; null: it is part of the tool's."""
+    mass: ToolMass | None = None
+    """Of that mesh [kg]; the tool's mass is then that of its head."""
+    density: Density | None = None
+    """Instead of mass [kg/m^3]."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_mesh(self) -> "HandleConfig":
+        given = [name for name in ("mass", "density") if getattr(self, name) is not None]
+        if len(given) != (self.mesh is not None):
+            raise ValueError(f"handle: mesh = {self.mesh}, mass = {self.mass}, density = {self.density}; accepted: a "
+                             f"mesh with one of the two, or none of the three")
+        return self
 
 
 class ToolConfig(Table):
@@ -62,3 +78,32 @@ class ToolConfig(Table):
         if (self.mass is None) == (self.density is None):
             raise ValueError(f"mass = {self.mass}, density = {self.density}; accepted: one of the two")
         return self
+
+
+def read_tool_file(given: Any) -> Any:
+    """Return the table of a tool's .yaml file, whose paths are relative to it; anything else as it is.
+
+    Raises ConfigError, ValueError for a file that cannot be used.
+    """
+    if not isinstance(given, str) or not given.endswith((".yaml", ".yml")):
+        return given
+    if not Path(given).is_file():
+        raise ValueError(f"{given}: no such file; accepted: a .yaml file of your own, or one of "
+                         f"{', '.join(tool_names())}")
+    return load(Path(given), ToolConfig)
+
+
+def check_tool(tool: str | ToolConfig) -> str | ToolConfig:
+    """Return a tool; raises ValueError for a name that models/tools does not have."""
+    if isinstance(tool, str) and tool not in tool_names():
+        raise ValueError(f"unknown {tool!r}; valid: {', '.join(tool_names())}, or the path of a .yaml file of your own")
+    return tool
+
+
+def name_tool(tool: str | ToolConfig) -> str:
+    """Return the name of a tool's body."""
+    return tool if isinstance(tool, str) else tool.name
+
+
+Tool = Annotated[FilePath | ToolConfig, pydantic.BeforeValidator(read_tool_file), pydantic.AfterValidator(check_tool)]
+"""A tool by name, file or table."""

@@ -94,7 +94,7 @@ class ArmTool(Carrier):
         self._torque_ratio = self._lag = 0.0
         self._behind = np.zeros(len(self._start_q))
         self._close_fingers()
-        self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool: TOOL})
+        self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool_name: TOOL})
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build a new specification of the rigid scene."""

@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 import mpm
 from mpm.backend import check_owner
 from mpm.observers.region_counter import MAX_READINGS
+from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode, Horizon, check_horizon
 from robosim.envs.start import DEFAULT_START, StartOptions, read_start
@@ -40,10 +41,12 @@ class GrainBatch:
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
                  action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate",
                  clip_actions: bool = False, randomize: Ranges | None = None,
-                 autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP, **numbers: float) -> None:
+                 autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP, tool: str | ToolConfig | None = None,
+                 **numbers: float) -> None:
         check_horizon(horizon)
         self.autoreset_mode = autoreset_mode
-        self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize)
+        self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize,
+                           tool=tool)
         self.action_repeat = check_action_repeat(action_repeat)
         self.max_episode_steps = -(-self.world.task.steps // self.action_repeat)
         self.batch = mpm.Batch(self.world.solver, n, readings=min(action_repeat, MAX_READINGS))

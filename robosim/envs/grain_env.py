@@ -9,6 +9,7 @@ import numpy as np
 import mpm
 from mpm.backend import check_owner
 from robosim.config.robot import Grip
+from robosim.config.tool import ToolConfig
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon, check_open
@@ -42,7 +43,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate", clip_actions: bool = False,
         randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
         camera: str = "task", grasp: Grip = "weld", load: Load | None = None,
-        robot: str | None = None, gripper: str | None = None, **numbers: float,
+        tool: str | ToolConfig | None = None, robot: str | None = None, gripper: str | None = None, **numbers: float,
     ) -> None:
         for option, value, valid in (("render_mode", render_mode, (None, *self.metadata["render_modes"])),
                                      ("grasp", grasp, get_args(Grip))):
@@ -64,7 +65,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
             self._check_kind(task if isinstance(task, TaskConfig) else load_task(task))
         self.TASK = self.TASK or task_name(self.source)
         self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
-                           randomize=randomize, mobile=arm, load=load)
+                           randomize=randomize, mobile=arm, load=load, tool=tool)
         self.task, self.material = self.world.task, self.world.material
         self.max_episode_steps = -(-self.task.steps // self.action_repeat)
         self.solver, self.counter = self.world.solver, self.world.counter
@@ -85,7 +86,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
     def _check_kind(self, task: TaskConfig) -> None:
         """Raise ConfigError where a registered sub-task is given a task with another tool or other terms."""
-        given, accepted = (f"{', '.join(one.reward.terms)} with the {one.tool}" for one in (task, load_task(self.TASK)))
+        given, accepted = (f"{', '.join(one.reward.terms)} with the {one.tool_name}"
+                           for one in (task, load_task(self.TASK)))
         if given != accepted:
             raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other as "
                               f"robosim.envs.GrainEnv(task=...)")

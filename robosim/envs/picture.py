@@ -8,6 +8,7 @@ from robosim.config.materials import MaterialConfig
 from robosim.errors import ConfigError
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
+from robosim.robot.assembly import load_tool_model
 from robosim.robot.mjspec import compile_spec, quiet_attachment
 from robosim.scene.build import add_container
 from robosim.scene.models import load_spec
@@ -76,7 +77,7 @@ def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
     spec = load_spec("workcell", "workcell.xml")
     carrier = spec.worldbody.add_body(name="carrier", mocap=True)
     with quiet_attachment():
-        carrier.add_frame().attach_body(load_spec("tools", task.tool, f"{task.tool}.xml").body(task.tool), "", "")
+        carrier.add_frame().attach_body(load_tool_model(task.tool).spec.body(task.tool_name), "", "")
         for name, container in task.containers.items():
             add_container(spec, name, container)
     return spec

@@ -145,8 +145,8 @@ def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
         for name in {"v", "C", "e", "j", "vc"} & state.keys():
             state[name][fallen] = 0.0
         solver.load(state)
-    raise mpm.InvalidValue(f"the {task.tool} does not hold {task.grains.count} grains: {fallen.sum()} keep falling "
-                           f"off; accepted: fewer grains.count")
+    raise mpm.InvalidValue(f"the {task.tool_name} does not hold {task.grains.count} grains: {fallen.sum()} keep "
+                           f"falling off; accepted: fewer grains.count")
 
 
 def _top_positions(held: np.ndarray, interior: mpm.Region, count: int) -> np.ndarray:

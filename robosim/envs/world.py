@@ -12,6 +12,7 @@ import mpm
 from mpm.materials.stable_step import accepted_bound
 from mpm.observers.diagnostics import Momentum
 from robosim.config.materials import Law, law_of, load_material, overridden
+from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
 from robosim.envs.start import StartOptions, rotate_grains, settled_state
@@ -44,16 +45,18 @@ class World:
 
     name: of the file that the settled start is cached in. numbers: of the material, in place of its own. randomize:
     ranges that each episode draws numbers of the material from. mobile: contact moves the tool, too. load: what
-    another sub-task has left in the tool, in place of the task's own grains and material.
+    another sub-task has left in the tool, in place of the task's own grains and material. tool: in place of the task's.
     Raises ConfigError, UnknownName for options that cannot be used.
     """
 
     def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None, obs: Layout = "flat",
                  numbers: dict[str, float] | None = None, randomize: Ranges | None = None,
-                 mobile: bool = False, load: Load | None = None) -> None:
+                 mobile: bool = False, load: Load | None = None, tool: str | ToolConfig | None = None) -> None:
         if obs not in get_args(Layout):
             raise UnknownName("obs", obs, get_args(Layout))
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
+        if tool is not None:
+            self.task = self.task.with_tool(tool)
         if load is not None:
             self.task = task_with_load(name, self.task, load)
         own = load.material if load is not None and material is None else load_material(material or self.task.material)

@@ -32,7 +32,7 @@ class EpisodeRecorder:
         self._place()
         self.recorder = SceneRecorder(
             path, self._model, self._data, solver, kind="task", title=f"{env.TASK or task.description}: {policy}",
-            frame_rate=1.0 / (env.action_repeat * task.step_dt), tool=task.tool, colour=env.material.colour,
+            frame_rate=1.0 / (env.action_repeat * task.step_dt), tool=task.tool_name, colour=env.material.colour,
             curves=CURVES, regions=list(places(task)), commit=commit())
         self._record()
 
@@ -68,6 +68,6 @@ class EpisodeRecorder:
 def places(task: TaskConfig) -> list[RegionEntry]:
     """Return where grains may be: the target, containers, and the tool."""
     entries = [region_entry("target", task.target.region),
-               region_entry(task.tool, tool_shape(task.tool).interior, body=task.tool)]
+               region_entry(task.tool_name, tool_shape(task.tool).interior, body=task.tool_name)]
     return [*entries, *(region_entry(name, *container_region(name, container))
                         for name, container in task.containers.items())]

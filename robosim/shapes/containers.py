@@ -29,6 +29,8 @@ RIM_MARGIN = 0.02
 """Height above a container's rim up to which grains count as in it."""
 WALL_MARGIN, FLOOR_MARGIN = 1e-3, 5e-3
 """Distances beyond the inner walls, and below the floor, up to which grains count as in it."""
+VOLUME_SAMPLES = 50_000
+"""Points of the box around an inside by which its volume is measured."""
 
 
 class ContainerShape(ABC):
@@ -75,6 +77,13 @@ class ContainerShape(ABC):
         a, b, c = map(float, 0.5 * (high - low))
         return mpm.Region((x, y, z), (a, b, c), self.is_round)
 
+    def filled_volume(self, height: float) -> float:
+        """Return the volume [m^3] up to a height above the floor."""
+        low, high = self.bounds
+        box = float(np.prod(high - low))
+        points, volume = self.fill(height, (box / VOLUME_SAMPLES) ** (1.0 / 3.0), np.random.default_rng(0))
+        return len(points) * volume
+
     def fill(self, height: float, spacing: float, rng: np.random.Generator) -> tuple[Array, float]:
         """Sample positions (n, 3) up to a height above the floor, `spacing` apart; and the volume of one grain."""
         low, high = self.bounds
@@ -95,6 +104,10 @@ class BoxShape(ContainerShape):
         """Lower and upper corner (3,) of the box around the inside."""
         half = self.size / 2.0
         return np.array([-half[0], -half[1], 0.0]), np.array([half[0], half[1], self.size[2]])
+
+    def filled_volume(self, height: float) -> float:
+        """Return the volume [m^3] up to a height above the floor, as without rounded edges."""
+        return float(self.size[0] * self.size[1] * height)
 
     def walls(self) -> trimesh.Trimesh:
         """Make the real walls, closed."""

@@ -74,6 +74,21 @@ class HandleLine(Protocol):
         """Direction from which the hand comes."""
         ...
 
+    @property
+    def mesh(self) -> str | None:
+        """Path of its own file; None: it is part of the tool's."""
+        ...
+
+    @property
+    def mass(self) -> float | None:
+        """[kg]; None: from the density."""
+        ...
+
+    @property
+    def density(self) -> float | None:
+        """[kg/m^3]"""
+        ...
+
 
 class OwnTool(MeshFile, Protocol):
     """Configuration of a tool of one's own, see `robosim.config.tool.ToolConfig`."""
@@ -114,10 +129,10 @@ class MeshTool:
     """A tool from a mesh, in the mesh's frame: z up while the tool is level; lengths in metres."""
 
     name: str
-    parts: list[trimesh.Trimesh]
-    """Closed, with the real wall; they may overlap."""
-    mesh: trimesh.Trimesh
-    """All parts as one mesh."""
+    head: list[trimesh.Trimesh]
+    """Its parts, closed, with the real wall; they may overlap. With the handle, unless that has a mesh of its own."""
+    rod: list[trimesh.Trimesh]
+    """Parts of the handle's own mesh, if there is one."""
     inside: Inside
     interior: mpm.Region
     """Region in which grains count as in the tool."""
@@ -127,25 +142,50 @@ class MeshTool:
     """Of the handle."""
     grip: Array
     """Pose (4, 4) of the grip: z along the handle towards the head, y along the hand's approach."""
-    mass: float
-    """[kg]"""
+    masses: tuple[float, float]
+    """Of head and rod [kg]; 0 for a rod that is part of the head."""
     colour: tuple[float, float, float]
+
+    @property
+    def mesh(self) -> trimesh.Trimesh:
+        """All parts as one mesh."""
+        return join(self.head + self.rod)
 
     def distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of the tool with its wall at least `wall` [m] thick, grown outward."""
-        return grow_outward(self.parts, self.inside, wall - wall_at_inside(self.parts, self.inside), spacing)
+        grown = wall - wall_at_inside(self.head, self.inside)
+        return grow_outward(self.head + self.rod, self.inside, grown, spacing)
 
     def head_distance(self, wall: float, spacing: float) -> Lattice:
-        """Return the same: head and handle are one file."""
-        return self.distance(wall, spacing)
+        """Return the same of the head alone, if the handle has a mesh of its own."""
+        return grow_outward(self.head, self.inside, wall - wall_at_inside(self.head, self.inside), spacing)
 
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of the tool with its real wall."""
-        return mpm.Sdf.from_mesh(self.parts, spacing=spacing)
+        return mpm.Sdf.from_mesh(self.head + self.rod, spacing=spacing)
 
     def head_vertices(self) -> Array:
         """Return the vertices (n, 3) that are no part of the handle."""
-        return self.mesh.vertices[~is_near_line(self.mesh.vertices, self.handle, NEAR_HANDLE * self.radius)]
+        vertices = join(self.head).vertices
+        if self.rod:
+            return vertices
+        return vertices[~is_near_line(vertices, self.handle, NEAR_HANDLE * self.radius)]
+
+    def inertia(self) -> tuple[float, Array, Array]:
+        """Return its mass [kg], centre of mass (3,) [m], and moments of inertia (3, 3) about that [kg m^2]."""
+        solids = []
+        for parts, mass in zip((self.head, self.rod), self.masses):
+            if parts:
+                solid = join(parts)
+                solid.density = mass / solid.volume
+                solids.append(solid)
+        total = sum(self.masses)
+        centre = np.sum([solid.mass * solid.center_mass for solid in solids], axis=0) / total
+        moments = np.zeros((3, 3))
+        for solid in solids:
+            away = solid.center_mass - centre
+            moments += solid.moment_inertia + solid.mass * (np.dot(away, away) * np.eye(3) - np.outer(away, away))
+        return total, centre, moments
 
 
 def read_tool(own: OwnTool) -> MeshTool:
@@ -153,24 +193,28 @@ def read_tool(own: OwnTool) -> MeshTool:
 
     A file that has not changed is read once.
     """
-    path = Path(own.mesh)
-    stamp = path.stat().st_mtime_ns if path.is_file() else 0
-    return _read_tool(own, stamp)
+    paths = [Path(name) for name in (own.mesh, own.handle.mesh) if name is not None]
+    return _read_tool(own, tuple(path.stat().st_mtime_ns if path.is_file() else 0 for path in paths))
 
 
 @lru_cache(maxsize=16)
-def _read_tool(own: OwnTool, stamp: int) -> MeshTool:
-    parts = read_parts(Path(own.mesh), own.thickness, own.scale)
-    mesh = join(parts)
+def _read_tool(own: OwnTool, stamps: tuple[int, ...]) -> MeshTool:
+    head = read_parts(Path(own.mesh), own.thickness, own.scale)
+    rod = [] if own.handle.mesh is None else read_parts(Path(own.handle.mesh), None, own.scale)
     try:
-        inside = find_inside(parts) if own.inside is None else given_inside(parts, own.inside.region)
+        inside = find_inside(head) if own.inside is None else given_inside(head, own.inside.region)
     except ConfigError as error:
         raise ConfigError(f"{own.mesh}: {error} (key inside)") from None
-    mass = own.mass if own.mass is not None else (own.density or 0.0) * mesh.volume
+    masses = weigh(head, own), weigh(rod, own.handle) if rod else 0.0
     ends = np.array(own.handle.head), np.array(own.handle.end)
-    radius = own.handle.radius or measure_radius(mesh, ends, own.mesh)
+    radius = own.handle.radius or measure_radius(join(rod or head), ends, own.handle.mesh or own.mesh)
     region = own.inside.region if own.inside is not None else counting_region(inside)
-    return MeshTool(own.name, parts, mesh, inside, region, ends, radius, grip_pose(own.handle), mass, own.colour)
+    return MeshTool(own.name, head, rod, inside, region, ends, radius, grip_pose(own.handle), masses, own.colour)
+
+
+def weigh(parts: list[trimesh.Trimesh], own: OwnTool | HandleLine) -> float:
+    """Return the mass [kg] of parts that a configuration gives, or gives by its density."""
+    return own.mass if own.mass is not None else (own.density or 0.0) * float(join(parts).volume)
 
 
 def counting_region(inside: Inside) -> mpm.Region:

@@ -27,10 +27,8 @@ def build_tool_spec(tool: MeshTool) -> mujoco.MjSpec:
     """Build a tool's body: mass and inertia of its mesh, a capsule along its handle, and its head's convex hull."""
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name=tool.name)
-    solid = tool.mesh.copy()
-    solid.density = tool.mass / solid.volume
-    inertia = solid.moment_inertia
-    body.mass, body.ipos, body.explicitinertial = tool.mass, solid.center_mass, True
+    body.mass, body.ipos, inertia = tool.inertia()
+    body.explicitinertial = True
     body.fullinertia = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
     add_mesh(spec, f"{tool.name}_mesh", tool.mesh)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{tool.name}_mesh", group=2, contype=0, conaffinity=0,

@@ -13,7 +13,8 @@ from robosim.scene.field import build_container_colliders, check_substeps
 from robosim.scene.frames import container_pose
 from robosim.scene.grains import sample_in_tool
 from robosim.scene.models import container_shape
-from robosim.shapes import tool_shape
+from robosim.shapes import MeshTool, ToolShape, tool_shape
+from robosim.shapes.containers import BoxShape
 from robosim.tasks.task import TaskConfig
 
 TOOL_SDF_POINTS = 4
@@ -21,17 +22,15 @@ TOOL_SDF_POINTS = 4
 
 
 @functools.lru_cache(maxsize=8)
-def tool_distance(tool: str, wall: float, spacing: float) -> Lattice:
+def head_distance(shape: ToolShape | MeshTool, wall: float, spacing: float) -> Lattice:
     """Return the signed distance of a tool's head with walls of `wall` [m], at points `spacing` [m] apart."""
-    return tool_shape(tool).head_distance(wall, spacing)
+    return shape.head_distance(wall, spacing)
 
 
 def grain_volume(task: TaskConfig) -> float:
     """Return the volume of one grain [m^3]."""
     for name, container in task.containers.items():
-        low, high = container_shape(name, container).bounds
-        x, y, _ = high - low
-        return float(x * y * container.fill_height) / task.grains.count
+        return container_shape(name, container).filled_volume(container.fill_height) / task.grains.count
     if task.start.pile is not None:
         return 8.0 * float(np.prod(task.start.pile.half)) / task.grains.count
     return task.field.cell**3 / task.field.grains_per_cell
@@ -47,9 +46,13 @@ def fill_positions(task: TaskConfig, tool: Lattice) -> np.ndarray:
     rng = np.random.default_rng(0)
     if task.container is not None and task.container_place is not None:
         container = task.container_place
-        low, high = container_shape(task.container, container).bounds
+        shape = container_shape(task.container, container)
+        low, high = shape.bounds
         upper = np.array([high[0], high[1], low[2] + container.fill_height + spacing])
-        sites = container_pose(container).apply(mpm.sample_box(low, upper, spacing, rng))
+        local = mpm.sample_box(low, upper, spacing, rng)
+        if not isinstance(shape, BoxShape):  # the rounded edges of a box push out the few grains in them
+            local = local[shape.between_walls(local)]
+        sites = container_pose(container).apply(local)
         keys = sites[:, 2]
     elif task.start.pile is not None:
         centre, half = np.array(task.start.pile.centre), np.array(task.start.pile.half)
@@ -85,7 +88,7 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
     """
     field = task.field
     check_substeps("step_dt", task.step_dt, largest_step(task, law))
-    sdf = tool_distance(task.tool, task.tool_wall, field.cell / TOOL_SDF_POINTS)
+    sdf = head_distance(tool_shape(task.tool), task.tool_wall, field.cell / TOOL_SDF_POINTS)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
     colliders += build_container_colliders(task.containers, field)
     grains = fill_positions(task, sdf) if positions is None else positions

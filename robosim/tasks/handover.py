@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mpm
+from robosim.config.tool import ToolConfig, name_tool
 from robosim.errors import ConfigError
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
@@ -20,8 +21,8 @@ class Load(NamedTuple):
 
     task: str
     """Name of the task that left them."""
-    tool: str
-    """Name of the tool that holds them."""
+    tool: str | ToolConfig
+    """The tool that holds them."""
     material: Any
     """Configuration of their material."""
     volume: float
@@ -48,7 +49,7 @@ def take_load(env: Any) -> Load:
     local = pose.inverse().apply(env.solver.positions())
     held = tool_shape(env.task.tool).interior.holds(local)
     if not held.any():
-        raise ConfigError(f"{env.TASK}: the {env.task.tool} is empty at the end; nothing to hand over")
+        raise ConfigError(f"{env.TASK}: the {env.task.tool_name} is empty at the end; nothing to hand over")
     strain = rotate_strain(state["e"][held], pose.matrix.T) if "e" in state else None
     volume = env.world.load.volume if env.world.load else grain_volume(env.task)
     return Load(env.TASK, env.task.tool, env.material, volume, local[held], strain,
@@ -67,8 +68,9 @@ def task_with_load(name: str, task: TaskConfig, load: Load) -> TaskConfig:
     Raises ConfigError for a task whose tool is another one or does not begin full, and for too few grains.
     """
     if not task.carried or task.tool != load.tool:
-        raise ConfigError(f"{name}: begins with {'its own grains' if not task.carried else f'a {task.tool}'}; "
-                          f"accepted: a sub-task that begins with a full {load.tool}, as {load.task} leaves it")
+        raise ConfigError(f"{name}: begins with {'its own grains' if not task.carried else f'a {task.tool_name}'}; "
+                          f"accepted: a sub-task that begins with a full {name_tool(load.tool)}, as {load.task} "
+                          f"leaves it")
     if load.count < task.grains.observe_every:
         raise ConfigError(f"{name}: {load.count} grains are handed over; accepted: {task.grains.observe_every} or more")
     return task.model_copy(update={"grains": task.grains.model_copy(update={"count": load.count})})

@@ -71,6 +71,7 @@ Truncated: with `horizon="truncate"`, after {steps} steps.
 | `clip_actions` | False | True: clip actions to -1 to 1; False: an action outside raises ConfigError |
 | `randomize` | None | parameter of the material -> (lowest, highest), drawn for every episode |
 | `arm` | False | True: the whole arm carries the tool, with two-way coupling |
+| `tool` | None | another tool: its name, the path of its .yaml file, or a ToolConfig |
 | `robot`, `gripper` | None | with `arm=True`: names or files of another arm and hand |
 | `grasp` | "weld" | "weld" or "friction": how the arm's hand holds the tool |
 | `render_mode` | None | "rgb_array" or "human" |
@@ -90,7 +91,7 @@ def build_page(name: str) -> str:
     observations, size = _observation_rows(task)
     return PAGE.format(
         summary=task.description[0].upper() + task.description[1:] + ".", name=name, material=task.material,
-        tool=task.tool, count=task.grains.count, steps=task.steps, step_dt=task.step_dt,
+        tool=task.tool_name, count=task.grains.count, steps=task.steps, step_dt=task.step_dt,
         decisions=-(-task.steps // 10), n=task.action.dimensions, lower=task.action.lower, upper=task.action.upper,
         actions=_table(_action_rows(task)), observations=_table(observations), size=size,
         terms=_table(_term_rows(task)), worst=worst, best=best, success=_success(task), start=task.start.position,

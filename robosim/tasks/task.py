@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 import pydantic
@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, Text, TimeStep
-from robosim.config.resources import config_names, config_path, container_names
-from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig
+from robosim.config.resources import config_names, config_path
+from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector3, load, read
+from robosim.config.table import Table, Vector3, load, read, validate
+from robosim.config.tool import Tool, ToolConfig, name_tool
 from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
 
 MAX_EPISODE = 100_000
@@ -46,12 +47,12 @@ class ScriptedPath:
 
 
 class TaskConfig(Table):
-    """A sub-task: a start, regions, and the terms of its reward."""
+    """A sub-task: a start, regions, and the terms of its reward. Paths in the file are relative to it."""
 
     description: Text
     """What the agent has to do; first line of the environment's page."""
-    tool: Literal["spoon", "scoop", "bottle", "shovel"]
-    """Name of a tool of models/tools."""
+    tool: Tool
+    """Name of a tool of models/tools, the path of a .yaml file of one's own, or a table with its keys."""
     material: FilePath
     """Name of a material of configs/materials, or the path of a .yaml file."""
     grains: GrainsConfig
@@ -65,9 +66,9 @@ class TaskConfig(Table):
     tool_wall: Length
     """Wall thickness [m] of the tool in the simulation of the grains; thickened outward."""
     container: Name | None = None
-    """Container that the tool scoops from; name of a model in models/containers."""
+    """Container that the tool scoops from; name of a model in models/containers, or any with sizes or a mesh."""
     container_place: ContainerConfig | None = None
-    """Position, yaw and fill height of that container."""
+    """Position, yaw and fill height of that container; its sizes or mesh, if it is one of one's own."""
     stand: RegionConfig | None = None
     """Block under the tool at the start; only for rendering, grains do not collide with it."""
     start: StartConfig
@@ -89,13 +90,22 @@ class TaskConfig(Table):
 
     @property
     def containers(self) -> dict[str, ContainerConfig]:
-        """The container, if there is one, by the name of its model."""
+        """The container, if there is one, by its name."""
         return {self.container: self.container_place} if self.container and self.container_place else {}
+
+    @property
+    def tool_name(self) -> str:
+        """Name of the tool's body."""
+        return name_tool(self.tool)
 
     @property
     def carried(self) -> bool:
         """Whether the grains are in the tool at the start."""
         return self.container is None and self.start.pile is None
+
+    def with_tool(self, tool: str | ToolConfig) -> "TaskConfig":
+        """Return the same with another tool, by name, file or configuration; raises ConfigError."""
+        return validate(self.model_dump() | {"tool": tool}, Path("options"), TaskConfig)
 
     def scripted_path(self, start: np.ndarray | None = None) -> ScriptedPath:
         """Return the scripted policy's path from a position [m] (3,); None: from the task's own start."""
@@ -107,8 +117,9 @@ class TaskConfig(Table):
     @pydantic.model_validator(mode="after")
     def _check(self) -> "TaskConfig":
         """Refuse sections that do not fit each other."""
-        if self.container is not None and self.container not in container_names():
-            raise ValueError(f"container: unknown {self.container!r}; valid: {', '.join(container_names())}")
+        check_containers(self.containers)
+        if self.tool_name in self.containers:
+            raise ValueError(f"container: {self.tool_name!r} is the tool's name; accepted: another")
         if self.steps * self.step_dt > MAX_TIME:
             raise ValueError(f"steps = {self.steps} of step_dt = {self.step_dt} s are {self.steps * self.step_dt:.3g} "
                              f"s; accepted: up to {MAX_TIME} s")

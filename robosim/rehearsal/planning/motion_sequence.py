@@ -37,7 +37,7 @@ def load_sequence(config: RehearsalConfig) -> list[SubTaskMotion]:
     for name in config.learned:
         task = load_task(name)
         if task.tool != config.tool:
-            raise ConfigError(f"learned: {name} moves a {task.tool}; the rehearsal's tool is {config.tool_name}")
+            raise ConfigError(f"learned: {name} moves a {task.tool_name}; the rehearsal's tool is {config.tool_name}")
         motion = load_motion(find_motion(config, name), name, task)
         if sequence:
             last = sequence[-1]
@@ -77,6 +77,6 @@ def _compute_first_offset(config: RehearsalConfig, name: str, task: TaskConfig) 
             raise ConfigError(f"learned: {name} was learned on a pile; accepted: a `pile` on the table")
         return (np.array(config.pile.centre) - np.array(task.start.pile.centre)) * [1, 1, 0]
     if config.tool_fill_height is None:
-        raise ConfigError(f"learned: {name} begins with a full {task.tool}; accepted: a tool_fill_height, or a motion "
-                          f"that fills it first")
+        raise ConfigError(f"learned: {name} begins with a full {task.tool_name}; accepted: a tool_fill_height, or a "
+                          f"motion that fills it first")
     return np.zeros(3)

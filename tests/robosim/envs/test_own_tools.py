@@ -1,0 +1,94 @@
+"""Environments with a tool and a container of one's own, from meshes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from own_meshes import BOWL_MM, HANDLE, write_bowl, write_ladle
+
+from robosim.config.resources import config_path
+from robosim.config.tool import ToolConfig
+from robosim.envs import make
+from robosim.errors import ConfigError
+from robosim.evaluation.evaluate import evaluate
+from robosim.shapes import tool_shape
+from robosim.tasks.counting import TOOL
+from robosim.tasks.field import fill_positions, grain_volume, head_distance
+from robosim.tasks.task import load_task
+
+RADIUS = 0.08
+"""Of the bowl, inside [m]."""
+FLOOR, CENTRE = 0.008, 0.083
+"""Heights [m] of its inner floor, which is the foot's upper face, and of the half sphere's centre."""
+
+
+def segment(depth: float) -> float:
+    """Return the volume [m^3] of the half sphere up to a height above its pole."""
+    return np.pi * depth**2 * (RADIUS - depth / 3.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with both meshes and a file of the ladle, and a task in a folder below it."""
+    write_ladle(tmp_path / "ladle.stl")
+    write_bowl(tmp_path / "bowl.stl")
+    tool = {"name": "ladle", "mesh": "ladle.stl", "scale": 1e-3, "mass": 0.12,
+            "handle": {name: list(point) for name, point in HANDLE.items()}}
+    (tmp_path / "ladle.yaml").write_text(yaml.safe_dump(tool))
+    task = yaml.safe_load(config_path("tasks", "SpoonScoop", "task").read_text())
+    task |= {"tool": "../ladle.yaml", "container": "bowl",
+             "container_place": {"mesh": "../bowl.stl", "scale": 1e-3, "position": [0.78, 0.0, 0.0], "yaw_deg": 90,
+                                 "fill_height": 0.06}}
+    (tmp_path / "tasks").mkdir()
+    (tmp_path / "tasks" / "LadleScoop.yaml").write_text(yaml.safe_dump(task))
+    return tmp_path
+
+
+def test_grains_fill_a_round_bowl_up_to_their_height(folder: Path) -> None:
+    """All of them lie in the half sphere, and together they have the volume of its part."""
+    task = load_task(str(folder / "tasks" / "LadleScoop.yaml"))
+    assert isinstance(task.tool, ToolConfig) and Path(task.tool.mesh) == folder / "ladle.stl"
+    lowest = CENTRE - RADIUS
+    expected = segment(FLOOR + 0.06 - lowest) - segment(FLOOR - lowest)
+    assert grain_volume(task) * task.grains.count == pytest.approx(expected, rel=0.02)
+    spacing = grain_volume(task) ** (1 / 3)
+    grains = fill_positions(task, head_distance(tool_shape(task.tool), task.tool_wall, 0.002))
+    centre = np.array([0.78, 0.0, CENTRE])
+    assert len(grains) == task.grains.count
+    assert np.linalg.norm(grains - centre, axis=1).max() < RADIUS + 0.002
+    assert grains[:, 2].min() > FLOOR - 0.002 and grains[:, 2].max() < FLOOR + 0.06 + spacing
+
+
+def test_another_tool_in_a_sub_task(folder: Path) -> None:
+    """The full ladle holds its grains while it stays level, and keeps none of them upside down."""
+    env = make("SpoonTranslate", tool=str(folder / "ladle.yaml"), action_repeat=250, obs="none").unwrapped
+    assert env.task.tool_name == "ladle"  # pyright: ignore[reportAttributeAccessIssue]
+    env.reset(seed=0, options={"nominal": True})
+    pose = env.solver.collider_pose(TOOL)  # pyright: ignore[reportAttributeAccessIssue]
+    local = pose.inverse().apply(env.solver.positions())  # pyright: ignore[reportAttributeAccessIssue]
+    wall = np.linalg.norm(local, axis=1)[local[:, 2] < -0.004]
+    assert len(wall) > 50 and wall.max() < 1e-3 * BOWL_MM + 0.002
+    info = env.step(np.zeros(env.action_space.shape, np.float32))[4]  # pyright: ignore[reportArgumentType]
+    assert info["readings"]["retained"] == 1.0 and info["readings"]["spilled"] == 0.0
+    env.close()
+    with pytest.raises(ConfigError, match="options: tool: unknown 'ladel'; valid: bottle, scoop, shovel, spoon"):
+        make("SpoonTranslate", tool="ladel")
+
+
+def test_what_does_not_fit_is_refused_by_name(folder: Path) -> None:
+    path = folder / "tasks" / "LadleScoop.yaml"
+    text = path.read_text()
+    for old, new, message in (("container: bowl", "container: ladle", "container: 'ladle' is the tool's name"),
+                              ("../ladle.yaml", "ladle.yaml", "tasks/ladle.yaml: no such file"),
+                              ("../bowl.stl", "../bowl.step", "bowl.step")):
+        path.write_text(text.replace(old, new))
+        with pytest.raises(ConfigError, match=message):
+            grain_volume(load_task(str(path)))
+
+
+@pytest.mark.slow
+def test_a_ladle_scoops_from_a_bowl(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the script of the spoon, whose size it has."""
+    evaluate(str(folder / "tasks" / "LadleScoop.yaml"), "scripted", None, episodes=1, nominal=True, film=False)
+    assert "success_rate                 1" in capsys.readouterr().out
