@@ -181,6 +181,14 @@ class MeshShape(ContainerShape):
         """Lower and upper corner (3,) of the box around the inside."""
         return self.inside.bounds
 
+    @property
+    def region(self) -> mpm.Region:
+        """The cylinder around what counts as in it."""
+        upright, cells = super().region, np.argwhere(self._near.held.any(2))
+        away = self._near.lower[:2] + self._near.spacing * cells - upright.centre[:2]
+        radius = float(np.hypot(*away.T).max() + self._near.spacing)  # to the corners of the outermost cells
+        return upright._replace(half=(radius, radius, upright.half[2]))
+
     def walls(self) -> trimesh.Trimesh:
         """Make the real walls, closed."""
         return join(self.parts)

@@ -47,22 +47,34 @@ def grow_outward(parts: list[trimesh.Trimesh], inside: Inside, growth: float, sp
     band = growth + 2.0 * spacing
     side, _ = sheet_distances(inner, lower, spacing, shape, band)
     side[side > 0.9 * band] = np.inf  # in the middle of the inside, where nothing grows
-    layer = np.maximum.reduce([solid - growth, points[..., 2] - inside.level, side])
+    level = inside.level if inside.eye is None else float(inner.vertices[:, 2].max())
+    layer = np.maximum.reduce([solid - growth, points[..., 2] - level, side])
     return Lattice(np.minimum(solid, layer).astype(np.float32), lower, spacing)
 
 
 def wall_at_inside(parts: list[trimesh.Trimesh], inside: Inside) -> float:
     """Return the least thickness [m] of the wall that borders an inside: of the part with the most of it."""
-    shares = [int(inside.holds(part.triangles_center + PROBE * inside.spacing * part.face_normals).sum())
-              for part in parts]
+    shares = [int(looks_inward(part, inside).sum()) for part in parts]
     return wall_thickness(parts[int(np.argmax(shares))])
 
 
 def inner_surface(parts: list[trimesh.Trimesh], inside: Inside) -> trimesh.Trimesh:
     """Return the faces of closed meshes that border their inside, front to it; raises ConfigError for none."""
-    fine = subdivide(join(parts), 2.0 * inside.spacing)
-    probes = fine.triangles_center + PROBE * inside.spacing * fine.face_normals
-    faces = inside.holds(probes)
-    if not faces.any():
-        raise ConfigError("no wall found about the inside; accepted: an inside that the mesh's wall surrounds")
-    return pick_faces(fine, faces)
+    whole = join(parts)
+    low, high = inside.bounds
+    reach = 2.0 * PROBE * inside.spacing
+    near = np.all((whole.triangles.max(1) > low - reach) & (whole.triangles.min(1) < high + reach), axis=1)
+    if near.any():
+        fine = subdivide(pick_faces(whole, near), 2.0 * inside.spacing)
+        faces = looks_inward(fine, inside)
+        if faces.any():
+            return pick_faces(fine, faces)
+    raise ConfigError("no wall found about the inside; accepted: an inside that the mesh's wall surrounds")
+
+
+def looks_inward(mesh: trimesh.Trimesh, inside: Inside) -> NDArray[np.bool_]:
+    """Return which faces (n,) border an inside, or look at its place."""
+    found = inside.holds(mesh.triangles_center + PROBE * inside.spacing * mesh.face_normals)
+    if inside.eye is not None:
+        found &= np.einsum("ij,ij->i", inside.eye - mesh.triangles_center, mesh.face_normals) > 0.0
+    return found

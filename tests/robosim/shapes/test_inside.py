@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from own_meshes import half_sphere
 
 from robosim.errors import ConfigError
 from robosim.shapes import TOOLS
@@ -55,6 +56,16 @@ def test_what_runs_out_is_no_inside(turned: float) -> None:
     cup.apply_transform(trimesh.transformations.rotation_matrix(np.radians(turned), [1, 0, 0]))
     with pytest.raises(ConfigError, match="no inside found: level, it holds no water"):
         find_inside(cup, cells=50)
+
+
+@pytest.mark.parametrize("wall", [0.5, 1.0])
+def test_a_thin_bowl_on_a_long_handle_holds_what_it_holds(wall: float) -> None:
+    """A half sphere of 28 mm, of sheet metal thinner than the cells along the 0.3 m of the ladle."""
+    along = np.array([-1.0, 0.0, 1.0]) / np.sqrt(2.0)
+    rod = trimesh.creation.cylinder(8, segment=[[-28.5, 0, -3], [-28.5, 0, -3] + 300.0 * along], sections=32)
+    inside = find_inside([half_sphere(28.0, wall).apply_scale(1e-3), rod.apply_scale(1e-3)])
+    assert inside.volume == pytest.approx(2.0 / 3.0 * np.pi * 0.028**3, rel=0.015)
+    assert inside.spacing < 4e-4
 
 
 def test_a_closed_hollow_is_no_inside() -> None:
