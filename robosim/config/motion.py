@@ -20,6 +20,8 @@ from robosim.config.table import Table, Vector3
 
 APPROACH = "approach"
 """Name of the waypoint from which a hand approaches a tool that it picks up."""
+RETREAT = "retreat"
+"""Name of the waypoint to which it goes back from a tool that it has set down."""
 
 
 class PathConfig(Table):
@@ -61,6 +63,8 @@ class PickConfig(Table):
 
     approach: Annotated[float, Field(gt=0.0, le=1.0)] = 0.12
     """Distance [m] from which the open hand comes, along its approach direction."""
+    set_down: bool = False
+    """Whether the hand opens at the last waypoint, where the tool then stands, and goes back by that distance."""
 
 
 class MotionLimitsConfig(Table):

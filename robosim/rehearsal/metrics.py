@@ -17,6 +17,7 @@ from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.waypoint_path import find_tip, is_in_container
 from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
+from robosim.scene.frames import waypoint_pose
 
 PATH_ERROR_STRIDE = 2
 """Steps from one comparison with the commanded path to the next."""
@@ -48,12 +49,15 @@ BOUNDS = {
     "path_error_inside_max_m": Bound(0, 2e-3),
     "wrist_load_ratio_max": Bound(0, 1.0),
     "grasp_slip_m": Bound(0, 2e-3),
+    "set_down_distance_m": Bound(0, 5e-3),
+    "set_down_tilt_deg": Bound(0, 2.0),
     "coupling_missed_fraction": Bound(0, 0.01),
     "particles_lost": Bound(0, 0),
 }
 """Bounds of every rehearsal (SI units; a name ends in the unit, if there is one)."""
 OPTIONAL = {"momentum_residual": "the grains touched nothing",
             "path_error_inside_max_m": "the tool was in no container",
+            "set_down_distance_m": "no tool was set down", "set_down_tilt_deg": "no tool was set down",
             "wrist_load_ratio_max": "the robot's file says no payload"}
 """Figure that may be None -> where it is."""
 WRIST_ERROR = "wrist_payload_relative_error"
@@ -109,11 +113,13 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "planned_clearance_m": finite(run.plan.clearance.surroundings.distance),
         "planned_clearance_between": list(run.plan.clearance.surroundings.parts),
         "planned_self_clearance_m": finite(run.plan.clearance.itself.distance),
+        **_approach_figures(run),
         "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
         **_learned_path_figures(run), **_replay_figures(run),
         "model_errors": None if run.errors is None else run.errors.figures(),
         "grasp": config.grasp, "grasp_slip_m": run.grasp.slip,
         "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
+        **_set_down_figures(run),
         "particles_lost": int(run.readings.stack_grains("lost").max()),
     }
 
@@ -153,6 +159,28 @@ def _arm_figures(run: RehearsalRun) -> dict[str, object]:
     }
 
 
+def _approach_figures(run: RehearsalRun) -> dict[str, object]:
+    """Of the way from the arm's home to the start of the motion, or why there is none."""
+    approach = run.plan.approach
+    if approach is None:
+        return {"approach": f"none: {run.plan.no_approach}"}
+    return {"approach": "from home", "approach_time_s": approach.motion.duration,
+            "approach_corners": len(approach.motion.corners) - 2,
+            "approach_clearance_m": finite(approach.clearance.distance),
+            "approach_clearance_between": list(approach.clearance.parts)}
+
+
+def _set_down_figures(run: RehearsalRun) -> dict[str, object]:
+    """Return how far [m] the tool stands in the end from where it was set down, and how much [deg] it leans."""
+    if not np.isfinite(run.held_until):
+        return {"set_down_distance_m": None, "set_down_tilt_deg": None}
+    place, end = waypoint_pose(run.config.waypoints[-2], run.config.containers), run.tool_pose()
+    upright = place.matrix.T @ np.array([0.0, 0.0, 1.0])
+    leaning = np.arccos(np.clip((end.matrix @ upright)[2], -1.0, 1.0))
+    return {"set_down_distance_m": float(np.linalg.norm(end.position - place.position)),
+            "set_down_tilt_deg": float(np.degrees(leaning))}
+
+
 def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:
     """Differences from the learned motions; empty for a script."""
     path = run.plan.path
@@ -173,9 +201,10 @@ def finite(value: float) -> float | None:
 
 
 def compute_tracking_errors(run: RehearsalRun) -> np.ndarray:
-    """Compute the tracking errors [m] (n,) of the tool's position at each step; zero before the hand holds it."""
+    """Compute the tracking errors [m] (n,) of the tool's position at each step; zero while it is not held."""
     commanded, reached = run.readings.stack_steps("commanded"), run.readings.stack_steps("reached")
-    is_held = run.readings.stack_steps("time") >= run.held_from
+    times = run.readings.stack_steps("time")
+    is_held = (times >= run.held_from) & (times < run.held_until)
     return is_held * np.linalg.norm(commanded[:, :3] - reached[:, :3], axis=1)
 
 
@@ -190,7 +219,8 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
     times, reached = run.readings.stack_steps("time"), run.readings.stack_steps("reached")
     commanded = np.array([find_points(Pose(row[:3], row[3:]), tip) for row in run.readings.stack_steps("commanded")])
     worst, inside, window = 0.0, None, round(PATH_ERROR_WINDOW / run.config.host_dt)
-    for step in range(int(np.searchsorted(times, run.held_from)), len(times), PATH_ERROR_STRIDE):
+    first, end = (int(np.searchsorted(times, time)) for time in (run.held_from, run.held_until))
+    for step in range(first, end, PATH_ERROR_STRIDE):
         pose = Pose(reached[step, :3], reached[step, 3:])
         measured = find_points(pose, tip)
         worst = max(worst, find_deviation(commanded[max(step - window, 0) : step + window + 1], measured))

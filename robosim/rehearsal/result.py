@@ -21,8 +21,10 @@ TRAJECTORY = "joint_trajectory.yaml"
 """The motion for the real robot: written after a rehearsal that held all bounds."""
 MISSED_TRAJECTORY = "joint_trajectory_MISSED_BOUNDS.yaml"
 """The same of one that did not, if it is asked for."""
-RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv", TRAJECTORY,
-           MISSED_TRAJECTORY, "joint_trajectory_gripper.yaml", "joint_trajectory_MISSED_BOUNDS_gripper.yaml", RECORDING,
+PARTS = ("", "_gripper", "_approach", "_approach_gripper")
+"""Files of a motion: the end of their names."""
+RESULTS = ("report.json", "index.html", "rehearsal.mp4", "frames.png", "poster.png", "trajectory.csv",
+           *(f"{Path(name).stem}{part}.yaml" for name in (TRAJECTORY, MISSED_TRAJECTORY) for part in PARTS), RECORDING,
            "last_good_state.npz")
 """Files of an earlier run, which are removed first; report.json, which is written last, before all others."""
 CURVES = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque", "commanded", "reached", "wrist",
@@ -51,9 +53,9 @@ class Result:
                         "mass_in_tool": run.readings.stack_grains("mass_in_tool")}
         self.positions = run.solver.positions()
         """Of the grains at the end [m] (m, 3)."""
-        self._closes = run.grasp_begin
-        self._closed = run.grasp_begin + CLOSING_SHARE * run.config.grasp_time
         self._motion, self._assembly = run.plan.motion, run.plan.arm.assembly
+        self._approach = None if run.plan.approach is None else run.plan.approach.motion
+        self._closes, self._opens = run.grasp_begin, run.held_until
 
     def frames(self, count: int = 9) -> list[np.ndarray]:
         """Return pictures (height, width, 3) of the film, evenly spaced in time; none where no film was made."""
@@ -75,6 +77,8 @@ class Result:
                     frame_id: str = "", force: bool = False) -> Path:
         """Write the motion as ROS 2's trajectory_msgs/JointTrajectory, and the hand's commands as NAME_gripper.yaml.
 
+        NAME_approach.yaml and NAME_approach_gripper.yaml are those of the way from home to the motion's first point: a
+        tool that is not picked up is put into the hand at home.
         joint_prefix, joint_names, frame_id: of the controller, as `joint_trajectory` of the file, which holds where
         none is given. Raises ConfigError where a bound was missed, unless force: then the file's name says so.
         """
@@ -87,10 +91,23 @@ class Result:
         names = self.config.joint_trajectory
         if any(given.values()):
             names = validate(given, Path("export_ros2"), JointTrajectoryConfig)
-        message = make_joint_trajectory(self._motion, self._assembly.robot.joints, names, start=self.config.grasp_time)
-        out = OutputFolder(path.parent)
-        out.write_yaml(path.name, message)
-        if self._assembly.hand is not None:
-            commands = make_gripper_commands(self._assembly.hand, self._closes, self._closed)
-            out.write_yaml(f"{path.stem}_gripper{path.suffix}", commands)
+        out, rest = OutputFolder(path.parent), self.config.grasp_time
+        closing = [(0.0, False), (CLOSING_SHARE * rest, True)]
+        if self.config.pick is not None:
+            picking = [(0.0, False), *((self._closes + time, is_closed) for time, is_closed in closing)]
+            if np.isfinite(self._opens):
+                picking += [(self._opens, True), (self._opens + CLOSING_SHARE * rest, False)]
+            motions = {"": (self._motion, rest, picking), "_approach": (self._approach, 0.0, [(0.0, False)])}
+        elif self._approach is not None:
+            motions = {"": (self._motion, rest, [(0.0, True)]), "_approach": (self._approach, rest, closing)}
+        else:
+            motions = {"": (self._motion, rest, closing)}
+        for part, (motion, start, changes) in motions.items():
+            if motion is None:
+                continue
+            message = make_joint_trajectory(motion, self._assembly.robot.joints, names, start=start)
+            out.write_yaml(f"{path.stem}{part}{path.suffix}", message)
+            if self._assembly.hand is not None:
+                commands = make_gripper_commands(self._assembly.hand, changes)
+                out.write_yaml(f"{path.stem}{part}_gripper{path.suffix}", commands)
         return path

@@ -10,6 +10,7 @@ import numpy as np
 import mpm
 from robosim.config.materials import MaterialConfig, law_of, load_material
 from robosim.coupling.plugin import GranularPlugin
+from robosim.rehearsal.planning.picking import SETTLING
 from robosim.rehearsal.planning.plan import Plan
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.rehearsal.replay.comparison import Simulated, WrenchComparison, compare_wrench
@@ -86,6 +87,10 @@ class RehearsalRun:
         """Time [s] at which the fingers begin to close."""
         self.held_from = 0.0 if stand is None else self.grasp_begin + config.grasp_time
         """Time [s] from which the hand holds the tool."""
+        self.held_until = np.inf
+        """Time [s] at which the fingers begin to open."""
+        if config.pick is not None and config.pick.set_down:
+            self.held_until = plan.path.rests[config.waypoints[-2].name][0] + config.grasp_time + SETTLING
         waypoint = config.weigh_at
         self._weighing_end = np.inf if waypoint is None else plan.path.rests[waypoint][1] + config.grasp_time
         self._grain_mass = float(self.solver.masses()[0])
@@ -140,7 +145,7 @@ class RehearsalRun:
         velocity = self._tool_velocity()
         self.plugin.step()
         self.grasp.measure_slip()
-        self.collisions.count()
+        self.collisions.count(self.held_from <= self.time < self.held_until)
         self.readings.steps.append(self._read_step(torque, q, qd, velocity))
         self._record_grains(index)
 
@@ -153,9 +158,11 @@ class RehearsalRun:
 
     def _command(self, target: JointState) -> np.ndarray:
         """Set finger commands and motor torques, release the grasp after its time; returns the torques [N m] (n,)."""
-        closing = self.time - self.grasp_begin
-        if 0.0 <= closing < self.config.grasp_time:
-            self.grasp.close(min(closing / (CLOSING_SHARE * self.config.grasp_time), 1.0))
+        closing, share = self.time - self.grasp_begin, CLOSING_SHARE * self.config.grasp_time
+        if self.time >= self.held_until:
+            self.grasp.open(min((self.time - self.held_until) / share, 1.0))
+        elif 0.0 <= closing < self.config.grasp_time:
+            self.grasp.close(min(closing / share, 1.0))
         elif closing >= self.config.grasp_time:
             self.grasp.release()
         q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]

@@ -148,6 +148,8 @@ def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_err
     began = clock.perf_counter()
     plan = plan_motion(config)
     planned = clock.perf_counter()
+    if plan.approach is None:
+        print(f"no motion from home to the start: {plan.no_approach}", file=sys.stderr)
     replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
     errors = None if model_errors is None else draw_model_errors(model_errors, len(plan.arm.lower))

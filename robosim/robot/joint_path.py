@@ -21,6 +21,8 @@ NEAR = 0.02
 """Distance [m] from obstacles below which other postures are preferred."""
 RATED_POSTURES = 15
 """Postures of a path whose clearance is measured to compare it with others."""
+UNWOUND_MARGIN = 0.3
+"""Distance [rad] from its limits that a joint keeps when it is turned nearer to home, if it had it before."""
 COARSE_SAMPLES = 60
 """Samples of a path at which initial postures are compared."""
 
@@ -55,7 +57,24 @@ def solve_path(arm: Arm, targets: list[Pose], waypoints: list[tuple[int, str]], 
     if len(bad):
         first = int(bad[0])
         raise _unreachable(arm, targets, waypoints, first, Solution(q[first], *errors[first]))
+    q = unwind(arm, q)
     return PathSolution(q, errors, float(np.minimum(q - arm.lower, arm.upper - q).min()))
+
+
+def unwind(arm: Arm, q: np.ndarray) -> np.ndarray:
+    """Return a joint path (n, joints) [rad] shifted by whole turns of joints that have them, to begin nearest to home.
+
+    Postures are the same; an arm that comes from home need not turn a joint all around first.
+    """
+    q = q.copy()
+    for k, name in enumerate(arm.joints):
+        if name in arm.assembly.robot.slides:
+            continue
+        turns = 2.0 * np.pi * np.arange(-2, 3)
+        margins = np.minimum(q[:, k].min() + turns - arm.lower[k], arm.upper[k] - q[:, k].max() - turns)
+        allowed = turns[margins >= min(margins[2], UNWOUND_MARGIN)]
+        q[:, k] += allowed[np.argmin(np.abs(q[0, k] + allowed - arm.home[k]))]
+    return q
 
 
 def follow_path(arm: Arm, targets: list[Pose], start: np.ndarray, rest: np.ndarray | None = None,

@@ -30,15 +30,15 @@ def make_joint_trajectory(motion: JointMotion, joints: Sequence[str], names: Joi
             "points": points}
 
 
-def make_gripper_commands(hand: Hand, closes: float, closed: float) -> dict:
-    """Make the commands of a hand that begins to close at a time [s] and is closed at another, as plain Python values.
+def make_gripper_commands(hand: Hand, changes: Sequence[tuple[float, bool]]) -> dict:
+    """Make the commands of a hand that is open or closed at times [s], as plain Python values.
 
-    Values are those of the model's actuators; times count from the start, as those of the trajectory do.
+    changes: (time, whether it is closed then); between two it moves. Values are those of the model's actuators; times
+    count from the start, as those of the trajectory do.
     """
-    points = [(hand.open, 0.0)] + ([(hand.open, closes)] if closes > 0.0 else []) + [(hand.closed, closed)]
     return {"actuator_names": list(hand.open),
-            "points": [{"positions": list(values.values()), "time_from_start": _split(round(time * 1e9))}
-                       for values, time in points]}
+            "points": [{"positions": list((hand.closed if is_closed else hand.open).values()),
+                        "time_from_start": _split(round(time * 1e9))} for time, is_closed in changes]}
 
 
 def name_joints(joints: Sequence[str], names: JointTrajectoryConfig) -> list[str]:

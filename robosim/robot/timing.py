@@ -1,6 +1,7 @@
 """Jerk-limited joint motion: Ruckig from state to state through knots of a joint path."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -55,6 +56,42 @@ def compute_time_scale(times: np.ndarray, q: np.ndarray, limits: MotionLimits) -
     return np.max(shares, axis=0)
 
 
+class StraightMotion:
+    """Motion straight from corner to corner in joint space, at rest in each of them, within limits.
+
+    corners (k, n) [rad]. Ruckig times the way along each straight line, as a single coordinate.
+    """
+
+    delay = 0.0
+    """Time [s] by which limits delay its end."""
+
+    def __init__(self, corners: np.ndarray, limits: MotionLimits) -> None:
+        self.corners = corners
+        self._legs = [self._time_leg(b - a, limits) for a, b in pairwise(corners)]
+        self._starts = np.concatenate([[0.0], np.cumsum([leg.duration for leg in self._legs])])
+        self.duration = float(self._starts[-1])
+        """[s]"""
+
+    @staticmethod
+    def _time_leg(way: np.ndarray, limits: MotionLimits) -> Trajectory:
+        """Time the share from 0 to 1 of a straight way (n,) [rad]."""
+        request = InputParameter(1)
+        request.current_position, request.target_position = [0.0], [1.0]
+        most = [float((limit / np.maximum(np.abs(way), 1e-12)).min()) for limit in limits]
+        request.max_velocity, request.max_acceleration, request.max_jerk = ([value] for value in most)
+        trajectory = Trajectory(1)
+        Ruckig(1).calculate(request, trajectory)
+        return trajectory
+
+    def state(self, time: float) -> JointState:
+        """Return the joint state at a time [s] since the start; at rest before and after it."""
+        time = min(max(time, 0.0), self.duration)
+        k = min(int(np.searchsorted(self._starts, time, side="right")) - 1, len(self._legs) - 1)
+        (share,), (speed,), (acceleration,) = self._legs[k].at_time(time - self._starts[k])
+        way = self.corners[k + 1] - self.corners[k]
+        return JointState(self.corners[k] + share * way, speed * way, acceleration * way)
+
+
 class SmoothMotion:
     """Joint motion through samples of a path, within the joints' limits.
 
@@ -81,8 +118,9 @@ class SmoothMotion:
                           zip(states, states[1:], knots, knots[1:])]
         self._starts = np.concatenate([[0.0], np.cumsum([s.duration for s in self._segments])])
         self.duration = float(self._starts[-1])
+        """[s]"""
         self.delay = self.duration - float(times[-1] - times[0])
-        """[s] by which the limits delay the motion's end."""
+        """Time [s] by which the limits delay the motion's end."""
         if self.delay > MAX_DELAY:
             slowest = int(np.argmax(np.diff(self._starts) - np.diff(knots)))
             raise ConfigError(f"near waypoint {_find_nearest(waypoint_times, knots[slowest])!r} the jerk limits delay "
@@ -150,10 +188,7 @@ class SmoothMotion:
         return trajectory
 
     def state(self, time: float) -> JointState:
-        """Return the joint state at a time [s] since the motion's start.
-
-        At rest before and after the motion.
-        """
+        """Return the joint state at a time [s] since the start; at rest before and after it."""
         time = min(max(time, 0.0), self.duration)
         i = min(int(np.searchsorted(self._starts, time, side="right")) - 1, len(self._segments) - 1)
         return JointState(*map(np.array, self._segments[i].at_time(time - self._starts[i])))

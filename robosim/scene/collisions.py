@@ -48,15 +48,15 @@ class ContactCounter:
         self.tool_container_contacts, self.robot_surroundings_contacts = state["tool_container"], state["surroundings"]
         self.robot_self_contacts = state["itself"]
 
-    def count(self) -> None:
-        """Add the contacts of the present step."""
+    def count(self, is_held: bool = True) -> None:
+        """Add the contacts of the present step; is_held: whether the hand holds the tool, or it stands by itself."""
         bodies = self._model.geom_bodyid[self._data.contact.geom]
         pairs = np.concatenate([bodies, bodies[:, ::-1]])
         first, second = pairs.T
         robot, container = self._is_robot[first], self._is_container[second]
         self.tool_container_contacts += int(np.sum(self._is_tool[first] & container))
-        self.robot_surroundings_contacts += int(np.sum(robot & ~self._is_tool[first] & container
-                                                       | robot & self._is_other[second]))
+        on_others = self._is_other[second] & (is_held | ~self._is_tool[first])
+        self.robot_surroundings_contacts += int(np.sum(robot & (~self._is_tool[first] & container | on_others)))
         between_links = self._is_arm[bodies].all(1)
         of_hand = self._is_robot[first] & ~self._is_arm[first] & self._is_arm[second]
         self.robot_self_contacts += int(between_links.sum() + of_hand.sum())
@@ -97,8 +97,8 @@ class CollisionMonitor:
         """
         return self._surface.depth if self._surface else 0.0
 
-    def count(self) -> None:
-        """Add the collisions of the present step."""
-        self._contacts.count()
+    def count(self, is_held: bool = True) -> None:
+        """Add the collisions of the present step; is_held: whether the hand holds the tool."""
+        self._contacts.count(is_held)
         if self._surface:
             self._surface.record_penetrations(body_pose(self._data, self._tool))

@@ -58,6 +58,11 @@ class ContainerSurface:
         self.depth = 0.0
         """Largest penetration depth [m] over these calls."""
 
+    def measure(self, pose: Pose, reach: float) -> float:
+        """Return the distance [m] of the closest point from the tool at a pose, negative inside it; at most `reach`."""
+        points = self._select_near(pose, reach)
+        return min(float(self._sdf.distance(points).min()), reach) if len(points) else reach
+
     def record_penetrations(self, pose: Pose) -> None:
         """Add the points inside the tool at a pose to `penetrations` and `depth`.
 

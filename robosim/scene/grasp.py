@@ -103,6 +103,12 @@ class Grasp:
             self._data.eq_active[self._model.equality(HOLDER).id] = 0
             self._pose_at_release = self._grip_in_palm()
 
+    def open(self, progress: float) -> None:
+        """Command the fingers from closed (0) to open (1), and measure no slip from now on."""
+        self._pose_at_release = None
+        if self._fingers:
+            self._data.ctrl[self._fingers] = self._open + (1.0 - progress) * self._way
+
     def restart(self) -> None:
         """Measure slip from the present pose on, after the scene was set to another state."""
         self.slip = self.slip_angle = 0.0

@@ -29,7 +29,7 @@ CURVES = [
 
 
 def record_plan(config: RehearsalConfig, path: Path) -> Plan:
-    """Plan a rehearsal's motion and record it; returns the plan.
+    """Plan a rehearsal's motion and record it, after the way from the arm's home; returns the plan.
 
     Raises ConfigError or UnreachableWaypoint as `plan_motion` does.
     """
@@ -38,10 +38,12 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
     config = plan.config
     scene = compile_rehearsal(config)
     data = mujoco.MjData(scene.model)
-    data.qpos[scene.arm_qpos] = plan.motion.state(0.0).q
+    motions = [plan.motion] if plan.approach is None else [plan.approach.motion, plan.motion]
+    begin = sum(motion.duration for motion in motions[:-1])
+    data.qpos[scene.arm_qpos] = motions[0].state(0.0).q
     mujoco.mj_forward(scene.model, data)
     times = np.linspace(0.0, plan.path.duration, PATH_POINTS)
-    waypoints = [WaypointEntry(name=name, time=time, position=three(plan.path.pose(time).position))
+    waypoints = [WaypointEntry(name=name, time=begin + time, position=three(plan.path.pose(time).position))
                  for name, time in plan.path.times.items()]
     clearance = RobotClearance(scene, plan.arm)
     recorder = SceneRecorder(path, scene.model, data, None, kind="plan", title=f"plan: {config.description}",
@@ -49,8 +51,8 @@ def record_plan(config: RehearsalConfig, path: Path) -> Plan:
                              regions=counting_regions(config), commit=commit(),
                              paths={"commanded": np.array([plan.path.pose(t).position for t in times])})
     try:
-        for time in np.arange(0.0, plan.motion.duration + 0.5 / FRAME_RATE, 1.0 / FRAME_RATE):
-            state = plan.motion.state(time)
+        for time in np.arange(0.0, begin + plan.motion.duration + 0.5 / FRAME_RATE, 1.0 / FRAME_RATE):
+            state = motions[0].state(time) if time < begin else plan.motion.state(time - begin)
             data.time, data.qpos[scene.arm_qpos] = time, state.q
             mujoco.mj_kinematics(scene.model, data)
             torque = plan.arm.inverse_dynamics(state.q, state.qd, state.qdd)

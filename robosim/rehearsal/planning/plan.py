@@ -6,11 +6,11 @@ import numpy as np
 
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import ConfigError, UnreachableWaypoint
+from robosim.rehearsal.planning.approach import Approach, plan_approach
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.path_clearance import PathClearance, check_path
-from robosim.rehearsal.planning.picking import add_approach
+from robosim.rehearsal.planning.picking import add_picking
 from robosim.rehearsal.planning.robot_clearance import RobotClearance
-from robosim.rehearsal.planning.slower_waypoints import slow_down
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
 from robosim.robot.assembly import GRIP_TURNS_DEG
 from robosim.robot.joint_path import PathSolution, solve_path
@@ -43,6 +43,9 @@ class Plan(NamedTuple):
     clearance: PathClearance
     time_scale: float = 1.0
     """Factor by which a script's waypoints come later than the file says."""
+    approach: Approach | None = None
+    """The motion from the arm's home to the start of this one; None: `no_approach` says why."""
+    no_approach: str = ""
 
 
 class Grip(NamedTuple):
@@ -61,7 +64,21 @@ class Grip(NamedTuple):
 
 
 def plan_motion(config: RehearsalConfig) -> Plan:
-    """Plan the motion of a rehearsal.
+    """Plan the motion of a rehearsal, and the one from the arm's home to its start.
+
+    Errors as of `plan_path`; a missing way from home is no error.
+    """
+    plan = plan_path(config)
+    if config.tool_fill_height is not None and config.pick is None:
+        return plan._replace(no_approach="the tool is full at the start: it is filled where the motion begins")
+    try:
+        return plan._replace(approach=plan_approach(plan.config, plan.arm, plan.motion.state(0.0).q))
+    except ConfigError as error:
+        return plan._replace(no_approach=str(error))
+
+
+def plan_path(config: RehearsalConfig) -> Plan:
+    """Plan the motion along a rehearsal's path.
 
     Tool path, joint path, and joint motion within the arm's limits, without a collision. Where the file leaves it open
     how the hand holds the handle, the turns of GRIP_TURNS_DEG are tried until one can be followed at full speed, away
@@ -89,7 +106,7 @@ def plan_motion(config: RehearsalConfig) -> Plan:
 def solve_grip(config: RehearsalConfig) -> Grip:
     """Solve the joint path with the tool held as the configuration says; errors as of `plan_motion`."""
     arm = Arm(assemble_rehearsal(config))
-    config = add_approach(config, arm.assembly)
+    config = add_picking(config, arm.assembly)
     path = LearnedPath(config) if config.trajectory == "learned" else WaypointPath(config)
     robot = RobotClearance(compile_rehearsal(config), arm)
     times, solution = solve_joints(arm, path, robot)
@@ -128,6 +145,17 @@ def _slow_script(config: RehearsalConfig, limits: MotionLimits, times: np.ndarra
                           f"{config.max_time_scale:g}, needed: {scale:.3g})")
     slower = slow_down(config, factor)
     return slower, WaypointPath(slower), scale
+
+
+def slow_down(config: RehearsalConfig, factor: float) -> RehearsalConfig:
+    """Return a configuration whose path takes `factor` times as long; rests at waypoints do not."""
+    path = config.path.model_copy(update={"acceleration": config.path.acceleration / factor**2,
+                                          "angular_acceleration": config.path.angular_acceleration / factor**2})
+    waypoints = tuple(waypoint.model_copy(update={
+        "speed": waypoint.speed / factor, "angular_speed": waypoint.angular_speed / factor,
+        "acceleration": None if waypoint.acceleration is None else waypoint.acceleration / factor**2,
+    }) for waypoint in config.waypoints)
+    return config.model_copy(update={"path": path, "waypoints": waypoints})
 
 
 def solve_joints(arm: Arm, path: WaypointPath | LearnedPath,

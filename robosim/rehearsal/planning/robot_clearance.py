@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pinocchio
 
+from mpm import Pose
 from robosim.errors import ConfigError
 from robosim.robot.mjspec import body_ids_below
 from robosim.robot.model import Arm
@@ -36,14 +37,16 @@ FAR = Nearest(np.inf, ("", ""))
 class RobotClearance:
     """Clearances of arm, hand and tool in a scene.
 
-    The tool's distance from containers is that of `ContainerSurface`.
+    The tool's distance from containers is that of `ContainerSurface`. standing: world pose of a tool that the hand does
+    not hold, and keeps clear of; None: it holds it.
     """
 
-    def __init__(self, scene: Scene, arm: Arm) -> None:
+    def __init__(self, scene: Scene, arm: Arm, standing: Pose | None = None) -> None:
         self._arm, self._geometry, self._scene = arm, pinocchio.GeometryModel(), scene
         model, data = scene.model, mujoco.MjData(scene.model)
         mujoco.mj_kinematics(model, data)
-        own = set(scene.robot_bodies().tolist())
+        own = set(scene.robot_bodies().tolist()) - ({scene.tool} if standing is not None else set())
+        self._standing = standing
         colliding = [g for g in range(model.ngeom) if model.geom_contype[g] or model.geom_conaffinity[g]]
         self._bodies, numbers = {}, {}
         for geom in colliding:
@@ -95,15 +98,17 @@ class RobotClearance:
     def _make_object(self, geom: int, data: mujoco.MjData, is_own: bool) -> pinocchio.GeometryObject:
         """Make Pinocchio's object of a geom; what is no part of the robot stands still."""
         model = self._scene.model
-        R = data.geom_xmat[geom].reshape(3, 3)
+        R, number = data.geom_xmat[geom].reshape(3, 3), model.geom_bodyid[geom]
+        body = data.xmat[number].reshape(3, 3)
+        local = pinocchio.SE3(body.T @ R, body.T @ (data.geom_xpos[geom] - data.xpos[number]))
         placement = pinocchio.SE3(R, data.geom_xpos[geom])
         joint = 0
         if is_own:
-            frame = self._arm.model.frames[self._arm.model.getFrameId(model.body(model.geom_bodyid[geom]).name,
-                                                                    pinocchio.FrameType.BODY)]
-            body = data.xmat[model.geom_bodyid[geom]].reshape(3, 3)
-            local = pinocchio.SE3(body.T @ R, body.T @ (data.geom_xpos[geom] - data.xpos[model.geom_bodyid[geom]]))
+            name = model.body(number).name
+            frame = self._arm.model.frames[self._arm.model.getFrameId(name, pinocchio.FrameType.BODY)]
             placement, joint = frame.placement * local, frame.parentJoint
+        elif self._standing is not None and number == self._scene.tool:
+            placement = pinocchio.SE3(self._standing.matrix, self._standing.position) * local
         return pinocchio.GeometryObject(f"geom_{geom}", joint, joint, placement, self._make_shape(geom))
 
     def _make_shape(self, geom: int) -> Any:

@@ -29,6 +29,7 @@ class PointRun:
         from robosim.rehearsal.readings import Readings
 
         self.replay, self.grasp_begin, self.held_from = replay, 0.0, 0.0
+        self.held_until = np.inf
         self.config = config = plan.config
         self.plan, self.seed, self.readings, self.wall_time = plan, seed, Readings(NAMES), 0.0
         self.duration, self.time = STEPS * config.host_dt, 0.0
@@ -64,7 +65,7 @@ def plan_motion(config):
     return SimpleNamespace(config=config, motion=SimpleNamespace(state=wave, duration=STEPS * config.host_dt),
                            arm=SimpleNamespace(joints=NAMES, torque_limits=np.full(7, 300.0), assembly=SimpleNamespace(
                                hand=None, robot=SimpleNamespace(joints=NAMES))),
-                           path=SimpleNamespace(times={"dig": 0.01, "pour": 0.04}))
+                           path=SimpleNamespace(times={"dig": 0.01, "pour": 0.04}), approach=None, no_approach="")
 
 
 def compute_figures(run):

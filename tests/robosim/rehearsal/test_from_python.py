@@ -42,8 +42,14 @@ def test_a_rehearsal_is_planned_and_run(short: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(message["points"][0]["positions"], plan.motion.state(0.0).q, atol=1e-8)
     commands = yaml.safe_load((tmp_path / "motion_MISSED_BOUNDS_gripper.yaml").read_text())
     assert commands["actuator_names"] == ["f1", "f2", "fm"]
-    assert commands["points"][0]["positions"] == [0.0] * 3 and commands["points"][1]["positions"] == [0.9] * 3
-    times = [point["time_from_start"] for point in commands["points"]]
+    assert [point["positions"] for point in commands["points"]] == [[0.9] * 3]  # it has closed at home
+    approach, closing = (yaml.safe_load((tmp_path / f"motion_MISSED_BOUNDS_approach{part}.yaml").read_text())
+                         for part in ("", "_gripper"))
+    assert approach["joint_names"] == message["joint_names"]
+    np.testing.assert_allclose(approach["points"][0]["positions"], plan.arm.home, atol=1e-8)
+    np.testing.assert_allclose(approach["points"][-1]["positions"], message["points"][0]["positions"], atol=1e-8)
+    assert [point["positions"] for point in closing["points"]] == [[0.0] * 3, [0.9] * 3]
+    times = [point["time_from_start"] for point in closing["points"]]
     assert times == [{"sec": 0, "nanosec": 0}, {"sec": 0, "nanosec": 120_000_000}]  # the grasp takes 0.2 s
 
 

@@ -12,9 +12,8 @@ from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.resources import config_path
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.path_clearance import LEAST
-from robosim.rehearsal.planning.plan import plan_motion
+from robosim.rehearsal.planning.plan import plan_motion, slow_down
 from robosim.rehearsal.planning.robot_clearance import RobotClearance
-from robosim.rehearsal.planning.slower_waypoints import slow_down
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
 from robosim.robot.robot import bundled_arms
 from robosim.scene.build import compile_rehearsal

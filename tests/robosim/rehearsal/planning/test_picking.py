@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from robosim.config.motion import APPROACH
+from robosim.config.motion import APPROACH, RETREAT
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.rehearsal.planning.picking import SETTLING
 from robosim.rehearsal.planning.plan import plan_motion
 from robosim.scene.build import compile_rehearsal, standing_pose
 from robosim.scene.frames import body_pose
@@ -46,8 +47,23 @@ def test_the_hand_comes_along_its_approach_direction(robot: str, config: Rehears
     assert not [c for c in data.contact if scene.tool in model.geom_bodyid[c.geom]]  # the open fingers do not touch it
 
 
+def test_the_hand_goes_back_from_a_tool_that_it_sets_down(config: RehearsalConfig) -> None:
+    """From where the tool stands by the distance of the approach; it rests there until the fingers are open."""
+    assert config.pick is not None and config.pick.set_down
+    plan = plan_motion(config)
+    (_, down, retreat), first = plan.config.waypoints[-3:], plan.config.waypoints[0]
+    assert (down.name, retreat.name) == ("set_down", RETREAT)
+    assert down.stop and down.dwell == pytest.approx(config.grasp_time + 2 * SETTLING)
+    assert retreat.position == pytest.approx(first.position) and down.position == config.waypoints[0].position
+    held = config.model_copy(update={"pick": config.pick.model_copy(update={"set_down": False})})
+    assert plan_motion(held).config.waypoints[-1].name == "set_down"
+
+
 def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it(config: RehearsalConfig) -> None:
-    """At the stand with open fingers; closed and released, gravity and a push of 1 N displace it by less than 1 mm."""
+    """At the stand with open fingers; closed and released, gravity and a push of 1 N displace it by less than 1 mm.
+
+    When the fingers open again it stands by itself, and its slip is that of the grasp.
+    """
     plan = plan_motion(config)
     scene = compile_rehearsal(plan.config)
     model, data = scene.model, mujoco.MjData(scene.model)
@@ -59,12 +75,17 @@ def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it(confi
     mujoco.mj_forward(model, data)
     grasp, still = Grasp(scene, data), np.zeros(len(q))
     stiffness, damping = plan.arm.gains()
-    while data.time < 1.2:
+    slip = 0.0
+    while data.time < 2.2:
         if data.time > 0.2:
             grasp.close(min((data.time - 0.2) / 0.3, 1.0))
-        if data.time > 0.8:
+        if data.time > 1.2:
+            data.xfrc_applied[scene.tool] = 0.0
+            grasp.open(min((data.time - 1.2) / 0.3, 1.0))
+        elif data.time > 0.8:
             grasp.release()
             data.xfrc_applied[scene.tool, 2] = -1.0
+            slip = grasp.slip
         elif data.time > 0.15:
             assert np.linalg.norm(data.xpos[scene.tool] - stand.position) < 5e-4
         torque = stiffness * (q - data.qpos[scene.arm_qpos]) - damping * data.qvel[scene.arm_dofs]
@@ -72,5 +93,9 @@ def test_the_holder_keeps_a_tool_where_it_stands_until_the_fingers_hold_it(confi
         mujoco.mj_step(model, data)
         mujoco.mj_kinematics(model, data)
         grasp.measure_slip()
-    assert grasp.is_released and not data.eq_active[model.equality(HOLDER).id]
-    assert grasp.slip < 1e-3 and np.linalg.norm(data.xpos[scene.tool] - stand.position) < 2e-3
+    assert not data.eq_active[model.equality(HOLDER).id]
+    upright = data.xmat[scene.tool].reshape(3, 3) @ stand.matrix.T @ [0.0, 0.0, 1.0]
+    pairs = [{model.body(b).name for b in model.geom_bodyid[contact.geom]} for contact in data.contact]
+    assert [pair for pair in pairs if "bottle" in pair and pair != {"bottle", "stand"}] == [] and upright[2] > 0.9999
+    assert {"bottle", "stand"} in pairs and 0.0 < slip < 1e-3 and grasp.slip - slip < 1e-4
+    assert np.linalg.norm(data.xpos[scene.tool] - stand.position) < 2e-3
