@@ -1,6 +1,8 @@
 """Models of a scene: those of models/, and containers of one's own."""
 
+from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -38,10 +40,16 @@ def container_shape(name: str, container: ContainerConfig) -> ContainerShape:
     if container.mesh is not None:
         return read_container(container)  # pyright: ignore[reportArgumentType]  (its mesh is given)
     if container.radius is not None and container.height is not None:
-        return RoundShape(container.radius, container.height, container.wall)
+        return make_shape(RoundShape, container.radius, container.height, container.wall)
     if container.size is not None:
-        return BoxShape(container.size, container.wall)
-    return BoxShape(read_inner_size(container.model or name))
+        return make_shape(BoxShape, container.size, container.wall)
+    return make_shape(BoxShape, read_inner_size(container.model or name))
+
+
+@lru_cache(maxsize=64)
+def make_shape(kind: Callable[..., ContainerShape], *sizes: Any) -> ContainerShape:
+    """Make a shape of sizes; one of equal sizes is the same object."""
+    return kind(*sizes)
 
 
 def load_container(name: str, container: ContainerConfig) -> mujoco.MjSpec:

@@ -171,7 +171,7 @@ class MeshShape(ContainerShape):
     is_round = True
 
     def __init__(self, parts: list[trimesh.Trimesh], inside: Inside) -> None:
-        self.parts, self.inside = parts, inside
+        self.parts, self.inside, self._bounds = parts, inside, inside.bounds
         self.wall = wall_at_inside(parts, inside)
         self._near = inside._replace(held=binary_dilation(inside.held))
         """The inside and a lattice spacing around it: grains sink a little into walls."""
@@ -179,7 +179,7 @@ class MeshShape(ContainerShape):
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper corner (3,) of the box around the inside."""
-        return self.inside.bounds
+        return self._bounds
 
     @property
     def region(self) -> mpm.Region:

@@ -1,5 +1,7 @@
 """MuJoCo models of tools and containers of one's own: bodies, what is seen of them, and what collides."""
 
+from functools import lru_cache
+
 import mujoco
 import numpy as np
 import trimesh
@@ -58,12 +60,18 @@ def add_container_body(spec: mujoco.MjSpec, name: str, shape: ContainerShape) ->
     add_mesh(spec, f"{name}_walls", walls)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{name}_walls", group=2, contype=0, conaffinity=0,
                   mass=0.0, rgba=GLASS)
-    for number, part in enumerate(split_wall(walls, *shape.bounds)):
+    for number, part in enumerate(wall_parts(shape)):
         part_name = f"{name}_part_{number}"
         add_mesh(spec, part_name, part)
         body.add_geom(name=part_name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=part_name, group=3, mass=0.0,
                       rgba=[0.3, 0.5, 0.8, 0.4])
     return body
+
+
+@lru_cache(maxsize=64)
+def wall_parts(shape: ContainerShape) -> list[trimesh.Trimesh]:
+    """Return the convex parts of a container's wall, which take longer than all else of its model."""
+    return split_wall(shape.walls(), *shape.bounds)
 
 
 def add_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh) -> None:

@@ -30,6 +30,14 @@ class Nearest(NamedTuple):
     """Names of bodies."""
 
 
+def bounding_sphere(shape: Any) -> tuple[np.ndarray, float]:
+    """Return centre (3,) and radius [m] of a sphere around a shape, in its frame; a plane has an infinite one."""
+    if isinstance(shape, coal.Halfspace):
+        return np.zeros(3), np.inf
+    shape.computeLocalAABB()
+    return np.array(shape.aabb_center), float(shape.aabb_radius)
+
+
 FAR = Nearest(np.inf, ("", ""))
 """Where there is no pair."""
 
@@ -70,6 +78,13 @@ class RobotClearance:
                 if not pair <= carried and not self._are_neighbours(a, b):
                     self._geometry.addCollisionPair(pinocchio.CollisionPair(numbers[a], numbers[b]))
         self._results = pinocchio.GeometryData(self._geometry)
+        self._pairs = np.array([(pair.first, pair.second) for pair in self._geometry.collisionPairs]).reshape(-1, 2)
+        self._spheres = [bounding_sphere(shape.geometry) for shape in self._geometry.geometryObjects]
+        """Of each shape, in its own frame."""
+        self._moving = [k for k, shape in enumerate(self._geometry.geometryObjects) if shape.parentJoint > 0]
+        self._centres = np.array([shape.placement.act(centre) for shape, (centre, _) in
+                                  zip(self._geometry.geometryObjects, self._spheres)])
+        self._radii = np.array([radius for _, radius in self._spheres])
 
     def measure(self, q: np.ndarray) -> tuple[Nearest, Nearest]:
         """Return the smallest distance from the surroundings, and that between parts of the robot.
@@ -79,21 +94,32 @@ class RobotClearance:
         arm = self._arm
         pinocchio.updateGeometryPlacements(arm.model, arm.data, self._geometry, self._results,
                                            arm.full_configuration(q))
-        pinocchio.computeDistances(self._geometry, self._results)
-        distances = np.array([result.min_distance for result in self._results.distanceResults])
-        return self._find(distances, 0, self._outer), self._find(distances, self._outer, len(distances))
+        for k in self._moving:
+            self._centres[k] = self._results.oMg[k].act(self._spheres[k][0])
+        first, second = self._pairs.T
+        apart = np.linalg.norm(self._centres[first] - self._centres[second], axis=1)
+        apart -= self._radii[first] + self._radii[second]
+        return self._find(apart[: self._outer], 0), self._find(apart[self._outer :], self._outer)
 
     def least(self, q: np.ndarray) -> Nearest:
         """Return the smaller of both."""
         return min(self.measure(q), key=lambda nearest: nearest.distance)
 
-    def _find(self, distances: np.ndarray, begin: int, end: int) -> Nearest:
-        if begin == end:
-            return FAR
-        index = begin + int(distances[begin:end].argmin())
-        pair, name = self._geometry.collisionPairs[index], self._scene.model.body
-        return Nearest(float(distances[index]),
-                       (name(self._bodies[pair.first]).name, name(self._bodies[pair.second]).name))
+    def _find(self, apart: np.ndarray, begin: int) -> Nearest:
+        """Return the nearest of pairs from number `begin` on, whose bounding spheres are `apart` (n,) [m].
+
+        Pairs are measured from the smallest of these on, until no other can be nearer.
+        """
+        best, nearest = np.inf, FAR
+        for k in np.argsort(apart):
+            if apart[k] >= best:
+                break
+            pinocchio.computeDistance(self._geometry, self._results, begin + int(k))
+            distance = float(self._results.distanceResults[begin + int(k)].min_distance)
+            if distance < best:
+                best, name = distance, self._scene.model.body
+                nearest = Nearest(best, tuple(name(self._bodies[n]).name for n in self._pairs[begin + k]))
+        return nearest
 
     def _make_object(self, geom: int, data: mujoco.MjData, is_own: bool) -> pinocchio.GeometryObject:
         """Make Pinocchio's object of a geom; what is no part of the robot stands still."""
