@@ -18,18 +18,19 @@ from policies.learning.preset_files import load_preset
 from policies.learning.presets import Preset
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.commands.keys import KINDS, schema_class
+from robosim.config.arm import ArmConfig
 from robosim.config.materials import law_of, load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.resources import folder
-from robosim.config.robot import load_robot
 from robosim.config.settings import read_setting, with_settings
-from robosim.config.table import validate
+from robosim.config.table import load, validate
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.robot.robot import load_arm
 from robosim.scene.field import check_field, check_substeps
 from robosim.tasks.field import grain_volume, largest_step
 from robosim.tasks.task import TaskConfig, is_task, load_task
 
-CONFIGS = folder("configs")
+CONFIGS, ARM = folder("configs"), folder("models") / "robots" / "iiwa14" / "arm.yaml"
 SWEEP = {"tasks": ["SpoonPour"], "methods": ["dg_sac", "sac"], "seeds": [0, 1], "demos": "out/{task}", "rollouts": None,
          "episodes": 5, "options": ["--obs", "moments"], "out": "out/runs"}
 SCHEMAS: dict[str, Any] = {**{name: schema_class(place) for name, place in KINDS.items()}, "training": Preset,
@@ -64,7 +65,7 @@ FILES = {
     "pile": File(load_rehearsal, RehearsalConfig, full("rehearsals/shovel.yaml", RehearsalConfig)),
     "task": File(load_task, TaskConfig, full("tasks/SpoonScoop.yaml", TaskConfig)),
     "move": File(load_task, TaskConfig, full("tasks/ShovelMove.yaml", TaskConfig)),
-    "robot": File(load_robot, SCHEMAS["robot"], table("robots/iiwa14.yaml")),
+    "arm": File(load_arm, ArmConfig, load(ARM, ArmConfig).model_dump(mode="json")),
     "granular": File(load_material, SCHEMAS["material.granular"], table("materials/salt.yaml")),
     "fluid": File(load_material, SCHEMAS["material.fluid"], table("materials/water.yaml")),
     "clay": File(load_material, SCHEMAS["material.clay"], table("materials/clay.yaml")),
@@ -151,7 +152,7 @@ def test_changed_tables_are_refused_or_borne(name: str, examples: int) -> None:
 
 
 @pytest.mark.parametrize("examples", [5, pytest.param(200, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["task", "robot", "granular", "learner", "sweep"])
+@pytest.mark.parametrize("name", ["task", "arm", "granular", "learner", "sweep"])
 def test_damaged_files_are_refused_or_borne(name: str, examples: int, tmp_path: Path) -> None:
     """The rest of a kind's readers is that of tables."""
     path, values = tmp_path / "mine.yaml", FILES[name].values

@@ -5,7 +5,7 @@ from policies.learning.presets import Preset
 from robosim.commands.description import keys_of
 from robosim.commands.keys import KINDS, schema_class
 
-FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks", "robot": "configs/robots",
+FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks",
            "training": "configs/training", "arm": "models/robots", "gripper": "models/grippers", "tool": ""}
 """Where the bundled files of a kind are; empty where there are none."""
 

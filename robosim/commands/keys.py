@@ -13,7 +13,7 @@ EXAMPLE = """examples:
   robosim keys task --schema > task.json"""
 KINDS = {
     "rehearsal": "robosim.config.rehearsal:RehearsalConfig", "task": "robosim.tasks.task:TaskConfig",
-    "robot": "robosim.config.robot:RobotConfig", "arm": "robosim.config.arm:ArmConfig",
+    "arm": "robosim.config.arm:ArmConfig",
     "gripper": "robosim.config.arm:GripperConfig", "tool": "robosim.config.tool:ToolConfig",
     "material.granular": "robosim.config.materials:GranularConfig",
     "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",

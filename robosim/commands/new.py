@@ -5,18 +5,18 @@ from pathlib import Path
 from typing import Any
 
 from mpm.files import write_text
-from robosim.config.resources import config_names, config_path
-from robosim.errors import ConfigError
+from robosim.config.resources import config_names, config_path, folder, locate_paths, part_names
+from robosim.errors import ConfigError, UnknownName
 
 EXAMPLE = """examples:
   robosim new rehearsal lab --from spoon
   robosim new material oats --from sugar
 then, after editing the file,
   robosim rehearse lab.yaml --material oats.yaml --out out/lab"""
-BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "robot": "iiwa14"}
-"""Kind of file -> the bundled one that it is a copy of, if no other is given; configs/<kind>s holds them."""
+BASES = {"rehearsal": "spoon", "task": "SpoonPour", "material": "salt", "arm": "iiwa14"}
+"""Kind of file -> the bundled one that it is a copy of, if no other is given."""
 USES = {"rehearsal": "robosim rehearse {}", "task": "robosim evaluate {}", "material": "--material {}",
-        "robot": "robosim.config.robot.load_robot({!r})"}
+        "arm": "robosim rehearse spoon --set robot={}"}
 """Kind of file -> what takes it."""
 
 
@@ -35,20 +35,20 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the file."""
-    kind, folder = options.kind, f"{options.kind}s"
+    kind = options.kind
     basis = options.basis or BASES[kind]
-    source = config_path(folder, basis, kind)
+    source = find_source(kind, basis)
     path = options.name if options.name.suffix in (".yaml", ".yml") else Path(f"{options.name}.yaml")
     if path.exists():
         raise ConfigError(f"{path}: exists already and is left as it is; give another name, or remove it")
     if not path.parent.is_dir():
         raise ConfigError(f"{path}: there is no folder {path.parent}; accepted: a name in an existing folder")
-    if path.stem in config_names(folder) and path.parent == Path():
+    if path.stem in bundled_names(kind) and path.parent == Path():
         print(f"note: {path.stem} without .yaml still means the bundled {kind}")
     from robosim.commands.description import template
     from robosim.config.table import read
 
-    table, schema = read(source), schema_of(kind, str(source))
+    table, schema = locate_paths(read(source), source.parent), schema_of(kind, source)
     assert isinstance(table, dict)  # or it would not have loaded
     heading = (f"A {kind}, made by `robosim new {kind} {path.stem} --from {basis}`; used by "
                f"`{USES[kind].format(str(path))}`. In brackets: accepted values; default. "
@@ -58,14 +58,33 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def schema_of(kind: str, source: str) -> Any:
+def bundled_names(kind: str) -> list[str]:
+    """Return the names of the bundled files of a kind."""
+    return part_names("robots") if kind == "arm" else config_names(f"{kind}s")
+
+
+def find_source(kind: str, basis: str) -> Path:
+    """Return the file to copy; raises ConfigError, UnknownName."""
+    if kind != "arm" or basis.endswith((".yaml", ".yml")):
+        return config_path(f"{kind}s", basis, kind)
+    if basis not in bundled_names(kind):
+        raise UnknownName(kind, basis, bundled_names(kind), "or the path of a .yaml file of your own")
+    return folder("models") / "robots" / basis / "arm.yaml"
+
+
+def schema_of(kind: str, path: Path) -> Any:
     """Find the schema of a valid file; raises ConfigError for one that is not."""
+    source = str(path)
+    if kind == "arm":
+        from robosim.config.arm import ArmConfig
+        from robosim.robot.robot import load_arm
+
+        load_arm(source)
+        return ArmConfig
     if kind == "rehearsal":
         from robosim.config.rehearsal import load_rehearsal as load
     elif kind == "task":
         from robosim.tasks.task import load_task as load
-    elif kind == "material":
-        from robosim.config.materials import load_material as load
     else:
-        from robosim.config.robot import load_robot as load
+        from robosim.config.materials import load_material as load
     return type(load(source))

@@ -1,12 +1,14 @@
 """Configuration of arm and hand: where their models are, and what the models do not say."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from robosim.config.bounds import FilePath, JointValue, Mass, Name, Text
 from robosim.config.table import Table, Vector3
 
+Grip = Literal["weld", "friction"]
+"""How a hand holds a tool."""
 LEAST_JOINTS, MOST_JOINTS = 5, 8
 PerJoint = Annotated[tuple[JointValue, ...], Field(min_length=LEAST_JOINTS, max_length=MOST_JOINTS)]
 """A value for each joint, from the base to the flange."""
@@ -31,6 +33,15 @@ class ArmLimits(Table):
     """[N m], [N]"""
     lower_deg: Angles | None = None
     upper_deg: Angles | None = None
+
+
+class StepwiseLimits(Table):
+    """Limits of a motion that is commanded step by step, as an agent does in an environment."""
+
+    acceleration: PerJoint | None = None
+    """[rad/s^2], [m/s^2]; null: as of `limits`."""
+    jerk: PerJoint | None = None
+    """[rad/s^3], [m/s^3]; null: as of `limits`."""
 
 
 class ArmServo(Table):
@@ -71,6 +82,7 @@ class ArmConfig(Table):
     payload: Mass | None = None
     """Largest mass of hand, tool and load [kg]."""
     limits: ArmLimits = ArmLimits()
+    stepwise: StepwiseLimits = StepwiseLimits()
     servo: ArmServo | None = None
     """Gains; the default follows from the limits, see `robosim.robot.robot`."""
 

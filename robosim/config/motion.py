@@ -1,11 +1,13 @@
-"""Configuration of a motion: waypoints of the tool, the rounding between them, and the joints' limits."""
+"""Configuration of a motion: waypoints of the tool, the rounding between them, joint limits, and names for export."""
 
 from typing import Annotated
 
+import pydantic
 from pydantic import Field
 
 from robosim.config.arm import PerJoint
 from robosim.config.bounds import (
+    MAX_ENTRIES,
     Acceleration,
     Angle,
     AngularAcceleration,
@@ -76,3 +78,20 @@ class MotionLimitsConfig(Table):
     """Largest acceleration of each joint [rad/s^2]; null: the robot's."""
     jerk: PerJoint | None = None
     """Largest jerk of each joint [rad/s^3]; null: the robot's."""
+
+
+class JointTrajectoryConfig(Table):
+    """Names in joint_trajectory.yaml, for the controller that is to play it."""
+
+    frame_id: Name = ""
+    """`header.frame_id` of the message."""
+    joint_prefix: Name = ""
+    """Put before each joint's name: lbr_ gives lbr_A1 to lbr_A7."""
+    joint_names: Annotated[dict[Name, Name], Field(max_length=MAX_ENTRIES)] = {}  # noqa: RUF012
+    """Names by the model's joint names, instead of a prefix; a joint that is left out keeps its name."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_names(self) -> "JointTrajectoryConfig":
+        if self.joint_prefix and self.joint_names:
+            raise ValueError(f"joint_prefix = {self.joint_prefix!r} with joint_names; accepted: one of the two")
+        return self

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field
 
-from robosim.config.arm import ArmConfig, ArmServo, BasePose, GripperConfig
+from robosim.config.arm import ArmConfig, ArmServo, BasePose, Grip, GripperConfig
 from robosim.config.bounds import (
     MAX_ENTRIES,
     Angle,
@@ -17,9 +17,8 @@ from robosim.config.bounds import (
     Name,
     Text,
 )
-from robosim.config.motion import MotionLimitsConfig, PathConfig, PickConfig, WaypointConfig
+from robosim.config.motion import JointTrajectoryConfig, MotionLimitsConfig, PathConfig, PickConfig, WaypointConfig
 from robosim.config.resources import config_path
-from robosim.config.robot import Grip, JointTrajectoryConfig
 from robosim.config.scene import ContainerConfig, FieldConfig, ObstacleConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load

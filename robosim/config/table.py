@@ -5,21 +5,19 @@ Errors name the file or setting, the key, the value and what is accepted.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import pydantic
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from mpm.input_files import quote, read_text
-from robosim.config.bounds import Coordinate, JointValue, Name, Text
+from robosim.config.bounds import Coordinate, Name, Text
 from robosim.config.resources import locate_paths
 from robosim.config.settings import Setting, parse_yaml, with_settings
 from robosim.errors import ConfigError
 
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 """Along x, y and z."""
-Vector7 = Annotated[tuple[JointValue, ...], Field(min_length=7, max_length=7)]
-"""A value for each joint of the arm."""
 Kind = TypeVar("Kind", bound="Table")
 SHOWN = 10
 """Errors of a file that are described; a list of 10 000 wrong values has as many."""

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 import mpm
-from robosim.config.motion import MotionLimitsConfig
-from robosim.config.robot import Grip, load_robot
+from robosim.config.arm import Grip
 from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
@@ -29,7 +28,9 @@ from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
 
 IIWA = "iiwa14"
-"""The arm where none is named; its limits in environments are those of configs/robots."""
+"""The arm where none is named."""
+GRASP_TIME = 0.5
+"""Time [s] for the fingers to close before an episode."""
 PATH_POSES = 61
 """Poses of the task's script that the arm must be able to follow from its start."""
 
@@ -71,7 +72,6 @@ class ArmTool(Carrier):
                  gripper: str | None = None) -> None:
         super().__init__(task)
         self._solver = solver
-        own = load_robot(IIWA)
         self._task = task
         self._grip: Grip = grasp
         hold = find_hold(task.model_dump_json(), robot, gripper)
@@ -81,13 +81,12 @@ class ArmTool(Carrier):
         self.data = self.robot_data = mujoco.MjData(self.model)
         self._arm = Arm(self._assembly)
         self._start_q = np.array(hold.posture)
-        self._closing_steps = round(own.grasp_time / task.step_dt)
+        self._closing_steps = round(GRASP_TIME / task.step_dt)
         self.data.qpos[self.scene.arm_qpos] = self._start_q
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.scene, self.data)
-        self.servo = Servo(self._arm, self._arm.gains(own.servo if robot == IIWA else None))
-        limits = own.limits if robot == IIWA else MotionLimitsConfig(velocity_fraction=1.0)
-        self._smoother = JointSmoother(self._arm.limits(limits), task.step_dt, self._arm)
+        self.servo = Servo(self._arm, self._arm.gains())
+        self._smoother = JointSmoother(self._arm.step_limits(), task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
         self._contacts = ContactCounter(self.scene, self.data, task.containers)

@@ -8,7 +8,7 @@ import numpy as np
 
 import mpm
 from mpm.backend import check_owner
-from robosim.config.robot import Grip
+from robosim.config.arm import Grip
 from robosim.config.tool import ToolConfig
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from robosim.config.motion import JointTrajectoryConfig
 from robosim.config.output import OutputFolder
-from robosim.config.robot import JointTrajectoryConfig
 from robosim.config.table import validate
 from robosim.errors import ConfigError
 from robosim.recordings.reader import FILE as RECORDING

@@ -17,7 +17,6 @@ import pinocchio
 from mpm import Pose
 from robosim.config.arm import ArmServo
 from robosim.config.motion import MotionLimitsConfig
-from robosim.config.robot import LimitsConfig, ServoConfig
 from robosim.robot.assembly import Assembly
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.robot import per_joint
@@ -70,15 +69,20 @@ class Arm:
         self._friction = self.model.upperDryFrictionLimit[self.v_index]
         self._damping = self.model.damping[self.v_index]
 
-    def limits(self, config: LimitsConfig | MotionLimitsConfig) -> MotionLimits:
-        """Return the limits of a motion; raises ConfigError for a wrong number of values."""
+    def step_limits(self) -> MotionLimits:
+        """Return the limits of a motion that is commanded step by step."""
+        robot = self.assembly.robot
+        return MotionLimits(robot.velocity, robot.step_acceleration, robot.step_jerk)
+
+    def limits(self, config: MotionLimitsConfig) -> MotionLimits:
+        """Return the limits of a planned motion; raises ConfigError for a wrong number of values."""
         robot = self.assembly.robot
         given = {key: getattr(config, key) for key in ("acceleration", "jerk")}
         values = [getattr(robot, key) if value is None else per_joint(self.joints, value, key, "limits")
                   for key, value in given.items()]
         return MotionLimits(self.velocity * config.velocity_fraction, *values)
 
-    def gains(self, config: ArmServo | ServoConfig | None = None) -> Gains:
+    def gains(self, config: ArmServo | None = None) -> Gains:
         """Return the servo's gains, those of the robot without a configuration; raises ConfigError."""
         robot = self.assembly.robot
         if config is None:

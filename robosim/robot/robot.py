@@ -51,6 +51,9 @@ class Robot:
     acceleration: np.ndarray
     jerk: np.ndarray
     torque: np.ndarray
+    step_acceleration: np.ndarray
+    """Of a motion that is commanded step by step."""
+    step_jerk: np.ndarray
     home: np.ndarray
     """Posture with which the search for postures begins."""
     stiffness: np.ndarray
@@ -246,8 +249,11 @@ def collect_limits(model: mujoco.MjModel, names: tuple[str, ...], config: ArmCon
         jerk = acceleration / TO_FULL_ACCELERATION
     if given.jerk is not None:
         jerk, sources["jerk"] = per_joint(names, given.jerk, "jerk", path), CONFIGURED
+    stepwise = {f"step_{key}": value if own is None else per_joint(names, own, f"stepwise.{key}", path)
+                for key, value, own in (("acceleration", acceleration, config.stepwise.acceleration),
+                                        ("jerk", jerk, config.stepwise.jerk))}
     return {"lower": lower, "upper": upper, "torque": torque, "velocity": velocity, "acceleration": acceleration,
-            "jerk": jerk}, sources
+            "jerk": jerk, **stepwise}, sources
 
 
 def read_torques(model: mujoco.MjModel, joints: list[int]) -> np.ndarray:

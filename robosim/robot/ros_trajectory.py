@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robosim.config.robot import JointTrajectoryConfig
+from robosim.config.motion import JointTrajectoryConfig
 from robosim.errors import ConfigError, UnknownName
 from robosim.robot.hand import Hand
 from robosim.robot.timing import JointMotion

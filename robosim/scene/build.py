@@ -6,9 +6,9 @@ import mujoco
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
+from robosim.config.arm import Grip
 from robosim.config.motion import APPROACH
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.config.robot import Grip
 from robosim.config.scene import ContainerConfig
 from robosim.robot.assembly import Assembly, add_torque_sensors, add_wrist_sensor, assemble, meet_heads
 from robosim.robot.mjspec import quiet_attachment, read_model

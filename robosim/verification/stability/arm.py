@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.config.robot import RobotConfig, load_robot
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.robot.assembly import assemble
 from robosim.robot.joint_control import Servo
@@ -37,19 +36,18 @@ def arm() -> Arm:
     return Arm(assemble(TOOL))
 
 
-def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo, RobotConfig]:
+def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo]:
     """Build the arm alone, at rest in its home posture, with its servo; host_step: MuJoCo's [s].
 
     Raises ConfigError for a step with which the servo would be unstable.
     """
-    robot = load_robot("iiwa14")
     made = compile_scene(build_scene_spec(arm().assembly, "weld", {}, host_step, contact=False), arm().assembly)
     data = mujoco.MjData(made.model)
     data.qpos[made.arm_qpos] = arm().home
     mujoco.mj_forward(made.model, data)
-    servo = Servo(arm(), arm().gains(robot.servo))
+    servo = Servo(arm(), arm().gains())
     servo.check_step(made.model, data, made.arm_dofs)
-    return made, data, servo, robot
+    return made, data, servo
 
 
 def follow(made: Scene, data: mujoco.MjData, servo: Servo, target: Callable[[float], JointState], until: float,
@@ -78,12 +76,12 @@ def follow(made: Scene, data: mujoco.MjData, servo: Servo, target: Callable[[flo
 def arm_host_step(step: float) -> CellResult:
     """Run a motion of a second, then half a second of rest, at MuJoCo steps [s]."""
     try:
-        made, data, servo, robot = build_scene(step)
+        made, data, servo = build_scene(step)
     except ConfigError as error:
         return CellResult("arm_host_step", step, "refused", str(error))
     times = np.linspace(0.0, 1.0, 101)
     ease = times**3 * (10 - 15 * times + 6 * times**2)
-    q, limits = arm().home + ease[:, None] * SHIFT, arm().limits(robot.limits)
+    q, limits = arm().home + ease[:, None] * SHIFT, arm().step_limits()
     motion = SmoothMotion(times, q, limits, {"end": 1.0}, arm().joints)
     failure, readings = follow(made, data, servo, motion.state, 1.5)
     target = arm().tool_pose(arm().home + SHIFT).position
@@ -100,7 +98,7 @@ def payload(mass: float) -> CellResult:
 
     From 14 kg on the motors saturate, and the arm sinks.
     """
-    made, data, servo, _ = build_scene(1e-3)
+    made, data, servo = build_scene(1e-3)
     still = JointState(arm().home, np.zeros(7), np.zeros(7))
     return cell_result("payload", mass, *follow(made, data, servo, lambda _: still, 1.0, mass))
 
@@ -126,7 +124,7 @@ def arm_pose(kind: str) -> CellResult:
         return CellResult("arm_pose", kind, "refused", str(error))
     times = np.linspace(0.0, 1.0, len(path))
     try:
-        motion = SmoothMotion(times, solution.q, arm().limits(load_robot("iiwa14").limits),
+        motion = SmoothMotion(times, solution.q, arm().step_limits(),
                               {"start": 0.0, "end": 1.0}, arm().joints)
     except ConfigError as error:
         return CellResult("arm_pose", kind, "refused", str(error))

@@ -9,9 +9,9 @@ import yaml
 
 from robosim.commands.keys import KINDS, schema_class
 from robosim.commands.main import main
-from robosim.config.resources import config_names, config_path
+from robosim.commands.new import bundled_names, find_source
 
-BUNDLED = [("rehearsal", "rehearsals"), ("task", "tasks"), ("robot", "robots")]
+BUNDLED = ("rehearsal", "task", "arm")
 
 
 def leaves(table: Any, prefix: str = "") -> set[str]:
@@ -23,14 +23,14 @@ def leaves(table: Any, prefix: str = "") -> set[str]:
     return set()
 
 
-@pytest.mark.parametrize(("kind", "folder"), BUNDLED)
-def test_every_key_of_a_bundled_file_is_listed(kind: str, folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("kind", BUNDLED)
+def test_every_key_of_a_bundled_file_is_listed(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["keys", kind]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()[3:]]
     listed = {line[0] for line in lines}
     assert len(listed) == len(lines)
-    for name in config_names(folder):
-        used = leaves(yaml.safe_load(config_path(folder, name, kind).read_text()))
+    for name in bundled_names(kind):
+        used = leaves(yaml.safe_load(find_source(kind, name).read_text()))
         assert {re.sub(r"containers\.\w+", "containers.NAME", key) for key in used} - {"containers.NAME"} <= listed
 
 

@@ -8,15 +8,21 @@ import yaml
 
 from robosim.commands.keys import KINDS, schema_class
 from robosim.commands.main import main
-from robosim.commands.new import BASES
+from robosim.commands.new import BASES, bundled_names, find_source
+from robosim.config.arm import ArmConfig
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import load_rehearsal
-from robosim.config.resources import config_names
-from robosim.config.robot import load_robot
+from robosim.config.table import load
 from robosim.tasks.task import load_task
 
-LOAD = {"rehearsal": load_rehearsal, "task": load_task, "material": load_material, "robot": load_robot}
-EVERY = [(kind, name) for kind in BASES for name in config_names(f"{kind}s")]
+
+def load_arm_file(name: str) -> ArmConfig:
+    """Load the file of an arm, whose model's path is then absolute."""
+    return load(find_source("arm", name), ArmConfig)
+
+
+LOAD = {"rehearsal": load_rehearsal, "task": load_task, "material": load_material, "arm": load_arm_file}
+EVERY = [(kind, name) for kind in BASES for name in bundled_names(kind)]
 
 
 @pytest.mark.parametrize(("kind", "basis"), EVERY)

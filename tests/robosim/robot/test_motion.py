@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
 from robosim.config.rehearsal import load_rehearsal
-from robosim.config.robot import load_robot
 from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
@@ -114,7 +113,7 @@ def test_a_motion_scaled_by_its_time_scale_is_at_its_limits(spoon: Plan) -> None
 def test_a_smoother_in_a_loaded_state_continues_to_the_bit() -> None:
     """Also where the goal stands still or speed is saturated, so that the request of a step is that of the last one."""
     arm = Arm(assemble("spoon"))
-    limits = arm.limits(load_robot("iiwa14").limits)
+    limits = arm.step_limits()
     one, other = (JointSmoother(limits, 0.002, arm) for _ in range(2))
     one.restart(arm.home)
     for goal in (arm.home + 0.05, arm.upper + 1.0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robosim.commands.main import main
+from robosim.config.motion import JointTrajectoryConfig
 from robosim.config.rehearsal import load_rehearsal
-from robosim.config.robot import JointTrajectoryConfig
 from robosim.config.settings import read_setting
 from robosim.errors import ConfigError, UnknownName
 from robosim.robot.assembly import assemble
