@@ -67,7 +67,8 @@ class ArmConfig(Table):
 
     description: Text = ""
     model: FilePath
-    """MJCF or URDF; a path is relative to the file that it stands in."""
+    """MJCF or URDF: a path, relative to the file that it stands in; NAME_description of the package robot_descriptions;
+    or menagerie:FOLDER of a local MuJoCo Menagerie."""
     flange: Name
     """Site or body at which a hand is mounted; its z is the approach direction."""
     gripper: FilePath = "none"
@@ -92,7 +93,7 @@ class GripperConfig(Table):
 
     description: Text = ""
     model: FilePath
-    """MJCF or URDF; a path is relative to the file that it stands in."""
+    """MJCF or URDF, as of an arm."""
     grip: Name
     """Site in the middle of a closed grasp: z along the handle towards the tool's head, y along the approach."""
     open: Commands

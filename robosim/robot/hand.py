@@ -8,7 +8,7 @@ import mujoco
 from robosim.config.arm import GripperConfig
 from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName
-from robosim.robot.mjspec import bundled_parts, find_part, read_model
+from robosim.robot.mjspec import bundled_parts, find_part, locate_model, read_model
 
 NONE = "none"
 """Name of no hand: the tool is bolted to the flange."""
@@ -52,7 +52,7 @@ def load_hand(name: str) -> Hand | None:
 
 def load_hand_model(config: GripperConfig, place: Path) -> Hand:
     """Read a hand's model; place: folder of the file with relative paths. Raises ConfigError, UnknownName."""
-    path = (place / config.model).resolve()
+    path = locate_model(config.model, place)
     spec = read_model(path)
     roots = [body.name for body in spec.worldbody.bodies]
     if len(roots) != 1 or not roots[0]:

@@ -1,8 +1,11 @@
 """Specifications of MuJoCo's models: finding, reading, compiling, and places in them."""
 
 import contextlib
+import os
+import re
 import warnings
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 
 import mujoco
@@ -11,6 +14,9 @@ import numpy as np
 from mpm import Pose
 from robosim.config.resources import folder
 from robosim.errors import ConfigError, UnknownName
+
+MENAGERIE = "menagerie:"
+"""Begin of the name of a model in a local copy of MuJoCo Menagerie."""
 
 
 def read_model(path: Path) -> mujoco.MjSpec:
@@ -32,6 +38,47 @@ def read_model(path: Path) -> mujoco.MjSpec:
     except ValueError as error:
         raise ConfigError(f"{path}: cannot be read as a model: {' '.join(str(error).split())}") from None
     return spec
+
+
+def locate_model(name: str, place: Path) -> Path:
+    """Return the file of a model that is not ours; raises ConfigError.
+
+    name: a path, relative to a folder `place`; NAME_description, of the package robot_descriptions; or menagerie:FOLDER
+    or menagerie:FOLDER/FILE, of a copy of MuJoCo Menagerie in the folder that the variable MUJOCO_MENAGERIE names.
+    """
+    if name.startswith(MENAGERIE):
+        return find_in_menagerie(name.removeprefix(MENAGERIE))
+    if re.fullmatch(r"\w+_description", name) is None:
+        return (place / name).resolve()
+    try:
+        module = import_module(f"robot_descriptions.{name}")
+    except ModuleNotFoundError as error:
+        missing = "pip install robot_descriptions" if error.name == "robot_descriptions" else "a name of that package"
+        raise ConfigError(f"model {name}: of the package robot_descriptions; {missing} is needed") from None
+    except Exception as error:  # it fetches by git, which fails in many ways
+        raise ConfigError(f"model {name}: robot_descriptions cannot fetch it: {error}") from None
+    path = getattr(module, "MJCF_PATH", None) or getattr(module, "URDF_PATH", None)
+    if path is None:
+        raise ConfigError(f"model {name}: robot_descriptions has neither an MJCF nor a URDF of it; accepted: one with")
+    return Path(path)
+
+
+def find_in_menagerie(name: str) -> Path:
+    """Return the file of a model FOLDER or FOLDER/FILE of a local Menagerie; raises ConfigError, UnknownName."""
+    root = Path(os.environ.get("MUJOCO_MENAGERIE", ""))
+    if not os.environ.get("MUJOCO_MENAGERIE") or not root.is_dir():
+        raise ConfigError(f"model {MENAGERIE}{name}: MUJOCO_MENAGERIE = {os.environ.get('MUJOCO_MENAGERIE', '')!r}; "
+                          f"accepted: the folder of a copy of MuJoCo Menagerie in that variable of the environment")
+    part, _, stem = name.partition("/")
+    folders = sorted(path.parent.name for path in root.glob("*/scene.xml"))
+    if part not in folders:
+        raise UnknownName("model of the Menagerie", part, folders)
+    files = sorted(path.stem for path in (root / part).glob("*.xml") if not path.stem.startswith("scene"))
+    if stem == "" and len(files) == 1:
+        return root / part / f"{files[0]}.xml"
+    if stem not in files:
+        raise UnknownName(f"model of the Menagerie: {part}/FILE", stem, files)
+    return root / part / f"{stem}.xml"
 
 
 def bundled_parts(place: str) -> list[str]:

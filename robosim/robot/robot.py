@@ -18,7 +18,7 @@ from mpm.input_files import read_text
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, BasePose
 from robosim.config.table import load
 from robosim.errors import ConfigError, UnknownName
-from robosim.robot.mjspec import bundled_parts, find_part, read_model
+from robosim.robot.mjspec import bundled_parts, find_part, locate_model, read_model
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02
 """Times [s] in which a joint is assumed to reach its largest speed, and its largest acceleration."""
@@ -89,7 +89,7 @@ def load_robot_model(config: ArmConfig, place: Path) -> Robot:
     Raises ConfigError, UnknownName for a model that cannot be read, without the flange, that is no serial arm of 5 to
     8 joints, or whose limits nothing says.
     """
-    path = (place / config.model).resolve()
+    path = locate_model(config.model, place)
     spec = read_model(path)
     flange, bodies = find_flange(spec, config.flange, path)
     place_flange(spec, bodies[-1], flange, config.mount_turn_deg)

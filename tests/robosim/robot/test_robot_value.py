@@ -1,7 +1,9 @@
 """Any serial arm of five to eight joints is read, with its limits from the model or the configuration, and refused by
 name where something is missing."""
 
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import mujoco
@@ -11,6 +13,7 @@ from written_arms import write_arm
 
 from robosim.config.arm import ArmConfig
 from robosim.errors import ConfigError, UnknownName
+from robosim.robot.mjspec import locate_model
 from robosim.robot.robot import bundled_arms, load_arm, load_robot_model
 
 IIWA = "models/robots/iiwa14/iiwa14.xml"
@@ -112,6 +115,40 @@ def test_foreign_models_are_read(package: str) -> None:
                                        "limits": {"velocity": [2.0] * joints, **limits}})
     robot = load_robot_model(config, Path(found.submodule_search_locations[0]))
     assert len(robot.joints) == joints and robot.spec.copy().compile().nu >= joints
+
+
+def test_models_of_others_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of robot_descriptions, which is stood in for, and of a folder that looks like Menagerie; else what is missing."""
+    arm = write_arm(tmp_path / "ur5e.xml", 6)
+    package, found, textual = (ModuleType(f"robot_descriptions{part}")
+                               for part in ("", ".a_description", ".b_description"))
+    found.MJCF_PATH = str(arm)  # pyright: ignore[reportAttributeAccessIssue]
+    package.__path__ = []
+    for name in ("robot_descriptions", "robot_descriptions.a_description"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    with pytest.raises(ConfigError, match="model a_description: of the package robot_descriptions; pip install"):
+        locate_model("a_description", tmp_path)
+    for module in (package, found, textual):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    assert locate_model("a_description", Path("elsewhere")) == arm
+    for name, message in (("b_description", "neither an MJCF nor a URDF"),
+                          ("c_description", "a name of that package")):
+        with pytest.raises(ConfigError, match=message):
+            locate_model(name, tmp_path)
+    monkeypatch.delenv("MUJOCO_MENAGERIE", raising=False)
+    with pytest.raises(ConfigError, match="menagerie:ur: MUJOCO_MENAGERIE = ''; accepted: the folder"):
+        locate_model("menagerie:ur", tmp_path)
+    monkeypatch.setenv("MUJOCO_MENAGERIE", str(tmp_path))
+    for folder, names in (("one", ("ur5e",)), ("two", ("panda", "panda_nohand"))):
+        (tmp_path / folder).mkdir()
+        for name in ("scene", *names):
+            (tmp_path / folder / f"{name}.xml").write_text(arm.read_text())
+    assert locate_model("menagerie:one", Path()) == tmp_path / "one" / "ur5e.xml"
+    assert locate_model("menagerie:two/panda", Path()) == tmp_path / "two" / "panda.xml"
+    for name, message in (("three", "model of the Menagerie 'three'; valid: one, two"),
+                          ("two", "two/FILE ''; valid: panda, panda_nohand"), ("two/fr3", "two/FILE 'fr3'")):
+        with pytest.raises(UnknownName, match=message):
+            locate_model(f"menagerie:{name}", Path())
 
 
 DH = {  # a(i-1), alpha(i-1) [deg], d(i) of the modified convention; the last row is the flange
