@@ -1,5 +1,6 @@
 """Where episodes start: the options of a reset, and the settled state, cached in a file for each configuration."""
 
+import functools
 import hashlib
 import json
 import os
@@ -22,8 +23,9 @@ from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
 
-FORMAT = 2
-"""Raised when a change of the code makes other starts out of the same configuration."""
+FORMAT = 3
+"""Raised when a change of robosim makes other starts out of the same configuration; changes of mpm are seen by its
+source."""
 SETTLING, WINDOW = 1.0, 5e-3
 """Time in which the grains settle, and interval between dampings [s]."""
 ATTEMPTS = 8
@@ -111,6 +113,7 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
     digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
                       "shapes": shapes, "interior": tool_shape(task.tool).interior,
+                      "sleep": bool(solver.sleep), "mpm": source_digest(),
                       "transfer_interval": solver.transfer_interval,
                       "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
     path = cache_folder() / f"{name}-{digest[:16]}.npz"
@@ -121,6 +124,16 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
         _write_state(path, digest, {key: value for key, value in state.items() if key not in solver.mobility.save()})
     solver.load(state)
     return state
+
+
+@functools.cache
+def source_digest() -> str:
+    """Return the SHA-256 of all source files of mpm: a start that another version of it has settled is another one."""
+    root = Path(mpm.__file__).parent
+    total = hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        total.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return total.hexdigest()
 
 
 def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:

@@ -15,8 +15,8 @@ import mpm
 from mpm.geometry import mesh_distance
 from robosim.errors import ConfigError
 
-CELLS = 180
-"""Cells along the longest edge of a mesh."""
+CELLS = 120
+"""Cells along the longest edge of a mesh; twice as many where they are too large for its inside."""
 BORDER = 2
 """Cells around it, through which what is not held flows off."""
 LEAST_CELLS = 30
@@ -82,13 +82,17 @@ class Inside(NamedTuple):
 def find_inside(solid: trimesh.Trimesh | list[trimesh.Trimesh], cells: int = CELLS) -> Inside:
     """Return what closed meshes, z up, hold together.
 
-    It is found among `cells` cells along their longest edge, and then again among as many around what was found, so
-    that a small bowl on a long handle is measured as well as a bowl alone. Raises ConfigError where they hold nothing.
+    It is found among `cells` cells along their longest edge, twice as many where these are too large, and then again
+    among as many around what was found: a small bowl on a long handle is measured as well as a bowl alone.
+    Raises ConfigError where they hold nothing.
     """
     parts = solid if isinstance(solid, list) else [solid]
     low, extents = span(parts)
     spacing = float(extents.max()) / cells
     inside = hold_water(parts, low, extents, spacing)
+    if inside.held.sum() < LEAST_CELLS:
+        spacing /= 2.0
+        inside = hold_water(parts, low, extents, spacing)
     if inside.held.sum() >= LEAST_CELLS:
         low, high = inside.bounds
         low, high = low - spacing, high + spacing

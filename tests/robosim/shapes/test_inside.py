@@ -64,8 +64,8 @@ def test_a_thin_bowl_on_a_long_handle_holds_what_it_holds(wall: float) -> None:
     along = np.array([-1.0, 0.0, 1.0]) / np.sqrt(2.0)
     rod = trimesh.creation.cylinder(8, segment=[[-28.5, 0, -3], [-28.5, 0, -3] + 300.0 * along], sections=32)
     inside = find_inside([half_sphere(28.0, wall).apply_scale(1e-3), rod.apply_scale(1e-3)])
-    assert inside.volume == pytest.approx(2.0 / 3.0 * np.pi * 0.028**3, rel=0.015)
-    assert inside.spacing < 4e-4
+    assert inside.volume == pytest.approx(2.0 / 3.0 * np.pi * 0.028**3, rel=0.025)
+    assert inside.spacing < 6e-4
 
 
 def test_a_closed_hollow_is_no_inside() -> None:
