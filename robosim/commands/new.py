@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from mpm.files import write_text
-from robosim.config.resources import config_names, config_path, folder, locate_paths, part_names
-from robosim.errors import ConfigError, UnknownName
+from robosim.config.resources import config_names, config_path, locate_paths, part_names
+from robosim.errors import ConfigError
 
 EXAMPLE = """examples:
   robosim new rehearsal lab --from spoon
@@ -65,11 +65,12 @@ def bundled_names(kind: str) -> list[str]:
 
 def find_source(kind: str, basis: str) -> Path:
     """Return the file to copy; raises ConfigError, UnknownName."""
-    if kind != "arm" or basis.endswith((".yaml", ".yml")):
+    if kind != "arm":
         return config_path(f"{kind}s", basis, kind)
-    if basis not in bundled_names(kind):
-        raise UnknownName(kind, basis, bundled_names(kind), "or the path of a .yaml file of your own")
-    return folder("models") / "robots" / basis / "arm.yaml"
+    from robosim.robot.mjspec import find_part
+    from robosim.robot.robot import FILES
+
+    return find_part(kind, basis, FILES)
 
 
 def schema_of(kind: str, path: Path) -> Any:

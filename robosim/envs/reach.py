@@ -99,7 +99,7 @@ class Reach:
         return float((fast**2 + far**2).sum() / n), (twist_bar[:, :3], twist_bar[:, 3:])
 
     def _inverse(self, q: np.ndarray) -> np.ndarray:
-        """Return the matrix (7, 6) from the tool's twist in world axes to joint speeds."""
+        """Return the matrix (n, 6) from the tool's twist in world axes to joint speeds."""
         J = self._arm.jacobian(q)
         R = self._arm.tool_placement(q).rotation
         to_tool_axes = np.zeros((6, 6))
@@ -107,5 +107,5 @@ class Reach:
         return J.T @ np.linalg.solve(J @ J.T + DAMPING * np.eye(6), to_tool_axes)
 
     def _speeds(self, q: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """Return the joint speeds [rad/s] (7,) under a twist V (6,) of the tool in world axes."""
+        """Return the joint speeds [rad/s] (n,) under a twist V (6,) of the tool in world axes."""
         return self._inverse(q) @ V

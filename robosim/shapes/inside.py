@@ -25,8 +25,9 @@ FINER = 0.8
 """Share of a cell below which it is worth finding the inside again with smaller ones."""
 SKIN_STEP = 0.4
 """Distance of the points, in cells, that mark a surface: the gaps between them are narrower than a cell."""
-WATER_SHARE = 0.2
-"""Share of a given region that is water in a vessel; a scoop that is open in front holds a drop at most."""
+WATER_SHARE = 0.05
+"""Least share of a given region that is water in a vessel: a tenth in a spoon, whose region holds the heap, too. An
+open scoop holds a drop at most."""
 FACES = generate_binary_structure(3, 1)
 """Cells are neighbours over their faces."""
 

@@ -61,7 +61,7 @@ def test_grains_fill_a_round_bowl_up_to_their_height(folder: Path) -> None:
 
 
 def test_another_tool_in_a_sub_task(folder: Path) -> None:
-    """The full ladle holds its grains while it stays level, and keeps none of them upside down."""
+    """The ladle is filled to its inner surface, and holds all of its grains while it stays level."""
     env = make("SpoonTranslate", tool=str(folder / "ladle.yaml"), action_repeat=250, obs="none").unwrapped
     assert env.task.tool_name == "ladle"  # pyright: ignore[reportAttributeAccessIssue]
     env.reset(seed=0, options={"nominal": True})
