@@ -7,6 +7,7 @@ import numpy as np
 import mpm
 from mpm.backend import is_shared
 from mpm.geometry.sampled_sdf import Lattice
+from mpm.geometry.shape import Shape
 from mpm.materials.stable_step import accepted_bound, check_step
 from robosim.config.bounds import MAX_GRAINS, MAX_SUBSTEPS
 from robosim.config.materials import Law
@@ -47,7 +48,9 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
     # as the plugin will want it: a collider that it has to change makes the solver anew
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=tool_pose, mobile=config.coupling == "mobility")]
     colliders += build_container_colliders(config.containers, field)
-    positions, volume = fill(config, sdf, tool_pose, np.random.default_rng(seed))
+    solids = [collider.sdf for collider in colliders[1:] if isinstance(collider.sdf, Shape)]
+    walls = dict(zip(config.containers, solids, strict=True))
+    positions, volume = fill(config, sdf, walls, tool_pose, np.random.default_rng(seed))
     solver = mpm.Solver(
         grid=field.grid,
         bodies=[mpm.Body(law, positions, volume=volume,

@@ -1,9 +1,12 @@
 """Grains of a scene: initial positions, and those in a tool, in a container or at the border."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
+from mpm.geometry.shape import Shape
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig
 from robosim.errors import ConfigError
@@ -11,15 +14,18 @@ from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import OwnTool, tool_shape
 
+BURIED = 0.2
+"""Depth in a wall, in distances between grains, from which a grain is left out; the field warns from 0.25."""
 BORDER = 1e-6
 """Distance [m] from the region's border within which a grain counts as stopped by it."""
 
 
-def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
+def fill(config: RehearsalConfig, sdf: Lattice, walls: Mapping[str, Shape], tool_pose: mpm.Pose,
          rng: np.random.Generator) -> tuple[np.ndarray, float]:
     """Fill the source container, the pile or the tool with grains, before they settle.
 
-    sdf: the tool's signed distance in its own frame. Returns positions [m] (n, 3) and the volume [m^3] of one grain.
+    sdf: the tool's signed distance in its own frame. walls: those of containers in theirs. Returns positions [m] (n, 3)
+    and the volume [m^3] of one grain.
     Raises ConfigError where tool_fill_height is too small for any grain.
     """
     spacing = config.field.cell / config.field.grains_per_cell ** (1.0 / 3.0)
@@ -28,6 +34,7 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
         for name in config.sources:
             container = config.containers[name]
             local, volume = container_shape(name, container).fill(container.fill_height, spacing, rng)
+            local = leave_out_buried(local, walls[name], spacing)
             if not len(local):
                 raise ConfigError(f"containers.{name}: fill_height = {container.fill_height} m holds no grain; "
                                   f"accepted: more than a cell, {config.field.cell} m")
@@ -45,6 +52,14 @@ def fill(config: RehearsalConfig, sdf: Lattice, tool_pose: mpm.Pose,
         raise ConfigError(f"tool_fill_height = {config.tool_fill_height} m holds no grain; accepted: more than a cell, "
                           f"{config.field.cell} m")
     return tool_pose.apply(local), spacing**3
+
+
+def leave_out_buried(positions: np.ndarray, walls: Shape, spacing: float) -> np.ndarray:
+    """Return those of positions [m] (n, 3), `spacing` [m] apart, that do not lie deep in walls in whose frame they are.
+
+    The inside of a mesh is known by cells, which reach into its walls by up to half a cell.
+    """
+    return positions[walls.distance(positions) > -BURIED * spacing]
 
 
 def sample_in_tool(tool: str | OwnTool, sdf: Lattice, spacing: float, rng: np.random.Generator) -> np.ndarray:

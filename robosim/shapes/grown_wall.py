@@ -20,6 +20,8 @@ MARGIN = 4e-3
 """Distance [m] around the grown solid up to which its lattice reaches."""
 PROBE = 1.5
 """Distance from a face to the place that decides on which side it is, in spacings of the inside."""
+BURIED = 0.5
+"""Distance from a face to the place that shows whether another mesh covers it, in spacings of the lattice."""
 MOST_POINTS = 40_000_000
 """Lattice points beyond which a solid is too large for its spacing."""
 
@@ -43,7 +45,7 @@ def grow_outward(parts: list[trimesh.Trimesh], inside: Inside, growth: float, sp
     axes = [lower[k] + spacing * np.arange(shape[k]) for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
     solid = real.distance(points.reshape(-1, 3)).reshape(shape)
-    inner = inner_surface(parts, inside)
+    inner = inner_surface(parts, inside, real, spacing)
     band = growth + 2.0 * spacing
     side, _ = sheet_distances(inner, lower, spacing, shape, band)
     side[side > 0.9 * band] = np.inf  # in the middle of the inside, where nothing grows
@@ -58,8 +60,11 @@ def wall_at_inside(parts: list[trimesh.Trimesh], inside: Inside) -> float:
     return wall_thickness(parts[int(np.argmax(shares))])
 
 
-def inner_surface(parts: list[trimesh.Trimesh], inside: Inside) -> trimesh.Trimesh:
-    """Return the faces of closed meshes that border their inside, front to it; raises ConfigError for none."""
+def inner_surface(parts: list[trimesh.Trimesh], inside: Inside, real: Lattice, spacing: float) -> trimesh.Trimesh:
+    """Return the faces of closed meshes that border their inside, front to it; raises ConfigError for none.
+
+    real: distance of the meshes, `spacing` [m] apart; faces that it shows buried in another mesh border nothing.
+    """
     whole = join(parts)
     low, high = inside.bounds
     reach = 2.0 * PROBE * inside.spacing
@@ -67,6 +72,7 @@ def inner_surface(parts: list[trimesh.Trimesh], inside: Inside) -> trimesh.Trime
     if near.any():
         fine = subdivide(pick_faces(whole, near), 2.0 * inside.spacing)
         faces = looks_inward(fine, inside)
+        faces &= real.distance(fine.triangles_center + BURIED * spacing * fine.face_normals) > 0.0
         if faces.any():
             return pick_faces(fine, faces)
     raise ConfigError("no wall found about the inside; accepted: an inside that the mesh's wall surrounds")

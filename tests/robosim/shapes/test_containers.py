@@ -64,8 +64,11 @@ def test_walls_thicken_outward(container: ContainerConfig) -> None:
     points = np.random.default_rng(0).uniform(low, high, (50_000, 3))
     inside = points[shape.between_walls(points)]
     assert np.mean(grown.distance(inside) > -0.5 * spacing) > 0.995
-    below = np.array([[*(0.5 * (low + high))[:2], low[2] - z] for z in np.linspace(0.002, wall - 0.002, 5)])
-    assert np.all(grown.distance(below) < 0.0)
+    middle = 0.5 * (low + high)
+    below = np.array([[middle[0] + x, middle[1], low[2] - z] for z in np.linspace(0.002, wall - 0.002, 5)
+                      for x in np.linspace(0.0, 0.024, 13)])
+    depth = low[2] - below[:, 2]
+    assert np.all(grown.distance(below) < np.maximum(-depth, depth - wall) + spacing)
 
 
 def test_convex_parts_hold_the_walls_and_little_else(container: ContainerConfig) -> None:
