@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -47,6 +48,8 @@ class Solver(Readings):
     - transfer_interval: longest stride [s], the time between two transfers of velocities to the particles; 0: one
       substep. "strides": 3 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
     - sleep: whether particles at rest sleep and cost nothing; a number: a factor on `mpm.stepping.sleep_thresholds`.
+    - contact: "near": a solid stops what is within half a cell of it; "touching": only what touches one of its faces:
+      a block on a bed meets nothing beside it, and rests on the bed instead of half a cell above.
     - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
     """
 
@@ -55,6 +58,7 @@ class Solver(Readings):
         gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
         dt: float | None = None, precision: str | None = None, integrator: str | None = None,
         body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None, sleep: bool | float = False,
+        contact: Literal["near", "touching"] = "near",
     ) -> None:
         check_scene(grid, bodies, colliders, walls)
         self.precision, self.integrator = choose_numerics(bodies, precision, integrator)
@@ -66,6 +70,7 @@ class Solver(Readings):
         self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
         """Bound of an isolated particle [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
         self.requested_dt, self.requested_interval, self.sleep = dt, transfer_interval, read_sleep(sleep)
+        self.contact = contact
         self.dt = choose_step(dt, grid.cell, [body.material for body in bodies])
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self.counter: RegionCounter | None = None
@@ -80,7 +85,7 @@ class Solver(Readings):
     def _build(self) -> None:
         """Allocate the fields that the scene asks for, and the kernels that read them."""
         self.features = features_of(self.bodies, self.colliders, self.walls, self.precision, self.integrator,
-                                    self._has_accelerations, self.transfer_interval > 0, self.sleep > 0)
+                                    self._has_accelerations, self.transfer_interval > 0, self.sleep > 0, self.contact)
         self.mobility = MobilityTable(self.features.mobile)
         self.paths = ColliderPaths(self.colliders, self.features, self.mobility, self.grid)
         self._take_assembly()
@@ -92,7 +97,8 @@ class Solver(Readings):
             for i in static:
                 pose = self.colliders[i].pose
                 cache_static_contact(self.fields.static_contact, self.colliders[i].sdf, i, i == static[0],
-                                     np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell, is_shared())
+                                     np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell, is_shared(),
+                                     self.features.touching)
         self._make_stepper()
         self.sums = np.zeros((self.fields.rows.count, 6))
         """Sums of the last advance, see `LedgerRows`."""

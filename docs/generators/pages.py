@@ -19,6 +19,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "performance.md": performance.page,
     "arms.md": arms.page,
     "learning_scores.md": learning.scores_page,
+    "learning_changes.md": learning.changes_page,
+    "learning_changes.svg": learning.changes_figure,
     "learning_release_0_1.md": learning.release_page,
     "learning_materials.md": learning.materials_page,
     "materials.md": catalogue.materials,

@@ -3,6 +3,7 @@
 from mpm.backend import once, ti
 from mpm.boundaries.contact import FACE, SOLID_RECOVERY
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
+from mpm.boundaries.facing import is_at_edge, masses_about, touched_face, touches_static
 from mpm.geometry.rigid_motion import ANGULAR, AXES, LINEAR, ORIGIN
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
@@ -74,50 +75,66 @@ def update_nodes_back(a: ti.template(), step: ti.template()):
                     free = ti.Vector([q[0], q[1], q[2]]) / q[3]
                     v_bar = ti.Vector([bar[0], bar[1], bar[2]])
                     if ti.static(len(a.fields.colliders) > 0):
-                        v_bar = collide_back(a.fields, step.motion, step.row, I, free + step.dt * gravity, origin,
-                                             v_bar, step.motion_bar)
+                        v_bar = collide_back(a, step, I, free + step.dt * gravity, origin, v_bar)
                     p_bar = v_bar / q[3]
                     a.nodes.bars[I] = ti.Vector([p_bar[0], p_bar[1], p_bar[2], bar[3] - p_bar.dot(free)])
 
 
 @ti.func
-def collide_back(fields: ti.template(), motion: ti.template(), s: ti.i32, I, before, corner, bar,
-                 motion_bar: ti.template()):
-    """Return the adjoint of a node's velocity before contact with the static colliders and then the tool."""
-    v, v_bar = before, bar
-    owner = 0
-    if ti.static(len(fields.features.static_colliders) > 0):
-        owner = fields.static_contact.owner[I]
+def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
+    """Return the adjoint of a node's velocity before contact with the static colliders and then the tool.
+
+    Whether the node's material touches a face is taken as it is.
+    """
+    v, v_bar, static_normal, owner = before, bar, 0.0 * before, 0
+    if ti.static(len(a.fields.features.static_colliders) > 0):
+        owner = a.fields.static_contact.owner[I]
         if owner > 0:
-            contact = fields.static_contact.plane[I]
-            normal = ti.Vector([contact[0], contact[1], contact[2]])
-            v = coulomb(before, before * 0.0, normal, fields.parameters.frictions[owner - 1])
-    for index in ti.static(fields.features.moving_solids):
-        r = ti.cast(position(I, corner, fields.cell), fields.real) - collider_origin(motion, 0, s)
-        if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2):
-            R = collider_axes(motion, 0, s)
+            contact = a.fields.static_contact.plane[I]
+            static_normal = ti.Vector([contact[0], contact[1], contact[2]])
+            if ti.static(a.fields.features.touching):  # noqa: SIM102  (decided when compiling)
+                if not touches_static(a.fields, a.nodes, step.place, I, static_normal, contact[3]):
+                    owner = 0
+        if owner > 0:
+            v = coulomb(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1])
+    for index in ti.static(a.fields.features.moving_solids):
+        r = ti.cast(position(I, corner, a.fields.cell), a.fields.real) - collider_origin(step.motion, 0, step.row)
+        if r.norm_sqr() < ti.static((a.fields.colliders[index].sdf.radius + FACE * a.fields.cell) ** 2):
+            R = collider_axes(step.motion, 0, step.row)
             y = R.transpose() @ r
-            if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
-                n_t, phi = fields.colliders[index].sdf.at(y)
-                if phi < ti.static(FACE * fields.cell):
+            if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
+                n_t, phi = a.fields.colliders[index].sdf.at(y)
+                normal, touches = R @ n_t, phi < ti.static(FACE * a.fields.cell)
+                if ti.static(a.fields.features.touching):  # noqa: SIM102  (decided when compiling)
+                    if touches:
+                        normal = touched_face(a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y,
+                                              n_t, phi)
+                        touches = normal.norm_sqr() > 0
+                if touches:
                     v_bar, surface_bar, normal_bar = coulomb_back(
-                        v, surface_velocity(motion, 0, s, r), R @ n_t, fields.parameters.frictions[index], v_bar)
-                    surface_back(fields, index, motion, motion_bar, s, R, r, y, n_t, surface_bar,
+                        v, surface_velocity(step.motion, 0, step.row, r), normal,
+                        a.fields.parameters.frictions[index], v_bar)
+                    if (normal != R @ n_t).any():  # the material's, which the tool does not turn
+                        material_normal_back(a, step.place, I, normal, normal_bar)
+                        normal_bar = 0.0 * normal_bar
+                    surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_t, surface_bar,
                                  normal_bar, 0.0 * phi)
-    if ti.static(len(fields.features.static_colliders) > 0):
-        v_bar = static_back(fields, I, owner, before, v_bar)
+    if owner > 0:
+        v_bar, _s, _n = coulomb_back(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1],
+                                     v_bar)
     return v_bar
 
 
 @ti.func
-def static_back(fields: ti.template(), I, owner, before, bar):
-    """Return the adjoint of a node's velocity before contact with the static collider that owns it, if one does."""
-    v_bar = bar
-    if owner > 0:
-        contact = fields.static_contact.plane[I]
-        normal = ti.Vector([contact[0], contact[1], contact[2]])
-        v_bar, _s, _n = coulomb_back(before, before * 0.0, normal, fields.parameters.frictions[owner - 1], bar)
-    return v_bar
+def material_normal_back(a: ti.template(), k, I, normal, normal_bar):
+    """Add the adjoints of the masses about node I by which `touched_face` has found the normal of its material."""
+    _here, above, below = masses_about(a.fields, a.nodes, k, I)
+    slope_bar = (normal_bar - normal * normal.dot(normal_bar)) / (above - below).norm(1e-30)
+    for d in ti.static(range(3)):
+        e = ti.Vector([int(c == d) for c in range(3)])
+        if above[d] != below[d]:  # else a wall mirrors the one, or neither is there
+            a.nodes.bars[I + e][3] += slope_bar[d]
+            a.nodes.bars[I - e][3] -= slope_bar[d]
 
 
 @ti.func
@@ -155,7 +172,10 @@ def stop_at_tool_back(fields: ti.template(), P: ti.template(), B: ti.template(),
                 y = R.transpose() @ r
                 if r.norm_sqr() < reach and half > 0 and not fields.colliders[index].sdf.is_beyond(y, half):
                     n_t, phi = fields.colliders[index].sdf.at(y)
-                    if phi < half:
+                    is_pushed = phi < half
+                    if ti.static(fields.features.touching):
+                        is_pushed = is_pushed and not is_at_edge(fields.colliders[index].sdf, y, n_t, phi, fields.cell)
+                    if is_pushed:
                         v_l = ti.Vector([v[d].dot(mask) for d in range(3)])
                         v_bar = ti.Vector([B.v[d][q].dot(mask) for d in range(3)])
                         x_bar = ti.Vector([B.x[d][q].dot(mask) for d in range(3)])

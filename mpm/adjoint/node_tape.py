@@ -18,6 +18,11 @@ class NodeTape:
         """Adjoints of velocity, or momentum, and mass."""
 
     @ti.func
+    def mass(self, fields: ti.template(), k, J):
+        """Return the mass [kg] of a node in substep k, as contact sees it."""
+        return self.folded[k, J[0], J[1], J[2]][3]
+
+    @ti.func
     def record(self, grid: ti.template(), place: ti.template(), k):
         """Copy the nodes of active blocks to entry k of `folded` or `velocities`."""
         for n in range(grid.count[None]):

@@ -2,6 +2,7 @@
 
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
+from mpm.boundaries.facing import GRID_NODES, is_at_edge, touched_face, touches_static
 from mpm.boundaries.mobile_contact import list_node, reduce_by_compliance
 from mpm.geometry.shell import SHELL_FACE
 from mpm.scene.grid import BLOCK
@@ -27,7 +28,7 @@ face (1e-3), too little to throw what a scene begins with inside a tool."""
 @ti.kernel
 def cache_static_contact(static_contact: ti.template(), shape: ti.template(), owner: ti.i32, is_first: ti.i32,
                          pose: ti.types.ndarray(), origin: ti.types.vector(3, ti.f64), cell: ti.f64,
-                         on_gpu: ti.template()):
+                         on_gpu: ti.template(), skips_edges: ti.template()):
     """Store normal and distance (n, phi) of a collider that never moves, at the nodes inside it or on its face.
 
     is_first: what the nodes held before is forgotten.
@@ -42,8 +43,12 @@ def cache_static_contact(static_contact: ti.template(), shape: ti.template(), ow
             static_contact.owner[I] = 0
         c = ti.Vector([pose[0], pose[1], pose[2]])
         R = ti.Matrix([[pose[3], pose[4], pose[5]], [pose[6], pose[7], pose[8]], [pose[9], pose[10], pose[11]]])
-        n, phi = shape.at(R.transpose() @ (ti.cast(I, ti.f64) * cell + origin - c))
-        if phi < FACE * cell and (static_contact.owner[I] == 0 or phi < static_contact.plane[I][3]):
+        y = R.transpose() @ (ti.cast(I, ti.f64) * cell + origin - c)
+        n, phi = shape.at(y)
+        is_closest = static_contact.owner[I] == 0 or phi < static_contact.plane[I][3]
+        if ti.static(skips_edges):
+            is_closest = is_closest and not is_at_edge(shape, y, n, phi, cell)
+        if phi < FACE * cell and is_closest:
             world = R @ n
             static_contact.plane[I] = ti.Vector([world[0], world[1], world[2], phi])
             static_contact.owner[I] = owner + 1
@@ -130,7 +135,7 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
     J = in_first_layer(fields.grid, I)
     place = position(J, origin, fields.cell)
     if ti.static(len(fields.features.static_colliders) > 0):
-        v = collide_with_static(fields, step, J, v, mass, place)
+        v = collide_with_static(fields, step, I, v, mass, place)
     if ti.static(len(fields.features.shells) > 0):
         v = collide_with_shell(fields, step, I, J, v, mass, place)
     for k, index in ti.static(enumerate(fields.features.moving_solids)):
@@ -139,12 +144,19 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
         if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + FACE * fields.cell) ** 2):
             y = R.transpose() @ r
             if not fields.colliders[index].sdf.is_beyond(y, FACE * fields.cell):
-                n_t, phi = fields.colliders[index].sdf.at(y)
-                if phi < ti.static(FACE * fields.cell):
-                    if ti.static(fields.mobile_place[index] >= 0):
-                        list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, R @ n_t)
+                normal, phi = fields.colliders[index].sdf.at(y)
+                touches = phi < ti.static(FACE * fields.cell)
+                if touches:
+                    if ti.static(fields.features.touching):
+                        normal = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y, normal, phi)
+                        touches = normal.norm_sqr() > 0
                     else:
-                        new = coulomb(v, surface_velocity(step.motion, k, step.row, r), R @ n_t,
+                        normal = R @ normal
+                if touches:
+                    if ti.static(fields.mobile_place[index] >= 0):
+                        list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
+                    else:
+                        new = coulomb(v, surface_velocity(step.motion, k, step.row, r), normal,
                                       fields.parameters.frictions[index])
                         credit(step.out, fields.rows.first_collider + index, place, mass * (new - v))
                         v = new
@@ -152,16 +164,21 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
 
 
 @ti.func
-def collide_with_static(fields: ti.template(), step: ti.template(), J, before, mass, place):
+def collide_with_static(fields: ti.template(), step: ti.template(), I, before, mass, place):
     """Return a node's velocity after contact with the static collider that owns the node, if one does."""
     v = before
+    J = in_first_layer(fields.grid, I)
     owner = fields.static_contact.owner[J]
     if owner > 0:
         contact = fields.static_contact.plane[J]
         normal = ti.Vector([contact[0], contact[1], contact[2]])
-        new = coulomb(v, v * 0.0, normal, fields.parameters.frictions[owner - 1])
-        credit(step.out, fields.rows.first_collider + owner - 1, place, mass * (new - v))
-        v = new
+        touches = True
+        if ti.static(fields.features.touching):
+            touches = touches_static(fields, GRID_NODES, 0, I, normal, contact[3])
+        if touches:
+            new = coulomb(v, v * 0.0, normal, fields.parameters.frictions[owner - 1])
+            credit(step.out, fields.rows.first_collider + owner - 1, place, mass * (new - v))
+            v = new
     return v
 
 
@@ -297,7 +314,10 @@ def stop_particle(fields: ti.template(), P: ti.template(), step: ti.template(), 
     y = R.transpose() @ r
     if r.norm_sqr() < ti.static((fields.colliders[index].sdf.radius + 0.5 * fields.cell) ** 2):
         n_t, phi = fields.colliders[index].sdf.at(y)
-        if phi < half:
+        is_pushed = phi < half
+        if ti.static(fields.features.touching):
+            is_pushed = is_pushed and not is_at_edge(fields.colliders[index].sdf, y, n_t, phi, fields.cell)
+        if is_pushed:
             v = ti.Vector([P.v[d][q][lane] for d in range(3)])
             normal = R @ n_t
             approach = (v - surface_velocity(step.motion, k, step.row, r)).dot(normal)

@@ -14,6 +14,9 @@ from mpm.scene.grid import Grid
 from mpm.scene.validation import describe
 from mpm.scene.walls import Walls
 
+CONTACTS = ("near", "touching")
+"""What nodes a solid stops: all that are near it, or those whose material touches one of its faces."""
+
 
 @dataclass(frozen=True)
 class Features:
@@ -45,6 +48,8 @@ class Features:
     """Indices of static colliders."""
     sleep: bool
     """Particles at rest fall asleep."""
+    touching: bool
+    """Solids stop only material that touches one of their faces."""
 
     serial: bool
     """Whether one thread advances the scene; otherwise several threads or a GPU."""
@@ -107,11 +112,14 @@ def choose_numerics(bodies: list[Body], precision: str | None, integrator: str |
 
 
 def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,
-                body_acceleration: bool, strides: bool, sleep: bool = False) -> Features:
+                body_acceleration: bool, strides: bool, sleep: bool = False, contact: str = "near") -> Features:
     """Derive the features of a scene.
 
-    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations.
+    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations; UnknownName for a contact that
+    is not in CONTACTS.
     """
+    if contact not in CONTACTS:
+        raise UnknownName("contact", contact, CONTACTS)
     thin = [isinstance(c.sdf, Shell) for c in colliders]
     mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), walls.periodic
     if sleep and is_shared():
@@ -129,5 +137,5 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         shells=tuple(i for i in range(len(colliders)) if thin[i]),
         mobile=mobile,
         static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
-        sleep=sleep,
+        sleep=sleep, touching=contact == "touching" and any(not t for t in thin),
     )

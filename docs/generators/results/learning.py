@@ -1,13 +1,16 @@
 """Scores of the learning methods, from the committed runs in policies/trained."""
 
+import io
 import json
 from collections import defaultdict
-from statistics import fmean, stdev
+from statistics import fmean, median, stdev
 
+import matplotlib as mpl
 import yaml
 
 from generators.markdown import table
 from generators.results.measured import ROOT
+from policies.results.curves import draw_curves, group_curves
 from policies.results.page import score_table
 from policies.results.staleness import find_stale
 from policies.results.summary import summarise_runs
@@ -49,6 +52,31 @@ def scores_page() -> str:
     return f"""{len(rows)} training runs at {commits}. {age(rows, "tables.json")}
 
 {table(scores.head, [[row[0], f"`{row[1]}`", *row[2:]] for row in scores.rows])}"""
+
+
+def changes_page() -> str:
+    """Scores of the paper's own method with one change at a time: median, worst and best seed."""
+    rows, _ = read_runs("single_changes.json")
+    sweep = yaml.safe_load((ROOT / "configs" / "published" / "single_changes.yaml").read_text())
+    methods = [entry if isinstance(entry, str) else entry["name"] for entry in sweep["methods"]]
+    whole = len(methods) * len(sweep["tasks"]) * len(sweep["seeds"])
+
+    def cell(method: str, task: str, key: str) -> str:
+        values = sorted(row[key] for row in rows if (row["method"], row["task"]) == (method, task))
+        return f"{median(values):.1f} ({values[0]:.1f} to {values[-1]:.1f})" if values else ""
+
+    head = ["change", *(f"{task}, {name}" for task in sweep["tasks"] for name in ("evaluated", "last ten"))]
+    lines = [[f"`{method}`", *(cell(method, task, key) for task in sweep["tasks"]
+                               for key in ("tcs_evaluated", "tcs_last10"))] for method in methods]
+    return f"{len(rows)} of {whole} runs. {age(rows, 'single_changes.json')}\n\n{table(head, lines)}"
+
+
+def changes_figure() -> str:
+    """Their learning curves."""
+    text = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "robosim", "font.size": 9}):
+        draw_curves(text, group_curves(read_runs("single_changes.json")[0]), "svg")
+    return text.getvalue()
 
 
 def release_page() -> str:

@@ -19,7 +19,8 @@ SUBJECTS = {
     "slope": "granular", "heap": "granular", "column_collapse": "granular", "orifice": "granular",
     "sleeping": "granular", "lock_gate": "fluid",
     "shell_leak": "coupling", "closed_system": "coupling", "bar_impact": "coupling", "floating_cube": "coupling",
-    "block_at_rest": "coupling", "carried_load": "coupling", "added_mass": "coupling", "driven_wheel": "coupling",
+    "block_at_rest": "coupling", "sliding_block": "coupling", "carried_load": "coupling", "added_mass": "coupling",
+    "driven_wheel": "coupling",
     "sleeping_scenes": "scenes",
     "ik_poses": "robot", "jerk_limits": "robot", "arm_limits": "robot", "two_models": "robot",
 }

@@ -26,7 +26,7 @@ LAWS = {
 }
 
 
-def scene(*laws, precision: str = "f64", interval: float = STRIDE) -> mpm.Solver:
+def scene(*laws, precision: str = "f64", interval: float = STRIDE, **options) -> mpm.Solver:
     """A block on the floor beside a wall, a lattice tool that comes at it, and a static ball. Nodes of the field lie
     beside those of the tool's lattice: on them its normals jump at the least step."""
     spacing = CELL / 2
@@ -37,7 +37,7 @@ def scene(*laws, precision: str = "f64", interval: float = STRIDE) -> mpm.Solver
     ball = mpm.Collider(mpm.Sdf.sphere(0.02), friction=0.2, static=True,
                         pose=mpm.Pose(np.array([0.09, 0.02, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.14, 0.1, 0.08), CELL), bodies=bodies, colliders=[tool, ball],
-                        walls=mpm.Walls(friction=0.4), precision=precision, transfer_interval=interval)
+                        walls=mpm.Walls(friction=0.4), precision=precision, transfer_interval=interval, **options)
     solver.advance(0.02)
     return solver
 
@@ -59,13 +59,13 @@ def motion(steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", LAWS)
-def test_gradient_by_the_tools_motion(name):
+@pytest.mark.parametrize(("name", "contact"), [*((name, "near") for name in LAWS), ("elastic", "touching")])
+def test_gradient_by_the_tools_motion(name, contact):
     """50 and 500 substeps with contact: cosine with differences at least 0.9999. Sand's stress ends where it is pulled
     apart. Nodes at the wall that hardly hold a grain then leave it or stay by the sign of a rounding error, so that its
     loss jumps by some 1e-9: its differences take a longer step. Over 500 substeps it jumps between their ends, and only
     its derivatives are asked for."""
-    solver = scene(LAWS[name])
+    solver = scene(LAWS[name], contact=contact)
     roll = mpm.Rollout(solver, STEPS, step_dt=SUBSTEPS * solver.dt)
     assert roll.substeps == SUBSTEPS
     linear, angular = motion()

@@ -22,6 +22,7 @@ from robosim.verification.cases.coupling import (
     closed_system,
     floating_cube,
     shell_leak,
+    sliding_block,
 )
 from robosim.verification.cases.fluid import dam_break, hydrostatic, lock_gate
 from robosim.verification.cases.granular import (
@@ -280,6 +281,23 @@ def test_a_block_is_slowed_by_the_wave_in_the_bar() -> None:
 def test_block_rests_on_its_weight(bed: str, offset: float) -> None:
     errors = block_at_rest.measure(bed=bed, offset_cells=offset).errors
     assert all(abs(value) <= block_at_rest.BANDS[name] for name, value in errors.items()), errors
+
+
+@pytest.mark.parametrize("choices", [
+    {"bed": "sand", "start": "lowered"},
+    *(pytest.param(choices, marks=pytest.mark.slow) for choices in (
+        {"bed": "elastic"}, {"bed": "elastic", "friction": 0.0}, {"bed": "sand", "friction": 0.0},
+        {"bed": "sand", "mass": 5.0}, {"bed": "elastic", "mass": 5.0},
+        {"bed": "sand", "mass": 1e-3, "start": "lowered"},
+        {"bed": "sand", "start": "lowered", "cell": 0.005}, {"bed": "elastic", "start": "lowered", "cell": 0.005},
+        {"bed": "sand", "offset_cells": 0.6}, {"bed": "sand", "coupling": "lagged"}))])
+def test_block_slides_by_coulombs_law(choices: dict) -> None:
+    """Nothing holds it at its side, and it lies on the bed, not above it."""
+    errors = sliding_block.measure(**choices).errors
+    kind = "frictionless" if choices.get("friction") == 0.0 else "acceleration"
+    assert abs(errors["acceleration"]) <= sliding_block.BANDS[kind], errors
+    if choices.get("start") == "lowered":
+        assert abs(errors["gap"]) <= sliding_block.BANDS["gap"], errors
 
 
 @pytest.mark.slow

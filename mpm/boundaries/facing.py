@@ -1,0 +1,141 @@
+"""Whether the material of a node can touch the face of a solid next to it.
+
+A node carries the mass of all particles within 1.5 cells. Beside a block that lies flush on a bed, nodes at the level
+of the bed's surface carry the bed's mass: were it stopped at the block's side, the bed would hold the block like a lip.
+What a node holds touches a face where the mass of nodes grows along the face's normal, as it does in front of a wall,
+and where it begins at the face. Beyond a sharp edge nothing is touched: a face holds what is in front of it.
+"""
+
+from mpm.backend import ti
+from mpm.boundaries.periodic import home_node
+from mpm.scene.grid import BLOCK
+
+FACING = 0.37
+"""Least difference of the masses of the nodes in front and behind, relative to their sum, along the normal of a face
+that the material touches. It is 0.7 to 1 for material that fills the space in front of a face, and 0 beside a lip; a
+block that has sunk by half a cell meets what is beside it."""
+GAP = 0.1
+"""Cells between a face and where the material seems to begin, up to which they touch. As nodes reach farther than
+particles, a block would otherwise come to rest half a cell above a bed, and a light one more than a cell."""
+BEGINS = ((0.0, 1.5, -12.5), (0.04, 1.0, -3.125), (0.2, 0.5, -1.613), (0.51, 0.0, -1.53))
+"""Mass of a node relative to that of the next one along the normal, cells from the node to where material begins, and
+their slope up to the next share: by the B-splines of a half space that is filled from there on."""
+SHARP = 0.85
+"""Depth at a small distance behind the closest place of a solid, relative to that distance, below which this place lies
+on an edge. It is 1 behind a face and 0.7 behind a right angle."""
+BEHIND = 0.25
+"""This distance [cells]."""
+
+
+class GridNodes:
+    """The nodes of the grid as they are."""
+
+    @ti.func
+    def mass(self, fields: ti.template(), k, J):
+        """Return the mass [kg] of a node."""
+        return fields.grid.nodes[J][3]
+
+
+GRID_NODES = GridNodes()
+
+
+@ti.func
+def is_at_edge(solid: ti.template(), y, normal, phi, cell: ti.template()):
+    """Return whether the place of a solid that is closest to y (3,), outside at the distance phi, lies on an edge.
+
+    normal: of the solid at y, in its frame, as y.
+    """
+    result = False
+    if phi > 0:
+        _n, inner = solid.at(y - normal * (phi + BEHIND * cell))
+        result = inner > -SHARP * BEHIND * cell
+    return result
+
+
+@ti.func
+def node_mass(fields: ti.template(), nodes: ti.template(), k, I, stamp):
+    """Return the mass [kg] of a node in a substep, negative where it was folded at a wall.
+
+    nodes: whose masses, such as `GridNodes`; k: number of the substep in its stride.
+    """
+    mass = ti.cast(0.0, fields.real)
+    J = I
+    if ti.static(fields.is_periodic):
+        J = home_node(fields, I)
+    if fields.grid.stamp[J // BLOCK] == stamp:
+        mass = nodes.mass(fields, k, J)
+    return mass
+
+
+@ti.func
+def masses_about(fields: ti.template(), nodes: ti.template(), k, I):
+    """Return the masses [kg] of node I, and of the next nodes above and below it along each axis (3,)."""
+    stamp = fields.grid.stamp[I // BLOCK]
+    here = node_mass(fields, nodes, k, I, stamp)
+    above, below = ti.Vector.zero(fields.real, 3), ti.Vector.zero(fields.real, 3)
+    for d in ti.static(range(3)):
+        e = ti.Vector([int(c == d) for c in range(3)])
+        above[d], below[d] = node_mass(fields, nodes, k, I + e, stamp), node_mass(fields, nodes, k, I - e, stamp)
+        if above[d] < 0:  # a wall mirrors what is in front of it
+            above[d] = below[d]
+        if below[d] < 0:
+            below[d] = above[d]
+    return here, above, below
+
+
+@ti.func
+def material_along(normal, here, above, below):
+    """Return whether the mass of nodes grows along a normal as in front of a face, and the cells to where it begins."""
+    along = ti.abs(normal).dot(above + below)
+    front = here
+    for d in ti.static(range(3)):
+        front += ti.abs(normal[d]) * ((above[d] if normal[d] > 0 else below[d]) - here)
+    is_facing = normal.dot(above - below) > FACING * ti.max(along, (above + below).max())
+    return is_facing, distance_to_material(here / ti.max(front, 1e-30))
+
+
+@ti.func
+def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, phi):
+    """Return whether the material of node I touches a face of normal (3,) at the distance phi [m], away from edges.
+
+    nodes, k: see `node_mass`.
+    """
+    here, above, below = masses_about(fields, nodes, k, I)
+    is_facing, cells = material_along(normal, here, above, below)
+    return is_facing and phi + cells * fields.cell < GAP * fields.cell
+
+
+@ti.func
+def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.template(), R, y, n_t, phi):
+    """Return the normal (3,) of the face of a solid that the material of node I touches, zero where it touches none.
+
+    R: axes of the solid; y, n_t, phi: the node, the normal and the distance [m] there in its frame. nodes, k: see
+    `node_mass`. Inside a solid the closest face can be one without material: then the face that the material's own
+    surface looks from decides.
+    """
+    here, above, below = masses_about(fields, nodes, k, I)
+    normal = R @ n_t
+    is_facing, cells = material_along(normal, here, above, below)
+    if not is_facing and phi < 0:
+        normal = (above - below) / (above - below).norm(1e-30)
+        is_facing, cells = material_along(normal, here, above, below)
+        _n, beyond = solid.at(y + fields.cell * (R.transpose() @ normal))
+        cells += beyond / fields.cell - 1.0  # the face lies where this way leaves the solid
+        is_facing = is_facing and beyond > 0
+    else:
+        cells += phi / fields.cell
+        is_facing = is_facing and not is_at_edge(solid, y, n_t, phi, fields.cell)
+    result = normal
+    if not is_facing or cells > GAP:
+        result = 0.0 * normal
+    return result
+
+
+@ti.func
+def distance_to_material(share):
+    """Return the cells from a node to where material begins, by `BEGINS`."""
+    cells = 0.0 * share
+    for least, cells_there, slope in ti.static(BEGINS):
+        if share >= least:
+            cells = cells_there + slope * (share - least)
+    return cells

@@ -1,0 +1,103 @@
+"""Rigid block that slides down an incline of sand or of elastic material.
+
+Measured: the relative error of its acceleration, and how far it sits above the bed. Reference: Coulomb's law,
+g (sin - mu cos). It is laid flush, or lowered from above. While it lies on the bed, nothing meets its sides.
+"""
+
+import math
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.coupling.plugin import GranularPlugin
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.record import Record, TimedSolver
+
+NAME = "sliding_block"
+SOURCE = "Coulomb's law: a = g (sin - mu cos)"
+BANDS = {"acceleration": 0.05, "frictionless": 0.03, "gap": 0.15}
+"""Relative error of the acceleration with friction and without, and cells between block and bed where it slides."""
+BEDS = ("elastic", "sand")
+SWEEP = [*({"bed": b, "start": s, "cell": c} for b in BEDS for s in ("flush", "lowered")
+           for c in (0.008, 0.005, 0.004)),
+         *({"bed": b, "mass": m} for b in BEDS for m in (0.001, 0.1, 5.0)),
+         *({"bed": b, "friction": 0.0} for b in BEDS), *({"bed": b, "coupling": "lagged"} for b in BEDS),
+         *({"bed": b, "contact": "near"} for b in BEDS),
+         {"bed": "sand", "offset_cells": 0.3}, {"bed": "sand", "offset_cells": 0.6}]
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"bed": "sand", "start": "lowered"}, {"bed": "elastic", "friction": 0.0}]
+MAIN_ERROR, RESOLUTION = "acceleration", None
+CLAIMS = (Within("acceleration", BANDS["acceleration"], {"contact": "touching"}),
+          Within("acceleration", BANDS["frictionless"], {"contact": "touching", "friction": 0.0}),
+          Within("gap", BANDS["gap"], {"contact": "touching", "start": "lowered"}))
+INCLINE_DEG, G = 27.0, 9.81
+BED = (0.32, 0.16, 0.032)
+SIDE, HEIGHT = 0.096, 0.03
+"""Of the block [m], which is so large that sand bears 5 kg."""
+HOST_STEP, HELD, SLID = 0.002, 0.15, 0.2
+"""[s]: of MuJoCo; how long the block is kept from sliding; and how long it slides."""
+START = 0.08
+"""Where the block's middle lies at first [m]."""
+
+BLOCK = """
+<mujoco>
+  <option timestep="{host_step}" integrator="implicitfast" gravity="{gx} 0 {gz}"/>
+  <worldbody>
+    <body name="block" pos="{x} {y} {z}">
+      <freejoint/>
+      <geom type="box" size="{half} {half} {half_height}" mass="{mass}" friction="{friction}"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, friction: float = 0.3, cell: float = 0.008,
+            coupling: str = "mobility", offset_cells: float = 0.0, contact: str = "touching",
+            precision: str = "f32") -> Record:
+    """Run the case; return the error of the acceleration.
+
+    bed: "sand" or "elastic". start: "flush" on the bed, or "lowered" from 1.5 cells above it. mass [kg]; cell [m];
+    offset_cells: of the bed's top from a plane of nodes. contact: see `mpm.Solver`.
+    """
+    angle = math.radians(INCLINE_DEG)
+    gravity = np.array([G * math.sin(angle), 0.0, -G * math.cos(angle)])
+    top = BED[2] + offset_cells * cell
+    positions = mpm.sample_box((0.0, 0.0, 0.0), (*BED[:2], top), cell / 2)
+    elastic = bed == "elastic"
+    law = mpm.Elastic(E=5e5, nu=0.0, density=1000.0) if elastic else \
+        mpm.DruckerPrager(E=3e5, nu=0.2, density=1500.0, friction_angle_deg=40.0)
+    solver = mpm.Solver(
+        grid=mpm.Grid((0.0, 0.0, 0.0), (*BED[:2], top + 0.1), cell), precision=precision, gravity=tuple(gravity),
+        bodies=[mpm.Body(law, positions, volume=BED[0] * BED[1] * top / len(positions))], walls=mpm.Walls.all("stick"),
+        contact=contact,  # pyright: ignore[reportArgumentType]
+        # an elastic bed bears the block alone, not itself
+        body_acceleration=np.tile(-gravity, (len(positions), 1)) if elastic else None)
+    height = top + HEIGHT / 2 + (1.5 * cell if start == "lowered" else 0.0)
+    model = mujoco.MjModel.from_xml_string(BLOCK.format(
+        host_step=HOST_STEP, gx=gravity[0], gz=gravity[2], x=START, y=BED[1] / 2, z=height, half=SIDE / 2,
+        half_height=HEIGHT / 2, mass=mass, friction=friction))
+    data = mujoco.MjData(model)
+    plugin = GranularPlugin(model, data, solver, bodies={"block": None}, coupling=coupling)  # pyright: ignore[reportArgumentType]
+    timed, speeds, heights, shares = TimedSolver(solver), [], [], []
+    for step in range(round((HELD + SLID) / HOST_STEP)):
+        if step * HOST_STEP < HELD:
+            data.qvel[[0, 3, 4, 5]] = 0.0
+            if step % 5 == 0:
+                state = solver.state()
+                state["v"] *= 0.8
+                solver.load(state)
+                data.qvel *= 0.8
+        timed.run(plugin.step)
+        if (step - 10) * HOST_STEP > HELD:
+            speeds.append(data.qvel[0])
+            heights.append(data.qpos[2])
+            shares.append(plugin.wrench("block").force)
+    acceleration = np.polyfit(HOST_STEP * np.arange(len(speeds)), speeds, 1)[0]
+    exact = G * (math.sin(angle) - friction * math.cos(angle))
+    along, _, normal = np.mean(shares, axis=0)
+    choices = {"bed": bed, "start": start, "mass": mass, "friction": friction, "cell": cell, "coupling": coupling,
+               "offset_cells": offset_cells, "contact": contact, "precision": precision}
+    errors = {"acceleration": acceleration / exact - 1, "gap": (np.mean(heights) - HEIGHT / 2 - top) / cell}
+    return timed.record(NAME, choices, errors, tangential_share=float(-along / normal))
