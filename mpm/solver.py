@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from mpm.observers.region_counter import MAX_READINGS, Counts, RegionCounter
 from mpm.observers.sample import Sample
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
-from mpm.scene.features import check_colliders, check_scene, choose_numerics, features_of
+from mpm.scene.features import Contact, check_colliders, check_scene, choose_numerics, features_of
 from mpm.scene.grid import ROUNDING, Grid
 from mpm.scene.validation import check_finite, read_array
 from mpm.scene.walls import Walls
@@ -48,17 +47,15 @@ class Solver(Readings):
     - transfer_interval: longest stride [s], the time between two transfers of velocities to the particles; 0: one
       substep. "strides": 3 times that bound, 0 with a fluid; None: the same, and 0 with a mobile collider.
     - sleep: whether particles at rest sleep and cost nothing; a number: a factor on `mpm.stepping.sleep_thresholds`.
-    - contact: "near": a solid stops what is within half a cell of it; "touching": only what touches one of its faces:
-      a block on a bed meets nothing beside it, and rests on the bed instead of half a cell above.
+    - contact: solids stop all material within half a cell, "near", or only what lies at one of their faces, "touching".
     - gravity [m/s^2] (3,); body_acceleration: that of each particle besides gravity [m/s^2] (n_particles, 3).
     """
 
     def __init__(
         self, *, grid: Grid, bodies: list[Body], colliders: list[Collider] | None = None,
-        gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None,
+        gravity: tuple[float, float, float] = (0.0, 0.0, -9.81), walls: Walls | None = None, contact: Contact = "near",
         dt: float | None = None, precision: str | None = None, integrator: str | None = None,
         body_acceleration: np.ndarray | None = None, transfer_interval: Interval = None, sleep: bool | float = False,
-        contact: Literal["near", "touching"] = "near",
     ) -> None:
         check_scene(grid, bodies, colliders, walls)
         self.precision, self.integrator = choose_numerics(bodies, precision, integrator)
@@ -70,12 +67,11 @@ class Solver(Readings):
         self.bound = min(material_bound(grid.cell, body.material) for body in bodies)
         """Bound of an isolated particle [s]; `dt` is accepted up to `stable_step.ACCEPTED_FRACTION` of it."""
         self.requested_dt, self.requested_interval, self.sleep = dt, transfer_interval, read_sleep(sleep)
-        self.contact = contact
         self.dt = choose_step(dt, grid.cell, [body.material for body in bodies])
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
-        self._has_warned_of_held, self._fastest = False, None
+        self._has_warned_of_held, self._fastest, self.contact = False, None, contact
         self._per_particle, self._unsampled = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
         self._has_accelerations = body_acceleration is not None
         self._build()
@@ -95,10 +91,9 @@ class Solver(Readings):
             self.wake()
             origin, cell, static = ti.Vector(self.grid.origin, ti.f64), self.grid.cell, self.features.static_colliders
             for i in static:
-                pose = self.colliders[i].pose
+                place = np.concatenate([self.colliders[i].pose.position, self.colliders[i].pose.matrix.ravel()])
                 cache_static_contact(self.fields.static_contact, self.colliders[i].sdf, i, i == static[0],
-                                     np.concatenate([pose.position, pose.matrix.ravel()]), origin, cell, is_shared(),
-                                     self.features.touching)
+                                     place, origin, cell, is_shared(), self.features.touching)
         self._make_stepper()
         self.sums = np.zeros((self.fields.rows.count, 6))
         """Sums of the last advance, see `LedgerRows`."""

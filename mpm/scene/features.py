@@ -1,6 +1,7 @@
 """What a scene has. Kernels read features inside `ti.static` only: what is absent is not compiled."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from mpm.scene.grid import Grid
 from mpm.scene.validation import describe
 from mpm.scene.walls import Walls
 
+Contact = Literal["near", "touching"]
 CONTACTS = ("near", "touching")
 """What nodes a solid stops: all that are near it, or those whose material touches one of its faces."""
 
@@ -112,7 +114,7 @@ def choose_numerics(bodies: list[Body], precision: str | None, integrator: str |
 
 
 def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, precision: str, integrator: str,
-                body_acceleration: bool, strides: bool, sleep: bool = False, contact: str = "near") -> Features:
+                body_acceleration: bool, strides: bool, sleep: bool = False, contact: Contact = "near") -> Features:
     """Derive the features of a scene.
 
     Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations; UnknownName for a contact that
