@@ -71,9 +71,9 @@ class Solver(Readings):
         self.time, self.steps, self.substep = 0.0, 0, self.dt
         self.counter: RegionCounter | None = None
         self.sample: Sample | None = None
-        self._has_warned_of_held, self._fastest, self.contact = False, None, contact
+        self._has_warned_of_held, self._fastest = False, None
         self._per_particle, self._unsampled = np.zeros((1, 1, 2), np.float32), np.zeros((1, 6), np.float32)
-        self._has_accelerations = body_acceleration is not None
+        self._has_accelerations, self.contact = body_acceleration is not None, contact
         self._build()
         if body_acceleration is not None:
             self.set_body_acceleration(body_acceleration)
@@ -114,8 +114,7 @@ class Solver(Readings):
     def _make_stepper(self) -> None:
         """Compile kernels for the scene and what is attached to it, at their first launch."""
         # where contact moves colliders, the launch itself copies the state
-        checkpoint = self.rollback.allocate() if self.features.mobile else []
-        undo = self.rollback.allocate(UNDO)
+        checkpoint, undo = self.rollback.allocate() if self.features.mobile else [], self.rollback.allocate(UNDO)
         counter, sample = self.counter and self.counter.kernel, self.sample and self.sample.kernel
         self.fields.stamps.is_listed &= not self.features.sleep  # sums and those that use them are of one kernel
         self.stepper = self.assembly.share(("stepper", counter, sample),

@@ -13,7 +13,7 @@ from mpm.scene.grid import BLOCK
 FACING = 0.37
 """Least difference of the masses of the nodes in front and behind, relative to their sum, along the normal of a face
 that the material touches. It is 0.7 to 1 for material that fills the space in front of a face, and 0 beside a lip; a
-block that has sunk by half a cell meets what is beside it."""
+block that has sunk by half a cell meets what lies at its sides."""
 GAP = 0.1
 """Cells between a face and where the material seems to begin, up to which they touch. As nodes reach farther than
 particles, a block would otherwise come to rest half a cell above a bed, and a light one more than a cell."""
