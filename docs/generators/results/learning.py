@@ -63,7 +63,8 @@ def changes_page() -> str:
 
     def cell(method: str, task: str, key: str) -> str:
         values = sorted(row[key] for row in rows if (row["method"], row["task"]) == (method, task))
-        return f"{median(values):.1f} ({values[0]:.1f} to {values[-1]:.1f})" if values else ""
+        return (f"{median(values):.1f} ({values[0]:.1f} to {values[-1]:.1f})" if len(values) > 1 else
+                f"{values[0]:.1f}" if values else "")
 
     head = ["change", *(f"{task}, {name}" for task in sweep["tasks"] for name in ("evaluated", "last ten"))]
     lines = [[f"`{method}`", *(cell(method, task, key) for task in sweep["tasks"]
