@@ -9,7 +9,7 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError
 from robosim.scene.field import build_field, build_tool_sdf, check_field
 from robosim.scene.frames import container_pose
-from robosim.scene.grains import fill
+from robosim.scene.grains import fill, leave_out_buried
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.shapes.vessels import CONTAINER_CORNER, make_container_shell
@@ -25,7 +25,7 @@ def test_material_fills_the_configured_region():
     bottle, rng = load_rehearsal("bottle"), np.random.default_rng(0)
     sdf = build_tool_sdf("bottle", bottle.grain_wall)
     pose = mpm.Pose(np.array([0.7, 0.1, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
-    positions, volume = fill(bottle, sdf, pose, rng)
+    positions, volume = fill(bottle, sdf, {}, pose, rng)
     local, region = positions - pose.position, tool_shape("bottle").interior
     assert region.holds(local).all() and (sdf.distance(local) > 0).all()
     height = local[:, 2].max() - (region.centre[2] - region.half[2])
@@ -33,7 +33,7 @@ def test_material_fills_the_configured_region():
     # a body of 3 cm radius, filled to about 5 cm above its floor
     assert volume * len(positions) == pytest.approx(np.pi * 0.03**2 * 0.052, rel=0.15)
     shovel = load_rehearsal("shovel")
-    positions, volume = fill(shovel, sdf, pose, rng)
+    positions, volume = fill(shovel, sdf, {}, pose, rng)
     assert volume * len(positions) == pytest.approx(0.05 * 0.05 * 0.015, rel=1e-9)
     assert (np.abs(positions - shovel.pile.centre) <= np.array(shovel.pile.half) + 1e-12).all()
     with pytest.raises(ConfigError, match="tool_fill_height = 0.2 m; accepted: up to"):
@@ -65,11 +65,19 @@ def test_a_container_is_filled_up_to_its_rounded_edges() -> None:
     config = load_rehearsal("spoon")
     (source,) = config.sources
     container, size = config.containers[source], read_inner_size(source)
-    positions, volume = fill(config, build_tool_sdf("spoon", config.grain_wall), mpm.Pose.identity(),
-                             np.random.default_rng(0))
     wall = mpm.Sdf.from_mesh(make_container_shell(size), spacing=1e-3)
+    tool = build_tool_sdf("spoon", config.grain_wall)
+    positions, volume = fill(config, tool, {source: wall}, mpm.Pose.identity(), np.random.default_rng(0))
     depth = wall.distance(container_pose(container).inverse().apply(positions))
     assert depth.min() > -0.25 * np.cbrt(volume)
     edges = 4.0 * (1.0 - np.pi / 4.0) * CONTAINER_CORNER**2 * container.fill_height
     held = size[0] * size[1] * container.fill_height - edges
     assert volume * len(positions) == pytest.approx(held, rel=1e-3)
+
+
+def test_grains_in_a_wall_are_left_out() -> None:
+    """Those deeper than a quarter of their distance, and no other."""
+    heights = np.array([-2e-3, -0.6e-3, -0.4e-3, 0.0, 1e-3])
+    points = np.column_stack([np.zeros((5, 2)), 0.01 + heights])
+    kept = leave_out_buried(points, mpm.Sdf.box((0.1, 0.1, 0.01)), 2e-3)
+    assert np.array_equal(kept, points[2:])
