@@ -14,8 +14,8 @@ from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import OwnTool, tool_shape
 
-BURIED = 0.25
-"""Depth in a wall, in distances between grains, from which a grain is left out; from there on the field would warn."""
+BURIED = 0.24
+"""Depth in a wall, in distances between grains, from which a grain is left out, before the field warns of it."""
 BORDER = 1e-6
 """Distance [m] from the region's border within which a grain counts as stopped by it."""
 

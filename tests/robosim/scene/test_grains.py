@@ -76,7 +76,7 @@ def test_a_container_is_filled_up_to_its_rounded_edges() -> None:
 
 
 def test_grains_in_a_wall_are_left_out() -> None:
-    """Those deeper than a quarter of their distance, and no other."""
+    """Those about a quarter of their distance deep, and no other."""
     heights = np.array([-2e-3, -0.6e-3, -0.4e-3, 0.0, 1e-3])
     points = np.column_stack([np.zeros((5, 2)), 0.01 + heights])
     kept = leave_out_buried(points, mpm.Sdf.box((0.1, 0.1, 0.01)), 2e-3)
