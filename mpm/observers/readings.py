@@ -22,8 +22,8 @@ SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
 """Names of the six walls, in the order of folding."""
 
 
-def _received(row: np.ndarray, point: np.ndarray) -> Wrench:
-    """Return what something received, about a point, where a row of the ledger (6,) has what particles received."""
+def received(row: np.ndarray, point: np.ndarray) -> Wrench:
+    """Return what something received, about a point [m] (3,), where a row of the ledger (6,) has what particles did."""
     linear, angular = -row.reshape(2, 3)
     return Wrench(linear, angular - np.cross(np.asarray(point), linear))
 
@@ -134,7 +134,7 @@ class Readings(AssemblyOwner):
         here = self.paths.pose(index).position
         if about is None and index in self.features.mobile:
             return self.mobility.impulse(index)
-        return _received(self.ledger[self.fields.rows.first_collider + index], here if about is None else about)
+        return received(self.ledger[self.fields.rows.first_collider + index], here if about is None else about)
 
     def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a wall received in the last advance.
@@ -144,7 +144,7 @@ class Readings(AssemblyOwner):
         """
         if side not in SIDES:
             raise UnknownName("side", side, SIDES)
-        return _received(self.sums[self.fields.rows.walls + SIDES.index(side)], np.zeros(3) if about is None else about)
+        return received(self.sums[self.fields.rows.walls + SIDES.index(side)], np.zeros(3) if about is None else about)
 
     def momentum_after_advance(self) -> Momentum:
         """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""

@@ -10,12 +10,13 @@ import numpy as np
 
 from mpm.backend import check_owner, default_precision, ti
 from mpm.errors import InvalidValue, SimulationDiverged
-from mpm.geometry.rigid_motion import Pose
+from mpm.geometry.rigid_motion import Pose, Wrench
 from mpm.launching import Launcher
 from mpm.materials.material import PARAMETERS, Material
 from mpm.materials.stable_step import material_bound
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.diagnostics import describe_divergence, warn_of_held
+from mpm.observers.readings import received
 from mpm.observers.region_counter import MAX_READINGS, Counts
 from mpm.observers.sample import SampleKernel
 from mpm.scene.grid import ROUNDING
@@ -129,6 +130,7 @@ class Batch:
         self._per_particle = np.zeros((n * readings, *shape), np.float32)
         self._sampled = np.zeros((n * (len(sample.values) if sample else 1), 6), np.float32)
         self._dts, self._counter = np.zeros(n), counter
+        self._ledgers = np.zeros((n, solver.fields.rows.momentum, 6))
         self._materials = [[body.material for body in solver.bodies] for _ in range(n)]
         self._laws = np.zeros((n, len(solver.bodies), PARAMETERS + 1), solver.dtype)
         for e in range(n):
@@ -181,6 +183,10 @@ class Batch:
         """Return the pose of a collider at the end of an environment's last advance."""
         return self._paths[e].pose(index)
 
+    def collider_impulse(self, e: int, index: int, about: np.ndarray) -> Wrench:
+        """Return what a collider received in an environment's last advance, as `Solver.collider_impulse` does."""
+        return received(self._ledgers[e, self.solver.fields.rows.first_collider + index], about)
+
     def load(self, e: int, state: dict[str, np.ndarray]) -> Counts | None:
         """Load a state (`Solver.state`) into an environment; return the counts of the counter there.
 
@@ -224,6 +230,7 @@ class Batch:
             rows += total
         outcomes: list[list[Counts] | SimulationDiverged] = [[] for _ in plans]
         pieces = [split_launches(max(plan.substeps, 0), plan.interval) for plan in plans]
+        self._ledgers[durations > 0] = 0.0
         for k in range(max(map(len, pieces))):
             launch = [Plan() if k >= len(pieces[e]) or not isinstance(outcomes[e], list) else
                       plan._replace(substeps=pieces[e][k][1], first_row=plan.first_row + pieces[e][k][0],
@@ -231,6 +238,7 @@ class Batch:
             self._launch(launch, np.concatenate(tables, axis=1))
             for e, plan in enumerate(launch):
                 if plan.substeps > 0:
+                    self._ledgers[e] += self._results[e, : self._ledgers.shape[1]]
                     outcomes[e] = self._outcome(e, plan, outcomes[e])
         return outcomes
 

@@ -10,7 +10,7 @@ from trimesh.visual import ColorVisuals
 from mpm.files import write
 from robosim.errors import ConfigError
 from robosim.recordings.reader import Recording
-from robosim.recordings.shapes import export_glb
+from robosim.rendering.body_shapes import export_glb
 
 GRAIN_SHAPE = trimesh.creation.icosahedron()
 

@@ -13,7 +13,7 @@ from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.errors import ConfigError, UnreachableWaypoint
-from robosim.robot.assembly import GRIP_TURNS_DEG, assemble
+from robosim.robot.assembly import GRIP_TURNS_DEG, add_torque_sensors, add_wrist_sensor, assemble
 from robosim.robot.inverse_kinematics import solve_pose, step_towards
 from robosim.robot.joint_control import JointSmoother, Servo
 from robosim.robot.joint_path import solve_path
@@ -24,6 +24,7 @@ from robosim.scene.collisions import ContactCounter
 from robosim.scene.compiled import compile_scene
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import Grasp
+from robosim.senses.arm_sampler import ArmSampler
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
 
@@ -69,8 +70,9 @@ class ArmTool(Carrier):
     """Moves the tool with the arm; the grains push back."""
 
     def __init__(self, task: TaskConfig, solver: mpm.Solver, grasp: Grip, robot: str = IIWA,
-                 gripper: str | None = None) -> None:
+                 gripper: str | None = None, *, has_sensors: bool = False) -> None:
         super().__init__(task)
+        self._has_sensors = has_sensors
         self._solver = solver
         self._task = task
         self._grip: Grip = grasp
@@ -79,7 +81,7 @@ class ArmTool(Carrier):
         self.scene = compile_scene(self.build_spec(), self._assembly)
         self.model = self.scene.model
         self.data = self.robot_data = mujoco.MjData(self.model)
-        self._arm = Arm(self._assembly)
+        self._arm = self.kinematics = Arm(self._assembly)
         self._start_q = np.array(hold.posture)
         self._closing_steps = round(GRASP_TIME / task.step_dt)
         self.data.qpos[self.scene.arm_qpos] = self._start_q
@@ -93,11 +95,17 @@ class ArmTool(Carrier):
         self._torque_ratio = self._lag = 0.0
         self._behind = np.zeros(len(self._start_q))
         self._close_fingers()
+        if has_sensors:
+            self.sensors = ArmSampler(self.scene, self.data, self._arm)
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool_name: TOOL})
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build a new specification of the rigid scene."""
-        return build_scene_spec(self._assembly, self._grip, self._task.containers, self._task.step_dt, contact=True)
+        spec = build_scene_spec(self._assembly, self._grip, self._task.containers, self._task.step_dt, contact=True)
+        if self._has_sensors:
+            add_wrist_sensor(spec, self._assembly)
+            add_torque_sensors(spec, self._assembly)
+        return spec
 
     def _close_fingers(self) -> None:
         """Keep the start posture until the fingers are closed and, in a grasp by friction, carry the tool alone."""
@@ -136,6 +144,8 @@ class ArmTool(Carrier):
         self._contacts.restart()
         self.grasp.restart()
         self.plugin.restart()
+        if self.sensors is not None:
+            self.sensors.restart()
         super().restart(pose)
         return body_pose(self.data, self.scene.tool)
 
@@ -148,7 +158,7 @@ class ArmTool(Carrier):
             "behind": self._behind.copy(),
             "smoother": self._smoother.state(), "saturations": self.servo.saturations, "grasp": self.grasp.state(),
             "demanded_torque": self.servo.demanded_torque.copy(), "contacts": self._contacts.state(),
-            "plugin": self.plugin.state(),
+            "plugin": self.plugin.state(), "sensors": None if self.sensors is None else self.sensors.state(),
         }
 
     def load(self, state: dict[str, Any]) -> None:
@@ -165,6 +175,14 @@ class ArmTool(Carrier):
         self._contacts.load(state["contacts"])
         self.grasp.load(state["grasp"])
         self.plugin.load(state["plugin"])
+        if self.sensors is not None:
+            self.sensors.load(state["sensors"])
+
+    def begin_action(self) -> None:
+        """Forget what sensors have measured so far."""
+        super().begin_action()
+        if self.sensors is not None:
+            self.sensors.begin_action()
 
     def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
         """Advance by steps under commanded velocities; the arm follows within its limits."""
@@ -176,6 +194,8 @@ class ArmTool(Carrier):
             self._apply_torques(target)
             self._q = q
             self.plugin.step()
+            if self.sensors is not None:
+                self.sensors.take()
             self.grasp.measure_slip()
             self._update_readings()
             yield self.plugin.counts[-1], self._solver.collider_pose(TOOL)

@@ -1,5 +1,6 @@
 """Environments of one process that step together: with one field and one launch for all, or with one for each."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -11,14 +12,16 @@ import mpm
 from mpm.backend import check_owner
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.config.tool import ToolConfig
-from robosim.envs.carrier import Carrier
+from robosim.envs.carrier import ORIGIN, Carrier, mean_wrench
 from robosim.envs.episode import Episode, Horizon, check_horizon
 from robosim.envs.start import DEFAULT_START, StartOptions, read_start
 from robosim.envs.world import Memory, Ranges, World, check_options
 from robosim.errors import ConfigError
-from robosim.tasks.actions import ActionScaling, check_action_repeat
+from robosim.senses.perception import PerceptionOptions, Terms
+from robosim.senses.senses import TermOptions
+from robosim.senses.term import SenseScene, Sight
+from robosim.tasks.actions import ActionScaling, DelayLine, check_action_repeat, delay_steps
 from robosim.tasks.counting import TOOL
-from robosim.tasks.observation import Layout
 from robosim.tasks.task import TaskConfig
 
 Info = dict[str, Any]
@@ -39,14 +42,18 @@ class GrainBatch:
     """Of pictures, which it has none of."""
 
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
-                 action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate",
-                 clip_actions: bool = False, randomize: Ranges | None = None,
+                 action_repeat: int = 10, obs: Terms = "flat", flatten: bool = False, latency: float = 0.0,
+                 noise: float = 0.0, dropout: float = 0.0, action_delay: float = 0.0,
+                 privileged: Sequence[TermOptions] = (), horizon: Horizon = "terminate", clip_actions: bool = False,
+                 randomize: Ranges | None = None,
                  autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP, tool: str | ToolConfig | None = None,
                  **numbers: float) -> None:
         check_horizon(horizon)
         self.autoreset_mode = autoreset_mode
-        self.world = World(name, task or name, material=material, obs=obs, numbers=numbers, randomize=randomize,
-                           tool=tool)
+        perception = PerceptionOptions(obs, flatten, privileged, latency, noise, dropout)
+        self.world = World(name, task or name, material=material, perception=perception, numbers=numbers,
+                           randomize=randomize, tool=tool)
+        self.world.observer.build(SenseScene(self.world.task, self.world.material, self.world.solver))
         self.action_repeat = check_action_repeat(action_repeat)
         self.max_episode_steps = -(-self.world.task.steps // self.action_repeat)
         self.batch = mpm.Batch(self.world.solver, n, readings=min(action_repeat, MAX_READINGS))
@@ -57,8 +64,11 @@ class GrainBatch:
         self._rngs: list[np.random.Generator | None] = [None] * n
         self._seeds: list[int | None] = [None] * n
         self._observations: list[Any] = [None] * n
-        self._options = self.world.describe(arm=False, grasp=None, action_repeat=self.action_repeat, horizon=horizon,
-                                            clip_actions=clip_actions)
+        self._senses: list[Any] = [None] * n
+        delay = delay_steps(action_delay, self.world.task.step_dt)
+        self._delays = [DelayLine(delay) for _ in range(n)]
+        self._options = self.world.describe(action_delay=delay, arm=False, grasp=None, horizon=horizon,
+                                            action_repeat=self.action_repeat, clip_actions=clip_actions)
 
     def reset(self, seeds: list[int | None], options: dict[str, Any] | None,
               mask: np.ndarray) -> tuple[list[Any], list[Info]]:
@@ -86,21 +96,29 @@ class GrainBatch:
         tool, pile = world.draw_start(rng, options)
         reading = self.batch.load(e, world.start_state(self._carriers[e].restart(tool), pile))
         assert reading is not None
+        self._delays[e].restart()
         info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading))
-        self._observe(e)
-        return info
+        sight = self._look(e, mpm.Wrench(ORIGIN, ORIGIN))
+        self._senses[e] = world.observer.begin(sight, rng)
+        return info | self._observe(e, sight)
 
-    def _observe(self, e: int) -> None:
-        """Take the observation of environment e."""
-        episode, observer = self.episodes[e], self.world.observer
-        grains = self.batch.sampled(e)[: len(observer.grains)]
-        self._observations[e] = observer.read(grains, episode.pose, episode.counts, episode.progress)
+    def _look(self, e: int, tool_wrench: mpm.Wrench) -> Sight:
+        """Return what the terms of the observation see in environment e."""
+        episode, count = self.episodes[e], len(self.world.observer.grains)
+        return Sight(episode.time, episode.progress, episode.pose, episode.counts, self.batch.sampled(e)[:count],
+                     tool_wrench)
+
+    def _observe(self, e: int, sight: Sight) -> Info:
+        """Take the observation of environment e; return the info's part of it."""
+        self._observations[e] = self.world.observer.read(sight, self._senses[e])
+        return self.world.observer.read_info(sight, self._senses[e])
 
     def state(self, e: int) -> dict[str, Any]:
         """Return the state of environment e, as `GrainEnv.state` does."""
         check_owner()
         self.batch.select(e)
-        memory = Memory(self._rngs[e], self._seeds[e], self._observations[e])
+        memory = Memory(self._rngs[e], self._seeds[e], self._observations[e], self._senses[e],
+                        self._delays[e].waiting)
         return self.world.save(self._options, self.episodes[e], self._carriers[e], memory)
 
     def load(self, e: int, state: dict[str, Any]) -> None:
@@ -113,7 +131,7 @@ class GrainBatch:
         check_options(state, self._options)
         check_running(state, self.autoreset_mode)
         memory = self.world.restore(state, self._options, self.episodes[e], self._carriers[e])
-        self._rngs[e], self._seeds[e], self._observations[e] = memory
+        self._rngs[e], self._seeds[e], self._observations[e], self._senses[e], self._delays[e].waiting = memory
         self.batch.adopt(e)
 
     def step(self, actions: np.ndarray) -> BatchStep:
@@ -131,6 +149,8 @@ class GrainBatch:
                            for episode, rng in zip(self.episodes, self._rngs)])
         left = np.array([0 if now else episode.begin_action(self.action_repeat)
                          for episode, now in zip(self.episodes, starts)])
+        steps = left.copy()
+        self._received = np.zeros((n, 6))
         while left.any():
             left -= self._advance(velocities, np.minimum(left, MAX_READINGS))
             left[[episode.diverged is not None for episode in self.episodes]] = 0
@@ -141,9 +161,12 @@ class GrainBatch:
             if starts[e]:
                 infos[e] = self._start(e)
                 continue
+            sensed: Info = {}
             if episode.diverged is None:
-                self._observe(e)
+                wrench = mean_wrench(self._received[e], steps[e] * self.world.task.step_dt, episode.pose.position)
+                sensed = self._observe(e, self._look(e, wrench))
             rewards[e], terminated[e], truncated[e], infos[e] = episode.end_action()
+            infos[e] |= sensed
             if not episode.running and self.autoreset_mode is AutoresetMode.SAME_STEP:
                 finals[e] = {"final_obs": self._observations[e], "final_info": infos[e]}
                 infos[e] = self._start(e)
@@ -151,8 +174,9 @@ class GrainBatch:
 
     def _advance(self, velocities: list[tuple[np.ndarray, np.ndarray]], steps: np.ndarray) -> np.ndarray:
         """Advance each environment by its number of steps (n,), 0: not at all; return them."""
-        paths = [[carrier.command(*velocity) for _ in range(count)]
-                 for carrier, velocity, count in zip(self._carriers, velocities, steps)]
+        paths = [[carrier.command(linear, angular) for linear, angular, lasts in line.push(velocity, int(count))
+                  for _ in range(lasts)]
+                 for carrier, line, velocity, count in zip(self._carriers, self._delays, velocities, steps)]
         for e, path in enumerate(paths):
             if path:
                 self.batch.set_collider_motion(e, TOOL, self.batch.collider_pose(e, TOOL), *path)
@@ -163,10 +187,13 @@ class GrainBatch:
             else:
                 for reading, pose in zip(outcome, path, strict=True):
                     episode.add_step(self.world.counter.translate(reading), pose)
+        for e in np.flatnonzero(steps):
+            self._received[e] += np.concatenate(self.batch.collider_impulse(int(e), TOOL, ORIGIN))
         return steps
 
     def close(self) -> None:
         """Give the field to the next batch of an equal task; this one is of no more use."""
+        self.world.observer.close()
         self.world.solver.close()
 
 

@@ -12,6 +12,7 @@ from robosim.envs.episode import read_pose
 from robosim.tasks.counting import TOOL, Reading
 from robosim.tasks.task import TaskConfig
 
+ORIGIN = np.zeros(3)
 Step = tuple[Reading, mpm.Pose]
 """The field's reading after a step of `step_dt`, and the tool's pose then."""
 
@@ -24,12 +25,15 @@ class Carrier:
 
     robot_data: Any = None
     """MuJoCo's data of the scene with the arm; None without an arm."""
+    sensors: Any = None
+    """An `ArmSampler`; None without an arm, and where no term of the observation reads it."""
 
     def __init__(self, task: TaskConfig) -> None:
         self._dt = task.step_dt
         self._lower, self._upper = np.array(task.action.lower), np.array(task.action.upper)
         self.commanded = task.start.pose
         """Commanded pose of the tool in the world."""
+        self._received, self._duration = np.zeros(6), 0.0
 
     @property
     def arm_readings(self) -> dict[str, float]:
@@ -43,7 +47,12 @@ class Carrier:
     def restart(self, pose: mpm.Pose) -> mpm.Pose:
         """Begin an episode with the tool commanded to a pose; return the pose that it has."""
         self.commanded = pose
+        self._received, self._duration = np.zeros(6), 0.0
         return pose
+
+    def begin_action(self) -> None:
+        """Forget what sensors have measured so far: they show means over an action."""
+        self._received, self._duration = np.zeros(6), 0.0
 
     def state(self) -> dict[str, Any]:
         """Return what the next step depends on besides the field: arrays and plain values."""
@@ -56,6 +65,13 @@ class Carrier:
     def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
         """Advance by steps under constant velocities [m/s], [rad/s] in world axes, and yield each step."""
         raise NotImplementedError
+
+    def tool_wrench(self, point: np.ndarray) -> mpm.Wrench:
+        """Return the mean force and torque of the grains on the tool in the last action, about a point [m] (3,).
+
+        In world axes; zero with an arm, which has a sensor for it.
+        """
+        return mean_wrench(self._received, self._duration, point)
 
     def command(self, linear: np.ndarray, angular: np.ndarray) -> mpm.Pose:
         """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes, and return it."""
@@ -76,4 +92,13 @@ class KinematicTool(Carrier):
         for first in range(0, steps, MAX_READINGS):
             poses = [self.command(linear, angular) for _ in range(min(MAX_READINGS, steps - first))]
             self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *poses)
-            yield from zip(self._solver.advance(len(poses) * self._dt, readings=len(poses)), poses, strict=True)
+            readings = self._solver.advance(len(poses) * self._dt, readings=len(poses))
+            self._received = self._received + np.concatenate(self._solver.collider_impulse(TOOL, ORIGIN))
+            self._duration += len(poses) * self._dt
+            yield from zip(readings, poses, strict=True)
+
+
+def mean_wrench(impulse: np.ndarray, duration: float, point: np.ndarray) -> mpm.Wrench:
+    """Return the mean wrench about a point [m] (3,) of an impulse (6,) about the world's origin; zero without time."""
+    force, torque = np.split(impulse / (duration or 1.0), [3])
+    return mpm.Wrench(force, torque - np.cross(point, force))

@@ -131,6 +131,11 @@ class Episode:
         """Share of the episode that is over."""
         return self.step_count / self.task.steps
 
+    @property
+    def time(self) -> float:
+        """Since the start of the episode [s]."""
+        return self.step_count * self.task.step_dt
+
     def begin_action(self, action_repeat: int) -> int:
         """Reset the sums of rewards; return the steps of an action, fewer at the end of an episode.
 
@@ -176,5 +181,5 @@ class Episode:
         return {
             "reward_terms": dict(terms), "tcs": self.reward.tcs, "tcs_terms": dict(self.reward.score),
             "readings": self.reward.readings(self.counts), "is_success": self.reward.is_success(self.counts),
-            "time": self.step_count * self.task.step_dt,
+            "time": self.time,
         }

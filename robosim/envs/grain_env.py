@@ -1,6 +1,7 @@
 """The Gymnasium environment that all eight sub-tasks share."""
 
 import copy
+from collections.abc import Sequence
 from typing import Any, get_args
 
 import gymnasium
@@ -14,13 +15,15 @@ from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon, check_open
 from robosim.envs.start import read_start
-from robosim.envs.world import Memory, World
+from robosim.envs.world import NO_GRAINS, Memory, World
 from robosim.errors import ConfigError, RobotDiverged, UnknownName
-from robosim.tasks.actions import ActionScaling, check_action_repeat
+from robosim.senses.perception import PerceptionOptions, Terms
+from robosim.senses.senses import TermOptions
+from robosim.senses.term import SenseScene, Sight
+from robosim.tasks.actions import ActionScaling, DelayLine, check_action_repeat, delay_steps
 from robosim.tasks.counting import TOOL
 from robosim.tasks.handover import Load
 from robosim.tasks.objective import build_objective
-from robosim.tasks.observation import Layout
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig, load_task
 
@@ -40,7 +43,9 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
     def __init__(
         self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
-        action_repeat: int = 10, obs: Layout = "flat", horizon: Horizon = "terminate", clip_actions: bool = False,
+        action_repeat: int = 10, obs: Terms = "flat", flatten: bool = False, latency: float = 0.0,
+        noise: float = 0.0, dropout: float = 0.0, privileged: Sequence[TermOptions] = (), action_delay: float = 0.0,
+        horizon: Horizon = "terminate", clip_actions: bool = False,
         randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
         camera: str = "task", grasp: Grip = "weld", load: Load | None = None,
         tool: str | ToolConfig | None = None, robot: str | None = None, gripper: str | None = None, **numbers: float,
@@ -64,7 +69,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         if type(self).TASK and task is not None:
             self._check_kind(task if isinstance(task, TaskConfig) else load_task(task))
         self.TASK = self.TASK or task_name(self.source)
-        self.world = World(self.TASK or "task", task or self.TASK, material=material, obs=obs, numbers=numbers,
+        self.world = World(self.TASK or "task", task or self.TASK, material=material, numbers=numbers,
+                           perception=PerceptionOptions(obs, flatten, privileged, latency, noise, dropout),
                            randomize=randomize, mobile=arm, load=load, tool=tool)
         self.task, self.material = self.world.task, self.world.material
         self.max_episode_steps = -(-self.task.steps // self.action_repeat)
@@ -74,13 +80,17 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         self.metadata = {**type(self).metadata, "render_fps": rate}
         self.episode = Episode(self.task, horizon)
         self.carrier = self._build_carrier(grasp)
+        self.world.observer.build(SenseScene(self.task, self.material, self.solver, self.carrier if arm else None))
         self.actions = ActionScaling(self.task, clip=clip_actions)
         self.action_space, self.observation_space = self.actions.space, self.world.observer.space
         self.observation_slices = self.world.observer.slices
         self.observation: Any = None
         """The last observation of `reset` or `step`."""
-        self._options = self.world.describe(arm=arm, grasp=grasp if arm else None, action_repeat=self.action_repeat,
-                                            horizon=horizon, clip_actions=clip_actions,
+        self._senses: Any = None
+        self._delay = DelayLine(delay_steps(action_delay, self.task.step_dt))
+        self._options = self.world.describe(action_delay=self._delay.steps, arm=arm, grasp=grasp if arm else None,
+                                            action_repeat=self.action_repeat, horizon=horizon,
+                                            clip_actions=clip_actions,
                                             **({"robot": list(self._robot)} if arm else {}))
         self._renderer, self._is_closed = None, False
 
@@ -108,7 +118,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
             return KinematicTool(self.task, self.solver)
         from robosim.envs.arm_tool import ArmTool
 
-        return ArmTool(self.task, self.solver, grasp, *self._robot)
+        return ArmTool(self.task, self.solver, grasp, *self._robot, has_sensors=self.world.observer.reads_arm)
 
     # episodes -------------------------------------------------------------------------------------------------------
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -128,9 +138,12 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         tool, pile = world.draw_start(self.np_random, start)
         self.solver.load(world.start_state(self.carrier.restart(tool), pile))
         self.counter.restart()
+        self._delay.restart()
         counts, pose = self.counter.read(), self.solver.collider_pose(TOOL)
         info = self.episode.restart(pose, counts)
-        self.observation = world.observer.read(world.grains(), pose, counts, 0.0)
+        sight = self._look(world.grains())
+        self._senses = world.observer.begin(sight, self.np_random)
+        info |= self._observe(sight)
         if self.render_mode == "human":
             self.render()
         return copy.deepcopy(self.observation), info
@@ -145,21 +158,38 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         check_owner()
         check_open("step", self._is_closed)
         episode, world = self.episode, self.world
+        velocity = self.actions.velocities(action)
         steps = episode.begin_action(self.action_repeat)
+        self.carrier.begin_action()
         try:
-            for reading, pose in self.carrier.advance(*self.actions.velocities(action), steps):
-                episode.add_step(self.counter.translate(reading), pose)
+            for linear, angular, count in self._delay.push(velocity, steps):
+                for reading, pose in self.carrier.advance(linear, angular, count):
+                    episode.add_step(self.counter.translate(reading), pose)
         except (mpm.SimulationDiverged, RobotDiverged) as error:
             episode.diverge(error)
+            sensed = {}
         else:
-            grains = world.sample.values if world.sample is not None else world.grains()
-            self.observation = world.observer.read(grains, episode.pose, episode.counts, episode.progress)
+            sensed = self._observe(self._look(NO_GRAINS if world.sample is None else world.sample.values))
         reward, terminated, truncated, info = episode.end_action()
+        info |= sensed
         if self.carrier.arm_readings:
             info["arm"] = dict(self.carrier.arm_readings)
         if self.render_mode == "human":
             self.render()
         return copy.deepcopy(self.observation), reward, terminated, truncated, info
+
+    def _look(self, grains: np.ndarray) -> Sight:
+        """Return what the terms of the observation see now."""
+        episode, pose = self.episode, self.episode.pose
+        return Sight(episode.time, episode.progress, pose, episode.counts, grains,
+                     self.carrier.tool_wrench(pose.position), self.carrier.sensors,
+                     None if self.carrier.robot_data is None else self.carrier.robot_data.qpos)
+
+    def _observe(self, sight: Sight) -> dict[str, Any]:
+        """Take an observation; return the info's part of it."""
+        observer = self.world.observer
+        self.observation = observer.read(sight, self._senses)
+        return observer.read_info(sight, self._senses)
 
     # states ---------------------------------------------------------------------------------------------------------
     def state(self) -> dict[str, Any]:
@@ -169,7 +199,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         """
         check_owner()
         check_open("state", self._is_closed)
-        memory = Memory(self._np_random, self._np_random_seed, self.observation)
+        memory = Memory(self._np_random, self._np_random_seed, self.observation, self._senses,
+                        self._delay.waiting)
         return self.world.save(self._options, self.episode, self.carrier, memory)
 
     def load(self, state: dict[str, Any]) -> None:
@@ -180,7 +211,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         check_owner()
         check_open("load", self._is_closed)
         memory = self.world.restore(state, self._options, self.episode, self.carrier)
-        self._np_random, self._np_random_seed, self.observation = memory
+        self._np_random, self._np_random_seed, self.observation, self._senses, self._delay.waiting = memory
 
     def _travelling(self) -> tuple[Any, ...]:
         return self.state(), self._spec, self.action_space, self.observation_space
@@ -230,4 +261,5 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+        self.world.observer.close()
         self.solver.close()

@@ -4,7 +4,7 @@ import copy
 import hashlib
 import itertools
 import math
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,16 +16,18 @@ from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
 from robosim.envs.start import StartOptions, rotate_grains, settled_state
-from robosim.errors import ConfigError, UnknownName
+from robosim.errors import ConfigError
+from robosim.senses.perception import Perception, PerceptionOptions
 from robosim.tasks.counting import TOOL, TaskCounter
 from robosim.tasks.field import build_solver, largest_step
 from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
-from robosim.tasks.observation import Layout, Observer
 from robosim.tasks.task import TaskConfig, load_task
 
 Ranges = dict[str, tuple[float, float]]
 """Number of a material -> its lowest and highest value."""
-STATE_FORMAT = 1
+NO_GRAINS = np.zeros((0, 6), np.float32)
+STANDARD = PerceptionOptions()
+STATE_FORMAT = 2
 """Raised when a state has other entries."""
 
 
@@ -38,22 +40,26 @@ class Memory(NamedTuple):
     """Of the generator; -1: a generator of the user's own."""
     observation: Any
     """The last one."""
+    senses: Any = None
+    """What the terms of the observation remember of the episode."""
+    waiting: list[Any] = []  # noqa: RUF012  (never changed)
+    """Velocities that the robot has yet to carry out."""
 
 
 class World:
     """A sub-task with a material; one environment runs in it, or a batch of them.
 
-    name: of the file that the settled start is cached in. numbers: of the material, in place of its own. randomize:
-    ranges that each episode draws numbers of the material from. mobile: contact moves the tool, too. load: what
-    another sub-task has left in the tool, in place of the task's own grains and material. tool: in place of the task's.
+    name: of the file that the settled start is cached in. perception: what is observed; `observer.build` completes it.
+    numbers: of the material, in place of its own. randomize: ranges that each episode draws numbers of the material
+    from. mobile: contact moves the tool, too. load: what another sub-task has left in the tool, in place of the task's
+    own grains and material. tool: in place of the task's.
     Raises ConfigError, UnknownName for options that cannot be used.
     """
 
-    def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None, obs: Layout = "flat",
-                 numbers: dict[str, float] | None = None, randomize: Ranges | None = None,
-                 mobile: bool = False, load: Load | None = None, tool: str | ToolConfig | None = None) -> None:
-        if obs not in get_args(Layout):
-            raise UnknownName("obs", obs, get_args(Layout))
+    def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None,
+                 perception: PerceptionOptions = STANDARD, numbers: dict[str, float] | None = None,
+                 randomize: Ranges | None = None, mobile: bool = False, load: Load | None = None,
+                 tool: str | ToolConfig | None = None) -> None:
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
         if tool is not None:
             self.task = self.task.with_tool(tool)
@@ -62,11 +68,11 @@ class World:
         own = load.material if load is not None and material is None else load_material(material or self.task.material)
         self.material = overridden(own, numbers or {}, "option, or number of this material,")
         self.randomize = self._check_ranges(randomize or {})
+        self.observer = Perception(self.task, perception)
         self.load, positions = load, None if load is None else load_positions(self.task, load)
         self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, positions=positions,
                                    volume=None if load is None else load.volume)
         self.counter = TaskCounter(self.task, self.solver)
-        self.observer = Observer(self.task, self.solver, obs)
         self.sample = mpm.Sample(self.solver, self.observer.grains) if len(self.observer.grains) else None
         self.counter.attach(self.sample)
         if load is None:
@@ -125,8 +131,7 @@ class World:
 
     def grains(self) -> np.ndarray:
         """Return position [m] and velocity [m/s] of the observed grains (n, 6) in the solver's present state."""
-        return self.sample.read() if self.sample is not None else np.zeros((0, 6), np.float32)
-
+        return self.sample.read() if self.sample is not None else NO_GRAINS
 
     # states ---------------------------------------------------------------------------------------------------------
     def describe(self, **options: Any) -> dict[str, Any]:
@@ -139,7 +144,7 @@ class World:
             "material": type(self.material).__name__,
             **{f"material.{name}": getattr(self.material, name).value for name in numbers},
             "randomize": {name: [float(value) for value in pair] for name, pair in self.randomize.items()},
-            "obs": self.observer.layout, "load": None if load is None else f"{load.count} grains, {handed}",
+            "obs": self.observer.describe(), "load": None if load is None else f"{load.count} grains, {handed}",
             "precision": self.solver.precision,
         }
 
@@ -156,7 +161,8 @@ class World:
             "options": dict(options), "solver": solver.state(), "material": dict(vars(solver.bodies[0].material)),
             "momentum": momentum, "counter": self.counter.state(), "episode": episode.state(),
             "carrier": carrier.state(), "generator": generator, "seed": memory.seed,
-            "observation": copy.deepcopy(memory.observation),
+            "observation": copy.deepcopy(memory.observation), "senses": copy.deepcopy(memory.senses),
+            "waiting": copy.deepcopy(memory.waiting),
         }
 
     def restore(self, state: Any, options: dict[str, Any], episode: Episode, carrier: Carrier) -> Memory:
@@ -168,7 +174,8 @@ class World:
         solver = self.solver
         before = episode.state(), carrier.state(), self.counter.state(), solver.bodies[0].material
         try:
-            memory = Memory(read_generator(state["generator"]), state["seed"], copy.deepcopy(state["observation"]))
+            memory = Memory(read_generator(state["generator"]), state["seed"], copy.deepcopy(state["observation"]),
+                            copy.deepcopy(state["senses"]), copy.deepcopy(state["waiting"]))
             momentum = None if state["momentum"] is None else Momentum(*np.array(state["momentum"], float))
             episode.load(state["episode"])
             carrier.load(state["carrier"])

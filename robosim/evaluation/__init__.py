@@ -1,6 +1,7 @@
 """Scoring of policies: one task, many materials, and the bundled policies.
 
-Imports: config, envs, errors, recordings, rehearsal, rendering, reports, robot, scene, shapes, tasks, viewer, mpm.
+Imports: config, envs, errors, recordings, rehearsal, rendering, reports, robot, scene, senses,
+shapes, tasks, viewer, mpm.
 """
 
 POLICIES = ("zero", "random", "scripted", "learned")

@@ -6,13 +6,14 @@ from typing import Any
 import mujoco
 
 from robosim.envs.grain_env import GrainEnv
-from robosim.envs.picture import build_task_spec, place_tool
 from robosim.recordings.header import CurveEntry, RegionEntry, region_entry
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.reports.provenance import commit
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import container_region
+from robosim.senses.task_scene import build_task_spec, place_tool
 from robosim.shapes import tool_shape
+from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
 
 CURVES = [CurveEntry(name="delivered", unit="%", chart="grains"), CurveEntry(name="spilled", unit="%", chart="grains"),
@@ -54,7 +55,8 @@ class EpisodeRecorder:
 
     def _place(self) -> None:
         env = self._env
-        place_tool(self._data, env.solver, env.carrier.robot_data)
+        robot = env.carrier.robot_data
+        place_tool(self._data, env.solver.collider_pose(TOOL), None if robot is None else robot.qpos)
         self._data.time = env.step_count * env.task.step_dt
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)

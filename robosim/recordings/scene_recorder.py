@@ -11,8 +11,8 @@ import mpm
 from robosim.errors import ConfigError
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, CurveEntry, RecordingHeader, four, three
-from robosim.recordings.shapes import body_shapes
 from robosim.recordings.writer import RecordingWriter
+from robosim.rendering.body_shapes import body_shapes
 
 FRAME_RATE = 20.0
 """Frames per second of simulated time, unless one asks for others."""

@@ -20,6 +20,50 @@ def check_action_repeat(action_repeat: int) -> int:
     return int(action_repeat)
 
 
+Velocity = tuple[np.ndarray, np.ndarray]
+"""Linear [m/s] (3,) and angular [rad/s] (3,) velocity of the tool, in world axes."""
+LONGEST_DELAY = 10.0
+"""[s]"""
+
+
+def delay_steps(delay: float, step_dt: float) -> int:
+    """Return the steps of a delay [s]; raises ConfigError for one that is no multiple of step_dt [s]."""
+    steps = round(delay / step_dt) if 0.0 <= delay <= LONGEST_DELAY else -1
+    if steps < 0 or abs(steps * step_dt - delay) > 1e-6:
+        raise ConfigError(f"action_delay = {delay} s; accepted: 0 to {LONGEST_DELAY:g} s, a multiple of {step_dt:g} s")
+    return steps
+
+
+class DelayLine:
+    """Velocities that were commanded and that the robot has yet to carry out; at rest in the beginning.
+
+    steps: for which each is delayed.
+    """
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin an episode."""
+        rest = (np.zeros(3), np.zeros(3), self.steps)
+        self.waiting: list[tuple[np.ndarray, np.ndarray, int]] = [rest] if self.steps else []
+        """Velocities with the steps that each will last."""
+
+    def push(self, velocity: Velocity, steps: int) -> list[tuple[np.ndarray, np.ndarray, int]]:
+        """Command a velocity for some steps; return the velocities that are carried out in them, with their steps."""
+        self.waiting.append((*velocity, steps))
+        due: list[tuple[np.ndarray, np.ndarray, int]] = []
+        while steps:
+            linear, angular, left = self.waiting.pop(0)
+            now = min(left, steps)
+            due.append((linear, angular, now))
+            if left > now:
+                self.waiting.insert(0, (linear, angular, left - now))
+            steps -= now
+        return due
+
+
 class ActionScaling:
     """The action space of a sub-task and the tool velocities that its numbers stand for.
 
@@ -31,7 +75,7 @@ class ActionScaling:
         self.space, self.clip = gymnasium.spaces.Box(-1.0, 1.0, (n,), np.float32), clip
         self._scale = np.array([task.action.speed] * 3 + [task.action.angular_speed] * (n - 3))
 
-    def velocities(self, action: np.ndarray, name: str = "action") -> tuple[np.ndarray, np.ndarray]:
+    def velocities(self, action: np.ndarray, name: str = "action") -> Velocity:
         """Convert an action (dimensions,) to linear [m/s] (3,) and angular [rad/s] (3,) velocity.
 
         Both are of the tool, in world axes. name: what messages call the action.

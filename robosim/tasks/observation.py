@@ -49,39 +49,10 @@ class Observer:
             return {"particles": grains.copy(), "tool": tool.astype(np.float32),
                     "time": np.array([progress], np.float32)}
         if self.layout == "moments":
-            values = self._moments(grains, pose, counts)
+            values = moments(self.task, grains, pose, counts)
         else:
             values = {"positions": grains[:, :3], "velocities": grains[:, 3:]}.get(self.layout, grains).ravel()
         return np.concatenate([values, tool, [progress]], dtype=np.float32, casting="same_kind")
-
-    def _moments(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts) -> np.ndarray:
-        """Return statistics of all grains, in the order of `_moment_bounds`."""
-        x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
-        n, counted = len(x), self.task.grains.counted
-        candidates = n if self.task.grains.elites else counted
-        centre = x.mean(0)
-        covariance = np.cov(x.T)[np.triu_indices(3)]
-        parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
-                 centre - self.task.goal, pose.inverse().apply(centre[None])[0],
-                 [counts.held / candidates, counts.on_target / candidates, counts.lost / counted]]
-        if self.task.container is not None:
-            parts.append([counts.touching / n, min(counts.clearance, 0.1)])
-        return np.concatenate(parts)
-
-    def _moment_bounds(self) -> dict[str, Bounds]:
-        """Return the parts of the layout "moments" with their bounds."""
-        (lower, _), (upper, fastest) = np.split(self._row[0], 2), np.split(self._row[1], 2)
-        diagonal = np.full(3, np.linalg.norm(upper - lower))
-        bounds = {
-            "centre": (lower, upper), "velocity": (-fastest, fastest),
-            "covariance": (-np.full(6, 1.0), np.full(6, 1.0)), "extent": (np.tile(lower, 2), np.tile(upper, 2)),
-            "velocity_spread": (0 * fastest, fastest),
-            "from_goal": (lower - self.task.goal, upper - self.task.goal), "in_tool_frame": (-diagonal, diagonal),
-        }
-        bounds |= {name: (np.zeros(1), np.ones(1)) for name in ("held", "on_target", "lost")}
-        if self.task.container is not None:
-            bounds |= {"touching": (np.zeros(1), np.ones(1)), "clearance": (-np.full(1, 0.1), np.full(1, 0.1))}
-        return bounds
 
     def _build_space(self) -> gymnasium.Space:
         """Return the observation space, and note the slices of a flat one."""
@@ -92,7 +63,7 @@ class Observer:
             chosen = columns[self.layout]
             parts["particles"] = (np.tile(low[chosen], n), np.tile(high[chosen], n))
         if self.layout == "moments":
-            parts |= self._moment_bounds()
+            parts |= moment_bounds(self.task, self._row)
         parts |= {"tool": tool_bounds(self.task, self._grid), "time": (np.zeros(1), np.ones(1))}
         if self.layout == "dict":
             spaces: dict[str, gymnasium.Space[Any]] = {name: _box(*bounds) for name, bounds in parts.items()}
@@ -103,6 +74,37 @@ class Observer:
             self.slices[name] = slice(begin, begin + len(lowest))
             begin += len(lowest)
         return _box(np.concatenate([b[0] for b in parts.values()]), np.concatenate([b[1] for b in parts.values()]))
+
+
+def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts) -> np.ndarray:
+    """Return statistics of all grains, in the order of `moment_bounds`; arguments as of `Observer.read`."""
+    x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
+    n, counted = len(x), task.grains.counted
+    candidates = n if task.grains.elites else counted
+    centre = x.mean(0)
+    covariance = np.cov(x.T)[np.triu_indices(3)]
+    parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0), centre - task.goal,
+             pose.inverse().apply(centre[None])[0],
+             [counts.held / candidates, counts.on_target / candidates, counts.lost / counted]]
+    if task.container is not None:
+        parts.append([counts.touching / n, min(counts.clearance, 0.1)])
+    return np.concatenate(parts)
+
+
+def moment_bounds(task: TaskConfig, row: Bounds) -> dict[str, Bounds]:
+    """Return the parts of `moments` with their bounds; row: those of a grain, from `grain_bounds`."""
+    (lower, _), (upper, fastest) = np.split(row[0], 2), np.split(row[1], 2)
+    diagonal = np.full(3, np.linalg.norm(upper - lower))
+    bounds = {
+        "centre": (lower, upper), "velocity": (-fastest, fastest),
+        "covariance": (-np.full(6, 1.0), np.full(6, 1.0)), "extent": (np.tile(lower, 2), np.tile(upper, 2)),
+        "velocity_spread": (0 * fastest, fastest),
+        "from_goal": (lower - task.goal, upper - task.goal), "in_tool_frame": (-diagonal, diagonal),
+    }
+    bounds |= {name: (np.zeros(1), np.ones(1)) for name in ("held", "on_target", "lost")}
+    if task.container is not None:
+        bounds |= {"touching": (np.zeros(1), np.ones(1)), "clearance": (-np.full(1, 0.1), np.full(1, 0.1))}
+    return bounds
 
 
 def grain_bounds(grid: mpm.Grid, dt: float) -> Bounds:

@@ -14,9 +14,9 @@ from robosim.errors import ConfigError
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, RecordingHeader
 from robosim.recordings.reader import Recording
-from robosim.recordings.shapes import export_glb
 from robosim.recordings.writer import RecordingWriter
 from robosim.rehearsal.readings import name_columns
+from robosim.rendering.body_shapes import export_glb
 from robosim.rendering.video import Mp4Writer
 
 FRAMES, ROWS, GRAINS = 6, 40, 300

@@ -13,7 +13,7 @@ import mpm
 from robosim import GranularPlugin
 from robosim.recordings.reader import Recording
 from robosim.recordings.scene_recorder import SceneRecorder
-from robosim.recordings.shapes import body_shapes
+from robosim.rendering.body_shapes import body_shapes
 
 SCENE = """
 <mujoco>

@@ -20,7 +20,7 @@ GRAINS, FRAMES, RATE = 50_000, 60, 20.0
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return three seconds of an arm of seven links that turns over a bed of 50 000 grains."""
-    from robosim.recordings.shapes import body_shapes
+    from robosim.rendering.body_shapes import body_shapes
     from robosim.robot.assembly import assemble
     from robosim.robot.mjspec import compile_spec
 

@@ -14,6 +14,8 @@ LEAST_FACES, LEFT_OUT = 600, 0.5
 """Meshes with more faces are drawn without this share: a browser without a GPU draws twice as fast."""
 FLOOR_SIZE = 6.0
 """Edge of the square that is drawn for an infinite plane [m]."""
+FAR_FLOOR = 200.0
+"""The same where distances are measured."""
 DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)
 """Of a geom without colour; then its material's holds."""
 
@@ -55,13 +57,19 @@ def _material(model: mujoco.MjModel, geom: int, colour: np.ndarray) -> PBRMateri
                        alphaMode="BLEND" if colour[3] < 1.0 else "OPAQUE")
 
 
-def geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
-    """Return the surface of a geom in its body's frame [m]; None for kinds that have none."""
+def geom_mesh(model: mujoco.MjModel, geom: int, *, exact: bool = False) -> trimesh.Trimesh | None:
+    """Return the surface of a geom in its body's frame [m]; None for kinds that have none.
+
+    exact: with all its faces, instead of fewer that are shaded smoothly.
+    """
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
-    mesh = _surface(model, geom, kind, size)
+    mesh = _surface(model, geom, kind, size, FAR_FLOOR if exact else FLOOR_SIZE)
     if mesh is None:
         return None
-    mesh = mesh if kind == mujoco.mjtGeom.mjGEOM_BOX else trimesh.graph.smooth_shade(mesh, np.radians(SHARP_DEG))
+    if not exact and len(mesh.faces) > LEAST_FACES and kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = mesh.simplify_quadric_decimation(percent=LEFT_OUT)
+    if not exact and kind != mujoco.mjtGeom.mjGEOM_BOX:
+        mesh = trimesh.graph.smooth_shade(mesh, np.radians(SHARP_DEG))
     transform = np.eye(4)
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
@@ -70,8 +78,9 @@ def geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
     return mesh
 
 
-def _surface(model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, size: np.ndarray) -> trimesh.Trimesh | None:
-    """Return the surface of a geom in its own frame."""
+def _surface(model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, size: np.ndarray,
+             floor: float) -> trimesh.Trimesh | None:
+    """Return the surface of a geom in its own frame; floor: edge [m] of an infinite plane."""
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_BOX:
         mesh = trimesh.creation.box(2.0 * size)
@@ -85,7 +94,7 @@ def _surface(model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, size: np.nd
     if kind == kinds.mjGEOM_CAPSULE:
         return trimesh.creation.capsule(2.0 * size[1], size[0], count=(16, 16))
     if kind == kinds.mjGEOM_PLANE:
-        extent = np.where(size[:2] > 0.0, 2.0 * size[:2], FLOOR_SIZE)
+        extent = np.where(size[:2] > 0.0, 2.0 * size[:2], floor)
         return trimesh.creation.box([*extent, 1e-4])
     if kind == kinds.mjGEOM_MESH:
         return _asset(model, int(model.geom_dataid[geom]))
@@ -97,8 +106,7 @@ def _surface(model: mujoco.MjModel, geom: int, kind: mujoco.mjtGeom, size: np.nd
 def _asset(model: mujoco.MjModel, mesh: int) -> trimesh.Trimesh:
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
     faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-    surface = trimesh.Trimesh(vertices.astype(float), faces)
-    return surface if len(faces) <= LEAST_FACES else surface.simplify_quadric_decimation(percent=LEFT_OUT)
+    return trimesh.Trimesh(vertices.astype(float), faces)
 
 
 def _height_field(model: mujoco.MjModel, field: int) -> trimesh.Trimesh:

@@ -1,0 +1,92 @@
+"""Depth pictures of a MuJoCo scene with its grains, without OpenGL."""
+
+import mujoco
+import numpy as np
+
+import mpm
+from mpm.observers.depth_image import DepthImage, Lens, Parts
+from robosim.errors import UnknownName
+from robosim.rendering.body_shapes import SHOWN_GROUPS, geom_colour, geom_mesh
+from robosim.rendering.grain_skin import make_crystals
+
+TO_IMAGE = np.diag([1.0, -1.0, -1.0])
+"""From a MuJoCo camera's axes (y up, looks along -z) to those of its picture (y down, looks along z)."""
+
+
+class DepthCamera:
+    """A camera of a model, which sees what films show of its bodies, and grains.
+
+    camera: its name. width, height: of its picture in pixels. grains: their number; radius: mean radius [m] with which
+    they are drawn, as in films. Raises UnknownName for a camera that the model does not have.
+    """
+
+    def __init__(self, model: mujoco.MjModel, camera: str, width: int, height: int, grains: int, radius: float) -> None:
+        names = [model.camera(k).name for k in range(model.ncam)]
+        if camera not in names:
+            raise UnknownName("camera", camera, names)
+        self.model, self._camera = model, model.camera(camera).id
+        self.lens = Lens.from_fovy(width, height, float(model.cam_fovy[self._camera]))
+        self._image = DepthImage(self.lens)
+        crystals = make_crystals(grains, radius)
+        self._facets = np.ascontiguousarray(crystals, np.float32).reshape(grains, -1, 3, 3)
+        self._radius = float(np.linalg.norm(crystals, axis=-1).max())
+        moving = can_move(model)
+        self._still, self._moving = (read_triangles(model, moving == flag) for flag in (False, True))
+        self._is_fixed = not moving[model.cam_bodyid[self._camera]]
+        self._background: np.ndarray | None = None
+
+    def look(self, data: mujoco.MjData) -> mpm.Pose:
+        """Return the camera's pose for data's joints and mocap bodies: axes x right, y down, z forward."""
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        mujoco.mj_camlight(self.model, data)
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, (data.cam_xmat[self._camera].reshape(3, 3) @ TO_IMAGE).ravel())
+        return mpm.Pose(data.cam_xpos[self._camera].copy(), quaternion)
+
+    def depth(self, data: mujoco.MjData, pose: mpm.Pose, grains: np.ndarray) -> np.ndarray:
+        """Return the depth [m] along the optical axis (height, width), float32; infinite where nothing is seen.
+
+        pose: what `look` returned for the same data. grains (n, 3 or more), float32: their positions [m].
+        """
+        R, frames = pose.matrix.T, np.empty((self.model.nbody, 12))
+        frames[:, :9] = (R @ data.xmat.reshape(-1, 3, 3)).reshape(-1, 9)
+        frames[:, 9:] = (data.xpos - pose.position) @ R.T
+        if self._background is None or not self._is_fixed:
+            self._background = self._image.empty()
+            self._image.draw_parts(self._still, frames, self._background)
+        depth = self._background.copy()
+        self._image.draw_parts(self._moving, frames, depth)
+        world = np.concatenate([R.ravel(), -R @ pose.position])
+        self._image.draw_grains(grains, self._facets, world, self._radius, depth)
+        return depth
+
+    def points(self, depth: np.ndarray, pose: mpm.Pose) -> np.ndarray:
+        """Return the points [m] (height, width, 3) of the world that a depth picture shows."""
+        lens = self.lens
+        columns = (np.arange(lens.width) + 0.5 - lens.cx) / lens.fx
+        rows = (np.arange(lens.height) + 0.5 - lens.cy) / lens.fy
+        rays = np.stack(np.broadcast_arrays(columns[None], rows[:, None], 1.0), axis=-1)
+        return pose.apply((rays * depth[..., None]).reshape(-1, 3)).reshape(*depth.shape, 3)
+
+
+def can_move(model: mujoco.MjModel) -> np.ndarray:
+    """Return which bodies (nbody,) can move: with a joint, on a mocap body, or on a body that can move."""
+    moves = np.zeros(model.nbody, bool)
+    for body in range(1, model.nbody):
+        moves[body] = moves[model.body_parentid[body]] or model.body_dofnum[body] > 0 or model.body_mocapid[body] >= 0
+    return moves
+
+
+def read_triangles(model: mujoco.MjModel, chosen: np.ndarray) -> Parts:
+    """Return the triangles of what is drawn of the bodies chosen (nbody,); each body is a part."""
+    triangles, bodies = [np.zeros((0, 3, 3))], [np.zeros(0, int)]
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if not chosen[body] or model.geom_group[geom] not in SHOWN_GROUPS or geom_colour(model, geom)[3] == 0.0:
+            continue
+        mesh = geom_mesh(model, geom, exact=True)
+        if mesh is not None:
+            triangles.append(np.asarray(mesh.triangles))
+            bodies.append(np.full(len(mesh.faces), body))
+    return Parts(np.concatenate(triangles), np.concatenate(bodies), model.nbody)

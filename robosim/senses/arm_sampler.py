@@ -1,0 +1,72 @@
+"""Readings of the arm's sensors, averaged over the steps of an action."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robosim.robot.joint_control import TorqueSensors
+from robosim.robot.model import Arm
+from robosim.scene.compiled import Scene
+
+SUMS = ("torque", "external", "wrist")
+
+
+class ArmSampler:
+    """Takes a sample after each step; `ArmSensors` says what it has.
+
+    The scene needs the sensors that `robosim.robot.assembly` adds.
+    """
+
+    def __init__(self, scene: Scene, data: mujoco.MjData, arm: Arm) -> None:
+        self._scene, self._data, self._arm = scene, data, arm
+        self._sensors = TorqueSensors(scene.model, data, arm)
+        self._wrist = np.concatenate([scene.model.sensor(f"wrist_{kind}").adr[0] + np.arange(3)
+                                      for kind in ("force", "torque")])
+        self.restart()
+
+    def restart(self) -> None:
+        """Take the first sample of an episode, at rest."""
+        self.begin_action()
+        self._before = self.q.copy(), self.qd.copy()
+        self.take()
+
+    def begin_action(self) -> None:
+        """Forget the samples taken so far."""
+        n = len(self._arm.joints)
+        self._count = 0
+        self.torque, self.external, self.wrist = np.zeros(n), np.zeros(n), np.zeros(6)
+
+    def take(self) -> None:
+        """Take a sample after a step of MuJoCo, whose sensors show the state at its begin."""
+        acceleration = self._data.qacc[self._scene.arm_dofs]
+        sample = (self._sensors.read(), self._sensors.estimate_external(*self._before, acceleration),
+                  self._data.sensordata[self._wrist])
+        self._before = self.q.copy(), self.qd.copy()
+        self._count += 1
+        for name, value in zip(SUMS, sample):
+            mean = getattr(self, name)
+            setattr(self, name, mean + (value - mean) / self._count)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Joint angles [rad] (n,)."""
+        return self._data.qpos[self._scene.arm_qpos]
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Joint speeds [rad/s] (n,)."""
+        return self._data.qvel[self._scene.arm_dofs]
+
+    def state(self) -> dict[str, Any]:
+        """Return the means so far: arrays and plain values."""
+        return {name: np.array(getattr(self, name)) for name in SUMS} | \
+            {"count": self._count, "before": np.array(self._before)}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        for name in SUMS:
+            setattr(self, name, np.array(state[name]))
+        self._count = state["count"]
+        q, qd = np.array(state["before"])
+        self._before = q, qd

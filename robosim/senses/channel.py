@@ -1,0 +1,83 @@
+"""The way of a value from its sensor to the policy: rate, noise, latency and dropout."""
+
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+
+from robosim.errors import ConfigError
+from robosim.senses.term import Sight, Term, check_option
+
+TIMING = ("rate", "latency", "noise", "dropout")
+"""Options that every term has besides its own."""
+LONGEST = 10.0
+"""Largest latency [s]: longer than half an episode."""
+ROUNDING = 1e-9
+"""Tolerance [s] of times that are sums of steps."""
+
+
+class Timing(NamedTuple):
+    """How a sensor's values reach the policy."""
+
+    rate: float | None = None
+    """Values per second; None: one for each action. Between two values the last one is repeated."""
+    latency: float = 0.0
+    """Age [s] that a value has when it is delivered; the first of an episode is delivered at once."""
+    noise: float = 0.0
+    """Standard deviation of white noise, in the term's units."""
+    dropout: float = 0.0
+    """Probability that a value is lost; the one before is repeated."""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether it draws numbers."""
+        return self.noise > 0.0 or self.dropout > 0.0
+
+
+def read_timing(term: str, options: dict[str, Any]) -> Timing:
+    """Take the options TIMING out of a term's options; raises ConfigError for numbers that cannot be used."""
+    rate = options.pop("rate", None)
+    return Timing(None if rate is None else check_option(term, "rate", rate, 1e-3, 1e6),
+                  check_option(term, "latency", options.pop("latency", 0.0), 0.0, LONGEST),
+                  check_option(term, "noise", options.pop("noise", 0.0), 0.0, 1e6),
+                  check_option(term, "dropout", options.pop("dropout", 0.0), 0.0, 0.999))
+
+
+class Channel:
+    """A term with its timing. An episode's memory is a dictionary of arrays and plain values."""
+
+    def __init__(self, term: Term, timing: Timing) -> None:
+        if timing.noise > 0.0 and term.space.dtype == np.uint8:
+            raise ConfigError(f"obs: {term.name}: noise = {timing.noise}; accepted: 0, or a term of real numbers")
+        self.term, self.timing = term, timing
+
+    @property
+    def space(self) -> gymnasium.spaces.Box:
+        """The term's space."""
+        return self.term.space
+
+    def begin(self, sight: Sight) -> dict[str, Any]:
+        """Return the memory of an episode that starts now."""
+        return {"term": self.term.begin(sight), "line": [], "delivered": None, "next": sight.time}
+
+    def read(self, sight: Sight, memory: dict[str, Any], rng: np.random.Generator) -> np.ndarray:
+        """Return the value that the policy gets now, in an array of its own."""
+        timing, line = self.timing, memory["line"]
+        if sight.time >= memory["next"] - ROUNDING:
+            line.append((sight.time, self._measure(sight, memory, rng)))
+            memory["next"] = sight.time if timing.rate is None else memory["next"] + 1.0 / timing.rate
+        while len(line) > 1 and line[1][0] <= sight.time - timing.latency + ROUNDING:
+            line.pop(0)
+        lost = timing.dropout > 0.0 and memory["delivered"] is not None and rng.uniform() < timing.dropout
+        if not lost:
+            memory["delivered"] = line[0][1]
+        return np.array(memory["delivered"])
+
+    def _measure(self, sight: Sight, memory: dict[str, Any], rng: np.random.Generator) -> np.ndarray:
+        """Return a new value, inside the space."""
+        value = np.asarray(self.term.measure(sight, memory["term"], rng))
+        if self.timing.noise > 0.0:
+            value = value + self.timing.noise * rng.standard_normal(value.shape)
+        if value.dtype != self.space.dtype:
+            value = np.clip(value, self.space.low, self.space.high).astype(self.space.dtype)
+        return value

@@ -1,0 +1,93 @@
+"""Heights on a raster, as a depth sensor above the scene gives them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from mpm.observers.height_map import HeightMap, Raster
+from robosim.errors import ConfigError
+from robosim.scene.frames import container_pose
+from robosim.scene.models import container_shape
+from robosim.senses.term import SenseScene, Sight, Term, box, check_count
+from robosim.tasks.field import grain_volume
+from robosim.tasks.task import TaskConfig
+
+MOST_PIXELS = 512
+"""Along an edge."""
+MARGIN = 0.02
+"""Distance [m] that the raster shows around the container or target."""
+
+
+class HeightMapTerm(Term):
+    """Heights [m] of grains, container and table above the table, on a raster that is seen from straight above.
+
+    lower, upper [m] (2,): corners of the region; without them, 20 mm around the container or target. pixels: along x
+    and y. Neither tool nor arm is in the picture.
+    """
+
+    name, unit = "height_map", "m"
+    all_grains = True
+
+    def __init__(self, scene: SenseScene, lower: Sequence[float] | None = None, upper: Sequence[float] | None = None,
+                 pixels: Sequence[int] = (64, 64)) -> None:
+        own = default_region(scene.task)
+        corners = [np.asarray(given if given is not None else standard, float)
+                   for given, standard in zip((lower, upper), own)]
+        if any(corner.shape != (2,) or not np.isfinite(corner).all() for corner in corners) or \
+                not (corners[0] < corners[1]).all() or np.shape(pixels) != (2,):
+            raise ConfigError(f"obs: height_map: lower = {lower}, upper = {upper}, pixels = {pixels}; accepted: two "
+                              f"corners (x, y) in metres, the first one below the second, and two numbers")
+        nx, ny = (check_count("height_map", "pixels", count, MOST_PIXELS) for count in pixels)
+        (x0, y0), (x1, y1) = corners
+        raster = Raster((float(x0), float(y0)), (float(x1), float(y1)), (nx, ny))
+        self._map = HeightMap(raster, grain_volume(scene.task) ** (1 / 3))
+        self._floor = floor_heights(scene.task, raster)
+        top = float(np.asarray(scene.solver.grid.lower)[2] + scene.solver.grid.cells[2] * scene.solver.grid.cell) + 0.05
+        self.space = box(np.full((nx, ny), min(0.0, float(self._floor.min()))), np.full((nx, ny), top))
+
+    def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
+        """Return the heights (nx, ny), the first index along x."""
+        return np.clip(self._map.draw(sight.grains, self._floor), self.space.low, self.space.high)
+
+
+def default_region(task: TaskConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners [m] (2,) of the region around a task's container, or else its target."""
+    for name, container in task.containers.items():
+        walls = container_shape(name, container).walls().vertices
+        corners = container_pose(container).apply(np.asarray(walls))[:, :2]
+        return corners.min(0) - MARGIN, corners.max(0) + MARGIN
+    centre, half = np.array(task.target.centre)[:2], np.minimum(np.array(task.target.half)[:2], 0.5)
+    return centre - half - MARGIN, centre + half + MARGIN
+
+
+def floor_heights(task: TaskConfig, raster: Raster) -> np.ndarray:
+    """Return the heights [m] (nx, ny), float32, of table and container without grains."""
+    heights = np.zeros(raster.shape, np.float32)
+    for name, container in task.containers.items():
+        walls: trimesh.Trimesh = container_shape(name, container).walls()
+        triangles = container_pose(container).apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
+        draw_from_above(triangles, raster, heights)
+    return heights
+
+
+def draw_from_above(triangles: np.ndarray, raster: Raster, heights: np.ndarray) -> None:
+    """Raise heights [m] (nx, ny) to those of triangles [m] (n, 3, 3), where they are higher."""
+    lower, shape = np.array(raster.lower), np.array(raster.shape)
+    pixel = (np.array(raster.upper) - lower) / shape
+    for triangle in triangles:
+        flat = (triangle[:, :2] - lower) / pixel - 0.5
+        first = np.maximum(np.ceil(flat.min(0)), 0).astype(int)
+        last = np.minimum(np.floor(flat.max(0)), shape - 1).astype(int)
+        (ax, ay), (bx, by), (cx, cy) = flat
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if abs(area) < 1e-12 or (first > last).any():
+            continue
+        x, y = np.meshgrid(*[np.arange(f, l + 1) for f, l in zip(first, last)], indexing="ij")
+        b = ((x - ax) * (cy - ay) - (y - ay) * (cx - ax)) / area
+        c = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / area
+        z = triangle[0, 2] + b * (triangle[1, 2] - triangle[0, 2]) + c * (triangle[2, 2] - triangle[0, 2])
+        inside = (b >= 0) & (c >= 0) & (b + c <= 1)
+        view = heights[first[0] : last[0] + 1, first[1] : last[1] + 1]
+        view[inside] = np.maximum(view, z)[inside]

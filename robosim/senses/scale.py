@@ -1,0 +1,85 @@
+"""A balance under the task's container or target: what it shows lags, drifts, and is rounded to its readability."""
+
+from typing import Any
+
+import numpy as np
+
+import mpm
+from robosim.scene.frames import container_pose
+from robosim.scene.models import container_shape
+from robosim.senses.term import SenseScene, Sight, Term, box, check_option
+from robosim.shapes import tool_shape
+from robosim.tasks.task import TaskConfig
+
+CAPACITY = 2.2
+"""Largest mass [kg] that is shown."""
+
+
+class ScaleTerm(Term):
+    """Mass on a balance under the task's container, or else under its target on the table.
+
+    lag: time constant [s] of its filter; a balance that settles within 1 s shows 99 % of a change after 4.6 lags.
+    readability [kg]: step of the display. repeatability [kg]: standard deviation before rounding. drift [kg/s]:
+    standard deviation of the slope with which the zero moves in an episode. The defaults are assumed: a laboratory's
+    precision balance of 0.01 g that settles within a second.
+    """
+
+    name, unit = "scale", "kg"
+    all_grains = True
+
+    def __init__(self, scene: SenseScene, lag: float = 0.2, readability: float = 1e-5, repeatability: float = 1e-5,
+                 drift: float = 0.0) -> None:
+        self._lag = check_option("scale", "lag", lag, 0.0, 10.0)
+        self._readability = check_option("scale", "readability", readability, 0.0, 1.0)
+        self._repeatability = check_option("scale", "repeatability", repeatability, 0.0, 1.0)
+        self._drift = check_option("scale", "drift", drift, 0.0, 1.0)
+        where = weighed_region(scene.task)
+        assert where
+        self._region, self._pose = where
+        self._inside_tool = tool_shape(scene.task.tool).interior
+        self._masses = scene.solver.masses()
+        self.space = box([-CAPACITY], [CAPACITY])
+
+    @classmethod
+    def missing(cls, scene: SenseScene) -> str:
+        """Say what the task's grains would have to come to rest on."""
+        return "" if weighed_region(scene.task) else "a task with a container, or with a target on the table"
+
+    def begin(self, sight: Sight) -> Any:
+        """Return the filter's state: mass [kg], time [s]."""
+        return {"shown": self._mass(sight), "time": sight.time}
+
+    def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
+        """Return what the balance shows (1,) and advance its filter."""
+        passed, now = sight.time - memory["time"], self._mass(sight)
+        gain = 1.0 if self._lag == 0.0 else 1.0 - np.exp(-passed / self._lag)
+        memory |= {"shown": memory["shown"] + gain * (now - memory["shown"]), "time": sight.time}
+        shown = memory["shown"]
+        if self._drift > 0.0:
+            memory.setdefault("slope", self._drift * rng.standard_normal())
+            shown += memory["slope"] * sight.time
+        if self._repeatability > 0.0:
+            shown += self._repeatability * rng.standard_normal()
+        if self._readability > 0.0:
+            shown = self._readability * np.round(shown / self._readability)
+        return np.clip([shown], -CAPACITY, CAPACITY)
+
+    def _mass(self, sight: Sight) -> float:
+        """Return the mass [kg] of the grains above the balance that the tool does not hold.
+
+        Those that still fall count, too: a steady stream presses on a balance with the weight that it has in the air,
+        as its momentum is rate x speed, and speed / g the time of its fall.
+        """
+        x = sight.grains[:, :3].astype(float)
+        is_on = self._region.holds(self._pose.inverse().apply(x))
+        is_on &= ~self._inside_tool.holds(sight.pose.inverse().apply(x))
+        return float(self._masses[is_on].sum())
+
+
+def weighed_region(task: TaskConfig) -> tuple[mpm.Region, mpm.Pose] | tuple[()]:
+    """Return the region whose grains a balance carries, and its pose in the world; empty where there is none."""
+    for name, container in task.containers.items():
+        return container_shape(name, container).region, container_pose(container)
+    if task.target.centre[2] - task.target.half[2] > 0.0:
+        return ()
+    return task.target.region, mpm.Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -1,0 +1,152 @@
+"""The observation of an environment, put together from terms that its user chooses."""
+
+import inspect
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+
+from robosim.errors import ConfigError, UnknownName
+from robosim.senses.channel import TIMING, Channel, Timing, read_timing
+from robosim.senses.term import SenseScene, Sight, Term
+
+TERMS = {
+    "grains": "grains.GrainsTerm", "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
+    "joints": "arm.JointsTerm", "torques": "arm.TorquesTerm", "wrist": "arm.WristTerm", "scale": "scale.ScaleTerm",
+    "height_map": "height_map.HeightMapTerm", "depth": "pictures.DepthTerm", "rgb": "pictures.RgbTerm",
+    "point_cloud": "pictures.PointCloudTerm",
+}
+"""Name -> class in robosim.senses, imported when it is chosen: cameras need MuJoCo, an environment does not."""
+NOT_DELAYED = ("grains", "time", "goal")
+"""Terms that an environment's own latency, noise and dropout leave as they are; options of their own hold."""
+MOST_TERMS = 32
+
+TermOptions = str | Mapping[str, Any]
+"""A term's name, or {"name": name, "key": its name in the observation, options of the term and of its timing}."""
+
+
+class Choice(NamedTuple):
+    """A term as it was chosen, not yet built."""
+
+    key: str
+    """Its name in the observation."""
+    kind: type[Term]
+    options: dict[str, Any]
+    timing: Timing
+
+
+def read_choices(terms: Sequence[TermOptions], common: Mapping[str, Any], what: str = "obs") -> list[Choice]:
+    """Return the terms that a list chooses; common: latency, noise, dropout of all terms.
+
+    Raises UnknownName for a term that does not exist, ConfigError for a list or options that cannot be used.
+    """
+    if isinstance(terms, str) or not 1 <= len(terms) <= MOST_TERMS:
+        raise ConfigError(f"{what} = {terms!r}; accepted: a list of 1 to {MOST_TERMS} terms of: "
+                          f"{', '.join(sorted(TERMS))}")
+    choices: list[Choice] = []
+    for given in terms:
+        options = dict(given) if isinstance(given, Mapping) else {"name": given}
+        name = options.pop("name", None)
+        if not isinstance(name, str) or name not in TERMS:
+            raise UnknownName(f"term in {what}", name, TERMS)
+        key = options.pop("key", name)
+        if any(key == choice.key for choice in choices):
+            raise ConfigError(f"{what}: two terms are named {key!r}; accepted: another \"key\" for one of them")
+        shared = {} if name in NOT_DELAYED else {k: v for k, v in common.items() if v}
+        options = shared | options
+        timing = read_timing(name, options)
+        choices.append(Choice(str(key), find_term(name), options, timing))
+    return choices
+
+
+def find_term(name: str) -> type[Term]:
+    """Return the class of a term by its name."""
+    module, _, kind = TERMS[name].partition(".")
+    return getattr(import_module(f"robosim.senses.{module}"), kind)
+
+
+def accepted_options(kind: type[Term]) -> list[str]:
+    """Return the names of the options of a term, those of its timing included."""
+    names: list[str] = []
+    for base in kind.__mro__:
+        if "__init__" in vars(base) and issubclass(base, Term):
+            parameters = inspect.signature(vars(base)["__init__"]).parameters.values()
+            named = [one.name for one in parameters if one.kind != one.VAR_KEYWORD]
+            names += [one for one in named if one not in ("self", "scene")]
+            if len(named) == len(parameters):
+                break
+    return [*names, *TIMING, "key"]
+
+
+def valid_terms(scene: SenseScene) -> list[str]:
+    """Return the names of the terms that can be built for a scene."""
+    return [name for name in TERMS if not find_term(name).missing(scene)]
+
+
+class Senses:
+    """Observations of chosen terms: a dictionary of their values, or one array of single-precision numbers.
+
+    flat: whether it is one array; `slices` has the place of each term. Raises ConfigError for a term that needs what
+    the scene does not have, and for options that it does not take.
+    """
+
+    def __init__(self, scene: SenseScene, choices: Sequence[Choice], *, flat: bool = False) -> None:
+        self.channels = {choice.key: Channel(build_term(scene, choice), choice.timing) for choice in choices}
+        self._flat = flat
+        self.slices: dict[str, slice] = {}
+        """Name of each term in a flat observation -> its slice."""
+        spaces: dict[str, gymnasium.Space[Any]] = {key: channel.space for key, channel in self.channels.items()}
+        self.space: gymnasium.Space[Any] = gymnasium.spaces.Dict(spaces)
+        if flat:
+            begin, lows, highs = 0, [], []
+            for key, channel in self.channels.items():
+                lows.append(channel.space.low.ravel())
+                highs.append(channel.space.high.ravel())
+                self.slices[key] = slice(begin, begin + len(lows[-1]))
+                begin += len(lows[-1])
+            low, high = (np.concatenate(bounds).astype(np.float32) for bounds in (lows, highs))
+            self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
+
+    def begin(self, sight: Sight, rng: np.random.Generator) -> dict[str, Any]:
+        """Return the memory of an episode that starts now; rng: draws the seed of all that is random in it."""
+        memory: dict[str, Any] = {key: channel.begin(sight) for key, channel in self.channels.items()}
+        return {"seed": int(rng.integers(2**62)), "reads": 0, "terms": memory}
+
+    def read(self, sight: Sight, memory: dict[str, Any]) -> Any:
+        """Return an observation in arrays of its own, and advance the memory."""
+        rng = np.random.default_rng((memory["seed"], memory["reads"]))  # no state but a number
+        memory["reads"] += 1
+        values = {key: channel.read(sight, memory["terms"][key], rng) for key, channel in self.channels.items()}
+        if not self._flat:
+            return values
+        return np.concatenate([value.ravel() for value in values.values()], dtype=np.float32)
+
+    def close(self) -> None:
+        """Free what terms hold."""
+        for channel in self.channels.values():
+            channel.term.close()
+
+
+def build_term(scene: SenseScene, choice: Choice) -> Term:
+    """Build a term for a scene; raises ConfigError for one that needs what there is not, and for unknown options."""
+    name, missing = choice.kind.name, choice.kind.missing(scene)
+    if missing:
+        raise ConfigError(f"obs: {name!r} needs {missing}; accepted here: {', '.join(valid_terms(scene))}")
+    accepted = accepted_options(choice.kind)
+    for option in choice.options:
+        if option not in accepted:
+            raise UnknownName(f"option of {name!r} in obs", option, accepted)
+    return choice.kind(scene, **choice.options)  # pyright: ignore[reportCallIssue]
+
+
+def reads_all_grains(choices: Sequence[Choice]) -> bool:
+    """Return whether a term of these reads all grains."""
+    return any(choice.kind.all_grains for choice in choices)
+
+
+def describe(choices: Sequence[Choice]) -> list[dict[str, Any]]:
+    """Return the chosen terms as plain values."""
+    return [{"key": choice.key, "name": choice.kind.name, **choice.options, **choice.timing._asdict()}
+            for choice in choices]

@@ -1,0 +1,115 @@
+"""What a sub-task looks like: its MuJoCo model with cameras, for pictures and for the terms that see."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.errors import ConfigError, UnknownName
+from robosim.rendering.renderer import add_mark
+from robosim.robot.assembly import load_tool_model
+from robosim.robot.mjspec import quiet_attachment
+from robosim.scene.build import add_container
+from robosim.scene.models import load_spec
+from robosim.tasks.task import RegionConfig, TaskConfig
+
+OWN = "own_camera"
+"""Name in the model of a camera that is given by numbers."""
+PLACE = {"position", "look_at", "fovy_deg"}
+"""Keys of such a camera."""
+CAMERAS = ("task", "side", "overview", "close")
+"""Cameras of every sub-task; with an arm there are those of its hand, too."""
+
+
+def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None, *, marks: bool = True) -> mujoco.MjSpec:
+    """Build what a sub-task looks like, without its grains.
+
+    arm: the scene with the arm; None: the tool alone. marks: whether the target is marked.
+    """
+    spec = arm if arm is not None else _build_scene_without_arm(task)
+    if marks and task.container is None:
+        add_mark(spec, task.target)
+    if task.stand is not None:
+        _add_block(spec, task.stand)
+    _add_cameras(spec, task)
+    return spec
+
+
+def build_seen_spec(task: TaskConfig, arm: Any, camera: str | Mapping[str, Any], *,
+                    marks: bool = True) -> tuple[mujoco.MjSpec, str]:
+    """Build what a camera sees of a sub-task, and return it with the camera's name.
+
+    arm: the `ArmTool`, or None. camera: a name, or {"position": [m] (3,), "look_at": [m] (3,), "fovy_deg": 45}.
+    Raises UnknownName, ConfigError for a camera that cannot be used.
+    """
+    spec = build_task_spec(task, None if arm is None else arm.build_spec(), marks=marks)
+    if not isinstance(camera, str):
+        _add_own_camera(spec, *read_place(camera))
+        return spec, OWN
+    names = [one.name for one in spec.cameras]
+    if camera not in names:
+        raise UnknownName("camera", camera, names, 'or {"position": [x, y, z], "look_at": [x, y, z]}')
+    return spec, camera
+
+
+def read_place(camera: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return position [m] (3,), point looked at [m] (3,) and field of view [deg] of a camera given by numbers.
+
+    Raises ConfigError.
+    """
+    try:
+        position, target = (np.array(camera[key], float) for key in ("position", "look_at"))
+        fovy = float(camera.get("fovy_deg", 45.0))
+        is_usable = position.shape == target.shape == (3,) and np.isfinite([position, target]).all() \
+            and set(camera) <= PLACE and np.linalg.norm(position - target) > 1e-3 and 1.0 <= fovy <= 170.0
+    except (KeyError, TypeError, ValueError):
+        is_usable, position, target, fovy = False, np.zeros(3), np.zeros(3), 0.0
+    if not is_usable:
+        raise ConfigError(f'obs: camera = {dict(camera)!r}; accepted: {{"position": [x, y, z], "look_at": [x, y, z], '
+                          f'"fovy_deg": 45}} in metres and degrees, with a distance between the two points')
+    return position, target, fovy
+
+
+def place_tool(data: mujoco.MjData, pose: mpm.Pose, qpos: np.ndarray | None) -> None:
+    """Put the arm into a posture, the qpos of its scene, or without one the tool alone at its pose."""
+    if qpos is not None:
+        data.qpos[:] = qpos
+    else:
+        data.mocap_pos[0], data.mocap_quat[0] = pose.position, pose.quaternion
+
+
+def _add_own_camera(spec: mujoco.MjSpec, position: np.ndarray, look_at: np.ndarray, fovy_deg: float) -> None:
+    """Add a camera at a position [m] (3,) that looks at a point [m] (3,), with z up in its picture."""
+    spec.worldbody.add_body(name=f"{OWN}_target", pos=look_at.tolist())
+    spec.worldbody.add_camera(name=OWN, pos=position.tolist(), fovy=fovy_deg, targetbody=f"{OWN}_target",
+                              mode=mujoco.mjtCamLight.mjCAMLIGHT_TARGETBODY)
+
+
+def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
+    """Build table, container, and the tool on a mocap body."""
+    spec = load_spec("workcell", "workcell.xml")
+    carrier = spec.worldbody.add_body(name="carrier", mocap=True)
+    with quiet_attachment():
+        carrier.add_frame().attach_body(load_tool_model(task.tool).spec.body(task.tool_name), "", "")
+        for name, container in task.containers.items():
+            add_container(spec, name, container)
+    return spec
+
+
+def _add_block(spec: mujoco.MjSpec, region: RegionConfig) -> None:
+    """Add a block without contacts or mass."""
+    spec.worldbody.add_geom(name="stand", type=mujoco.mjtGeom.mjGEOM_BOX, pos=list(region.centre), contype=0,
+                            conaffinity=0, mass=0, size=list(region.half), rgba=[0.55, 0.42, 0.30, 1.0])
+
+
+def _add_cameras(spec: mujoco.MjSpec, task: TaskConfig) -> None:
+    """Add two cameras that see start and goal."""
+    middle = 0.5 * (np.array(task.start.position) + np.array(task.goal))
+    width = np.linalg.norm(np.array(task.start.position) - task.goal) + 0.30
+    spec.worldbody.add_body(name="task_target", pos=(middle - [0.0, 0.0, 0.03]).tolist())
+    for name, direction in (("task", [0.85, -0.25, 0.55]), ("side", [1.0, 0.0, 0.12])):
+        position = middle + 1.5 * width * np.array(direction) / np.linalg.norm(direction)
+        spec.worldbody.add_camera(name=name, pos=position.tolist(), fovy=34.0, targetbody="task_target",
+                                  mode=mujoco.mjtCamLight.mjCAMLIGHT_TARGETBODY)

@@ -1,0 +1,120 @@
+"""What an observation term is, and what it reads."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import gymnasium
+import numpy as np
+
+import mpm
+from robosim.config.materials import MaterialConfig
+from robosim.errors import ConfigError
+from robosim.tasks.counting import TaskCounts
+from robosim.tasks.task import TaskConfig
+
+
+class ArmSensors(Protocol):
+    """Sensors of the arm, read at the end of an action."""
+
+    q: np.ndarray
+    """Joint angles [rad], or places [m] of slides (n,)."""
+    qd: np.ndarray
+    """Their speeds (n,)."""
+    torque: np.ndarray
+    """Readings of the joint torque sensors [N m] (n,), the mean over the action."""
+    external: np.ndarray
+    """External torques [N m] (n,) that the controller estimates from them, the mean over the action."""
+    wrist: np.ndarray
+    """Force [N] and torque [N m] (6,) of the wrist sensor in its own axes, the mean over the action."""
+
+
+class Sight(NamedTuple):
+    """The state at the end of an action."""
+
+    time: float
+    """Since the start of the episode [s]."""
+    progress: float
+    """Share of the episode that is over."""
+    pose: mpm.Pose
+    """Of the tool; its quaternion is without jumps of sign."""
+    counts: TaskCounts
+    """Of the task's grains."""
+    grains: np.ndarray
+    """Positions [m] and velocities [m/s] (n, 6), float32, of the grains that `Term.grains` asks for."""
+    tool_wrench: mpm.Wrench
+    """Mean force [N] and torque [N m] of the grains on the tool over the action, in world axes, about the origin of the
+    tool's frame; zero at the start of an episode."""
+    sensors: ArmSensors | None = None
+    """None without an arm, and where no term reads them."""
+    qpos: np.ndarray | None = None
+    """State of all joints of the scene with the arm; None without an arm."""
+
+
+class SenseScene(NamedTuple):
+    """What the terms of an environment are built for."""
+
+    task: TaskConfig
+    material: MaterialConfig
+    solver: mpm.Solver
+    arm: Any = None
+    """The `ArmTool`; None without an arm."""
+
+
+class Term(ABC):
+    """One part of an observation: name, unit, space, and how it is measured.
+
+    A term keeps nothing from step to step; what it has to remember within an episode, `begin` returns and `measure` is
+    given. All values are float32, or uint8 for pictures.
+    """
+
+    name: ClassVar[str]
+    unit: ClassVar[str]
+    """Of the values; several separated by commas."""
+    privileged: ClassVar[bool] = False
+    """Whether no sensor of a real robot measures it."""
+    all_grains: ClassVar[bool] = False
+    """Whether it reads all grains."""
+    reads_sensors: ClassVar[bool] = False
+    """Whether it reads sensors of an arm, `ArmSensors`, where there is one."""
+    space: gymnasium.spaces.Box
+
+    def begin(self, sight: Sight) -> Any:
+        """Return what an episode that starts now is remembered for: arrays and plain values, or None."""
+        return None
+
+    @abstractmethod
+    def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
+        """Return the present value in the shape and type of `space`; rng: for noise of its own kind."""
+
+    def close(self) -> None:
+        """Free what the term holds."""
+        return
+
+    @classmethod
+    def missing(cls, scene: SenseScene) -> str:
+        """Return what the term needs that a scene does not have; empty where it can be built."""
+        return ""
+
+
+def box(low: Iterable[float] | np.ndarray, high: Iterable[float] | np.ndarray) -> gymnasium.spaces.Box:
+    """Return a space of single-precision numbers between bounds."""
+    return gymnasium.spaces.Box(np.asarray(low, np.float32), np.asarray(high, np.float32), dtype=np.float32)
+
+
+def check_option(term: str, option: str, value: Any, least: float, most: float) -> float:
+    """Return a number that an option of a term is; raise ConfigError for one outside its bounds."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not least <= number <= most:
+        raise ConfigError(f"obs: {term}: {option} = {value!r}; accepted: {least:g} to {most:g}")
+    return number
+
+
+def check_count(term: str, option: str, value: Any, most: int) -> int:
+    """Return a whole number from 1 on that an option of a term is; raise ConfigError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
+        raise ConfigError(f"obs: {term}: {option} = {value!r}; accepted: a whole number from 1 to {most}")
+    return int(value)

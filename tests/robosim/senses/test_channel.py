@@ -1,0 +1,106 @@
+"""Timing of sensors: latency, rate, dropout and noise against what they are by definition; delayed actions."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import mpm
+from robosim.envs.episode import NOTHING_COUNTED
+from robosim.errors import ConfigError
+from robosim.senses.channel import Channel, Timing
+from robosim.senses.term import Sight, Term, box
+from robosim.tasks.actions import DelayLine, delay_steps
+
+POSE = mpm.Pose(np.zeros(3), np.array([1.0, 0, 0, 0]))
+
+
+class Clock(Term):
+    """Shows the time."""
+
+    name, unit = "clock", "s"
+    space = box([0.0], [100.0])
+
+    def measure(self, sight, memory, rng):
+        return np.array([sight.time])
+
+
+def sight(time: float) -> Sight:
+    zero = mpm.Wrench(np.zeros(3), np.zeros(3))
+    return Sight(time, 0.0, POSE, NOTHING_COUNTED, np.zeros((0, 6), np.float32), zero)
+
+
+def read(timing: Timing, times: np.ndarray, seed: int = 0) -> np.ndarray:
+    channel, rng = Channel(Clock(), timing), np.random.default_rng(seed)
+    memory = channel.begin(sight(times[0]))
+    return np.array([channel.read(sight(t), memory, rng)[0] for t in times])
+
+
+TIMES = 0.02 * np.arange(200)
+
+
+def test_ideal_channel_changes_nothing():
+    np.testing.assert_allclose(read(Timing(), TIMES), TIMES, rtol=1e-6)
+
+
+@pytest.mark.parametrize("latency", [0.02, 0.05, 0.3])
+def test_latency_delivers_what_was_measured_that_long_ago(latency: float):
+    age = TIMES - read(Timing(latency=latency), TIMES)
+    late = latency + 0.02 < TIMES
+    assert (age[late] > latency - 1e-6).all() and (age[late] < latency + 0.02 + 1e-6).all()
+    assert (read(Timing(latency=latency), TIMES)[latency - 1e-9 > TIMES] == 0.0).all()
+
+
+def test_rate_holds_values_and_keeps_its_mean_rate():
+    shown = read(Timing(rate=15.0), TIMES)
+    assert len(np.unique(shown)) == pytest.approx(15.0 * TIMES[-1], abs=2)
+    assert (TIMES - shown < 1.0 / 15.0 + 0.02).all()
+
+
+def test_noise_and_dropout_have_their_size():
+    error = read(Timing(noise=0.01), TIMES + 50.0) - TIMES - 50.0
+    assert error.std() == pytest.approx(0.01, rel=0.2) and abs(error.mean()) < 0.003
+    repeated = np.mean(np.diff(read(Timing(dropout=0.3), TIMES)) == 0.0)
+    assert repeated == pytest.approx(0.3, abs=0.1)
+
+
+def test_delay_line_shifts_commands_in_time():
+    line, commands = DelayLine(7), [(np.full(3, k), np.full(3, -k)) for k in range(1, 6)]
+    carried = [float(linear[0]) for velocity in commands for linear, _, n in line.push(velocity, 5) for _ in range(n)]
+    assert carried == [0.0] * 7 + [k for k in range(1, 6) for _ in range(5)][:18]
+
+
+@pytest.mark.parametrize("delay", [-0.1, 0.003, 11.0, float("nan")])
+def test_delay_that_is_no_multiple_of_the_step_is_refused(delay: float):
+    with pytest.raises(ConfigError, match="a multiple of 0.002 s"):
+        delay_steps(delay, 0.002)
+
+
+def test_delayed_actions_move_the_tool_later_by_their_delay():
+    at_once, later = (gymnasium.make("robosim/SpoonPour-v0", obs=["tool"], action_delay=delay).unwrapped
+                      for delay in (0.0, 0.06))
+    rng = np.random.default_rng(0)
+    paths = [[env.reset(seed=0)[0]["tool"]] for env in (at_once, later)]
+    for _ in range(10):
+        action = (0.3 * rng.uniform(-1, 1, 6)).astype(np.float32)
+        for env, path in zip((at_once, later), paths):
+            path.append(env.step(action)[0]["tool"])
+    np.testing.assert_allclose(paths[1][3:], paths[0][:8], atol=1e-6)
+    for env in (at_once, later):
+        env.close()
+
+
+def test_state_continues_bit_for_bit_with_sensors_and_delays():
+    options = {"obs": ["tool", "scale", {"name": "wrist", "rate": 30.0}], "latency": 0.04, "noise": 0.01,
+               "dropout": 0.2, "action_delay": 0.03}
+    env = gymnasium.make("robosim/SpoonPour-v0", **options).unwrapped
+    env.reset(seed=1)
+    actions = (0.3 * np.random.default_rng(1).uniform(-1, 1, (8, 6))).astype(np.float32)
+    for action in actions[:4]:
+        env.step(action)
+    state = env.state()
+    first = [env.step(action)[0] for action in actions[4:]]
+    env.load(state)
+    for one, other in zip(first, [env.step(action)[0] for action in actions[4:]]):
+        for key in one:
+            np.testing.assert_array_equal(one[key], other[key])
+    env.close()

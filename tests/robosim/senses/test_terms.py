@@ -1,0 +1,227 @@
+"""Observation terms: each against what it measures, and the combinations that environments take."""
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import robosim  # noqa: F401  (registers the environments)
+from robosim.envs import TASKS
+from robosim.errors import ConfigError, UnknownName
+from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
+from robosim.rendering.renderer import SceneRenderer, apply_quality
+from robosim.robot.mjspec import compile_spec
+from robosim.senses.senses import TERMS, find_term
+from robosim.senses.task_scene import build_task_spec, place_tool
+from robosim.shapes import tool_shape
+from robosim.tasks.counting import TOOL
+from robosim.tasks.field import grain_volume
+
+COMBINATIONS = (["tool", "grains"], ["wrist", "height_map", "tool"], ["depth", "time"], ["goal", "point_cloud"],
+                ["time", {"name": "grains", "layout": "moments"}, "tool"],
+                [{"name": "wrist", "tare": True}, {"name": "height_map", "pixels": (8, 16)}, "goal"])
+WITH_ARM = (["joints", "torques"], ["tool", "wrist", "height_map"], ["depth", "joints"], ["goal", "time", "torques"],
+            ["grains", "wrist"], [{"name": "depth", "camera": "hand_wrist", "width": 20}, "tool"])
+
+
+def make(task: str, **options):
+    return gymnasium.make(f"robosim/{task}-v0", **options).unwrapped
+
+
+def run(env, steps: int = 3, scale: float = 0.3, seed: int = 0):
+    """Observations of some random actions, the first one of the reset."""
+    rng = np.random.default_rng(seed)
+    seen = [env.reset(seed=seed)[0]]
+    for _ in range(steps):
+        seen.append(env.step((scale * rng.uniform(-1, 1, env.action_space.shape)).astype(np.float32))[0])
+    return seen
+
+
+@pytest.mark.parametrize("obs", COMBINATIONS, ids=lambda obs: "-".join(str(one)[:9] for one in obs))
+def test_combination_passes_gymnasiums_check_flat_and_as_dictionary(obs: list):
+    for flatten in (False, True):
+        env = make("SpoonPour", obs=obs, flatten=flatten)
+        check_env(env, skip_render_check=True)
+        first, again = run(env), run(env)
+        for one, other in zip(first, again):
+            gymnasium.utils.env_checker.data_equivalence(one, other)
+        if flatten:
+            assert sum(s.stop - s.start for s in env.observation_slices.values()) == len(first[0])
+        env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", [False, True])
+@pytest.mark.parametrize("task", TASKS)
+def test_every_task_passes_with_every_combination(task: str, arm: bool):
+    for obs in (*COMBINATIONS, *(WITH_ARM if arm else ())):
+        env = make(task, obs=obs, arm=arm)
+        check_env(env, skip_render_check=True)
+        rows = [gymnasium.spaces.flatten(env.observation_space, one) for one in (*run(env, 12), *run(env, 3, seed=1))]
+        parts = {key: np.array([gymnasium.spaces.flatten(space, one[key]) for one in run(env, 12)])
+                 for key, space in env.observation_space.spaces.items()}
+        assert all(np.isfinite(row).all() for row in rows)
+        constant = [key for key, values in parts.items() if np.ptp(values, axis=0).max() == 0.0]
+        assert not constant or (not arm and set(constant) <= {"wrist", "height_map"} and task != "SpoonPour"), constant
+        env.close()
+
+
+def test_terms_are_the_same_in_a_vector_environment():
+    obs = ["tool", "wrist", "scale", "height_map", "grains", {"name": "depth", "noise_model": "stereo"}]
+    options = {"obs": obs, "latency": 0.02, "noise": 1e-3, "dropout": 0.1, "action_delay": 0.03}
+    env = make("SpoonPour", **options)
+    vector = gymnasium.make_vec("robosim/SpoonPour-v0", num_envs=2, workers=1, **options)
+    rng = np.random.default_rng(0)
+    together, _ = vector.reset(seed=3)
+    alone, _ = env.reset(seed=4)
+    for step in range(6):
+        for key, value in alone.items():
+            np.testing.assert_allclose(together[key][1], value, rtol=1e-4, atol=1e-4, err_msg=f"{key}, {step}")
+        action = (0.5 * rng.uniform(-1, 1, 6)).astype(np.float32)
+        alone, together = env.step(action)[0], vector.step(np.stack([np.zeros(6, np.float32), action]))[0]
+    vector.close()
+    env.close()
+
+
+def test_wrist_without_an_arm_holds_the_weight_of_the_grains():
+    env = make("SpoonPour", obs=["wrist", "tool"])
+    env.reset(seed=0, options={"nominal": True})
+    still = np.zeros(6, np.float32)
+    force = np.mean([env.step(still)[0]["wrist"] for _ in range(20)], axis=0)
+    pose = env.solver.collider_pose(TOOL)
+    weight = env.solver.masses().sum() * 9.81
+    np.testing.assert_allclose(pose.matrix @ force[:3], [0.0, 0.0, weight], atol=0.02 * weight)
+    lever = env.solver.positions().mean(0) - pose.position
+    np.testing.assert_allclose(pose.matrix @ force[3:], np.cross(lever, [0, 0, weight]), atol=0.05 * weight * 0.05)
+    env.close()
+
+
+def test_wrist_with_an_arm_is_mujocos_sensor():
+    env = make("SpoonPour", obs=["wrist", "torques", "joints"], arm=True, action_repeat=1)
+    env.reset(seed=0)
+    for _ in range(3):
+        seen, *_ = env.step(np.full(6, 0.1, np.float32))
+        data, model = env.carrier.data, env.carrier.model
+        sensors = np.concatenate([data.sensor(f"wrist_{kind}").data for kind in ("force", "torque")])
+        np.testing.assert_allclose(seen["wrist"], sensors, rtol=1e-6)
+        axis = model.joint(env.carrier.kinematics.joints[2]).axis
+        third = data.sensor(f"{env.carrier.kinematics.joints[2]}_torque").data @ axis
+        assert seen["torques"][2] == pytest.approx(third, rel=1e-6)
+        np.testing.assert_allclose(seen["joints"][:7], data.qpos[env.carrier.scene.arm_qpos], rtol=1e-6)
+    env.close()
+
+
+def test_scale_shows_what_was_poured_after_its_lag():
+    env = make("SpoonPour", obs=[{"name": "scale", "lag": 0.1, "repeatability": 0.0}], horizon="truncate")
+    path, dt = env.task.scripted_path(), env.task.step_dt * env.action_repeat
+    env.reset(seed=0, options={"nominal": True})
+    shown, before = [0.0], path.pose(0.0)
+    for k in range(100):
+        after = path.pose((k + 1) * dt)
+        turn = (after.matrix @ before.matrix.T)
+        spin = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * dt)
+        action = np.concatenate([(after.position - before.position) / dt / env.task.action.speed,
+                                 spin / env.task.action.angular_speed])
+        seen, _, _, _, info = env.step(np.clip(action, -1, 1).astype(np.float32))
+        before = after
+        shown.append(float(seen["scale"][0]))
+    landed = info["readings"]["delivered"] * env.solver.masses().sum()
+    assert landed > 0.5 * env.solver.masses().sum()
+    assert shown[-1] == pytest.approx(landed, rel=0.03)
+    assert shown[1] == 0.0
+    assert np.allclose(np.array(shown) * 1e5, np.round(np.array(shown) * 1e5), atol=1e-2)
+    env.close()
+
+
+@pytest.mark.parametrize("task, arm, camera", [
+    ("SpoonPour", False, "task"), pytest.param("ScoopScoop", False, "side", marks=pytest.mark.slow),
+    pytest.param("SpoonPour", True, "close", marks=pytest.mark.slow),
+    pytest.param("SpoonPour", True, "hand_wrist", marks=pytest.mark.slow)])
+def test_depth_is_that_of_the_renderer(task: str, arm: bool, camera: str):
+    env = make(task, obs=[{"name": "depth", "camera": camera}], arm=arm)
+    seen = run(env, 8)[-1]["depth"]
+    spec = build_task_spec(env.task, env.carrier.build_spec(), marks=False)
+    apply_quality(spec)
+    count = env.task.grains.count
+    add_grain_skin(spec, count, GRAIN_RADIUS * grain_volume(env.task) ** (1 / 3), env.material.colour)
+    model = compile_spec(spec)
+    data, renderer = mujoco.MjData(model), SceneRenderer(model, count, 84, 84)
+    place_tool(data, env.solver.collider_pose(TOOL), None if not arm else env.carrier.robot_data.qpos)
+    renderer._renderer.enable_depth_rendering()
+    drawn = renderer.draw(data, env.solver.positions(), camera)
+    drawn = np.where(drawn <= 4.0, drawn, 0.0)
+    assert np.mean(np.abs(drawn - seen) < 1e-3) > 0.95
+    renderer.close()
+    env.close()
+
+
+def test_points_lie_on_what_the_camera_sees():
+    camera = {"position": [0.86, -0.05, 0.40], "look_at": [0.78, -0.05, 0.20], "fovy_deg": 25}
+    env = make("SpoonPour", obs=[{"name": "point_cloud", "points": 400, "camera": camera}, "depth"])
+    seen = run(env)[-1]
+    points = seen["point_cloud"].astype(float)
+    near = np.linalg.norm(points[:, None] - env.solver.positions()[None], axis=2).min(1)
+    pose = env.solver.collider_pose(TOOL)
+    on_tool = np.abs(tool_shape(env.task.tool).real_distance(0.002).distance(pose.inverse().apply(points))) < 0.004
+    assert np.mean((near < 0.008) | on_tool | (points[:, 2] < 0.003)) > 0.97
+    assert (near < 0.006).sum() > 20
+    env.close()
+
+
+def test_rgb_is_a_picture_of_the_scene():
+    env = make("SpoonPour", obs=[{"name": "rgb", "width": 64, "height": 48}, "time"])
+    seen = run(env, 2)
+    assert seen[0]["rgb"].shape == (48, 64, 3) and seen[0]["rgb"].dtype == np.uint8
+    assert len(np.unique(seen[0]["rgb"].reshape(-1, 3), axis=0)) > 100
+    assert (seen[0]["rgb"] != seen[-1]["rgb"]).any()
+    env.close()
+
+
+def test_privileged_terms_are_in_the_info_and_change_nothing_else():
+    plain, taught = (make("SpoonPour", obs=["tool", "wrist"], privileged=more) for more in ((), ["grains"]))
+    plain.reset(seed=5)
+    _, info = taught.reset(seed=5)
+    assert info["privileged"]["grains"].shape == (203, 6)
+    for _ in range(3):
+        a, b = plain.step(np.full(6, 0.2, np.float32)), taught.step(np.full(6, 0.2, np.float32))
+        np.testing.assert_allclose(a[0]["wrist"], b[0]["wrist"], atol=1e-4)
+        np.testing.assert_allclose(b[4]["privileged"]["grains"][:, :3], taught.solver.positions(), atol=1e-6)
+    plain.close()
+    taught.close()
+
+
+def test_starts_do_not_depend_on_what_is_observed():
+    envs = [make("SpoonPour", obs=obs) for obs in ("flat", ["tool", {"name": "wrist", "noise": 1.0}])]
+    for seed in (3, None, None):
+        for env in envs:
+            env.reset(seed=seed)
+        a, b = (env.solver.collider_pose(TOOL).position for env in envs)
+        np.testing.assert_array_equal(a, b)
+    for env in envs:
+        env.close()
+
+
+@pytest.mark.parametrize("obs, message", [
+    (["foo"], "valid: depth, goal, grains"), (["tool", "tool"], 'another "key"'),
+    (["joints"], "needs arm = True; .*grains"), ("foo", "list of terms"),
+    (["scale"], "a target on the table"), ([{"name": "depth", "camera": "zz"}], "valid: close, overview, side, task"),
+    ([{"name": "depth", "wdth": 3}], "valid: camera, dropout"), ([{"name": "depth", "width": 0}], "1 to 2048"),
+    ([{"name": "tool", "latency": -1}], "0 to 10"), ([7], "unknown term"), ([], "a list of 1 to 32 terms"),
+    ([{"name": "height_map", "lower": (1, 1), "upper": (0, 0)}], "two corners"),
+    ([{"name": "depth", "camera": {"position": [0, 0, 0], "look_at": [0, 0, 0]}}], "a distance between"),
+    ([{"name": "grains", "layout": "x"}], "particles, positions"), ([{"name": "depth", "noise_model": "x"}], "stereo")])
+def test_bad_terms_are_refused_by_name(obs, message: str):
+    with pytest.raises((ConfigError, UnknownName), match=message):
+        make("SpoonTranslate", obs=obs)
+
+
+def test_timing_of_layouts_is_refused():
+    with pytest.raises(ConfigError, match="with a list of terms"):
+        make("SpoonTranslate", latency=0.1)
+
+
+def test_every_term_has_name_unit_and_docstring():
+    for name in TERMS:
+        kind = find_term(name)
+        assert kind.name == name and kind.unit and kind.__doc__
