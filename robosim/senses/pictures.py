@@ -87,7 +87,10 @@ class PointCloudTerm(DepthTerm):
 
 
 class RgbTerm(Term):
-    """Colour picture of a camera, by the renderer of films; needs OpenGL. Options as of `DepthTerm`."""
+    """Colour picture of a camera (height, width, 3), by the renderer of films; needs OpenGL.
+
+    Options as of `DepthTerm`.
+    """
 
     name, unit = "rgb", "1/255"
     all_grains = True

@@ -66,7 +66,11 @@ Truncated: with `horizon="truncate"`, after {steps} steps.
 |---|---|---|
 | `material` | "{material}" | name of a material in configs/materials, or the path of a .yaml file |
 | `action_repeat` | 10 | number of steps for which an action is repeated |
-| `obs` | "flat" | layout of the observation |
+| `obs` | "flat" | layout of the observation, or a list of terms of sensors such as `["tool", "wrist", "depth"]` |
+| `flatten` | False | True: one array of the terms instead of a dictionary |
+| `latency`, `noise`, `dropout` | 0 | age [s], white noise and lost readings of all terms of sensors |
+| `action_delay` | 0 | time [s] by which actions are carried out later |
+| `privileged` | () | terms of `info["privileged"]` |
 | `horizon` | "terminate" | "terminate" or "truncate": how an episode of full length ends |
 | `clip_actions` | False | True: clip actions to -1 to 1; False: an action outside raises ConfigError |
 | `randomize` | None | parameter of the material -> (lowest, highest), drawn for every episode |
