@@ -62,14 +62,14 @@ class BatchStepper(CpuStepper):
 
     @ti.kernel
     def run_all(self, plans: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
-                mobile: ti.types.ndarray(), laws: ti.types.ndarray(), out: ti.types.ndarray(),
-                results: ti.types.ndarray(), per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(),
-                readings: ti.i32):
+                mobile: ti.types.ndarray(), laws: ti.types.ndarray(), frictions: ti.types.ndarray(),
+                out: ti.types.ndarray(), results: ti.types.ndarray(), per_particle: ti.types.ndarray(),
+                sampled: ti.types.ndarray(), readings: ti.i32):
         """Run every environment by its plan (n, 6).
 
-        dts: [s] (n,). laws: (n, bodies, parameters and density). out: zero before and after; results (n, rows, 6) hold
-        what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in `CpuStepper.run`, one
-        environment after another.
+        dts: [s] (n,). laws: (n, bodies, parameters and density). frictions: (n, colliders). out: zero before and after;
+        results (n, rows, 6) hold what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in
+        `CpuStepper.run`, one environment after another.
         """
         ti.loop_config(serialize=True)
         for e in range(self.n):
@@ -77,6 +77,8 @@ class BatchStepper(CpuStepper):
             if substeps != ti.static(SKIPPED):
                 self.states.restore(e)
                 self.set_laws(laws, e)
+                for i in range(frictions.shape[1]):
+                    self.fields.parameters.frictions[i] = frictions[e, i]
                 dt = dts[e]
                 if substeps == ti.static(READ_ONLY):  # noqa: SIM102  (decided when compiling)
                     if ti.static(self.has_counter):
@@ -133,6 +135,7 @@ class Batch:
         self._ledgers = np.zeros((n, solver.fields.rows.momentum, 6))
         self._materials = [[body.material for body in solver.bodies] for _ in range(n)]
         self._laws = np.zeros((n, len(solver.bodies), PARAMETERS + 1), solver.dtype)
+        self._frictions = np.tile(np.array([c.friction for c in solver.colliders] or [0.0], solver.dtype), (n, 1))
         for e in range(n):
             for body, material in enumerate(self._materials[e]):
                 self.set_material(e, body, material)
@@ -166,6 +169,12 @@ class Batch:
         self._laws[e, body] = 0.0
         self._laws[e, body, : len(material.parameters)] = material.parameters
         self._laws[e, body, PARAMETERS] = material.density
+
+    def set_friction(self, e: int, index: int, friction: float) -> None:
+        """Set the friction coefficient of a collider in one environment, as `Solver.set_friction` does."""
+        if self.solver.features.sleep and friction != self._frictions[e, index]:
+            self._wake(e)
+        self._frictions[e, index] = friction
 
     def _wake(self, e: int) -> None:
         """Wake all particles of an environment."""
@@ -266,8 +275,8 @@ class Batch:
         stamped = [plan._replace(stamp=solver.fields.stamps.take(max(plan.substeps, 0) + 1)) for plan in plans]
         with default_precision(solver.precision):
             self._stepper.launch_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
-                                  np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._out,
-                                  self._results, self._per_particle, self._sampled, self.readings)
+                                  np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._frictions,
+                                  self._out, self._results, self._per_particle, self._sampled, self.readings)
 
     def _outcome(self, e: int, plan: Plan, before: list[Counts]) -> list[Counts] | SimulationDiverged:
         """Return what an environment's launch came to, with the readings of earlier ones of the advance."""
@@ -296,6 +305,7 @@ class Batch:
         solver.check_open()
         for body, held in enumerate(solver.bodies):
             self.set_material(e, body, held.material)
+        self._frictions[e, : len(solver.colliders)] = [collider.friction for collider in solver.colliders]
         paths.poses = list(solver.paths.poses)
         paths.pending.clear()
         self.time[e], self.steps[e] = solver.time, solver.steps
@@ -309,5 +319,8 @@ class Batch:
         with default_precision(solver.precision):
             for body, material in enumerate(self._materials[e]):
                 solver.set_material(body, material)
+            for index, collider in enumerate(solver.colliders):
+                if collider.friction != self._frictions[e, index]:
+                    solver.set_friction(index, float(self._frictions[e, index]))
             self._stepper.states.restore_now(e)
         solver.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))

@@ -95,10 +95,15 @@ def load_material(name: str) -> MaterialConfig:
     return load(path, KINDS[law])
 
 
+def number_names(config: MaterialConfig) -> dict[str, str]:
+    """Name of each number of a material, angles with their unit (`friction_angle_deg`) -> its key in the file."""
+    return {"friction_angle_deg" if name == "friction_angle" else name: name for name in config.numbers()}
+
+
 def overridden(config: MaterialConfig, numbers: dict[str, float],
                what: str = "number of this material") -> MaterialConfig:
     """A material with some numbers changed; angles are named with their unit, `friction_angle_deg`."""
-    known = {"friction_angle_deg" if n == "friction_angle" else n: n for n in config.numbers()}
+    known = number_names(config)
     changed = {}
     for name, value in numbers.items():
         if name not in known:

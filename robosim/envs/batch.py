@@ -15,13 +15,14 @@ from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import ORIGIN, Carrier, mean_wrench
 from robosim.envs.episode import Episode, Horizon, check_horizon
 from robosim.envs.start import DEFAULT_START, StartOptions, read_start
-from robosim.envs.world import Memory, Ranges, World, check_options
+from robosim.envs.world import Memory, World, check_options
 from robosim.errors import ConfigError
 from robosim.senses.perception import PerceptionOptions, Terms
 from robosim.senses.senses import TermOptions
 from robosim.senses.term import SenseScene, Sight
 from robosim.tasks.actions import ActionScaling, DelayLine, check_action_repeat, delay_steps
 from robosim.tasks.counting import TOOL
+from robosim.tasks.randomization import Ranges
 from robosim.tasks.task import TaskConfig
 
 Info = dict[str, Any]
@@ -90,17 +91,19 @@ class GrainBatch:
         """Start an episode of environment e."""
         rng, world = self._rngs[e], self.world
         assert rng is not None
-        law = world.draw_law(rng)
+        draw = world.draw(rng, options)
+        law = world.randomization.law(draw)
         if law is not None:
             self.batch.set_material(e, 0, law)
-        tool, pile = world.draw_start(rng, options)
-        reading = self.batch.load(e, world.start_state(self._carriers[e].restart(tool), pile))
+        for index, friction in world.randomization.frictions(draw, len(world.solver.colliders)).items():
+            self.batch.set_friction(e, index, friction)
+        reading = self.batch.load(e, world.start_state(self._carriers[e].restart(world.tool_pose(draw)), draw.pile))
         assert reading is not None
         self._delays[e].restart()
         info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading))
         sight = self._look(e, mpm.Wrench(ORIGIN, ORIGIN))
-        self._senses[e] = world.observer.begin(sight, rng)
-        return info | self._observe(e, sight)
+        self._senses[e] = world.observer.begin(sight, draw.sensors)
+        return info | self._observe(e, sight) | {"draw": draw._asdict()}
 
     def _look(self, e: int, tool_wrench: mpm.Wrench) -> Sight:
         """Return what the terms of the observation see in environment e."""

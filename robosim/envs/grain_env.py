@@ -125,25 +125,28 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         """Start an episode; return observation and info.
 
         options: {"nominal": True} for the start without its random displacement; "shift", a displacement [m] (3,) of
-        the tool, and "turn_deg", a turn about the vertical through it, besides.
+        the tool, and "turn_deg", a turn about the vertical through it, besides; {"draw": info["draw"]} of another reset
+        repeats its episode.
         Raises UnknownName for another option, ConfigError for one that cannot be used and once it is closed.
         """
         check_owner()
         check_open("reset", self._is_closed)
         super().reset(seed=seed)
         start, world = read_start(options), self.world
-        law = world.draw_law(self.np_random)
+        draw = world.draw(self.np_random, start)
+        law = world.randomization.law(draw)
         if law is not None:
             self.solver.set_material(0, law)
-        tool, pile = world.draw_start(self.np_random, start)
-        self.solver.load(world.start_state(self.carrier.restart(tool), pile))
+        for index, friction in world.randomization.frictions(draw, len(self.solver.colliders)).items():
+            self.solver.set_friction(index, friction)
+        self.solver.load(world.start_state(self.carrier.restart(world.tool_pose(draw)), draw.pile))
         self.counter.restart()
         self._delay.restart()
         counts, pose = self.counter.read(), self.solver.collider_pose(TOOL)
         info = self.episode.restart(pose, counts)
         sight = self._look(world.grains())
-        self._senses = world.observer.begin(sight, self.np_random)
-        info |= self._observe(sight)
+        self._senses = world.observer.begin(sight, draw.sensors)
+        info |= self._observe(sight) | {"draw": draw._asdict()}
         if self.render_mode == "human":
             self.render()
         return copy.deepcopy(self.observation), info

@@ -45,19 +45,22 @@ class StartOptions(NamedTuple):
     """Displacement of the tool [m], within the box of commanded positions."""
     turn_deg: float = 0.0
     """Turn of the tool about the vertical through its origin."""
-
-    def turned(self, quaternion: np.ndarray) -> np.ndarray:
-        """Return a quaternion (w, x, y, z) after the turn."""
-        if self.turn_deg == 0.0:
-            return quaternion
-        half = np.radians(self.turn_deg) / 2
-        c, s = np.cos(half), np.sin(half)
-        w, x, y, z = quaternion
-        return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
+    draw: Any = None
+    """What another episode has drawn, `info["draw"]` of its reset, in place of all else."""
 
 
 DEFAULT_START = StartOptions()
 """Of a reset without options."""
+
+
+def turned(quaternion: np.ndarray, turn_deg: float) -> np.ndarray:
+    """Return a quaternion (w, x, y, z) after a turn about the vertical."""
+    if turn_deg == 0.0:
+        return quaternion
+    half = np.radians(turn_deg) / 2
+    c, s = np.cos(half), np.sin(half)
+    w, x, y, z = quaternion
+    return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
 def read_start(options: dict[str, Any] | None) -> StartOptions:
@@ -69,6 +72,9 @@ def read_start(options: dict[str, Any] | None) -> StartOptions:
     unknown = set(given) - set(StartOptions._fields)
     if unknown:
         raise UnknownName("option of reset", sorted(unknown)[0], StartOptions._fields)
+    if given.get("draw") is not None and len(given) > 1:
+        others = ", ".join(sorted(set(given) - {"draw"}))
+        raise ConfigError(f"options of reset: draw with {others}; accepted: draw alone")
     shift, turn = given.get("shift", (0.0, 0.0, 0.0)), given.get("turn_deg", 0.0)
     try:
         numbers = np.array(shift, float)
@@ -78,7 +84,7 @@ def read_start(options: dict[str, Any] | None) -> StartOptions:
         raise ConfigError(f"options of reset: shift = {shift!r}, turn_deg = {turn!r}; accepted: three lengths in "
                           f"metres and an angle") from None
     x, y, z = (float(value) for value in numbers)
-    return StartOptions(bool(given.get("nominal", False)), (x, y, z), float(turn))
+    return StartOptions(bool(given.get("nominal", False)), (x, y, z), float(turn), given.get("draw"))
 
 
 def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.ndarray]:

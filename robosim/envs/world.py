@@ -2,29 +2,26 @@
 
 import copy
 import hashlib
-import itertools
-import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import mpm
-from mpm.materials.stable_step import accepted_bound
 from mpm.observers.diagnostics import Momentum
-from robosim.config.materials import Law, law_of, load_material, overridden
+from robosim.config.materials import law_of, load_material, overridden
 from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
-from robosim.envs.start import StartOptions, rotate_grains, settled_state
+from robosim.envs.start import StartOptions, rotate_grains, settled_state, turned
 from robosim.errors import ConfigError
 from robosim.senses.perception import Perception, PerceptionOptions
 from robosim.tasks.counting import TOOL, TaskCounter
-from robosim.tasks.field import build_solver, largest_step
+from robosim.tasks.field import build_solver
 from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
+from robosim.tasks.randomization import Draw, Randomization, Ranges, Vector
 from robosim.tasks.task import TaskConfig, load_task
 
-Ranges = dict[str, tuple[float, float]]
-"""Number of a material -> its lowest and highest value."""
 NO_GRAINS = np.zeros((0, 6), np.float32)
 STANDARD = PerceptionOptions()
 STATE_FORMAT = 2
@@ -50,9 +47,9 @@ class World:
     """A sub-task with a material; one environment runs in it, or a batch of them.
 
     name: of the file that the settled start is cached in. perception: what is observed; `observer.build` completes it.
-    numbers: of the material, in place of its own. randomize: ranges that each episode draws numbers of the material
-    from. mobile: contact moves the tool, too. load: what another sub-task has left in the tool, in place of the task's
-    own grains and material. tool: in place of the task's.
+    numbers: of the material, in place of its own. randomize: ranges that each episode draws numbers from. mobile:
+    contact moves the tool, too. load: what another sub-task has left in the tool, in place of the task's own grains and
+    material. tool: in place of the task's.
     Raises ConfigError, UnknownName for options that cannot be used.
     """
 
@@ -67,7 +64,7 @@ class World:
             self.task = task_with_load(name, self.task, load)
         own = load.material if load is not None and material is None else load_material(material or self.task.material)
         self.material = overridden(own, numbers or {}, "option, or number of this material,")
-        self.randomize = self._check_ranges(randomize or {})
+        self.randomization = Randomization(self.task, self.material, randomize or {})
         self.observer = Perception(self.task, perception)
         self.load, positions = load, None if load is None else load_positions(self.task, load)
         self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, positions=positions,
@@ -81,39 +78,19 @@ class World:
             self._settled = load_state(self.task, load, self.solver)
             self.solver.load(self._settled)
 
-    def _check_ranges(self, randomize: Ranges) -> Ranges:
-        """Return the ranges; raise ConfigError for a pair that is no range or needs a smaller time step."""
-        for name, pair in randomize.items():
-            low, high = pair if np.ndim(pair) == 1 and len(pair) == 2 else (math.nan, math.nan)
-            if not low <= high:
-                raise ConfigError(f"randomize: {name} = {pair!r}; accepted: (lowest, highest)")
-        dt = largest_step(self.task, law_of(self.material))
-        for corner in itertools.product(*randomize.values()):
-            numbers = dict(zip(randomize, corner))
-            bound = accepted_bound(self.task.field.cell, law_of(overridden(self.material, numbers)))
-            if dt > bound:
-                raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; this has {dt:.3g} s: "
-                                  f"take a softer or a heavier material")
-        return dict(randomize)
+    def draw(self, rng: np.random.Generator, options: StartOptions) -> Draw:
+        """Draw what is random in an episode, or take what the options give back."""
+        if options.draw is not None:
+            return self.randomization.read(options.draw)
+        return self.randomization.draw(rng, nominal=options.nominal, shift=options.shift, turn_deg=options.turn_deg)
 
-    def draw_law(self, rng: np.random.Generator) -> Law | None:
-        """Draw the material of an episode; None: it is not randomized."""
-        if not self.randomize:
-            return None
-        numbers = {name: float(rng.uniform(*pair)) for name, pair in self.randomize.items()}
-        return law_of(overridden(self.material, numbers))
-
-    def draw_start(self, rng: np.random.Generator, options: StartOptions) -> tuple[mpm.Pose, np.ndarray]:
-        """Draw the tool's pose and the displacement [m] (3,) of grains that are not in the tool."""
-        start, action = self.task.start, self.task.action
-        tool, pile = np.array(options.shift), np.zeros(3)
-        if not options.nominal:
-            tool = tool + rng.uniform(-1.0, 1.0, 3) * start.spread
-            pile = rng.uniform(-1.0, 1.0, 3) * start.pile_spread
+    def tool_pose(self, draw: Draw) -> mpm.Pose:
+        """Return the tool's pose at the start of an episode."""
+        start, action, tool = self.task.start, self.task.action, np.array(draw.tool)
         position = np.clip(start.position + tool, action.lower, action.upper) if tool.any() else start.pose.position
-        return mpm.Pose(position, options.turned(start.pose.quaternion)), pile
+        return mpm.Pose(position, turned(start.pose.quaternion, draw.turn_deg))
 
-    def start_state(self, tool: mpm.Pose, pile: np.ndarray) -> dict[str, np.ndarray]:
+    def start_state(self, tool: mpm.Pose, pile: Vector) -> dict[str, np.ndarray]:
         """Return the settled state with the tool at a pose.
 
         Grains in the tool move with it; others are displaced by pile [m] (3,).
@@ -124,7 +101,7 @@ class World:
             state |= rotate_grains(state, tool.matrix @ self.task.start.pose.matrix.T)
             state["x"] = tool.apply(local) - origin
         else:
-            state["x"] = state["x"] + pile
+            state["x"] = state["x"] + np.array(pile)
         state["poses"] = state["poses"].copy()
         state["poses"][TOOL] = np.concatenate(tool)
         return state
@@ -143,7 +120,7 @@ class World:
             **{f"task.{name}": value for name, value in self.task.model_dump(mode="json").items()},
             "material": type(self.material).__name__,
             **{f"material.{name}": getattr(self.material, name).value for name in numbers},
-            "randomize": {name: [float(value) for value in pair] for name, pair in self.randomize.items()},
+            "randomize": {name: [float(value) for value in pair] for name, pair in self.randomization.ranges.items()},
             "obs": self.observer.describe(), "load": None if load is None else f"{load.count} grains, {handed}",
             "precision": self.solver.precision,
         }
@@ -159,6 +136,7 @@ class World:
         momentum = np.array(solver.momentum_after_advance()) if solver.features.mobile else None
         return {
             "options": dict(options), "solver": solver.state(), "material": dict(vars(solver.bodies[0].material)),
+            "frictions": [collider.friction for collider in solver.colliders],
             "momentum": momentum, "counter": self.counter.state(), "episode": episode.state(),
             "carrier": carrier.state(), "generator": generator, "seed": memory.seed,
             "observation": copy.deepcopy(memory.observation), "senses": copy.deepcopy(memory.senses),
@@ -173,6 +151,7 @@ class World:
         check_options(state, options)
         solver = self.solver
         before = episode.state(), carrier.state(), self.counter.state(), solver.bodies[0].material
+        frictions = [collider.friction for collider in solver.colliders]
         try:
             memory = Memory(read_generator(state["generator"]), state["seed"], copy.deepcopy(state["observation"]),
                             copy.deepcopy(state["senses"]), copy.deepcopy(state["waiting"]))
@@ -181,12 +160,14 @@ class World:
             carrier.load(state["carrier"])
             self.counter.load(state["counter"])
             solver.set_material(0, type(before[3])(**state["material"]))
+            set_frictions(solver, state["frictions"])
             solver.load(state["solver"])
         except BaseException as error:
             episode.load(before[0])
             carrier.load(before[1])
             self.counter.load(before[2])
             solver.set_material(0, before[3])
+            set_frictions(solver, frictions)
             if not isinstance(error, Exception):
                 raise
             what = f"it has no {error}" if isinstance(error, KeyError) else error
@@ -195,6 +176,13 @@ class World:
         if momentum is not None:
             solver.adopt_state(list(solver.paths.poses), solver.time, solver.steps, momentum)
         return memory
+
+
+def set_frictions(solver: mpm.Solver, frictions: Sequence[float]) -> None:
+    """Set the friction of every collider."""
+    for index, friction in enumerate(frictions):
+        if solver.colliders[index].friction != friction:
+            solver.set_friction(index, friction)
 
 
 def check_options(state: Any, own: dict[str, Any]) -> None:

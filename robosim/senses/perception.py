@@ -1,6 +1,5 @@
 """What an environment observes: a layout of the published task, or terms that its user chooses."""
 
-import copy
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, get_args
 
@@ -93,14 +92,10 @@ class Perception:
         own = self.options.obs if self._choices is None else describe(self._choices)
         return own if not self._privileged else [own, describe(self._privileged)]
 
-    def begin(self, sight: Sight, rng: np.random.Generator) -> Any:
-        """Return the memory of an episode that starts now: arrays and plain values.
-
-        rng is left as it is, so that starts do not depend on what is observed.
-        """
-        seeds = copy.deepcopy(rng)
-        return [one.begin(sight, seeds) if isinstance(one, Senses) else None
-                for one in (self._observer, self._teacher)]
+    def begin(self, sight: Sight, seed: int) -> Any:
+        """Return the memory of an episode that starts now: arrays and plain values; seed: of what is random in it."""
+        return [one.begin(sight, seed + k) if isinstance(one, Senses) else None
+                for k, one in enumerate((self._observer, self._teacher))]
 
     def read(self, sight: Sight, memory: Any) -> Any:
         """Return an observation in arrays of its own, and advance the memory."""

@@ -109,10 +109,10 @@ class Senses:
             low, high = (np.concatenate(bounds).astype(np.float32) for bounds in (lows, highs))
             self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
 
-    def begin(self, sight: Sight, rng: np.random.Generator) -> dict[str, Any]:
-        """Return the memory of an episode that starts now; rng: draws the seed of all that is random in it."""
+    def begin(self, sight: Sight, seed: int) -> dict[str, Any]:
+        """Return the memory of an episode that starts now; seed: of all that is random in it."""
         memory: dict[str, Any] = {key: channel.begin(sight) for key, channel in self.channels.items()}
-        return {"seed": int(rng.integers(2**62)), "reads": 0, "terms": memory}
+        return {"seed": seed, "reads": 0, "terms": memory}
 
     def read(self, sight: Sight, memory: dict[str, Any]) -> Any:
         """Return an observation in arrays of its own, and advance the memory."""
