@@ -11,20 +11,21 @@ from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.senses.term import SenseScene, Sight, Term, box, check_count
+from robosim.shapes import tool_shape
 from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
 
 MOST_PIXELS = 512
 """Along an edge."""
 MARGIN = 0.02
-"""Distance [m] that the raster shows around the container or target."""
+"""Distance [m] that the raster shows around what it is about."""
 
 
 class HeightMapTerm(Term):
     """Heights [m] of grains, container and table above the table, on a raster that is seen from straight above.
 
-    lower, upper [m] (2,): corners of the region; without them, 20 mm around the container or target. pixels: along x
-    and y. Neither tool nor arm is in the picture.
+    lower, upper [m] (2,): corners of the region; without them, 20 mm around the container, or around the places where
+    the grains begin and shall end. pixels: along x and y. Neither tool nor arm is in the picture.
     """
 
     name, unit = "height_map", "m"
@@ -53,13 +54,16 @@ class HeightMapTerm(Term):
 
 
 def default_region(task: TaskConfig) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners [m] (2,) of the region around a task's container, or else its target."""
+    """Return the corners [m] (2,) of the region around a task's container, or else its start and its target."""
     for name, container in task.containers.items():
         walls = container_shape(name, container).walls().vertices
         corners = container_pose(container).apply(np.asarray(walls))[:, :2]
         return corners.min(0) - MARGIN, corners.max(0) + MARGIN
     centre, half = np.array(task.target.centre)[:2], np.minimum(np.array(task.target.half)[:2], 0.5)
-    return centre - half - MARGIN, centre + half + MARGIN
+    start, own = np.array(task.start.position)[:2], np.linalg.norm(tool_shape(task.tool).interior.half[:2])
+    if task.start.pile is not None:
+        start, own = np.array(task.start.pile.centre)[:2], np.array(task.start.pile.half)[:2]
+    return np.minimum(centre - half, start - own) - MARGIN, np.maximum(centre + half, start + own) + MARGIN
 
 
 def floor_heights(task: TaskConfig, raster: Raster) -> np.ndarray:
