@@ -1,4 +1,4 @@
-"""Random numbers of episodes: within their ranges, told in the info, repeated on request, without compiling anything."""
+"""Random numbers of episodes: in their ranges, told in the info, repeated on request, without compiling anything."""
 
 import gymnasium
 import numpy as np
