@@ -28,11 +28,6 @@ class Timing(NamedTuple):
     dropout: float = 0.0
     """Probability that a value is lost; the one before is repeated."""
 
-    @property
-    def is_random(self) -> bool:
-        """Whether it draws numbers."""
-        return self.noise > 0.0 or self.dropout > 0.0
-
 
 def read_timing(term: str, options: dict[str, Any]) -> Timing:
     """Take the options TIMING out of a term's options; raises ConfigError for numbers that cannot be used."""

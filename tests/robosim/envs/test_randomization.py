@@ -1,4 +1,4 @@
-"""Random numbers of episodes: in their ranges, told in the info, repeated on request, without compiling anything."""
+"""Random numbers of episodes: within their ranges, listed in the info, and repeated from it."""
 
 import gymnasium
 import numpy as np
