@@ -5,18 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from mpm.adjusting import Adjustable
 from mpm.backend import check_owner, default_precision, is_shared, ti
 from mpm.boundaries.contact import cache_static_contact
 from mpm.boundaries.mobility_table import MobilityTable
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import COLUMNS, Pose, Twist, check_pose
 from mpm.gpu.stepper import count_parts, make_stepper
-from mpm.materials.material import Material
-from mpm.materials.stable_step import check_step, choose_step, material_bound
+from mpm.materials.stable_step import choose_step, material_bound
 from mpm.observers import diagnostics
 from mpm.observers.counter_kernel import COUNTER_ROWS
 from mpm.observers.diagnostics import Momentum
-from mpm.observers.readings import Readings
 from mpm.observers.region_counter import MAX_READINGS, Counts, RegionCounter
 from mpm.observers.sample import Sample
 from mpm.scene.body import Body
@@ -32,11 +31,11 @@ from mpm.state.particles import SPEED_LIMIT
 from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.cpu import NOWHERE, UNDO
 from mpm.stepping.rollback import Rollback
-from mpm.stepping.sleep_thresholds import read_sleep, sleep_limits
+from mpm.stepping.sleep_thresholds import read_sleep
 from mpm.stepping.stride import Interval, choose_interval, longest_stride, split_launches
 
 
-class Solver(Readings):
+class Solver(Adjustable):
     """Explicit MLS-MPM solver of one scene: grid, bodies, colliders and walls.
 
     - dt: substep [s]; None: 0.75 of the bound of an isolated particle; above 0.83 of it: TimeStepTooLarge. Substeps
@@ -143,45 +142,6 @@ class Solver(Readings):
             if name in before:
                 self.particles.write(fields, before[name])
         self._momentum = self.momentum()
-
-    def set_gravity(self, gravity: np.ndarray) -> None:
-        """Set gravity [m/s^2] (3,); wakes all particles."""
-        self.fields.parameters.gravity[None] = self.gravity = check_finite("set_gravity", gravity, (3,))
-        self.wake()
-
-    def set_friction(self, index: int, friction: float) -> None:
-        """Set the friction coefficient of a collider, without recompilation."""
-        self.paths.pose(index)
-        changed = replace(self.colliders[index], friction=friction)
-        self.fields.parameters.set_friction(index, friction)
-        self.colliders[index] = changed
-        self.wake()
-
-    def set_material(self, index: int, material: Material) -> None:
-        """Set other parameters of a body's law, without recompilation; raises TimeStepTooLarge if dt is too large."""
-        self.check_material(index, material)
-        old = self.bodies[index].material
-        self.fields.parameters.set_law(index, material)
-        self.bodies[index] = replace(self.bodies[index], material=material)
-        self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
-        self._momentum = self.momentum() if material.density != old.density else self._momentum
-        if material != old:
-            self.wake()
-
-    def check_material(self, index: int, material: Material) -> None:
-        """Raise InvalidValue or TimeStepTooLarge if `set_material` would not accept this material."""
-        accepted = type(self.bodies[index].material)
-        if type(material) is not accepted:
-            raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {accepted.__name__}")
-        check_step(self.dt, self.grid.cell, [material])
-
-    def wake(self) -> None:
-        """Wake all particles; does nothing without sleeping."""
-        if self.fields.sleepers is not None:
-            self.fields.sleepers.set_limits(sleep_limits(self.sleep, self.grid, self.bodies, self.gravity))
-            self.rollback.store_pending()
-            self.particles.write([self.particles.rest], np.zeros((sum(self.particles.counts), 1)))
-            self.fields.stamps.is_listed = False
 
     def attach(self, counter: RegionCounter, sample: Sample | None = None) -> None:
         """Attach a counter, evaluated during advances, and a sample, taken at their end; kernels are recompiled."""

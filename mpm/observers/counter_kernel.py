@@ -14,8 +14,10 @@ REGION_NUMBERS = 7
 """Numbers of a region as the kernel reads it."""
 REGION, BOUNDS, INNER = range(3)
 """The regions, in the order of their numbers."""
-ORIGIN, POINT, WEIGHTS = range(3 * REGION_NUMBERS, 3 * REGION_NUMBERS + 9, 3)
+ORIGIN, WEIGHTS, POINT = range(3 * REGION_NUMBERS, 3 * REGION_NUMBERS + 9, 3)
 """Where the grid's origin and the distance's numbers follow on those of the regions."""
+FRAME, PLACE, TURN, FRAME_NUMBERS = POINT, POINT + 3, POINT + 6, 15
+"""Where the numbers begin that `RegionCounter.place` sets: the point, and the frame's position and rotation."""
 COUNTER_ROWS = 2
 """Rows of six numbers that a reading takes."""
 DISTANCE, NEWLY_EXITED, EXITED_FROM_REGION, IN_REGION, EXITED, IN_INNER, NEAR, PROBED, CLEARANCE = range(9)
@@ -40,13 +42,13 @@ class CounterKernel:
         self.probe, self.margin, self.per_particle = probe, margin, per_particle
         self.counts_near, self.has_points, self.on_gpu = shape is not None, n_points > 0, is_shared()
         # in a field, because kernels take Python's numbers for single precision
-        self.numbers = ti.field(ti.f64, WEIGHTS + 3)
+        self.numbers = ti.field(ti.f64, FRAME + FRAME_NUMBERS)
         self.roles, self.flags = (ti.field(ti.i8, particles.n_lanes) for _ in range(2))
         self.points = ti.Vector.field(3, ti.f32, n_points) if n_points else None
 
     def fill(self, regions: tuple[Region, Region, Region], others: np.ndarray, roles: np.ndarray,
              points: np.ndarray | None) -> None:
-        """Write what is counted; others (9,): origin, point and weights."""
+        """Write what is counted; others: origin, weights, and the numbers of the frame."""
         put(self.numbers, np.concatenate([*[region.row for region in regions], others]))
         put(self.roles, roles)
         self.flags.fill(0)
@@ -95,6 +97,19 @@ class CounterKernel:
         return ti.Vector([ti.cast(self.particles.x[d][q][l], ti.f64) + self.numbers[ORIGIN + d] for d in range(3)])
 
     @ti.func
+    def in_frame(self, x):
+        """Return a point of the world in the frame of regions and points."""
+        r = ti.Vector([x[d] - self.numbers[PLACE + d] for d in range(3)])
+        return ti.Vector([self.numbers[TURN + d] * r[0] + self.numbers[TURN + 3 + d] * r[1]
+                          + self.numbers[TURN + 6 + d] * r[2] for d in range(3)])
+
+    @ti.func
+    def from_frame(self, y):
+        """Return a point of that frame in the world."""
+        return ti.Vector([self.numbers[TURN + 3 * d] * y[0] + self.numbers[TURN + 3 * d + 1] * y[1]
+                          + self.numbers[TURN + 3 * d + 2] * y[2] + self.numbers[PLACE + d] for d in range(3)])
+
+    @ti.func
     def distance(self, x):
         """Return the weighted Manhattan distance [m] to the point."""
         total = ti.cast(0.0, ti.f64)
@@ -117,10 +132,11 @@ class CounterKernel:
     def count(self, slot, c, R, out: ti.template(), row):
         """Add one particle's share of the sums."""
         x = self.position(slot)
-        in_region, in_inner = self.contains(REGION, x), self.contains(INNER, R.transpose() @ (x - c))
+        y = self.in_frame(x)
+        in_region, in_inner = self.contains(REGION, y), self.contains(INNER, R.transpose() @ (x - c))
         flags = ti.cast(self.flags[slot], ti.i32)
         exited = flags & HAS_EXITED
-        if exited == 0 and not in_inner and self.roles[slot] > COUNTED and not self.contains(BOUNDS, x):
+        if exited == 0 and not in_inner and self.roles[slot] > COUNTED and not self.contains(BOUNDS, y):
             exited = HAS_EXITED
             add(out, row + ti.static(NEWLY_EXITED // 6), ti.static(NEWLY_EXITED % 6), 1.0)
             if flags & WAS_IN_REGION:
@@ -149,7 +165,7 @@ class CounterKernel:
         nearest = ti.cast(FAR, ti.f64)
         if ti.static(self.has_points):
             for i in range(self.points.shape[0]):
-                r = ti.cast(self.points[i], ti.f64) - c
+                r = self.from_frame(ti.cast(self.points[i], ti.f64)) - c
                 if r.norm_sqr() < ti.static((self.probe.radius + self.margin) ** 2):
                     _, phi = self.probe.at(ti.cast(R.transpose() @ r, ti.f32))
                     nearest = ti.min(nearest, ti.cast(phi, ti.f64))

@@ -8,13 +8,14 @@ import numpy as np
 from mpm.backend import put
 from mpm.errors import InvalidValue
 from mpm.geometry.region import Region
-from mpm.geometry.rigid_motion import Pose
+from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.geometry.shell import Shell
 from mpm.observers.counter_kernel import (
     CLEARANCE,
     COUNTED,
     COUNTER_ROWS,
     DISTANCE,
+    FRAME,
     LATCHING,
     NEWLY_EXITED,
     CounterKernel,
@@ -56,11 +57,11 @@ class RegionCounter:
     - counted: indices of the counted particles. latching: those of them whose exit from the bounds is counted and
       remembered; None: all.
     - point [m] (3,), weights (3,): `distance` is the weighted Manhattan distance to this point.
-    - region, bounds: fixed in the world. inner: fixed in the frame of collider `index`; a particle in it does not count
-      as outside the bounds.
+    - region, bounds: fixed in the world, or in the frame that `place` moves. inner: fixed in the frame of collider
+      `index`; a particle in it does not count as outside the bounds.
     - reach: particles within this distance [m] of the collider's surface count as near; None: not counted.
-    - points: (n, 3) [m] in the world. They are probed: compared with the signed distance `probe`, in the collider's
-      frame, and a margin [m]. None: no points.
+    - points: (n, 3) [m], as region and bounds. They are probed: compared with the signed distance `probe`, in the
+      collider's frame, and a margin [m]. None: no points.
     - per_particle: whether a reading has the values of each particle.
 
     After `Solver.attach` it is evaluated within advances. Raises InvalidValue for a shell with a reach.
@@ -85,13 +86,30 @@ class RegionCounter:
         self.kernel: CounterKernel = solver.assembly.take(
             ("counter", index, reach, n_points, looked_up, margin, per_particle),
             lambda: CounterKernel(solver.particles, index, near, reach or 0.0, probe, n_points, margin, per_particle))
-        self.kernel.fill((region, bounds, inner), np.concatenate([solver.grid.origin, point, weights]), roles, points)
+        self._point, self.frame = np.asarray(point, float), Pose.identity()
+        others = np.concatenate([solver.grid.origin, weights, self.frame_numbers(self.frame)])
+        self.kernel.fill((region, bounds, inner), others, roles, points)
         self._out = np.zeros((COUNTER_ROWS, 6))
         self.slots = self.particles.index[counted]
         """Rows of the per-particle values of a launch that belong to the counted particles."""
         self.per_particle_shape = (len(roles) if per_particle else 1, 2)
         """Shape of the per-particle values of one reading."""
         self._per_particle = np.zeros((1, *self.per_particle_shape), np.float32)
+
+    def place(self, frame: Pose) -> None:
+        """Move point, region, bounds and points with a frame, from where they were given to a pose of it.
+
+        Distances are measured along the axes of the world. Raises InvalidValue for what is no pose.
+        """
+        self._set_state_aside()
+        self.frame = check_pose("RegionCounter.place", frame)
+        numbers = self.kernel.numbers.to_numpy()
+        numbers[FRAME:] = self.frame_numbers(self.frame)
+        put(self.kernel.numbers, numbers)
+
+    def frame_numbers(self, frame: Pose) -> np.ndarray:
+        """Return what the kernel reads of a frame: the point there, position [m] and rotation, row by row (15,)."""
+        return np.concatenate([frame.apply(self._point[None])[0], frame.position, frame.matrix.ravel()])
 
     def restart(self) -> None:
         """Forget which particles have left the bounds; those outside now are not counted as newly exited."""

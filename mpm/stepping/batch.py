@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mpm.adjusting import check_volume
 from mpm.backend import check_owner, default_precision, ti
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose, Wrench
 from mpm.launching import Launcher
-from mpm.materials.material import PARAMETERS, Material
+from mpm.materials.material import Material
 from mpm.materials.stable_step import material_bound
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.diagnostics import describe_divergence, warn_of_held
@@ -27,6 +28,7 @@ from mpm.state.snapshots import StateBank
 from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.cpu import CpuStepper, add_status
 from mpm.stepping.crew import Crew
+from mpm.stepping.environment_numbers import EnvironmentNumbers, NumbersKernel
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
 
 SKIPPED, READ_ONLY = -1, 0
@@ -52,9 +54,10 @@ class Plan(NamedTuple):
 class BatchStepper(CpuStepper):
     """The kernel of a batch: the substeps of one environment after another."""
 
-    def __init__(self, fields: Fields, counter: CounterKernel | None, sample: SampleKernel | None, n: int) -> None:
+    def __init__(self, fields: Fields, counter: CounterKernel | None, sample: SampleKernel | None, n: int,
+                 n_colliders: int) -> None:
         super().__init__(fields, counter, sample)
-        self.n = n
+        self.n, self.numbers = n, NumbersKernel(fields, counter, n_colliders)
         flags = [counter.flags] if counter is not None else []
         self.states = StateBank(self.fields.particles.state_fields, self.fields.particles.pack_count, n, flags)
         self.sample_rows = sample.count if sample is not None else 0
@@ -62,13 +65,13 @@ class BatchStepper(CpuStepper):
 
     @ti.kernel
     def run_all(self, plans: ti.types.ndarray(), dts: ti.types.ndarray(), motion: ti.types.ndarray(),
-                mobile: ti.types.ndarray(), laws: ti.types.ndarray(), frictions: ti.types.ndarray(),
-                out: ti.types.ndarray(), results: ti.types.ndarray(), per_particle: ti.types.ndarray(),
-                sampled: ti.types.ndarray(), readings: ti.i32):
+                mobile: ti.types.ndarray(), numbers: ti.types.ndarray(), out: ti.types.ndarray(),
+                results: ti.types.ndarray(), per_particle: ti.types.ndarray(), sampled: ti.types.ndarray(),
+                readings: ti.i32):
         """Run every environment by its plan (n, 6).
 
-        dts: [s] (n,). laws: (n, bodies, parameters and density). frictions: (n, colliders). out: zero before and after;
-        results (n, rows, 6) hold what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in
+        dts: [s] (n,). numbers: those of `EnvironmentNumbers`. out: zero before and after; results (n, rows, 6) hold
+        what it held. per_particle (n readings, particles, 2), sampled (n particles, 6): as in
         `CpuStepper.run`, one environment after another.
         """
         ti.loop_config(serialize=True)
@@ -76,9 +79,7 @@ class BatchStepper(CpuStepper):
             substeps, row, interval, done, stamp, max_stride = [plans[e, i] for i in ti.static(range(6))]
             if substeps != ti.static(SKIPPED):
                 self.states.restore(e)
-                self.set_laws(laws, e)
-                for i in range(frictions.shape[1]):
-                    self.fields.parameters.frictions[i] = frictions[e, i]
+                self.numbers.write(numbers, e)
                 dt = dts[e]
                 if substeps == ti.static(READ_ONLY):  # noqa: SIM102  (decided when compiling)
                     if ti.static(self.has_counter):
@@ -95,14 +96,6 @@ class BatchStepper(CpuStepper):
                     for j in range(6):
                         results[e, i, j] = out[i, j]
                         out[i, j] = 0.0
-
-    @ti.func
-    def set_laws(self, laws: ti.template(), e):
-        """Write the parameters of an environment's materials."""
-        for body in range(self.fields.parameters.densities.shape[0]):
-            for i in ti.static(range(PARAMETERS)):
-                self.fields.parameters.law[body, i] = laws[e, body, i]
-            self.fields.parameters.densities[body] = laws[e, body, PARAMETERS]
 
 
 class Batch:
@@ -125,7 +118,8 @@ class Batch:
         counter, sample, fields = solver.counter, solver.sample, solver.fields
         kernels = counter and counter.kernel, sample and sample.kernel
         self._stepper: BatchStepper = solver.assembly.take(("batch", *kernels, n),
-                                                           lambda: BatchStepper(fields, *kernels, n))
+                                                           lambda: BatchStepper(fields, *kernels, n,
+                                                                                len(solver.colliders)))
         rows = solver.fields.rows.count + (COUNTER_ROWS * readings if counter else 0)
         self._out, self._results = np.zeros((rows, 6)), np.zeros((n, rows, 6))
         shape = counter.per_particle_shape if counter else (1, 2)
@@ -133,12 +127,7 @@ class Batch:
         self._sampled = np.zeros((n * (len(sample.values) if sample else 1), 6), np.float32)
         self._dts, self._counter = np.zeros(n), counter
         self._ledgers = np.zeros((n, solver.fields.rows.momentum, 6))
-        self._materials = [[body.material for body in solver.bodies] for _ in range(n)]
-        self._laws = np.zeros((n, len(solver.bodies), PARAMETERS + 1), solver.dtype)
-        self._frictions = np.tile(np.array([c.friction for c in solver.colliders] or [0.0], solver.dtype), (n, 1))
-        for e in range(n):
-            for body, material in enumerate(self._materials[e]):
-                self.set_material(e, body, material)
+        self._numbers = EnvironmentNumbers(solver, n)
         self._paths = [ColliderPaths(solver.colliders, solver.features, solver.mobility, solver.grid)
                        for _ in range(n)]
         self._has_warned_of_held = False
@@ -163,18 +152,25 @@ class Batch:
     def set_material(self, e: int, body: int, material: Material) -> None:
         """Set a body's material in one environment, as `Solver.set_material` does."""
         self.solver.check_material(body, material)
-        if self.solver.features.sleep and material != self._materials[e][body]:
+        if self.solver.features.sleep and material != self._numbers.materials[e][body]:
             self._wake(e)
-        self._materials[e][body] = material
-        self._laws[e, body] = 0.0
-        self._laws[e, body, : len(material.parameters)] = material.parameters
-        self._laws[e, body, PARAMETERS] = material.density
+        self._numbers.set_material(e, body, material)
 
     def set_friction(self, e: int, index: int, friction: float) -> None:
         """Set the friction coefficient of a collider in one environment, as `Solver.set_friction` does."""
-        if self.solver.features.sleep and friction != self._frictions[e, index]:
+        if self._numbers.set_friction(e, index, friction) and self.solver.features.sleep:
             self._wake(e)
-        self._frictions[e, index] = friction
+
+    def set_volume(self, e: int, body: int, volume: float) -> None:
+        """Set the volume [m^3] of a body's particles in one environment, as `Solver.set_volume` does."""
+        check_volume(self.solver.bodies[body], volume)
+        if self.solver.features.sleep:
+            self._wake(e)
+        self._numbers.set_volume(e, body, volume)
+
+    def place(self, e: int, frame: Pose) -> None:
+        """Move the regions of the counter in one environment, as `RegionCounter.place` does."""
+        self._numbers.set_frame(e, self._counter, frame)
 
     def _wake(self, e: int) -> None:
         """Wake all particles of an environment."""
@@ -253,7 +249,7 @@ class Batch:
 
     def _interval(self, e: int) -> float:
         """Return the longest stride [s] of an environment's materials."""
-        bound = min(material_bound(self.solver.grid.cell, material) for material in self._materials[e])
+        bound = min(material_bound(self.solver.grid.cell, material) for material in self._numbers.materials[e])
         return choose_interval(self.solver.requested_interval, self.solver.bodies, self.solver.colliders, bound)
 
     def _check(self, durations: np.ndarray, readings: np.ndarray) -> None:
@@ -275,7 +271,7 @@ class Batch:
         stamped = [plan._replace(stamp=solver.fields.stamps.take(max(plan.substeps, 0) + 1)) for plan in plans]
         with default_precision(solver.precision):
             self._stepper.launch_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
-                                  np.ascontiguousarray(motion), solver.mobility.table, self._laws, self._frictions,
+                                  np.ascontiguousarray(motion), solver.mobility.table, self._numbers.table,
                                   self._out, self._results, self._per_particle, self._sampled, self.readings)
 
     def _outcome(self, e: int, plan: Plan, before: list[Counts]) -> list[Counts] | SimulationDiverged:
@@ -303,9 +299,7 @@ class Batch:
         """Set an environment to the state, materials and counter's flags of the solver: the reverse of `select`."""
         solver, paths = self.solver, self._paths[e]
         solver.check_open()
-        for body, held in enumerate(solver.bodies):
-            self.set_material(e, body, held.material)
-        self._frictions[e, : len(solver.colliders)] = [collider.friction for collider in solver.colliders]
+        self._numbers.adopt(e, solver)
         paths.poses = list(solver.paths.poses)
         paths.pending.clear()
         self.time[e], self.steps[e] = solver.time, solver.steps
@@ -317,10 +311,6 @@ class Batch:
         solver = self.solver
         solver.check_open()
         with default_precision(solver.precision):
-            for body, material in enumerate(self._materials[e]):
-                solver.set_material(body, material)
-            for index, collider in enumerate(solver.colliders):
-                if collider.friction != self._frictions[e, index]:
-                    solver.set_friction(index, float(self._frictions[e, index]))
+            self._numbers.hand_over(e, solver)
             self._stepper.states.restore_now(e)
         solver.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))

@@ -116,6 +116,28 @@ def test_points_near_the_probe_are_counted() -> None:
     assert now.clearance == pytest.approx(phi.min(), abs=1e-6)
 
 
+def test_a_counter_that_is_placed_counts_what_lies_as_before_in_its_frame() -> None:
+    """Turned and displaced; distances are measured along the world's axes from where the point then is."""
+    points = np.array([[0.2, 0.2, 0.055], [0.26, 0.2, 0.03], [0.0, 0.0, 0.0]])
+    solver, counter, chosen = scene(points=points, probe=mpm.Sdf.box((0.04, 0.04, 0.02)), margin=0.0075)
+    frame = mpm.Pose(np.array([0.05, -0.1, 0.02]), np.array([np.cos(0.2), 0.0, 0.0, np.sin(0.2)]))
+    before = counter.read()
+    counter.place(frame)
+    counter.restart()
+    now, x = counter.read(), solver.positions()[chosen]
+    assert now.in_region == REGION.holds(frame.inverse().apply(x)).sum() != before.in_region > 0
+    assert now.exited == (~BOUNDS.holds(frame.inverse().apply(x))
+                          & ~INNER.holds(solver.collider_pose(0).inverse().apply(x))).sum()
+    assert now.distance == pytest.approx((WEIGHTS * np.abs(x - frame.apply(POINT[None]))).sum(), rel=1e-9)
+    phi = solver.colliders[0].sdf.distance(frame.apply(points) - [0.2, 0.2, 0.03])
+    assert (now.probed, now.clearance) == ((phi < 0.0075).sum(), pytest.approx(phi.min(), abs=1e-6))
+    counter.place(mpm.Pose.identity())
+    counter.restart()
+    assert counter.read()[:-1] == before[:-1]
+    with pytest.raises(mpm.InvalidValue, match="pose"):
+        counter.place(mpm.Pose(np.full(3, np.nan), np.ones(4)))
+
+
 def test_numbers_of_readings_are_checked() -> None:
     solver, _, _ = scene()
     with pytest.raises(mpm.InvalidValue, match="readings = 0; accepted: 1 to 64"):

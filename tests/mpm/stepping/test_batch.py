@@ -7,6 +7,7 @@ import mpm
 
 CELL = 0.02
 STEP = 5e-3
+ASIDE = mpm.Pose(np.array([0.02, -0.01, 0.0]), np.array([np.cos(0.1), 0.0, 0.0, np.sin(0.1)]))
 SALT = mpm.DruckerPrager(E=1e5, nu=0.2, density=1200.0, friction_angle_deg=30.0)
 SOFT = mpm.DruckerPrager(E=4e4, nu=0.3, density=900.0, friction_angle_deg=25.0)
 
@@ -53,12 +54,16 @@ def batch() -> mpm.Batch:
 
 
 def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
-    """Three starts, motions and numbers of steps, one with another material; two advances and a rest."""
+    """Three starts, motions and numbers of steps, one with another material, volume and place; two advances and a rest."""
     alone, materials, legs = scene(), (SALT, SOFT, SALT), (3, 2, 4)
+    volumes = [factor * (CELL / 2) ** 3 for factor in (1.0, 0.8, 1.1)]
+    frames = (mpm.Pose.identity(), ASIDE, ASIDE)
     expected = []
     for e, start in enumerate(starts(alone)):
         alone.load(start)
         alone.set_material(0, materials[e])
+        alone.set_volume(0, volumes[e])
+        alone.counter.place(frames[e])
         alone.counter.restart()
         read = [alone.counter.read()]
         for k in (legs[e], 1):
@@ -70,6 +75,8 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
     read = []
     for e, start in enumerate(starts(shared)):
         batch.set_material(e, 0, materials[e])
+        batch.set_volume(e, 0, volumes[e])
+        batch.place(e, frames[e])
         read.append([batch.load(e, start)])
     for counts in (np.array(legs), np.ones(3, int), np.zeros(3, int)):
         for e, k in enumerate(counts):
@@ -81,10 +88,14 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         assert len(counts) == len(read[e]) and all(map(same, counts, read[e]))
         assert np.array_equal(batch.sampled(e), sampled)
         batch.select(e)
+        assert shared.masses().sum() == pytest.approx(len(shared.masses()) * materials[e].density * volumes[e])
         assert all(np.array_equal(shared.state()[name], values) for name, values in state.items() if name != "time")
         assert shared.time == pytest.approx(float(state["time"]), rel=1e-9)
         assert shared.momentum_after_advance().linear == pytest.approx(shared.momentum().linear, rel=1e-9)
-    batch.set_material(1, 0, SALT)
+    for e in range(3):
+        batch.set_material(e, 0, SALT)
+        batch.set_volume(e, 0, volumes[0])
+        batch.place(e, frames[0])
     batch.select(1)
 
 

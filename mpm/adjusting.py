@@ -1,0 +1,95 @@
+"""What can be set in a scene that stands: numbers that kernels read, so that nothing is compiled again."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mpm.errors import InvalidValue
+from mpm.materials.material import Material
+from mpm.materials.stable_step import check_step, material_bound
+from mpm.observers.diagnostics import Momentum
+from mpm.observers.readings import Readings
+from mpm.scene.body import Body
+from mpm.scene.collider import Collider
+from mpm.scene.validation import check_finite
+from mpm.stepping.sleep_thresholds import sleep_limits
+
+
+class Adjustable(Readings):
+    """The part of a `Solver` that sets numbers of its scene."""
+
+    colliders: list[Collider]
+    gravity: np.ndarray
+    dt: float
+    bound: float
+    sleep: float
+    rollback: Any
+    _momentum: Momentum
+
+    def set_gravity(self, gravity: np.ndarray) -> None:
+        """Set gravity [m/s^2] (3,); wakes all particles."""
+        self.fields.parameters.gravity[None] = self.gravity = check_finite("set_gravity", gravity, (3,))
+        self.wake()
+
+    def set_friction(self, index: int, friction: float) -> None:
+        """Set the friction coefficient of a collider, without recompilation."""
+        self.paths.pose(index)
+        changed = replace(self.colliders[index], friction=friction)
+        self.fields.parameters.set_friction(index, friction)
+        self.colliders[index] = changed
+        self.wake()
+
+    def set_material(self, index: int, material: Material) -> None:
+        """Set other parameters of a body's law, without recompilation; raises TimeStepTooLarge if dt is too large."""
+        self.check_material(index, material)
+        old = self.bodies[index].material
+        self.fields.parameters.set_law(index, material)
+        self.bodies[index] = replace(self.bodies[index], material=material)
+        self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
+        self._momentum = self.momentum() if material.density != old.density else self._momentum
+        if material != old:
+            self.wake()
+
+    def check_material(self, index: int, material: Material) -> None:
+        """Raise InvalidValue or TimeStepTooLarge if `set_material` would not accept this material."""
+        accepted = type(self.bodies[index].material)
+        if type(material) is not accepted:
+            raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {accepted.__name__}")
+        check_step(self.dt, self.grid.cell, [material])
+
+    def set_volume(self, index: int, volume: float) -> None:
+        """Set the initial volume [m^3] of every particle of a body, without recompilation.
+
+        Particles stay where they are; `load` puts them where so many litres stand. Raises InvalidValue.
+        """
+        changed = check_volume(self.bodies[index], volume)
+        particles, first = self.particles, sum(self.particles.counts[:index])
+        for field, value in ((particles.volume, volume), (particles.half, half_edge(volume))):
+            if field is not None:
+                values = particles.read([field])
+                values[first : first + particles.counts[index]] = value
+                particles.write([field], values, padding=0.0)
+        self.bodies[index] = changed
+        self._momentum = self.momentum()
+        self.wake()
+
+    def wake(self) -> None:
+        """Wake all particles; does nothing without sleeping."""
+        if self.fields.sleepers is not None:
+            self.fields.sleepers.set_limits(sleep_limits(self.sleep, self.grid, self.bodies, self.gravity))
+            self.rollback.store_pending()
+            self.particles.write([self.particles.rest], np.zeros((sum(self.particles.counts), 1)))
+            self.fields.stamps.is_listed = False
+
+
+def check_volume(body: Body, volume: float) -> Body:
+    """Return a body with particles of another volume [m^3]; raise InvalidValue for one with several volumes."""
+    if np.size(body.volume) != 1:
+        raise InvalidValue("set_volume: the body's particles have volumes of their own; accepted: one with one volume")
+    return replace(body, volume=float(volume))
+
+
+def half_edge(volume: float) -> float:
+    """Return half the edge [m] of a particle's cube."""
+    return 0.5 * float(np.cbrt(volume))

@@ -1,0 +1,123 @@
+"""Numbers of a scene that may differ between the environments of a batch, in one table for its kernel."""
+
+from typing import Any
+
+import numpy as np
+
+from mpm.adjusting import half_edge
+from mpm.backend import ti
+from mpm.errors import InvalidValue
+from mpm.geometry.rigid_motion import Pose, check_pose
+from mpm.materials.material import PARAMETERS, Material
+from mpm.observers.counter_kernel import FRAME, FRAME_NUMBERS, CounterKernel
+from mpm.observers.region_counter import RegionCounter
+from mpm.state.fields import Fields
+
+BODY_NUMBERS = PARAMETERS + 3
+DENSITY, VOLUME, HALF = range(PARAMETERS, BODY_NUMBERS)
+"""Where a body's other numbers follow on its law's parameters."""
+
+
+class EnvironmentNumbers:
+    """The table (n, numbers), float64: of each body, each collider's friction, and the counter's frame."""
+
+    def __init__(self, solver: Any, n: int) -> None:
+        self._bodies, self._colliders = len(solver.bodies), len(solver.colliders)
+        self.frictions = self._bodies * BODY_NUMBERS
+        self.frame = self.frictions + self._colliders
+        self.table = np.zeros((n, self.frame + FRAME_NUMBERS))
+        self.materials = [[body.material for body in solver.bodies] for _ in range(n)]
+        self._volumes = [[body.volume for body in solver.bodies] for _ in range(n)]
+        self._frames = [Pose.identity()] * n
+        for e in range(n):
+            self.adopt(e, solver)
+
+    def adopt(self, e: int, solver: Any) -> None:
+        """Take over the solver's own numbers in an environment."""
+        for index, body in enumerate(solver.bodies):
+            self.set_material(e, index, body.material)
+            self._volumes[e][index] = body.volume
+            if np.size(body.volume) == 1:  # volumes of single particles stay as they are
+                self.set_volume(e, index, body.volume)
+        self.table[e, self.frictions : self.frame] = [collider.friction for collider in solver.colliders]
+        if solver.counter is not None:
+            self.set_frame(e, solver.counter, solver.counter.frame)
+
+    def hand_over(self, e: int, solver: Any) -> None:
+        """Set the solver's numbers, and the fields, which are those of the last launch, to those of an environment."""
+        for index, material in enumerate(self.materials[e]):
+            solver.set_material(index, material)
+            if np.size(self._volumes[e][index]) == 1:
+                solver.set_volume(index, self._volumes[e][index])
+        for index in range(self._colliders):
+            solver.set_friction(index, float(self.table[e, self.frictions + index]))
+        if solver.counter is not None:
+            solver.counter.place(self._frames[e])
+
+    def set_material(self, e: int, index: int, material: Material) -> None:
+        """Set a body's material."""
+        self.materials[e][index] = material
+        own = self.table[e, index * BODY_NUMBERS : (index + 1) * BODY_NUMBERS]
+        own[:PARAMETERS] = 0.0
+        own[: len(material.parameters)] = material.parameters
+        own[DENSITY] = material.density
+
+    def set_volume(self, e: int, index: int, volume: Any) -> None:
+        """Set the volume [m^3] of each of a body's particles."""
+        self._volumes[e][index] = volume
+        self.table[e, index * BODY_NUMBERS + VOLUME] = float(volume)
+        self.table[e, index * BODY_NUMBERS + HALF] = half_edge(float(volume))
+
+    def set_frame(self, e: int, counter: RegionCounter, frame: Pose) -> None:
+        """Set the frame of the counter's regions."""
+        self._frames[e] = check_pose("Batch: frame", frame)
+        self.table[e, self.frame :] = counter.frame_numbers(frame)
+
+    def set_friction(self, e: int, index: int, friction: float) -> bool:
+        """Set a collider's friction; return whether it is another one."""
+        if not 0 <= index < self._colliders:
+            raise InvalidValue(f"Batch: collider {index}; accepted: 0 to {self._colliders - 1}")
+        before, self.table[e, self.frictions + index] = self.table[e, self.frictions + index], friction
+        return bool(before != friction)
+
+
+@ti.data_oriented
+class NumbersKernel:
+    """Writes an environment's numbers to the fields that the phases read."""
+
+    def __init__(self, fields: Fields, counter: CounterKernel | None, n_colliders: int) -> None:
+        self.parameters, self.counter, self.n_colliders = fields.parameters, counter, n_colliders
+        self.volume, self.half, self.ranges = (getattr(fields.particles, name)
+                                               for name in ("volume", "half", "range_table"))
+        self.has_half = self.half is not None
+        self.has_counter = counter is not None
+
+    @ti.func
+    def write(self, table: ti.template(), e):
+        """Write the numbers of environment e."""
+        bodies = self.parameters.densities.shape[0]
+        for body in range(bodies):
+            first = body * ti.static(BODY_NUMBERS)
+            for i in ti.static(range(PARAMETERS)):
+                self.parameters.law[body, i] = ti.cast(table[e, first + i], self.parameters.law.dtype)
+            self.parameters.densities[body] = ti.cast(table[e, first + ti.static(DENSITY)],
+                                                      self.parameters.densities.dtype)
+            if table[e, first + ti.static(VOLUME)] > 0.0:
+                self.write_volume(body, table[e, first + ti.static(VOLUME)], table[e, first + ti.static(HALF)])
+        for i in range(ti.static(self.n_colliders)):
+            self.parameters.frictions[i] = ti.cast(table[e, bodies * ti.static(BODY_NUMBERS) + i],
+                                                   self.parameters.frictions.dtype)
+        if ti.static(self.has_counter):
+            first = bodies * ti.static(BODY_NUMBERS) + ti.static(self.n_colliders)
+            for i in ti.static(range(FRAME_NUMBERS)):
+                self.counter.numbers[ti.static(FRAME) + i] = table[e, first + i]
+
+    @ti.func
+    def write_volume(self, body, volume, half):
+        """Set the volume of a body's particles; padding lanes stay empty."""
+        begin, end, _ = self.ranges[body]
+        for q in range(begin, end):
+            filled = ti.cast(self.volume[q] > 0.0, self.volume.dtype)  # one or zero in each lane
+            self.volume[q] = filled * ti.cast(volume, self.volume.dtype)
+            if ti.static(self.has_half):
+                self.half[q] = filled * ti.cast(half, self.volume.dtype)
