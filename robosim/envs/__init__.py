@@ -1,6 +1,6 @@
 """Gymnasium environments of the eight sub-tasks and of task files; `import robosim` registers them.
 
-Imports: config, coupling, errors, rendering, robot, scene, senses, shapes, tasks, mpm.
+Imports: config, coupling, errors, randomization, rendering, robot, scene, senses, shapes, tasks, mpm.
 """
 
 import sys

@@ -13,6 +13,8 @@ from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.errors import ConfigError, UnreachableWaypoint
+from robosim.randomization.draw import STANDARD, Setting
+from robosim.randomization.scene_setting import SceneSetting
 from robosim.robot.assembly import GRIP_TURNS_DEG, add_torque_sensors, add_wrist_sensor, assemble
 from robosim.robot.inverse_kinematics import solve_pose, step_towards
 from robosim.robot.joint_control import JointSmoother, Servo
@@ -95,6 +97,7 @@ class ArmTool(Carrier):
         self._torque_ratio = self._lag = 0.0
         self._behind = np.zeros(len(self._start_q))
         self._close_fingers()
+        self._scene_setting = SceneSetting(self.scene, self.servo, task)
         if has_sensors:
             self.sensors = ArmSampler(self.scene, self.data, self._arm)
         self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool_name: TOOL})
@@ -123,13 +126,14 @@ class ArmTool(Carrier):
         mujoco.mj_getState(self.model, self.data, self._grasped, STATE)
         mujoco.mj_kinematics(self.model, self.data)
 
-    def restart(self, pose: mpm.Pose) -> mpm.Pose:
+    def restart(self, pose: mpm.Pose, setting: Setting = STANDARD) -> mpm.Pose:
         """Put the arm into a posture that has the tool at a pose; return the pose that the tool has.
 
         Raises UnreachableWaypoint where the arm cannot reach it.
         """
+        self._scene_setting.apply(setting, self.data)
         mujoco.mj_setState(self.model, self.data, self._grasped, STATE)
-        posture = solve_pose(self._arm, pose, self._start_q, rest=self._start_q)
+        posture = solve_pose(self._arm, setting.actual(pose), self._start_q, rest=self._start_q)
         if not posture.converged:
             raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)
         self._q = posture.q
@@ -146,7 +150,7 @@ class ArmTool(Carrier):
         self.plugin.restart()
         if self.sensors is not None:
             self.sensors.restart()
-        super().restart(pose)
+        super().restart(pose, setting)
         return body_pose(self.data, self.scene.tool)
 
     def state(self) -> dict[str, Any]:
@@ -164,6 +168,7 @@ class ArmTool(Carrier):
     def load(self, state: dict[str, Any]) -> None:
         """Take over what `state` returned."""
         super().load(state)
+        self._scene_setting.apply(self.setting, self.data)
         mujoco.mj_setState(self.model, self.data, state["integration"], STATE)
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
@@ -188,7 +193,7 @@ class ArmTool(Carrier):
         """Advance by steps under commanded velocities; the arm follows within its limits."""
         for _ in range(steps):
             self.command(linear, angular)
-            q = step_towards(self._arm, self.commanded, self._q, self._start_q)
+            q = step_towards(self._arm, self.setting.actual(self.commanded), self._q, self._start_q)
             target = self._smoother.step(q, (q - self._q) / self._dt)
             self._behind = np.maximum(self._behind, np.abs(target.q - q))
             self._apply_torques(target)
@@ -203,7 +208,7 @@ class ArmTool(Carrier):
     def _update_readings(self) -> None:
         """Take the largest torque ratio and tool lag, and count contacts."""
         ratio = np.abs(self.servo.demanded_torque / self._arm.torque_limits).max()
-        lag = np.linalg.norm(self.data.xpos[self.scene.tool] - self.commanded.position)
+        lag = np.linalg.norm(self.data.xpos[self.scene.tool] - self.setting.actual(self.commanded).position)
         self._torque_ratio, self._lag = max(self._torque_ratio, float(ratio)), max(self._lag, float(lag))
         self._contacts.count()
 

@@ -1,6 +1,7 @@
 """Environments of one process that step together: with one field and one launch for all, or with one for each."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -12,17 +13,17 @@ import mpm
 from mpm.backend import check_owner
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.config.tool import ToolConfig
-from robosim.envs.carrier import ORIGIN, Carrier, mean_wrench
+from robosim.envs.carrier import ORIGIN, Carrier
 from robosim.envs.episode import Episode, Horizon, check_horizon
 from robosim.envs.start import DEFAULT_START, StartOptions, read_start
-from robosim.envs.world import Memory, World, check_options
+from robosim.envs.world import Memory, Setters, World, check_options
 from robosim.errors import ConfigError
+from robosim.randomization.ranges import Ranges
 from robosim.senses.perception import PerceptionOptions, Terms
 from robosim.senses.senses import TermOptions
 from robosim.senses.term import SenseScene, Sight
 from robosim.tasks.actions import ActionScaling, DelayLine, check_action_repeat, delay_steps
 from robosim.tasks.counting import TOOL
-from robosim.tasks.randomization import Ranges
 from robosim.tasks.task import TaskConfig
 
 Info = dict[str, Any]
@@ -46,7 +47,7 @@ class GrainBatch:
                  action_repeat: int = 10, obs: Terms = "flat", flatten: bool = False, latency: float = 0.0,
                  noise: float = 0.0, dropout: float = 0.0, action_delay: float = 0.0,
                  privileged: Sequence[TermOptions] = (), horizon: Horizon = "terminate", clip_actions: bool = False,
-                 randomize: Ranges | None = None,
+                 randomize: str | Ranges | None = None,
                  autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP, tool: str | ToolConfig | None = None,
                  **numbers: float) -> None:
         check_horizon(horizon)
@@ -92,24 +93,24 @@ class GrainBatch:
         rng, world = self._rngs[e], self.world
         assert rng is not None
         draw = world.draw(rng, options)
-        law = world.randomization.law(draw)
-        if law is not None:
-            self.batch.set_material(e, 0, law)
-        for index, friction in world.randomization.frictions(draw, len(world.solver.colliders)).items():
-            self.batch.set_friction(e, index, friction)
-        reading = self.batch.load(e, world.start_state(self._carriers[e].restart(world.tool_pose(draw)), draw.pile))
+        setting, settled = world.setting(draw), world.settle(draw)
+        batch = self.batch
+        world.set_numbers(draw, setting, Setters(partial(batch.set_material, e, 0), partial(batch.set_volume, e, 0),
+                                                 partial(batch.set_friction, e), partial(batch.place, e)))
+        tool = self._carriers[e].restart(world.tool_pose(draw), setting)
+        reading = self.batch.load(e, world.start_state(settled, draw, setting, tool))
         assert reading is not None
         self._delays[e].restart()
         info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading))
-        sight = self._look(e, mpm.Wrench(ORIGIN, ORIGIN))
-        self._senses[e] = world.observer.begin(sight, draw.sensors)
+        sight = self._look(e)
+        self._senses[e] = world.observer.begin(sight, draw.sensors, world.randomization.sensors(draw))
         return info | self._observe(e, sight) | {"draw": draw._asdict()}
 
-    def _look(self, e: int, tool_wrench: mpm.Wrench) -> Sight:
+    def _look(self, e: int) -> Sight:
         """Return what the terms of the observation see in environment e."""
-        episode, count = self.episodes[e], len(self.world.observer.grains)
+        episode, carrier, count = self.episodes[e], self._carriers[e], len(self.world.observer.grains)
         return Sight(episode.time, episode.progress, episode.pose, episode.counts, self.batch.sampled(e)[:count],
-                     tool_wrench)
+                     carrier.received, carrier.duration, carrier.setting)
 
     def _observe(self, e: int, sight: Sight) -> Info:
         """Take the observation of environment e; return the info's part of it."""
@@ -152,8 +153,8 @@ class GrainBatch:
                            for episode, rng in zip(self.episodes, self._rngs)])
         left = np.array([0 if now else episode.begin_action(self.action_repeat)
                          for episode, now in zip(self.episodes, starts)])
-        steps = left.copy()
-        self._received = np.zeros((n, 6))
+        for carrier in self._carriers:
+            carrier.begin_action()
         while left.any():
             left -= self._advance(velocities, np.minimum(left, MAX_READINGS))
             left[[episode.diverged is not None for episode in self.episodes]] = 0
@@ -166,8 +167,7 @@ class GrainBatch:
                 continue
             sensed: Info = {}
             if episode.diverged is None:
-                wrench = mean_wrench(self._received[e], steps[e] * self.world.task.step_dt, episode.pose.position)
-                sensed = self._observe(e, self._look(e, wrench))
+                sensed = self._observe(e, self._look(e))
             rewards[e], terminated[e], truncated[e], infos[e] = episode.end_action()
             infos[e] |= sensed
             if not episode.running and self.autoreset_mode is AutoresetMode.SAME_STEP:
@@ -191,7 +191,8 @@ class GrainBatch:
                 for reading, pose in zip(outcome, path, strict=True):
                     episode.add_step(self.world.counter.translate(reading), pose)
         for e in np.flatnonzero(steps):
-            self._received[e] += np.concatenate(self.batch.collider_impulse(int(e), TOOL, ORIGIN))
+            impulse = np.concatenate(self.batch.collider_impulse(int(e), TOOL, ORIGIN))
+            self._carriers[e].receive(impulse, steps[e] * self.world.task.step_dt)
         return steps
 
     def close(self) -> None:

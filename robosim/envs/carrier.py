@@ -9,6 +9,7 @@ import mpm
 from mpm.geometry.rigid_motion import rotate
 from mpm.observers.region_counter import MAX_READINGS
 from robosim.envs.episode import read_pose
+from robosim.randomization.draw import STANDARD, Setting, read_setting
 from robosim.tasks.counting import TOOL, Reading
 from robosim.tasks.task import TaskConfig
 
@@ -32,8 +33,12 @@ class Carrier:
         self._dt = task.step_dt
         self._lower, self._upper = np.array(task.action.lower), np.array(task.action.upper)
         self.commanded = task.start.pose
-        """Commanded pose of the tool in the world."""
-        self._received, self._duration = np.zeros(6), 0.0
+        """Commanded pose of the tool in the world, where the robot takes it to be."""
+        self.setting = STANDARD
+        """How the scene of the running episode differs from the task's."""
+        self.received, self.duration = np.zeros(6), 0.0
+        """Impulse [N s], [N m s] on the tool in the present action, about the world's origin, and its time [s]; zero
+        with an arm, which has a sensor for it."""
 
     @property
     def arm_readings(self) -> dict[str, float]:
@@ -44,40 +49,37 @@ class Carrier:
         """Build MuJoCo's specification of the scene with the arm; None without an arm."""
         return None
 
-    def restart(self, pose: mpm.Pose) -> mpm.Pose:
+    def restart(self, pose: mpm.Pose, setting: Setting = STANDARD) -> mpm.Pose:
         """Begin an episode with the tool commanded to a pose; return the pose that it has."""
-        self.commanded = pose
-        self._received, self._duration = np.zeros(6), 0.0
-        return pose
+        self.commanded, self.setting = pose, setting
+        self.received, self.duration = np.zeros(6), 0.0
+        return setting.actual(pose)
 
     def begin_action(self) -> None:
         """Forget what sensors have measured so far: they show means over an action."""
-        self._received, self._duration = np.zeros(6), 0.0
+        self.received, self.duration = np.zeros(6), 0.0
 
     def state(self) -> dict[str, Any]:
         """Return what the next step depends on besides the field: arrays and plain values."""
-        return {"commanded": np.concatenate(self.commanded)}
+        return {"commanded": np.concatenate(self.commanded), "setting": self.setting.state()}
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over what `state` returned."""
-        self.commanded = read_pose(state["commanded"])
+        self.commanded, self.setting = read_pose(state["commanded"]), read_setting(state["setting"])
+
+    def receive(self, impulse: np.ndarray, duration: float) -> None:
+        """Add an impulse (6,) of the grains on the tool, about the world's origin, that took a time [s]."""
+        self.received, self.duration = self.received + impulse, self.duration + duration
 
     def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
         """Advance by steps under constant velocities [m/s], [rad/s] in world axes, and yield each step."""
         raise NotImplementedError
 
-    def tool_wrench(self, point: np.ndarray) -> mpm.Wrench:
-        """Return the mean force and torque of the grains on the tool in the last action, about a point [m] (3,).
-
-        In world axes; zero with an arm, which has a sensor for it.
-        """
-        return mean_wrench(self._received, self._duration, point)
-
     def command(self, linear: np.ndarray, angular: np.ndarray) -> mpm.Pose:
-        """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes, and return it."""
+        """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes; return the tool's there."""
         position = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
         self.commanded = mpm.Pose(position, rotate(self.commanded.quaternion, self._dt * angular))
-        return self.commanded
+        return self.setting.actual(self.commanded)
 
 
 class KinematicTool(Carrier):
@@ -93,12 +95,5 @@ class KinematicTool(Carrier):
             poses = [self.command(linear, angular) for _ in range(min(MAX_READINGS, steps - first))]
             self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *poses)
             readings = self._solver.advance(len(poses) * self._dt, readings=len(poses))
-            self._received = self._received + np.concatenate(self._solver.collider_impulse(TOOL, ORIGIN))
-            self._duration += len(poses) * self._dt
+            self.receive(np.concatenate(self._solver.collider_impulse(TOOL, ORIGIN)), len(poses) * self._dt)
             yield from zip(readings, poses, strict=True)
-
-
-def mean_wrench(impulse: np.ndarray, duration: float, point: np.ndarray) -> mpm.Wrench:
-    """Return the mean wrench about a point [m] (3,) of an impulse (6,) about the world's origin; zero without time."""
-    force, torque = np.split(impulse / (duration or 1.0), [3])
-    return mpm.Wrench(force, torque - np.cross(point, force))

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, get_args
 
 import gymnasium
@@ -14,9 +15,12 @@ from robosim.config.tool import ToolConfig
 from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon, check_open
-from robosim.envs.start import read_start
-from robosim.envs.world import NO_GRAINS, Memory, World
-from robosim.errors import ConfigError, RobotDiverged, UnknownName
+from robosim.envs.start import StartOptions, read_start
+from robosim.envs.world import NO_GRAINS, Memory, Setters, World
+from robosim.errors import ConfigError, RobotDiverged, UnknownName, UnreachableWaypoint
+from robosim.randomization.draw import Draw, Setting
+from robosim.randomization.ranges import Ranges
+from robosim.randomization.variants import placed
 from robosim.senses.perception import PerceptionOptions, Terms
 from robosim.senses.senses import TermOptions
 from robosim.senses.term import SenseScene, Sight
@@ -28,6 +32,8 @@ from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig, load_task
 
 CAMERAS = ("task", "side", "overview", "close")
+ATTEMPTS = 16
+"""Random starts that are drawn until an arm reaches one."""
 
 
 class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
@@ -46,7 +52,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         action_repeat: int = 10, obs: Terms = "flat", flatten: bool = False, latency: float = 0.0,
         noise: float = 0.0, dropout: float = 0.0, privileged: Sequence[TermOptions] = (), action_delay: float = 0.0,
         horizon: Horizon = "terminate", clip_actions: bool = False,
-        randomize: dict[str, tuple[float, float]] | None = None, task: TaskConfig | str | None = None,
+        randomize: str | Ranges | None = None, task: TaskConfig | str | None = None,
         camera: str = "task", grasp: Grip = "weld", load: Load | None = None,
         tool: str | ToolConfig | None = None, robot: str | None = None, gripper: str | None = None, **numbers: float,
     ) -> None:
@@ -132,24 +138,37 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         check_owner()
         check_open("reset", self._is_closed)
         super().reset(seed=seed)
-        start, world = read_start(options), self.world
-        draw = world.draw(self.np_random, start)
-        law = world.randomization.law(draw)
-        if law is not None:
-            self.solver.set_material(0, law)
-        for index, friction in world.randomization.frictions(draw, len(self.solver.colliders)).items():
-            self.solver.set_friction(index, friction)
-        self.solver.load(world.start_state(self.carrier.restart(world.tool_pose(draw)), draw.pile))
+        world, solver = self.world, self.solver
+        draw, setting, tool = self._restart_carrier(read_start(options))
+        settled = world.settle(draw)
+        world.set_numbers(draw, setting, Setters(partial(solver.set_material, 0), partial(solver.set_volume, 0),
+                                                 solver.set_friction, self.counter.place))
+        solver.load(world.start_state(settled, draw, setting, tool))
         self.counter.restart()
         self._delay.restart()
         counts, pose = self.counter.read(), self.solver.collider_pose(TOOL)
         info = self.episode.restart(pose, counts)
         sight = self._look(world.grains())
-        self._senses = world.observer.begin(sight, draw.sensors)
+        self._senses = world.observer.begin(sight, draw.sensors, world.randomization.sensors(draw))
         info |= self._observe(sight) | {"draw": draw._asdict()}
         if self.render_mode == "human":
             self.render()
         return copy.deepcopy(self.observation), info
+
+    def _restart_carrier(self, options: StartOptions) -> tuple[Draw, Setting, mpm.Pose]:
+        """Draw an episode that the carrier can begin, and begin it; return the tool's pose, too.
+
+        Raises UnreachableWaypoint where an arm reaches none of ATTEMPTS random starts, or not one that is asked for.
+        """
+        for attempt in range(ATTEMPTS):
+            draw = self.world.draw(self.np_random, options)
+            setting = self.world.setting(draw)
+            try:
+                return draw, setting, self.carrier.restart(self.world.tool_pose(draw), setting)
+            except UnreachableWaypoint:
+                if options.draw is not None or options.nominal or attempt == ATTEMPTS - 1:
+                    raise
+        raise AssertionError("unreachable")
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Apply an action for `action_repeat` steps, or until the episode ends.
@@ -183,9 +202,9 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
     def _look(self, grains: np.ndarray) -> Sight:
         """Return what the terms of the observation see now."""
-        episode, pose = self.episode, self.episode.pose
-        return Sight(episode.time, episode.progress, pose, episode.counts, grains,
-                     self.carrier.tool_wrench(pose.position), self.carrier.sensors,
+        episode, carrier = self.episode, self.carrier
+        return Sight(episode.time, episode.progress, episode.pose, episode.counts, grains, carrier.received,
+                     carrier.duration, carrier.setting, carrier.sensors,
                      None if self.carrier.robot_data is None else self.carrier.robot_data.qpos)
 
     def _observe(self, sight: Sight) -> dict[str, Any]:
@@ -236,7 +255,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
     def objective(self) -> Any:
         """Make the loss of a rollout that corresponds to the reward of the sub-task."""
-        return build_objective(self.task)
+        return build_objective(placed(self.task, self.carrier.setting.place))
 
     def reach(self) -> Any:
         """Make the arm's kinematics with this task's tool, a `robosim.envs.reach.Reach`."""
@@ -256,7 +275,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
             self._renderer = Picture(self.task, self.material, self.camera, arm=self.carrier.build_spec(),
                                      window=self.render_mode == "human")
-        return self._renderer.draw(self.solver, self.carrier.robot_data)
+        return self._renderer.draw(self.solver, self.carrier.robot_data, self.carrier.setting.place)
 
     def close(self) -> None:
         """Free the renderer; give the field to the next environment of an equal task. This one is of no more use."""

@@ -9,7 +9,7 @@ from robosim.errors import ConfigError
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec
-from robosim.senses.task_scene import build_task_spec, place_tool
+from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.tasks.counting import TOOL
 from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
@@ -30,17 +30,18 @@ class Picture:
         apply_quality(spec)
         add_grain_skin(spec, task.grains.count, GRAIN_RADIUS * grain_volume(task) ** (1 / 3), material.colour)
         self._model = compile_spec(spec)
-        self._data = mujoco.MjData(self._model)
+        self._bodies = SeenBodies(self._model, task)
         self._renderer = SceneRenderer(self._model, task.grains.count, WIDTH, HEIGHT)
         self._camera, self._window = camera, _Window() if window else None
 
-    def draw(self, solver: mpm.Solver, robot_data: mujoco.MjData | None) -> np.ndarray | None:
+    def draw(self, solver: mpm.Solver, robot_data: mujoco.MjData | None, place: mpm.Pose) -> np.ndarray | None:
         """Return a picture (height, width, 3), uint8; None where it is shown in a window.
 
-        robot_data: the posture of the arm; None: the tool is drawn at its collider's pose.
+        robot_data: the posture of the arm; None: the tool is drawn at its collider's pose. place: displacement of
+        container and target.
         """
-        place_tool(self._data, solver.collider_pose(TOOL), None if robot_data is None else robot_data.qpos)
-        frame = self._renderer.draw(self._data, solver.positions(), self._camera)
+        self._bodies.place(place, solver.collider_pose(TOOL), None if robot_data is None else robot_data.qpos)
+        frame = self._renderer.draw(self._bodies.data, solver.positions(), self._camera)
         if self._window is None:
             return frame
         self._window.show(frame)

@@ -32,7 +32,7 @@ ATTEMPTS = 8
 """Times that grains which fell off the tool are put back."""
 SPACING = 0.006
 """Distance [m] between grains that are put back."""
-NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target"}
+NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target", "randomize"}
 """Parts of a task that its start does not depend on."""
 
 
@@ -108,10 +108,12 @@ def cache_folder() -> Path:
     return writable_folder(Path(platformdirs.user_cache_dir("robosim")) / "starts", "starts")
 
 
-def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
+def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.Solver,
+                  variant: tuple[float, float] | None = None) -> dict[str, np.ndarray]:
     """Return a task's settled state, from the cache or settled now, and leave the solver in it.
 
-    name: of the cache file. Raises mpm.InvalidValue where the tool cannot hold the grains.
+    name: of the cache file. variant: fill and slope of grains that the solver was not built with.
+    Raises mpm.InvalidValue where the tool cannot hold the grains.
     """
     numbers = {"law": type(material).__name__} | {n: getattr(material, n).value for n in material.numbers()}
     shapes = [hashlib.sha256(collider.sdf.host.tobytes()).hexdigest() for collider in solver.colliders
@@ -121,6 +123,8 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
                       "shapes": shapes, "interior": tool_shape(task.tool).interior,
                       "sleep": bool(solver.sleep), "mpm": source_digest(),
                       "transfer_interval": solver.transfer_interval,
+                      "dt": solver.dt, "variant": variant,
+                      "static": list(solver.features.static_colliders),
                       "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
     path = cache_folder() / f"{name}-{digest[:16]}.npz"
     state = _read_state(path, digest, solver)

@@ -2,29 +2,31 @@
 
 import copy
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import mpm
 from mpm.observers.diagnostics import Momentum
-from robosim.config.materials import law_of, load_material, overridden
+from robosim.config.materials import Law, law_of, load_material, overridden
 from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
 from robosim.envs.start import StartOptions, rotate_grains, settled_state, turned
 from robosim.errors import ConfigError
+from robosim.randomization.draw import HOME, Draw, Setting
+from robosim.randomization.randomization import Randomization
+from robosim.randomization.ranges import Ranges, choose_ranges
 from robosim.senses.perception import Perception, PerceptionOptions
 from robosim.tasks.counting import TOOL, TaskCounter
-from robosim.tasks.field import build_solver
+from robosim.tasks.field import build_solver, field_head, fill_positions, grain_volume
 from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
-from robosim.tasks.randomization import Draw, Randomization, Ranges, Vector
 from robosim.tasks.task import TaskConfig, load_task
 
 NO_GRAINS = np.zeros((0, 6), np.float32)
 STANDARD = PerceptionOptions()
-STATE_FORMAT = 2
+STATE_FORMAT = 3
 """Raised when a state has other entries."""
 
 
@@ -43,19 +45,32 @@ class Memory(NamedTuple):
     """Velocities that the robot has yet to carry out."""
 
 
+class Setters(NamedTuple):
+    """What sets the numbers of one environment's field."""
+
+    material: Callable[[Law], None]
+    """The law of the grains."""
+    volume: Callable[[float], None]
+    """Of a grain [m^3]."""
+    friction: Callable[[int, float], None]
+    """Of a collider, by its number."""
+    place: Callable[[mpm.Pose], None]
+    """Displacement of the regions in which grains are counted."""
+
+
 class World:
     """A sub-task with a material; one environment runs in it, or a batch of them.
 
     name: of the file that the settled start is cached in. perception: what is observed; `observer.build` completes it.
-    numbers: of the material, in place of its own. randomize: ranges that each episode draws numbers from. mobile:
-    contact moves the tool, too. load: what another sub-task has left in the tool, in place of the task's own grains and
-    material. tool: in place of the task's.
+    numbers: of the material, in place of its own. randomize: ranges that each episode draws from, or a preset's name;
+    None: the task's own. mobile: contact moves the tool, too, because an arm carries it. load: what another sub-task
+    has left in the tool, in place of the task's own grains and material. tool: in place of the task's.
     Raises ConfigError, UnknownName for options that cannot be used.
     """
 
     def __init__(self, name: str, task: TaskConfig | str, *, material: str | None = None,
                  perception: PerceptionOptions = STANDARD, numbers: dict[str, float] | None = None,
-                 randomize: Ranges | None = None, mobile: bool = False, load: Load | None = None,
+                 randomize: str | Ranges | None = None, mobile: bool = False, load: Load | None = None,
                  tool: str | ToolConfig | None = None) -> None:
         self.task = task if isinstance(task, TaskConfig) else load_task(task)
         if tool is not None:
@@ -64,11 +79,21 @@ class World:
             self.task = task_with_load(name, self.task, load)
         own = load.material if load is not None and material is None else load_material(material or self.task.material)
         self.material = overridden(own, numbers or {}, "option, or number of this material,")
-        self.randomization = Randomization(self.task, self.material, randomize or {})
         self.observer = Perception(self.task, perception)
-        self.load, positions = load, None if load is None else load_positions(self.task, load)
+        ranges = choose_ranges(randomize, self.task, mobile)
+        self.randomization = Randomization(self.task, self.material, ranges, arm=mobile, sensors=self.observer.domains)
+        if load is not None and self.randomization.varies_grains:
+            raise ConfigError(f"randomize: {', '.join(ranges)} with load; accepted with load: neither material, nor "
+                              f"fill, nor surface_slope_deg")
+        self._name, self.load, positions = name, load, None if load is None else load_positions(self.task, load)
         self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, positions=positions,
-                                   volume=None if load is None else load.volume)
+                                   volume=None if load is None else load.volume,
+                                   dt=self.randomization.step if self.randomization.materials else None,
+                                   moves_containers=self.randomization.moves_places)
+        self._volume = grain_volume_of(self.solver)
+        self._unsettled = self.solver.state() if self.randomization.varies_grains else {}
+        self._starts: dict[tuple[str, float, float], dict[str, np.ndarray]] = {}
+        """Settled states by what `Draw.grains` says of them."""
         self.counter = TaskCounter(self.task, self.solver)
         self.sample = mpm.Sample(self.solver, self.observer.grains) if len(self.observer.grains) else None
         self.counter.attach(self.sample)
@@ -77,6 +102,7 @@ class World:
         else:
             self._settled = load_state(self.task, load, self.solver)
             self.solver.load(self._settled)
+        self._starts["", 1.0, 0.0] = self._settled
 
     def draw(self, rng: np.random.Generator, options: StartOptions) -> Draw:
         """Draw what is random in an episode, or take what the options give back."""
@@ -85,25 +111,68 @@ class World:
         return self.randomization.draw(rng, nominal=options.nominal, shift=options.shift, turn_deg=options.turn_deg)
 
     def tool_pose(self, draw: Draw) -> mpm.Pose:
-        """Return the tool's pose at the start of an episode."""
+        """Return the pose at which the robot believes the tool at the start of an episode."""
         start, action, tool = self.task.start, self.task.action, np.array(draw.tool)
         position = np.clip(start.position + tool, action.lower, action.upper) if tool.any() else start.pose.position
         return mpm.Pose(position, turned(start.pose.quaternion, draw.turn_deg))
 
-    def start_state(self, tool: mpm.Pose, pile: Vector) -> dict[str, np.ndarray]:
-        """Return the settled state with the tool at a pose.
+    def setting(self, draw: Draw) -> Setting:
+        """Return how the scene of an episode differs from the task's."""
+        law = self.randomization.law(draw) or law_of(self.material)
+        volume = grain_volume(self.randomization.grains(draw)) if self.randomization.varies_grains else self._volume
+        return self.randomization.setting(draw)._replace(grain_mass=law.density * volume)
 
-        Grains in the tool move with it; others are displaced by pile [m] (3,).
+    def settle(self, draw: Draw) -> dict[str, np.ndarray]:
+        """Return the settled state of an episode's grains, in the place of the task.
+
+        The first time it may run the solver, in whose state it leaves it then; the file in the cache saves the next
+        process that time.
         """
-        state, origin = dict(self._settled), self.solver.grid.origin
+        if draw.grains not in self._starts:
+            task, material = self.randomization.grains(draw), self.randomization.material(draw)
+            solver, (_, fill, slope) = self.solver, draw.grains
+            solver.set_material(0, law_of(material))
+            solver.set_volume(0, grain_volume(task))
+            frictions = [task.field.tool_friction, *[task.field.container_friction] * (len(solver.colliders) - 1)]
+            set_frictions(solver, frictions)
+            self.counter.place(HOME)
+            solver.load(self._unsettled | {"x": fill_positions(task, field_head(task), slope) - solver.grid.origin})
+            self._starts[draw.grains] = settled_state(self._name, task, material, solver, (fill, slope))
+        return self._starts[draw.grains]
+
+    def set_numbers(self, draw: Draw, setting: Setting, to: Setters) -> None:
+        """Set what an episode has drawn of the field's numbers."""
+        law = self.randomization.law(draw)
+        if law is not None:
+            to.material(law)
+        if self.randomization.varies_grains:
+            to.volume(grain_volume(self.randomization.grains(draw)))
+        for index, friction in self.randomization.frictions(draw, len(self.solver.colliders)).items():
+            to.friction(index, friction)
+        if self.randomization.moves_places:
+            to.place(setting.place)
+
+    def start_state(self, settled: dict[str, np.ndarray], draw: Draw, setting: Setting,
+                    tool: mpm.Pose) -> dict[str, np.ndarray]:
+        """Return a settled state with the tool at a pose and all else in its place.
+
+        Grains in the tool move with it; others lie where container or pile are.
+        """
+        state, origin = dict(settled), self.solver.grid.origin
         if self.task.carried:
             local = self.task.start.pose.inverse().apply(state["x"] + origin)
             state |= rotate_grains(state, tool.matrix @ self.task.start.pose.matrix.T)
             state["x"] = tool.apply(local) - origin
         else:
-            state["x"] = state["x"] + np.array(pile)
+            state["x"] = state["x"] + np.array(draw.pile)
+            if setting.place is not HOME and self.task.container is not None:
+                state |= rotate_grains(state, setting.place.matrix)
+                state["x"] = setting.place.apply(state["x"] + origin) - origin
         state["poses"] = state["poses"].copy()
         state["poses"][TOOL] = np.concatenate(tool)
+        if setting.place is not HOME:
+            for index in range(1, len(state["poses"])):
+                state["poses"][index] = np.concatenate(setting.place @ self.solver.colliders[index].pose)
         return state
 
     def grains(self) -> np.ndarray:
@@ -120,7 +189,7 @@ class World:
             **{f"task.{name}": value for name, value in self.task.model_dump(mode="json").items()},
             "material": type(self.material).__name__,
             **{f"material.{name}": getattr(self.material, name).value for name in numbers},
-            "randomize": {name: [float(value) for value in pair] for name, pair in self.randomization.ranges.items()},
+            "randomize": self.randomization.describe(),
             "obs": self.observer.describe(), "load": None if load is None else f"{load.count} grains, {handed}",
             "precision": self.solver.precision,
         }
@@ -137,6 +206,7 @@ class World:
         return {
             "options": dict(options), "solver": solver.state(), "material": dict(vars(solver.bodies[0].material)),
             "frictions": [collider.friction for collider in solver.colliders],
+            "volume": grain_volume_of(solver),
             "momentum": momentum, "counter": self.counter.state(), "episode": episode.state(),
             "carrier": carrier.state(), "generator": generator, "seed": memory.seed,
             "observation": copy.deepcopy(memory.observation), "senses": copy.deepcopy(memory.senses),
@@ -151,7 +221,7 @@ class World:
         check_options(state, options)
         solver = self.solver
         before = episode.state(), carrier.state(), self.counter.state(), solver.bodies[0].material
-        frictions = [collider.friction for collider in solver.colliders]
+        frictions, volume = [collider.friction for collider in solver.colliders], grain_volume_of(solver)
         try:
             memory = Memory(read_generator(state["generator"]), state["seed"], copy.deepcopy(state["observation"]),
                             copy.deepcopy(state["senses"]), copy.deepcopy(state["waiting"]))
@@ -161,6 +231,9 @@ class World:
             self.counter.load(state["counter"])
             solver.set_material(0, type(before[3])(**state["material"]))
             set_frictions(solver, state["frictions"])
+            if state["volume"] != grain_volume_of(solver):
+                solver.set_volume(0, state["volume"])
+            self.counter.place(carrier.setting.place)
             solver.load(state["solver"])
         except BaseException as error:
             episode.load(before[0])
@@ -168,6 +241,9 @@ class World:
             self.counter.load(before[2])
             solver.set_material(0, before[3])
             set_frictions(solver, frictions)
+            if volume != grain_volume_of(solver):
+                solver.set_volume(0, volume)
+            self.counter.place(carrier.setting.place)
             if not isinstance(error, Exception):
                 raise
             what = f"it has no {error}" if isinstance(error, KeyError) else error
@@ -176,6 +252,11 @@ class World:
         if momentum is not None:
             solver.adopt_state(list(solver.paths.poses), solver.time, solver.steps, momentum)
         return memory
+
+
+def grain_volume_of(solver: mpm.Solver) -> float:
+    """Return the volume [m^3] of a grain in a solver."""
+    return np.asarray(solver.bodies[0].volume, float).item()
 
 
 def set_frictions(solver: mpm.Solver, frictions: Sequence[float]) -> None:

@@ -1,6 +1,6 @@
 """Scoring of policies: one task, many materials, and the bundled policies.
 
-Imports: config, envs, errors, recordings, rehearsal, rendering, reports, robot, scene, senses,
+Imports: config, envs, errors, randomization, recordings, rehearsal, rendering, reports, robot, scene, senses,
 shapes, tasks, viewer, mpm.
 """
 

@@ -6,12 +6,13 @@ from typing import Any
 import mujoco
 
 from robosim.envs.grain_env import GrainEnv
+from robosim.randomization.variants import placed
 from robosim.recordings.header import CurveEntry, RegionEntry, region_entry
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.reports.provenance import commit
 from robosim.robot.mjspec import compile_spec
 from robosim.scene.grains import container_region
-from robosim.senses.task_scene import build_task_spec, place_tool
+from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
@@ -28,13 +29,15 @@ class EpisodeRecorder:
         task, solver = env.task, env.solver
         self._env, self._total = env, 0.0
         self._model = compile_spec(build_task_spec(task, env.carrier.build_spec()))
-        self._data = mujoco.MjData(self._model)
+        self._bodies = SeenBodies(self._model, task)
+        self._data = self._bodies.data
         self._info: dict[str, Any] = {"readings": {}}
         self._place()
         self.recorder = SceneRecorder(
             path, self._model, self._data, solver, kind="task", title=f"{env.TASK or task.description}: {policy}",
             frame_rate=1.0 / (env.action_repeat * task.step_dt), tool=task.tool_name, colour=env.material.colour,
-            curves=CURVES, regions=list(places(task)), commit=commit())
+            curves=CURVES, regions=list(places(placed(task, env.carrier.setting.place))),
+            commit=commit())
         self._record()
 
     def add(self, reward: float, info: dict[str, Any]) -> None:
@@ -56,7 +59,8 @@ class EpisodeRecorder:
     def _place(self) -> None:
         env = self._env
         robot = env.carrier.robot_data
-        place_tool(self._data, env.solver.collider_pose(TOOL), None if robot is None else robot.qpos)
+        self._bodies.place(env.carrier.setting.place, env.solver.collider_pose(TOOL),
+                           None if robot is None else robot.qpos)
         self._data.time = env.step_count * env.task.step_dt
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)

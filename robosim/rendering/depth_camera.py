@@ -35,6 +35,10 @@ class DepthCamera:
         self._is_fixed = not moving[model.cam_bodyid[self._camera]]
         self._background: np.ndarray | None = None
 
+    def forget(self) -> None:
+        """Draw what cannot move anew: it has been put elsewhere."""
+        self._background = None
+
     def look(self, data: mujoco.MjData) -> mpm.Pose:
         """Return the camera's pose for data's joints and mocap bodies: axes x right, y down, z forward."""
         mujoco.mj_kinematics(self.model, data)

@@ -10,6 +10,8 @@ from robosim.rendering.grain_skin import compute_normals, find_hidden, read_face
 
 Array = NDArray[np.float64]
 
+TARGET_MARK = "target_mark"
+"""Body and geom of it."""
 MARK_THICKNESS = 0.0015
 """Half thickness [m] of a mark on the table."""
 CELL_IN_RADII = 3.0
@@ -113,10 +115,11 @@ def add_mark(spec: mujoco.MjSpec, target: RegionConfig) -> None:
     """
     flat = target.centre[2] - target.half[2] <= 0.0
     kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID if target.round else mujoco.mjtGeom.mjGEOM_BOX
-    spec.worldbody.add_geom(name="target_mark", type=kind, contype=0, conaffinity=0, mass=0,
-                            pos=[*target.centre[:2], MARK_THICKNESS if flat else target.centre[2]],
-                            size=[*target.half[:2], MARK_THICKNESS if flat else target.half[2]],
-                            rgba=[0.20, 0.60, 0.35, 0.55 if flat else 0.12])
+    body = spec.worldbody.add_body(name=TARGET_MARK,
+                                   pos=[*target.centre[:2], MARK_THICKNESS if flat else target.centre[2]])
+    body.add_geom(name=TARGET_MARK, type=kind, contype=0, conaffinity=0, mass=0,
+                  size=[*target.half[:2], MARK_THICKNESS if flat else target.half[2]],
+                  rgba=[0.20, 0.60, 0.35, 0.55 if flat else 0.12])
 
 
 def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:

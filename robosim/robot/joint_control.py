@@ -75,11 +75,15 @@ class Servo:
 
     def __init__(self, arm: Arm, gains: Gains | None = None) -> None:
         self.arm = arm
-        self._stiffness, self._damping = arm.gains() if gains is None else gains
+        self._gains = self._stiffness, self._damping = arm.gains() if gains is None else gains
         self.saturations = 0
         """Number of commands that the torque limits clipped."""
         self.demanded_torque = np.zeros(len(arm.joints))
         """Torques [N m] (n,) of the last command before clipping."""
+
+    def scale(self, stiffness: float, damping: float) -> None:
+        """Set the gains to those of the beginning times two factors."""
+        self._stiffness, self._damping = stiffness * self._gains[0], damping * self._gains[1]
 
     def check_step(self, model: mujoco.MjModel, data: mujoco.MjData, dofs: np.ndarray) -> None:
         """Raise ConfigError where MuJoCo's step is too long for the gains.

@@ -86,12 +86,13 @@ def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
     return tool_shape(tool).distance(thickness, TOOL_SPACING)
 
 
-def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig) -> list[mpm.Collider]:
-    """Build static colliders of containers, by their names."""
+def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig, *,
+                              static: bool = True) -> list[mpm.Collider]:
+    """Build colliders of containers; static: they never move, which makes contact cheaper."""
     colliders = []
     for name, container in containers.items():
         sdf = container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
-        colliders.append(mpm.Collider(sdf, static=True, friction=field.container_friction,
+        colliders.append(mpm.Collider(sdf, static=static, friction=field.container_friction,
                                       pose=container_pose(container)))
     return colliders
 

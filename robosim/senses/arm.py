@@ -1,10 +1,11 @@
 """Terms of the arm's own sensors: joints, joint torques and the wrist's force and torque."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from robosim.senses.term import SenseScene, Sight, Term, box
+from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box
 
 TORQUE_RANGE = 3.0
 """Largest torque that a joint's sensor shows, in the joint's limits: beyond its motor's, contact adds to it."""
@@ -71,7 +72,7 @@ class WristTerm(Term):
         limits = np.repeat([FORCE_RANGE, MOMENT_RANGE], 3)
         self.space = box(-limits, limits)
 
-    def begin(self, sight: Sight) -> Any:
+    def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
         """Return the offset (6,) that is subtracted from now on."""
         return self._wrench(sight) if self._tare else np.zeros(6)
 
@@ -83,5 +84,5 @@ class WristTerm(Term):
     def _wrench(sight: Sight) -> np.ndarray:
         if sight.sensors is not None:
             return np.asarray(sight.sensors.wrist)
-        R = sight.pose.matrix
-        return -np.concatenate([R.T @ sight.tool_wrench.force, R.T @ sight.tool_wrench.torque])
+        R, (force, moment) = sight.pose.matrix, np.split(sight.received / (sight.duration or 1.0), [3])
+        return -np.concatenate([R.T @ force, R.T @ (moment - np.cross(sight.pose.position, force))])

@@ -1,15 +1,18 @@
 """The way of a value from its sensor to the policy: rate, noise, latency and dropout."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 
 from robosim.errors import ConfigError
-from robosim.senses.term import Sight, Term, check_option
+from robosim.senses.term import NOTHING, Sight, Term, check_option
 
 TIMING = ("rate", "latency", "noise", "dropout")
 """Options that every term has besides its own."""
+DRAWN_TIMING = {"latency": (0.0, 10.0), "noise": (0.0, 1e6), "dropout": (0.0, 0.999)}
+"""Those that episodes may draw, with their lowest and highest values."""
 LONGEST = 10.0
 """Largest latency [s]: longer than half an episode."""
 ROUNDING = 1e-9
@@ -51,15 +54,18 @@ class Channel:
         """The term's space."""
         return self.term.space
 
-    def begin(self, sight: Sight) -> dict[str, Any]:
-        """Return the memory of an episode that starts now."""
-        return {"term": self.term.begin(sight), "line": [], "delivered": None, "next": sight.time}
+    def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> dict[str, Any]:
+        """Return the memory of an episode that starts now; drawn: options of timing and term that hold for it."""
+        timing = self.timing._replace(**{name: drawn[name] for name in DRAWN_TIMING if name in drawn})
+        of_term = {name: value for name, value in drawn.items() if name in self.term.DRAWN}
+        return {"term": self.term.begin(sight, of_term), "line": [], "delivered": None, "next": sight.time,
+                "timing": timing._asdict()}
 
     def read(self, sight: Sight, memory: dict[str, Any], rng: np.random.Generator) -> np.ndarray:
         """Return the value that the policy gets now, in an array of its own."""
-        timing, line = self.timing, memory["line"]
+        timing, line = Timing(**memory["timing"]), memory["line"]
         if sight.time >= memory["next"] - ROUNDING:
-            line.append((sight.time, self._measure(sight, memory, rng)))
+            line.append((sight.time, self._measure(sight, memory, timing.noise, rng)))
             memory["next"] = sight.time if timing.rate is None else memory["next"] + 1.0 / timing.rate
         while len(line) > 1 and line[1][0] <= sight.time - timing.latency + ROUNDING:
             line.pop(0)
@@ -68,11 +74,11 @@ class Channel:
             memory["delivered"] = line[0][1]
         return np.array(memory["delivered"])
 
-    def _measure(self, sight: Sight, memory: dict[str, Any], rng: np.random.Generator) -> np.ndarray:
+    def _measure(self, sight: Sight, memory: dict[str, Any], noise: float, rng: np.random.Generator) -> np.ndarray:
         """Return a new value, inside the space."""
         value = np.asarray(self.term.measure(sight, memory["term"], rng))
-        if self.timing.noise > 0.0:
-            value = value + self.timing.noise * rng.standard_normal(value.shape)
+        if noise > 0.0:
+            value = value + noise * rng.standard_normal(value.shape)
         if value.dtype != self.space.dtype:
             value = np.clip(value, self.space.low, self.space.high).astype(self.space.dtype)
         return value

@@ -40,5 +40,5 @@ class GrainsTerm(Term):
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return rows of grains (n, 6) or (n, 3), or the moments (m,)."""
         if self._layout == "moments":
-            return moments(self._task, sight.grains, sight.pose, sight.counts)
+            return moments(self._task, sight.grains, sight.pose, sight.counts, sight.setting.place)
         return sight.grains[self._chosen, COLUMNS[self._layout]]

@@ -1,6 +1,6 @@
 """Heights on a raster, as a depth sensor above the scene gives them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,9 +8,11 @@ import trimesh
 
 from mpm.observers.height_map import HeightMap, Raster
 from robosim.errors import ConfigError
+from robosim.randomization.draw import HOME
+from robosim.randomization.variants import placed
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
-from robosim.senses.term import SenseScene, Sight, Term, box, check_count
+from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_count
 from robosim.shapes import tool_shape
 from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
@@ -42,15 +44,22 @@ class HeightMapTerm(Term):
                               f"corners (x, y) in metres, the first one below the second, and two numbers")
         nx, ny = (check_count("height_map", "pixels", count, MOST_PIXELS) for count in pixels)
         (x0, y0), (x1, y1) = corners
-        raster = Raster((float(x0), float(y0)), (float(x1), float(y1)), (nx, ny))
+        self._raster = raster = Raster((float(x0), float(y0)), (float(x1), float(y1)), (nx, ny))
+        self._task = scene.task
         self._map = HeightMap(raster, grain_volume(scene.task) ** (1 / 3))
         self._floor = floor_heights(scene.task, raster)
         top = float(np.asarray(scene.solver.grid.lower)[2] + scene.solver.grid.cells[2] * scene.solver.grid.cell) + 0.05
         self.space = box(np.full((nx, ny), min(0.0, float(self._floor.min()))), np.full((nx, ny), top))
 
+    def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
+        """Return the heights of table and container, where it stands elsewhere than in the task."""
+        place = sight.setting.place
+        return None if place is HOME else floor_heights(placed(self._task, place), self._raster)
+
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the heights (nx, ny), the first index along x."""
-        return np.clip(self._map.draw(sight.grains, self._floor), self.space.low, self.space.high)
+        floor = self._floor if memory is None else memory
+        return np.clip(self._map.draw(sight.grains, floor), self.space.low, self.space.high)
 
 
 def default_region(task: TaskConfig) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,15 @@ import numpy as np
 from robosim.senses.term import SenseScene, Sight, Term, box
 from robosim.tasks.observation import tool_bounds
 
+FAR_PLACE = np.array([1.5, 1.5, 0.0])
+"""The most [m] by which a drawn place of the goal can be displaced: a shift and a turn."""
+
 
 class ToolTerm(Term):
-    """Position of the tool's frame in the world, and its quaternion (w, x, y, z) where the task turns the tool."""
+    """Position of the tool's frame in the world, and its quaternion (w, x, y, z) where the task turns the tool.
+
+    Where the robot takes the tool to be: an error of its place in the hand is not in it.
+    """
 
     name, unit = "tool", "m, 1"
 
@@ -19,7 +25,7 @@ class ToolTerm(Term):
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the pose (7,), or the position (3,)."""
-        return np.concatenate(sight.pose) if self._turns else sight.pose.position
+        return np.concatenate(sight.believed) if self._turns else sight.believed.position
 
 
 class GoalTerm(Term):
@@ -30,11 +36,11 @@ class GoalTerm(Term):
     def __init__(self, scene: SenseScene) -> None:
         low, high = (bounds[:3] for bounds in tool_bounds(scene.task, scene.solver.grid))
         self._goal = np.array(scene.task.goal)
-        self.space = box(self._goal - high, self._goal - low)
+        self.space = box(self._goal - high - FAR_PLACE, self._goal - low + FAR_PLACE)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the vector (3,)."""
-        return self._goal - sight.pose.position
+        return sight.setting.place.apply(self._goal[None])[0] - sight.believed.position
 
 
 class TimeTerm(Term):

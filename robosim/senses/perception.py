@@ -7,8 +7,9 @@ import gymnasium
 import numpy as np
 
 from robosim.errors import ConfigError, UnknownName
+from robosim.senses.channel import DRAWN_TIMING
 from robosim.senses.senses import Choice, Senses, TermOptions, describe, read_choices, reads_all_grains
-from robosim.senses.term import SenseScene, Sight
+from robosim.senses.term import NOTHING, SenseScene, Sight
 from robosim.tasks.counting import observed_grains
 from robosim.tasks.observation import Layout, Observer
 from robosim.tasks.task import TaskConfig
@@ -92,9 +93,19 @@ class Perception:
         own = self.options.obs if self._choices is None else describe(self._choices)
         return own if not self._privileged else [own, describe(self._privileged)]
 
-    def begin(self, sight: Sight, seed: int) -> Any:
-        """Return the memory of an episode that starts now: arrays and plain values; seed: of what is random in it."""
-        return [one.begin(sight, seed + k) if isinstance(one, Senses) else None
+    @property
+    def domains(self) -> dict[str, tuple[float, float]]:
+        """Numbers of sensors that episodes may draw, "key.option", with their lowest and highest values."""
+        return {f"{choice.key}.{name}": pair for choice in self._choices or []
+                for name, pair in {**choice.kind.DRAWN, **DRAWN_TIMING}.items()
+                if (choice.kind.name, name) != ("rgb", "noise")}
+
+    def begin(self, sight: Sight, seed: int, drawn: Mapping[str, float] = NOTHING) -> Any:
+        """Return the memory of an episode that starts now: arrays and plain values.
+
+        seed: of what is random in it. drawn: numbers of `domains` that hold for it.
+        """
+        return [one.begin(sight, seed + k, drawn if k == 0 else NOTHING) if isinstance(one, Senses) else None
                 for k, one in enumerate((self._observer, self._teacher))]
 
     def read(self, sight: Sight, memory: Any) -> Any:
@@ -104,7 +115,7 @@ class Perception:
         chosen = sight.grains
         if len(chosen) != len(self._observer.grains):  # more are read for privileged terms
             chosen = chosen[self._observer.grains]
-        return self._observer.read(chosen, sight.pose, sight.counts, sight.progress)
+        return self._observer.read(chosen, sight.pose, sight.counts, sight.progress, sight.setting.place)
 
     def read_info(self, sight: Sight, memory: Any) -> dict[str, Any]:
         """Return the entry `privileged` of an info, if there are such terms."""

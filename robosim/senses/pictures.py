@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 
 import mpm
@@ -13,7 +12,7 @@ from robosim.rendering.depth_noise import find_noise
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec
-from robosim.senses.task_scene import build_seen_spec, place_tool
+from robosim.senses.task_scene import SeenBodies, build_seen_spec
 from robosim.senses.term import SenseScene, Sight, Term, box, check_count, check_option
 from robosim.tasks.field import grain_volume
 
@@ -43,7 +42,7 @@ class DepthTerm(Term):
         spec, name = build_seen_spec(scene.task, scene.arm, camera, marks=False)
         radius = GRAIN_RADIUS * grain_volume(scene.task) ** (1 / 3)
         self.camera = DepthCamera(compile_spec(spec), name, width, height, scene.task.grains.count, radius)
-        self._data = mujoco.MjData(self.camera.model)
+        self._bodies = SeenBodies(self.camera.model, scene.task)
         self.space = box(np.zeros((height, width)), np.full((height, width), self._farthest))
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
@@ -52,9 +51,10 @@ class DepthTerm(Term):
 
     def _measure_depth(self, sight: Sight, rng: np.random.Generator) -> tuple[np.ndarray, mpm.Pose]:
         """Return the depth, and the pose of the camera."""
-        place_tool(self._data, sight.pose, sight.qpos)
-        pose = self.camera.look(self._data)
-        depth = self.camera.depth(self._data, pose, sight.grains)
+        if self._bodies.place(sight.setting.place, sight.pose, sight.qpos):
+            self.camera.forget()
+        pose = self.camera.look(self._bodies.data)
+        depth = self.camera.depth(self._bodies.data, pose, sight.grains)
         if self._noise is not None:
             depth = self._noise.apply(depth, self.camera.lens.fx, rng)
         return np.where(depth <= self._farthest, depth, 0.0), pose
@@ -102,14 +102,14 @@ class RgbTerm(Term):
         count = scene.task.grains.count
         add_grain_skin(spec, count, GRAIN_RADIUS * grain_volume(scene.task) ** (1 / 3), scene.material.colour)
         self._model = compile_spec(spec)
-        self._data = mujoco.MjData(self._model)
+        self._bodies = SeenBodies(self._model, scene.task)
         self._renderer = SceneRenderer(self._model, count, width, height)
         self.space = gymnasium.spaces.Box(0, 255, (height, width, 3), np.uint8)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the picture (height, width, 3), uint8."""
-        place_tool(self._data, sight.pose, sight.qpos)
-        return self._renderer.draw(self._data, sight.grains[:, :3].astype(float), self._camera)
+        self._bodies.place(sight.setting.place, sight.pose, sight.qpos)
+        return self._renderer.draw(self._bodies.data, sight.grains[:, :3].astype(float), self._camera)
 
     def close(self) -> None:
         """Free the OpenGL context."""

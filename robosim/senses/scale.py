@@ -1,13 +1,14 @@
 """A balance under the task's container or target: what it shows lags, drifts, and is rounded to its readability."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 import mpm
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
-from robosim.senses.term import SenseScene, Sight, Term, box, check_option
+from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_option
 from robosim.shapes import tool_shape
 from robosim.tasks.task import TaskConfig
 
@@ -37,7 +38,6 @@ class ScaleTerm(Term):
         assert where
         self._region, self._pose = where
         self._inside_tool = tool_shape(scene.task.tool).interior
-        self._masses = scene.solver.masses()
         self.space = box([-CAPACITY], [CAPACITY])
 
     @classmethod
@@ -45,21 +45,25 @@ class ScaleTerm(Term):
         """Say what the task's grains would have to come to rest on."""
         return "" if weighed_region(scene.task) else "a task with a container, or with a target on the table"
 
-    def begin(self, sight: Sight) -> Any:
-        """Return the filter's state: mass [kg], time [s]."""
-        return {"shown": self._mass(sight), "time": sight.time}
+    DRAWN: ClassVar[dict[str, tuple[float, float]]] = {"lag": (0.0, 10.0), "repeatability": (0.0, 1.0),
+                                                       "drift": (0.0, 1.0)}
+
+    def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
+        """Return the filter's state: mass [kg], time [s]; and the balance's own numbers."""
+        own = {"lag": self._lag, "repeatability": self._repeatability, "drift": self._drift}
+        return {"shown": self._mass(sight), "time": sight.time, **own, **drawn}
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return what the balance shows (1,) and advance its filter."""
         passed, now = sight.time - memory["time"], self._mass(sight)
-        gain = 1.0 if self._lag == 0.0 else 1.0 - np.exp(-passed / self._lag)
+        gain = 1.0 if memory["lag"] == 0.0 else 1.0 - np.exp(-passed / memory["lag"])
         memory |= {"shown": memory["shown"] + gain * (now - memory["shown"]), "time": sight.time}
         shown = memory["shown"]
-        if self._drift > 0.0:
-            memory.setdefault("slope", self._drift * rng.standard_normal())
+        if memory["drift"] > 0.0:
+            memory.setdefault("slope", memory["drift"] * rng.standard_normal())
             shown += memory["slope"] * sight.time
-        if self._repeatability > 0.0:
-            shown += self._repeatability * rng.standard_normal()
+        if memory["repeatability"] > 0.0:
+            shown += memory["repeatability"] * rng.standard_normal()
         if self._readability > 0.0:
             shown = self._readability * np.round(shown / self._readability)
         return np.clip([shown], -CAPACITY, CAPACITY)
@@ -71,9 +75,9 @@ class ScaleTerm(Term):
         as its momentum is rate x speed, and speed / g the time of its fall.
         """
         x = sight.grains[:, :3].astype(float)
-        is_on = self._region.holds(self._pose.inverse().apply(x))
+        is_on = self._region.holds((sight.setting.place @ self._pose).inverse().apply(x))
         is_on &= ~self._inside_tool.holds(sight.pose.inverse().apply(x))
-        return float(self._masses[is_on].sum())
+        return sight.setting.grain_mass * int(is_on.sum())
 
 
 def weighed_region(task: TaskConfig) -> tuple[mpm.Region, mpm.Pose] | tuple[()]:

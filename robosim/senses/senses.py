@@ -10,7 +10,7 @@ import numpy as np
 
 from robosim.errors import ConfigError, UnknownName
 from robosim.senses.channel import TIMING, Channel, Timing, read_timing
-from robosim.senses.term import SenseScene, Sight, Term
+from robosim.senses.term import NOTHING, SenseScene, Sight, Term
 
 TERMS = {
     "grains": "grains.GrainsTerm", "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
@@ -109,9 +109,14 @@ class Senses:
             low, high = (np.concatenate(bounds).astype(np.float32) for bounds in (lows, highs))
             self.space = gymnasium.spaces.Box(low, high, dtype=np.float32)
 
-    def begin(self, sight: Sight, seed: int) -> dict[str, Any]:
-        """Return the memory of an episode that starts now; seed: of all that is random in it."""
-        memory: dict[str, Any] = {key: channel.begin(sight) for key, channel in self.channels.items()}
+    def begin(self, sight: Sight, seed: int, drawn: Mapping[str, float] = NOTHING) -> dict[str, Any]:
+        """Return the memory of an episode that starts now; seed: of all that is random in it.
+
+        drawn: "key.option" -> value of an option that holds for it.
+        """
+        own = {key: {name.removeprefix(f"{key}."): value for name, value in drawn.items() if name.startswith(f"{key}.")}
+               for key in self.channels}
+        memory: dict[str, Any] = {key: channel.begin(sight, own[key]) for key, channel in self.channels.items()}
         return {"seed": seed, "reads": 0, "terms": memory}
 
     def read(self, sight: Sight, memory: dict[str, Any]) -> Any:

@@ -8,7 +8,8 @@ import numpy as np
 
 import mpm
 from robosim.errors import ConfigError, UnknownName
-from robosim.rendering.renderer import add_mark
+from robosim.randomization.still_bodies import StillBodies
+from robosim.rendering.renderer import TARGET_MARK, add_mark
 from robosim.robot.assembly import load_tool_model
 from robosim.robot.mjspec import quiet_attachment
 from robosim.scene.build import add_container
@@ -72,12 +73,26 @@ def read_place(camera: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, float
     return position, target, fovy
 
 
-def place_tool(data: mujoco.MjData, pose: mpm.Pose, qpos: np.ndarray | None) -> None:
-    """Put the arm into a posture, the qpos of its scene, or without one the tool alone at its pose."""
-    if qpos is not None:
-        data.qpos[:] = qpos
-    else:
-        data.mocap_pos[0], data.mocap_quat[0] = pose.position, pose.quaternion
+class SeenBodies:
+    """Bodies of a compiled scene of `build_task_spec`, where an episode has them."""
+
+    def __init__(self, model: mujoco.MjModel, task: TaskConfig) -> None:
+        self.data = mujoco.MjData(model)
+        names = [*task.containers, TARGET_MARK]
+        self._still = StillBodies(model, [name for name in names if mujoco.mj_name2id(
+            model, mujoco.mjtObj.mjOBJ_BODY, name) >= 0])
+
+    def place(self, place: mpm.Pose, tool: mpm.Pose, qpos: np.ndarray | None) -> bool:
+        """Put all to where they are: the arm into a posture, or without one the tool alone at its pose.
+
+        place: displacement of container and target. qpos: of the scene with the arm. Returns whether something has
+        moved that stands still within an episode.
+        """
+        if qpos is not None:
+            self.data.qpos[:] = qpos
+        else:
+            self.data.mocap_pos[0], self.data.mocap_quat[0] = tool.position, tool.quaternion
+        return self._still.place(place)
 
 
 def _add_own_camera(spec: mujoco.MjSpec, position: np.ndarray, look_at: np.ndarray, fovy_deg: float) -> None:

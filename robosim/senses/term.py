@@ -1,7 +1,7 @@
 """What an observation term is, and what it reads."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import gymnasium
@@ -10,8 +10,11 @@ import numpy as np
 import mpm
 from robosim.config.materials import MaterialConfig
 from robosim.errors import ConfigError
+from robosim.randomization.draw import STANDARD, Setting
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.task import TaskConfig
+
+NOTHING: Mapping[str, float] = {}
 
 
 class ArmSensors(Protocol):
@@ -42,13 +45,23 @@ class Sight(NamedTuple):
     """Of the task's grains."""
     grains: np.ndarray
     """Positions [m] and velocities [m/s] (n, 6), float32, of the grains that `Term.grains` asks for."""
-    tool_wrench: mpm.Wrench
-    """Mean force [N] and torque [N m] of the grains on the tool over the action, in world axes, about the origin of the
-    tool's frame; zero at the start of an episode."""
+    received: np.ndarray
+    """Impulse [N s], [N m s] (6,) of the grains on the tool in the action, in world axes, about the world's origin.
+
+    Zero at the start of an episode, and with an arm, which has a sensor for it."""
+    duration: float
+    """Time [s] that it took."""
+    setting: Setting = STANDARD
+    """How the scene differs from the task's."""
     sensors: ArmSensors | None = None
     """None without an arm, and where no term reads them."""
     qpos: np.ndarray | None = None
     """State of all joints of the scene with the arm; None without an arm."""
+
+    @property
+    def believed(self) -> mpm.Pose:
+        """Where the robot takes the tool to be."""
+        return self.setting.believed(self.pose)
 
 
 class SenseScene(NamedTuple):
@@ -79,8 +92,14 @@ class Term(ABC):
     """Whether it reads sensors of an arm, `ArmSensors`, where there is one."""
     space: gymnasium.spaces.Box
 
-    def begin(self, sight: Sight) -> Any:
-        """Return what an episode that starts now is remembered for: arrays and plain values, or None."""
+    DRAWN: ClassVar[dict[str, tuple[float, float]]] = {}
+    """Options that episodes may draw, with their lowest and highest values."""
+
+    def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
+        """Return what an episode that starts now is remembered for: arrays and plain values, or None.
+
+        drawn: values of options in DRAWN that hold for this episode.
+        """
         return None
 
     @abstractmethod

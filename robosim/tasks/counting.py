@@ -72,6 +72,10 @@ class TaskCounter:
         """Have the solver count within its advances and sample the observed grains at their end."""
         self._solver.attach(self._counter, sample)
 
+    def place(self, frame: mpm.Pose) -> None:
+        """Move goal, target, bounds and container's points from the task's places by a displacement."""
+        self._counter.place(frame)
+
     def restart(self) -> None:
         """Forget which grains were lost or on target before; the present state is the first."""
         self._counter.restart()

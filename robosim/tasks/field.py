@@ -27,6 +27,11 @@ def head_distance(shape: ToolShape | MeshTool, wall: float, spacing: float) -> L
     return shape.head_distance(wall, spacing)
 
 
+def field_head(task: TaskConfig) -> Lattice:
+    """Return the signed distance of the head of a task's tool as its field has it."""
+    return head_distance(tool_shape(task.tool), task.tool_wall, task.field.cell / TOOL_SDF_POINTS)
+
+
 def grain_volume(task: TaskConfig) -> float:
     """Return the volume of one grain [m^3]."""
     for name, container in task.containers.items():
@@ -36,28 +41,30 @@ def grain_volume(task: TaskConfig) -> float:
     return task.field.cell**3 / task.field.grains_per_cell
 
 
-def fill_positions(task: TaskConfig, tool: Lattice) -> np.ndarray:
+def fill_positions(task: TaskConfig, tool: Lattice, slope_deg: float = 0.0) -> np.ndarray:
     """Place the grains before they settle: positions [m] (count, 3) in the world.
 
-    They are the lowest sites that the tool, container or pile has. tool: its signed distance.
-    Raises mpm.InvalidValue where the grains do not fit.
+    They are the lowest sites that the tool, container or pile has. tool: its signed distance. slope_deg: of the
+    surface along the x axis of container or pile. Raises mpm.InvalidValue where the grains do not fit.
     """
     spacing = grain_volume(task) ** (1.0 / 3.0)
-    rng = np.random.default_rng(0)
+    rng, slope = np.random.default_rng(0), float(np.tan(np.radians(slope_deg)))
     if task.container is not None and task.container_place is not None:
         container = task.container_place
         shape = container_shape(task.container, container)
         low, high = shape.bounds
-        upper = np.array([high[0], high[1], low[2] + container.fill_height + spacing])
+        rise = 0.5 * abs(slope) * (high[0] - low[0])
+        upper = np.array([high[0], high[1], low[2] + container.fill_height + rise + spacing])
         local = mpm.sample_box(low, upper, spacing, rng)
         if not isinstance(shape, BoxShape):  # the rounded edges of a box push out the few grains in them
             local = local[shape.between_walls(local)]
         sites = container_pose(container).apply(local)
-        keys = sites[:, 2]
+        keys = sites[:, 2] - slope * (local[:, 0] - 0.5 * (low[0] + high[0]))
     elif task.start.pile is not None:
         centre, half = np.array(task.start.pile.centre), np.array(task.start.pile.half)
         sites = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
         keys = sites[:, 2] + 0.3 * np.linalg.norm(sites[:, :2] - centre[:2], axis=1)  # a heap, not a slab
+        keys -= slope * (sites[:, 0] - centre[0])
     else:
         region, pose = tool_shape(task.tool).interior, task.start.pose
         local = sample_in_tool(task.tool, tool, spacing, rng)
@@ -81,16 +88,17 @@ def largest_step(task: TaskConfig, law: Law) -> float:
 
 
 def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions: np.ndarray | None = None,
-                 volume: float | None = None) -> mpm.Solver:
+                 volume: float | None = None, dt: float | None = None, moves_containers: bool = False) -> mpm.Solver:
     """Build the solver with its grains as filled, not yet settled.
 
     mobile: contact moves the tool, too. positions [m] (n, 3) and volume [m^3] of a grain: in place of the task's own.
+    dt: substep [s]; None: the task's own. moves_containers: whether containers can be put to other places.
     """
     field = task.field
     check_substeps("step_dt", task.step_dt, largest_step(task, law))
-    sdf = head_distance(tool_shape(task.tool), task.tool_wall, field.cell / TOOL_SDF_POINTS)
+    sdf = field_head(task)
     colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
-    colliders += build_container_colliders(task.containers, field)
+    colliders += build_container_colliders(task.containers, field, static=not moves_containers)
     grains = fill_positions(task, sdf) if positions is None else positions
     body = mpm.Body(law, grains, volume=volume or grain_volume(task))
     with warnings.catch_warnings():
@@ -98,5 +106,5 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
             warnings.simplefilter("ignore", mpm.VolumeMismatch)
         return mpm.Solver(grid=field.grid, bodies=[body],
                           colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
-                          dt=requested_step(task, law), transfer_interval=field.transfer_interval,
+                          dt=dt or requested_step(task, law), transfer_interval=field.transfer_interval,
                           sleep=field.sleep or False)

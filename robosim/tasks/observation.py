@@ -38,18 +38,18 @@ class Observer:
         """Name of each part of a flat observation -> its slice."""
         self.space = self._build_space()
 
-    def read(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, progress: float) -> Any:
+    def read(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, progress: float, place: mpm.Pose) -> Any:
         """Return an observation in an array of its own.
 
         grains (n, 6): position [m] and velocity [m/s] of the observed grains. pose: of the tool, its quaternion without
-        jumps of sign. progress: share of the episode that is over.
+        jumps of sign. progress: share of the episode that is over. place: displacement of the task's places.
         """
         tool = pose.position if self.task.action.dimensions == 3 else np.concatenate(pose)
         if self.layout == "dict":
             return {"particles": grains.copy(), "tool": tool.astype(np.float32),
                     "time": np.array([progress], np.float32)}
         if self.layout == "moments":
-            values = moments(self.task, grains, pose, counts)
+            values = moments(self.task, grains, pose, counts, place)
         else:
             values = {"positions": grains[:, :3], "velocities": grains[:, 3:]}.get(self.layout, grains).ravel()
         return np.concatenate([values, tool, [progress]], dtype=np.float32, casting="same_kind")
@@ -76,14 +76,15 @@ class Observer:
         return _box(np.concatenate([b[0] for b in parts.values()]), np.concatenate([b[1] for b in parts.values()]))
 
 
-def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts) -> np.ndarray:
+def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, place: mpm.Pose) -> np.ndarray:
     """Return statistics of all grains, in the order of `moment_bounds`; arguments as of `Observer.read`."""
     x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
     n, counted = len(x), task.grains.counted
     candidates = n if task.grains.elites else counted
     centre = x.mean(0)
     covariance = np.cov(x.T)[np.triu_indices(3)]
-    parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0), centre - task.goal,
+    parts = [centre, v.mean(0), covariance, np.percentile(x, (5, 95), axis=0).ravel(), v.std(0),
+             centre - place.apply(np.array(task.goal)[None])[0],
              pose.inverse().apply(centre[None])[0],
              [counts.held / candidates, counts.on_target / candidates, counts.lost / counted]]
     if task.container is not None:

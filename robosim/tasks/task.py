@@ -85,6 +85,8 @@ class TaskConfig(Table):
     """Weights of the reward terms."""
     success: SuccessConfig
     """Criterion of success."""
+    randomize: dict[Name, tuple[float, float] | tuple[str, ...]] = Field({}, max_length=MAX_ENTRIES)
+    """What every episode draws: number -> [lowest, highest]; material -> names of materials."""
     script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
     """Waypoints of the scripted policy; the first segment begins at the start pose, and speeds are smooth."""
 

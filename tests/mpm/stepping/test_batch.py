@@ -54,7 +54,7 @@ def batch() -> mpm.Batch:
 
 
 def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
-    """Three starts, motions and numbers of steps, one with another material, volume and place; two advances and a rest."""
+    """Three starts, motions and numbers of steps, with other materials, volumes and places; two advances and a rest."""
     alone, materials, legs = scene(), (SALT, SOFT, SALT), (3, 2, 4)
     volumes = [factor * (CELL / 2) ** 3 for factor in (1.0, 0.8, 1.1)]
     frames = (mpm.Pose.identity(), ASIDE, ASIDE)

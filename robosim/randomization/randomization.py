@@ -1,0 +1,181 @@
+"""The ranges of an environment, and the draws from them."""
+
+import copy
+import itertools
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import mpm
+from mpm.materials.stable_step import accepted_bound
+from robosim.config.materials import Law, MaterialConfig, law_of, number_names, overridden
+from robosim.errors import ConfigError, UnknownName
+from robosim.randomization.draw import HOME, Draw, Setting, Vector
+from robosim.randomization.materials import find_material
+from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, Ranges, valid_numbers
+from robosim.randomization.variants import check_fill, displacement, filled
+from robosim.tasks.field import largest_step
+from robosim.tasks.task import TaskConfig
+
+Domains = Mapping[str, tuple[float, float]]
+"""Number of a sensor, "term.option" -> its lowest and highest value."""
+PLACES = ("place_x", "place_y", "place_yaw_deg")
+MOUNTS, MOUNT_TURNS = [[f"mount_{axis}{unit}" for axis in "xyz"] for unit in ("", "_deg")]
+
+
+class Randomization:
+    """Ranges of what differs between the episodes of a task, and the draws from them.
+
+    arm: whether an arm carries the tool. sensors: numbers of the observation's terms that can be drawn.
+    Raises UnknownName for a number or material that there is not, ConfigError for a pair that is no range, leaves the
+    domain of the number, or needs a smaller time step than the material in the file.
+    """
+
+    def __init__(self, task: TaskConfig, material: MaterialConfig, ranges: Ranges, *, arm: bool = False,
+                 sensors: Domains | None = None) -> None:
+        self._task, self._sensors = task, sensors or {}
+        self.materials = {label: find_material(label) for label in ranges.get(MATERIAL, ())}
+        self._own = material
+        self._numbers = set.intersection(*[set(number_names(one)) for one in [material, *self.materials.values()]])
+        self._check_materials()
+        self.ranges: dict[str, tuple[float, float]] = {
+            name: self._read_range(name, pair, arm) for name, pair in ranges.items() if name != MATERIAL}
+        for fill, slope in itertools.product(self.levels("fill"), self.levels("surface_slope_deg")):
+            check_fill(task, fill or 1.0, slope)
+        self.step = min(largest_step(task, law_of(one)) for one in [material, *self.materials.values()])
+        """Substep [s] that every material of an episode allows."""
+        self._check_step()
+
+    def _check_materials(self) -> None:
+        for label, material in self.materials.items():
+            if type(material) is not type(self._own):
+                raise ConfigError(f"randomize: material {label!r} has the law of {type(material).__name__}; accepted: "
+                                  f"that of the environment's own, {type(self._own).__name__}")
+
+    def _read_range(self, name: str, pair: Any, arm: bool) -> tuple[float, float]:
+        """Return a range as two numbers."""
+        valid = [MATERIAL, *sorted(self._numbers), *valid_numbers(self._task, arm), *self._sensors]
+        if name not in valid:
+            raise UnknownName("number in randomize", name, valid)
+        try:
+            low, high = (float(value) for value in pair)
+        except (TypeError, ValueError):
+            low, high = math.nan, math.nan
+        if not low <= high:
+            raise ConfigError(f"randomize: {name} = {pair!r}; accepted: (lowest, highest)")
+        least, most = NUMBERS[name][1:3] if name in NUMBERS else self._sensors.get(name, (-math.inf, math.inf))
+        if not least <= low <= high <= most:
+            raise ConfigError(f"randomize: {name} = {pair!r}; accepted: {least:g} to {most:g}")
+        return low, high
+
+    def _check_step(self) -> None:
+        """Raise ConfigError where a corner of the ranges needs a smaller substep."""
+        own = {name: pair for name, pair in self.ranges.items() if name in self._numbers}
+        for material, corner in itertools.product([self._own, *self.materials.values()],
+                                                  itertools.product(*own.values())):
+            numbers = dict(zip(own, corner))
+            bound = accepted_bound(self._task.field.cell, law_of(overridden(material, numbers)))
+            if self.step > bound:
+                raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; this has {self.step:.3g} "
+                                  f"s: take a softer or a heavier material")
+
+    @property
+    def moves_places(self) -> bool:
+        """Whether container, target and bounds are displaced."""
+        return any(name in self.ranges for name in PLACES)
+
+    @property
+    def varies_grains(self) -> bool:
+        """Whether episodes begin from different settled starts."""
+        return bool(self.materials) or any(name in self.ranges for name in IN_LEVELS)
+
+    def levels(self, name: str) -> list[float]:
+        """Return the values that a number in levels has."""
+        low, high = self.ranges.get(name, (0.0, 0.0))
+        return [float(value) for value in np.linspace(low, high, LEVELS)] if low < high else [low]
+
+    def draw(self, rng: np.random.Generator, *, nominal: bool, shift: Vector, turn_deg: float) -> Draw:
+        """Draw an episode; nominal: the tool and the pile begin where the task says, but for shift [m] and turn."""
+        numbers = {name: float(rng.choice(self.levels(name)) if name in IN_LEVELS else rng.uniform(*pair))
+                   for name, pair in self.ranges.items()}
+        tool, pile = np.array(shift), np.zeros(3)
+        if not nominal:
+            tool = tool + rng.uniform(-1.0, 1.0, 3) * self._task.start.spread
+            pile = rng.uniform(-1.0, 1.0, 3) * self._task.start.pile_spread
+            turn_deg = turn_deg + numbers.get("tool_yaw_deg", 0.0)
+            tool = tool + [numbers.get(f"tool_{axis}", 0.0) for axis in "xyz"]
+        material = str(rng.choice(list(self.materials))) if self.materials else ""
+        # of a copy, so that the starts that follow do not depend on sensors
+        return Draw(numbers, three(tool), three(pile), turn_deg, int(copy.deepcopy(rng).integers(2**62)), material)
+
+    def read(self, given: Any) -> Draw:
+        """Return the draw that an option of `reset` gives back.
+
+        Raises ConfigError for what no environment with these ranges has drawn.
+        """
+        try:
+            draw = Draw(**{**given, "numbers": {name: float(value) for name, value in given["numbers"].items()},
+                           "tool": three(given["tool"]), "pile": three(given["pile"]),
+                           "turn_deg": float(given["turn_deg"]), "sensors": int(given["sensors"])})
+            is_usable = set(draw.numbers) == set(self.ranges) and draw.sensors >= 0 and all(
+                math.isfinite(value) for value in (*draw.numbers.values(), *draw.tool, *draw.pile, draw.turn_deg))
+            is_usable &= draw.material in (self.materials or {""})
+        except (TypeError, ValueError, KeyError, AttributeError):
+            is_usable, draw = False, Draw({})
+        if not is_usable:
+            raise ConfigError(f"options of reset: draw = {given!r:.200}; accepted: info['draw'] of an environment with "
+                              f"randomize = {self.describe()}")
+        for name, value in draw.numbers.items():
+            low, high = self.ranges[name]
+            if not low <= value <= high:
+                raise ConfigError(f"options of reset: draw: {name} = {value}; accepted: {low} to {high}")
+            if name in IN_LEVELS and value not in self.levels(name):
+                raise ConfigError(f"options of reset: draw: {name} = {value}; accepted: {self.levels(name)}")
+        return draw
+
+    def describe(self) -> dict[str, Any]:
+        """Return the ranges as plain values."""
+        return {**{name: list(pair) for name, pair in self.ranges.items()},
+                **({MATERIAL: list(self.materials)} if self.materials else {})}
+
+    def material(self, draw: Draw) -> MaterialConfig:
+        """Return the material that an episode's grains settle in: without the numbers that are drawn."""
+        return self.materials.get(draw.material, self._own)
+
+    def law(self, draw: Draw) -> Law | None:
+        """Return the law of an episode; None: neither material nor one of its numbers is drawn."""
+        numbers = {name: value for name, value in draw.numbers.items() if name in self._numbers}
+        return law_of(overridden(self.material(draw), numbers)) if numbers or self.materials else None
+
+    def frictions(self, draw: Draw, colliders: int) -> dict[int, float]:
+        """Return the friction of each collider whose friction is drawn, by its number; the tool's is 0."""
+        found = {0: draw.numbers["tool_friction"]} if "tool_friction" in draw.numbers else {}
+        if "container_friction" in draw.numbers:
+            found |= dict.fromkeys(range(1, colliders), draw.numbers["container_friction"])
+        return found
+
+    def grains(self, draw: Draw) -> TaskConfig:
+        """Return the task with the fill of an episode."""
+        return filled(self._task, draw.grains[1])
+
+    def setting(self, draw: Draw) -> Setting:
+        """Return how the scene of an episode differs from the task's."""
+        place, shift, turn = ([draw.numbers.get(name, 0.0) for name in names]
+                              for names in (PLACES, MOUNTS, MOUNT_TURNS))
+        quaternion = Rotation.from_rotvec(turn, degrees=True).as_quat(scalar_first=True)
+        factors = {name: draw.numbers.get(name, 1.0) for name in ("stiffness", "damping", "payload")}
+        return Setting(displacement(self._task, *place) if any(place) else HOME,
+                       mpm.Pose(np.array(shift), quaternion) if any((*shift, *turn)) else HOME, **factors)
+
+    def sensors(self, draw: Draw) -> dict[str, float]:
+        """Return the numbers of sensors that are drawn."""
+        return {name: value for name, value in draw.numbers.items() if name in self._sensors}
+
+
+def three(values: Any) -> Vector:
+    """Return three numbers as floats."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z

@@ -1,0 +1,92 @@
+"""What can be drawn in an episode, its domain, and the ranges that come with robosim."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from robosim.errors import UnknownName
+from robosim.tasks.task import TaskConfig
+
+Ranges = Mapping[str, Sequence[Any]]
+"""Name -> its lowest and highest value; "material" -> names of materials."""
+PRESETS = ("nominal", "wide")
+"""nominal: the random starts of the task alone, as published; wide: `wide_ranges`."""
+MATERIAL = "material"
+
+
+class Drawn(NamedTuple):
+    """A number that can be drawn."""
+
+    unit: str
+    lowest: float
+    highest: float
+    meaning: str
+    needs: str = ""
+    """"container", "loose grains" (in a container or a pile) or "arm"; empty: any task has it."""
+
+
+NUMBERS = {
+    "tool_friction": Drawn("1", 0.0, 10.0, "friction between grains and tool"),
+    "container_friction": Drawn("1", 0.0, 10.0, "friction between grains and container", "container"),
+    "tool_x": Drawn("m", -0.5, 0.5, "displacement of the tool's start along x"),
+    "tool_y": Drawn("m", -0.5, 0.5, "along y"),
+    "tool_z": Drawn("m", -0.5, 0.5, "along z"),
+    "tool_yaw_deg": Drawn("deg", -180.0, 180.0, "turn of the tool about the vertical at the start"),
+    "place_x": Drawn("m", -0.5, 0.5, "displacement of container, target and bounds along x"),
+    "place_y": Drawn("m", -0.5, 0.5, "along y"),
+    "place_yaw_deg": Drawn("deg", -180.0, 180.0, "their turn about the container's, or else the target's middle"),
+    "fill": Drawn("1", 0.2, 3.0, "volume of the grains over the task's; one of three levels"),
+    "surface_slope_deg": Drawn("deg", -40.0, 40.0, "slope of their surface along the container's x; one of three "
+                               "levels", "loose grains"),
+    **{f"mount_{axis}": Drawn("m", -0.05, 0.05, f"error of the tool's place in the hand along its {axis}")
+       for axis in "xyz"},
+    **{f"mount_{axis}_deg": Drawn("deg", -45.0, 45.0, f"error of its turn in the hand about its {axis}")
+       for axis in "xyz"},
+    "stiffness": Drawn("1", 0.2, 3.0, "factor on the servo's stiffness", "arm"),
+    "damping": Drawn("1", 0.2, 3.0, "factor on the servo's damping", "arm"),
+    "payload": Drawn("1", 0.2, 5.0, "factor on mass and inertia of hand and tool, unknown to the controller", "arm"),
+}
+"""Name -> what it is, besides the numbers of the material and those of sensors, "term.option"."""
+LEVELS = 3
+"""Values of a number that needs a settled start of its own: both ends of the range and its middle."""
+IN_LEVELS = ("fill", "surface_slope_deg")
+
+
+def has(task: TaskConfig, needs: str, arm: bool) -> bool:
+    """Return whether a task has what a number needs."""
+    return {"container": task.container is not None, "loose grains": not task.carried, "arm": arm}.get(needs, True)
+
+
+def valid_numbers(task: TaskConfig, arm: bool) -> list[str]:
+    """Return the names of NUMBERS that a task has."""
+    return [name for name, drawn in NUMBERS.items() if has(task, drawn.needs, arm)]
+
+
+def wide_ranges(task: TaskConfig, arm: bool = False) -> Ranges:
+    """Return the ranges of the preset "wide" for a task.
+
+    Places: 30 mm and 30 deg; the tool's start: 30 mm and 20 deg. Friction of the tool: from polished to worn steel.
+    Errors of the robot: those of `robosim.robot.model_errors`, as a laboratory identifies its own by hand.
+    """
+    ranges: dict[str, Sequence[Any]] = {
+        MATERIAL: ("salt", "sugar", "sand", "flour"), "tool_friction": (0.05, 0.3), "container_friction": (0.3, 0.7),
+        "tool_x": (-0.03, 0.03), "tool_y": (-0.03, 0.03), "tool_z": (-0.03, 0.03), "tool_yaw_deg": (-20.0, 20.0),
+        "place_x": (-0.03, 0.03), "place_y": (-0.03, 0.03), "place_yaw_deg": (-30.0, 30.0), "fill": (0.8, 1.2),
+        "surface_slope_deg": (-10.0, 10.0), **{f"mount_{axis}": (-1e-3, 1e-3) for axis in "xyz"},
+        **{f"mount_{axis}_deg": (-0.5, 0.5) for axis in "xyz"}, "stiffness": (0.9, 1.1), "damping": (0.9, 1.1),
+        "payload": (0.8, 1.2)}
+    return {name: pair for name, pair in ranges.items()
+            if name == MATERIAL or has(task, NUMBERS[name].needs, arm)}
+
+
+def choose_ranges(given: str | Ranges | None, task: TaskConfig, arm: bool = False) -> Ranges:
+    """Return the ranges of an environment: a preset's, those given, or else the task's own.
+
+    Raises UnknownName for a preset that does not exist.
+    """
+    if given is None:
+        return task.randomize
+    if not isinstance(given, str):
+        return given
+    if given not in PRESETS:
+        raise UnknownName("randomize", given, PRESETS, "or ranges: name -> (lowest, highest)")
+    return wide_ranges(task, arm) if given == "wide" else {}

@@ -1,0 +1,155 @@
+"""Places, fills and errors of the robot that episodes draw: what they must and must not change."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import robosim  # noqa: F401  (registers the environments)
+from robosim.errors import ConfigError, UnknownName
+from robosim.randomization.draw import HOME
+from robosim.randomization.ranges import wide_ranges
+from robosim.scene.frames import container_pose
+from robosim.tasks.task import load_task
+
+PLACE = {"place_x": (-0.03, 0.03), "place_y": (-0.03, 0.03), "place_yaw_deg": (-30.0, 30.0)}
+
+
+def make(name: str, **options):
+    return gymnasium.make(f"robosim/{name}-v0", disable_env_checker=True, **options).unwrapped
+
+
+def test_container_and_grains_are_put_elsewhere_as_one():
+    """In the container's frame all grains lie as before, and the counts and the scale find what they found."""
+    env = make("ScoopScoop", obs=["scale", "height_map", "goal"], randomize=PLACE)
+    home = container_pose(env.task.container_place)
+    local, seen = [], []
+    for seed in (0, 1):
+        observation, info = env.reset(seed=seed)
+        local.append(env.solver.collider_pose(1).inverse().apply(env.solver.positions()))
+        seen.append((observation["scale"], env.episode.counts.distance / env.task.grains.counted))
+        moved = env.solver.collider_pose(1).position - home.position
+        assert moved[:2] == pytest.approx([info["draw"]["numbers"][name] for name in ("place_x", "place_y")], abs=1e-9)
+        heights = observation["height_map"]
+        assert heights.max() > 0.02
+    np.testing.assert_allclose(local[0], local[1], atol=2e-6)
+    np.testing.assert_allclose(seen[0][0], seen[1][0], atol=2e-5)
+    np.testing.assert_allclose(seen[0][1], seen[1][1], rtol=0.1)  # Manhattan distance, along the world's axes
+    before = env.solver.positions()
+    for _ in range(5):
+        env.step(np.zeros(6, np.float32))
+    assert np.abs(env.solver.positions() - before).max() < 1e-3  # walls and grains still fit each other
+    env.close()
+
+
+def test_a_place_that_is_not_moved_is_the_task_s_own():
+    """Ranges of zero width: rewards are those of the task, to the bit."""
+    own, moved = make("ShovelMove"), make("ShovelMove", randomize=dict.fromkeys(PLACE, (0.0, 0.0)))
+    rewards = []
+    for env in (own, moved):
+        env.reset(seed=3, options={"nominal": True})
+        rewards.append([env.step(np.full(env.action_space.shape, 0.3, np.float32))[1] for _ in range(4)])
+        assert env.carrier.setting.place is HOME
+        env.close()
+    assert rewards[0] == rewards[1]
+
+
+def test_the_target_moves_with_its_place():
+    """A tool that carries its grains to the goal that is observed delivers them, wherever it is."""
+    env = make("SpoonTranslate", obs=["goal", "tool"], randomize={**PLACE, "mount_x": (0.002, 0.002)}, action_repeat=5)
+    delivered = []
+    for seed in range(3):
+        observation, info = env.reset(seed=seed)
+        over = False
+        while not over:
+            aim = observation["goal"] + [0.0, 0.0, 0.02]
+            observation, _, terminated, truncated, info = env.step(
+                np.clip(6.0 * aim, -1.0, 1.0).astype(np.float32)[: env.action_space.shape[0]]
+                if env.action_space.shape[0] == 3 else
+                np.concatenate([np.clip(6.0 * aim, -0.6, 0.6), np.zeros(3)]).astype(np.float32))
+            over = terminated or truncated
+        delivered.append(info["readings"]["delivered"])
+    assert np.mean(delivered) > 0.8, delivered
+    env.close()
+
+
+def test_fill_and_slope_change_mass_and_surface():
+    env = make("ScoopScoop", randomize={"fill": (0.8, 1.2), "surface_slope_deg": (-12.0, 12.0)})
+    found = {}
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        levels = env.world.randomization.draw(rng, nominal=True, shift=(0, 0, 0), turn_deg=0.0).grains[1:]
+        if levels in ((0.8, -12.0), (1.2, 12.0)) and levels not in found:
+            env.np_random = np.random.default_rng(seed)
+            env.reset(options={"nominal": True})
+            x = env.solver.collider_pose(1).inverse().apply(env.solver.positions())
+            high = x[x[:, 2] > np.quantile(x[:, 2], 0.9)]
+            found[levels] = env.solver.masses().sum(), high[:, 0].mean(), x[:, 2].mean()
+    (lean, full) = found[(0.8, -12.0)], found[(1.2, 12.0)]
+    assert full[0] / lean[0] == pytest.approx(1.5, rel=0.01)
+    assert lean[1] < -0.01 and full[1] > 0.01
+    assert full[2] > 1.2 * lean[2]
+    env.close()
+
+
+def test_vector_environment_begins_as_single_ones_do():
+    ranges = wide_ranges(load_task("SpoonTranslate"))
+    env = make("SpoonTranslate", obs=["tool", "grains", "goal"], randomize=ranges)
+    vector = gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=3, workers=1, obs=["tool", "grains", "goal"],
+                                randomize="wide")
+    observations, infos = vector.reset(seed=7)
+    action = np.full((3, *env.action_space.shape), 0.2, np.float32)
+    after = [vector.step(action) for _ in range(2)][-1]
+    for k in range(3):
+        alone, info = env.reset(seed=7 + k)
+        assert infos["draw"]["numbers"]["place_x"][k] == info["draw"]["numbers"]["place_x"]
+        for key, value in alone.items():
+            np.testing.assert_allclose(observations[key][k], value, atol=1e-5)
+        last = [env.step(action[k]) for _ in range(2)][-1]
+        np.testing.assert_allclose(after[1][k], last[1], rtol=1e-3)
+        for key, value in last[0].items():
+            np.testing.assert_allclose(after[0][key][k], value, atol=1e-3, rtol=1e-3)
+    vector.close()
+    env.close()
+
+
+def test_an_episode_is_continued_from_its_state_to_the_bit():
+    env, other = (make("SpoonTranslate", randomize="wide") for _ in range(2))
+    action = np.full(env.action_space.shape, 0.2, np.float32)
+    env.reset(seed=4)
+    env.step(action)
+    state = env.state()
+    expected = env.step(action)
+    other.reset(seed=5)
+    other.load(state)
+    assert other.world.counter._counter.frame.position.any()
+    found = other.step(action)
+    np.testing.assert_array_equal(found[0], expected[0])
+    assert found[1] == expected[1]
+    env.close()
+    other.close()
+
+
+@pytest.mark.parametrize("ranges, message", [
+    ("narrow", "nominal, wide"), ({"material": ("salt", "snow")}, "snow"), ({"material": ("water",)}, "law"),
+    ({"place_x": (-2.0, 2.0)}, "-0.5 to 0.5"), ({"payload": (0.8, 1.2)}, "valid"), ({"fill": (0.5, 9.0)}, "0.2 to 3"),
+    ({"scale.lag": (0.1, 0.2)}, "valid: .*tool.noise")])
+def test_ranges_of_other_things_are_refused(ranges, message: str):
+    with pytest.raises((ConfigError, UnknownName), match=message):
+        make("SpoonPour", obs=["tool"], randomize=ranges)
+
+
+def test_grains_above_the_rim_are_refused():
+    with pytest.raises(ConfigError, match="rim"):
+        make("ScoopScoop", randomize={"fill": (1.0, 3.0), "surface_slope_deg": (0.0, 30.0)})
+
+
+def test_numbers_of_sensors_are_drawn():
+    env = make("ScoopScoop", obs=["scale"], randomize={"scale.repeatability": (0.0, 0.01)})
+    spread = []
+    for seed in range(2):
+        _, info = env.reset(seed=seed)
+        values = [env.step(np.zeros(6, np.float32))[0]["scale"][0] for _ in range(12)]
+        spread.append((info["draw"]["numbers"]["scale.repeatability"], np.std(values)))
+    for deviation, seen in spread:
+        assert 0.4 * deviation < seen < 2.0 * deviation
+    env.close()
