@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-from generators import api, catalogue, commands, figures, keys, rooms, senses
+from generators import api, catalogue, commands, figures, keys, randomization, rooms, senses
 from generators.results import arms, learning, performance, verification
 
 PARTS: dict[str, Callable[[], str]] = {
@@ -26,6 +26,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "materials.md": catalogue.materials,
     "tasks.md": catalogue.tasks,
     "senses.md": senses.page,
+    "randomization.md": randomization.page,
     "methods.md": catalogue.methods,
     **{f"{draw.__name__}.svg": draw for draw in (figures.weights, figures.cone, figures.stride, figures.shell,
                                                  figures.coupling, figures.checkpoints)},

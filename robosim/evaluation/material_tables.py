@@ -11,7 +11,8 @@ import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first
 import numpy as np  # noqa: E402
 
 from robosim.config.output import aligned  # noqa: E402
-from robosim.evaluation.material_episode import MATERIALS, OWN, READINGS  # noqa: E402
+from robosim.evaluation.material_episode import OWN, READINGS  # noqa: E402
+from robosim.randomization.materials import MATERIALS
 
 Rows = dict[str, dict[str, Any]]
 """Label of a material -> score, deviation and readings in it."""

@@ -14,10 +14,11 @@ from robosim.config.resources import trained
 from robosim.envs import is_task_file, task_name
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
-from robosim.evaluation.material_episode import MATERIALS, OWN, READINGS
+from robosim.evaluation.material_episode import OWN, READINGS
 from robosim.evaluation.material_tables import Rows, draw_map, format_table, make_rows, write_csv
 from robosim.evaluation.page import make_materials_page
 from robosim.evaluation.policies import load_policy
+from robosim.randomization.materials import MATERIALS
 from robosim.reports.jobs import Runner, run_jobs
 from robosim.reports.provenance import code_digest
 from robosim.tasks.task import load_task

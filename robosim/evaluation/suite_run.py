@@ -129,12 +129,12 @@ def policy_file(name: str, task: str) -> str:
 
 def run_episode(env: GrainEnv, policy: str, start: Start) -> Row:
     """Run an episode from a start; return its figures."""
-    begin_episode(env, start)
+    drawn = begin_episode(env, start)
     act, total, over, info = make_policy(policy, env, start.seed), 0.0, False, {}
     while not over:
         _, reward, terminated, truncated, info = env.step(act())
         total, over = total + reward, terminated or truncated
-    return {**start.describe(), "return": total, "tcs": info["tcs"], "is_success": bool(info["is_success"]),
+    return {**drawn, "return": total, "tcs": info["tcs"], "is_success": bool(info["is_success"]),
             **info["readings"], "diverged": info.get("diverged") or ""}
 
 

@@ -73,7 +73,7 @@ Truncated: with `horizon="truncate"`, after {steps} steps.
 | `privileged` | () | terms of `info["privileged"]` |
 | `horizon` | "terminate" | "terminate" or "truncate": how an episode of full length ends |
 | `clip_actions` | False | True: clip actions to -1 to 1; False: an action outside raises ConfigError |
-| `randomize` | None | parameter of the material -> (lowest, highest), drawn for every episode |
+| `randomize` | None | what every episode draws: name -> (lowest, highest), or "nominal" or "wide" |
 | `arm` | False | True: the whole arm carries the tool, with two-way coupling |
 | `tool` | None | another tool: its name, the path of its .yaml file, or a ToolConfig |
 | `robot`, `gripper` | None | with `arm=True`: names or files of another arm and hand |

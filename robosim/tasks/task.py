@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pydantic
@@ -89,6 +89,12 @@ class TaskConfig(Table):
     """What every episode draws: number -> [lowest, highest]; material -> names of materials."""
     script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
     """Waypoints of the scripted policy; the first segment begins at the start pose, and speeds are smooth."""
+
+    @pydantic.model_serializer(mode="wrap")
+    def _serialize(self, standard: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out that nothing is drawn: what has been learned on a task stays of use."""
+        values = standard(self)
+        return {name: value for name, value in values.items() if name != "randomize" or value}
 
     @property
     def containers(self) -> dict[str, ContainerConfig]:

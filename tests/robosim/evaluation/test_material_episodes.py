@@ -8,8 +8,9 @@ from robosim.config.materials import law_of, load_material, overridden
 from robosim.envs import TASKS
 from robosim.errors import UnknownName
 from robosim.evaluation import materials as command
-from robosim.evaluation.material_episode import MATERIALS, OWN, run_episode
+from robosim.evaluation.material_episode import OWN, run_episode
 from robosim.evaluation.material_tables import format_table, make_rows
+from robosim.randomization.materials import MATERIALS
 from robosim.tasks.task import load_task
 
 

@@ -11,19 +11,10 @@ from robosim.commands.runs.evaluate import check_policy, find_network
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, RobosimError, UnknownName
 from robosim.evaluation.evaluate import evaluate
-from robosim.evaluation.material_episode import MATERIALS
 from robosim.evaluation.policies import check_task
 from robosim.evaluation.suite_run import bootstrap, evaluate_suite, find_policy
-from robosim.evaluation.suites import (
-    FILLS,
-    FRICTIONS,
-    SHIFT,
-    TURN,
-    Start,
-    begin_episode,
-    make_environment,
-    plan_starts,
-)
+from robosim.evaluation.suites import plan_starts
+from robosim.randomization.materials import MATERIALS
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import load_task
 
@@ -31,34 +22,26 @@ from robosim.tasks.task import load_task
 def test_a_suite_is_the_same_for_all_and_a_short_one_begins_a_long_one() -> None:
     task = load_task("SpoonTranslate")
     wide = plan_starts("wide", task, 48)
-    assert plan_starts("wide", task, 10) == wide[:10]
-    shifts, turns = np.array([start.shift for start in wide]), np.array([start.turn_deg for start in wide])
-    assert 0.8 * SHIFT < np.abs(shifts).max() <= SHIFT and 0.8 * TURN < np.abs(turns).max() <= TURN
-    assert {start.fill for start in wide} == set(FILLS) and len({start.world for start in wide}) == 12
-    assert all(FRICTIONS[0] <= start.friction <= FRICTIONS[1] for start in wide if start.friction)
+    assert plan_starts("wide", task, 10) == wide[:10] and len({start.seed for start in wide}) == 48
+    assert {start.world for start in wide} == {("salt", (), "wide")}
     assert {start.label for start in plan_starts("materials", task, 13)} == set(MATERIALS)
-    assert {(start.material, start.world) for start in plan_starts("nominal", task, 5)} == {
-        ("salt", ("salt", (), 1.0, (0.0, 0.0)))}
-    places = np.array([start.place for start in wide])
-    assert len({start.place for start in wide}) == 12 and 0.8 * SHIFT < np.abs(places).max() <= SHIFT
-    assert len({start.seed for start in wide}) == 48
+    assert {start.world for start in plan_starts("nominal", task, 5)} == {("salt", (), "nominal")}
     with pytest.raises(UnknownName, match="materials, nominal, wide"):
         plan_starts("hard", task, 1)
 
 
 def test_a_turned_start_turns_the_load_with_the_tool() -> None:
     """The grains keep their places in the tool's frame and their elastic energy, and stay at rest."""
-    task = load_task("SpoonTranslate")
-    start = next(start for start in plan_starts("wide", task, 50) if abs(start.turn_deg) > 10.0 and start.fill == 1.0)
-    env = make_environment(task, start)
+    shift, turn = (0.02, -0.01, 0.015), 17.0
+    env = GrainEnv(task="SpoonTranslate")
     env.reset(seed=0, options={"nominal": True})
     before, energy = env.solver.collider_pose(TOOL), env.solver.energy()
     local = before.inverse().apply(env.solver.positions())
-    begin_episode(env, start)
+    env.reset(options={"nominal": True, "shift": shift, "turn_deg": turn})
     pose = env.solver.collider_pose(TOOL)
-    assert pose.position - before.position == pytest.approx(start.shift, abs=1e-12)
+    assert pose.position - before.position == pytest.approx(shift, abs=1e-12)
     cosine = float(np.trace(pose.matrix @ before.matrix.T) - 1.0) / 2.0
-    assert np.degrees(np.arccos(cosine)) == pytest.approx(abs(start.turn_deg), abs=1e-4)
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(turn, abs=1e-4)
     assert np.abs(pose.inverse().apply(env.solver.positions()) - local).max() < 1e-6
     assert env.solver.energy().elastic == pytest.approx(energy.elastic, rel=1e-4)
     for _ in range(5):
@@ -76,13 +59,12 @@ def test_a_displaced_place_displaces_the_task(task: str) -> None:
     """
     config, cells = load_task(task), (2, -1)
     place = (cells[0] * config.field.cell, cells[1] * config.field.cell)
-    wide, home = (config.action.model_copy(update={"lower": (-9.0, -9.0, -9.0), "upper": (9.0, 9.0, 9.0)}),
-                  Start(0, "salt", {}, "salt"))
-    config = config.model_copy(update={"action": wide, "steps": 100})
+    free = config.action.model_copy(update={"lower": (-9.0, -9.0, -9.0), "upper": (9.0, 9.0, 9.0)})
+    config = config.model_copy(update={"action": free, "steps": 100})
     scores, piles = [], []
-    for start in (home, home._replace(place=place, shift=(*place, 0.0)), home._replace(place=place)):
-        env = make_environment(config, start)
-        env.reset(seed=0, options={"nominal": True, "shift": start.shift})
+    for (x, y), shift in (((0.0, 0.0), (0.0, 0.0)), (place, place), (place, (0.0, 0.0))):
+        env = GrainEnv(task=config, randomize={"place_x": (x, x), "place_y": (y, y)})
+        env.reset(seed=0, options={"nominal": True, "shift": (*shift, 0.0)})
         piles.append(env.solver.positions().mean(0))
         total = sum(env.step(np.full(config.action.dimensions, 0.3, np.float32))[1] for _ in range(10))
         scores.append(float(total))
@@ -133,7 +115,7 @@ def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: py
         rows = list(csv.DictReader(file))
     names = list(dict.fromkeys(row["policy"] for row in rows))
     assert names == ["scripted", "learned", "zero"] and (tmp_path / "evaluation.png").is_file()
-    starts = [[(row["seed"], row["shift_x_m"], row["turn_deg"]) for row in rows if row["policy"] == name]
+    starts = [[(row["seed"], row["tool_x"], row["place_yaw_deg"]) for row in rows if row["policy"] == name]
               for name in names]
     assert starts[0] == starts[1] == starts[2] and len(set(starts[0])) == 2
     summary = json.loads((tmp_path / "evaluation.json").read_text())

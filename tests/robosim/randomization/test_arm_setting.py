@@ -51,7 +51,7 @@ def test_payload_and_gains_change_forces_and_return(env):
     env.reset(seed=1, options={"nominal": True})
     heavy, sag = still(env)["wrist"], env.carrier.arm_readings["tool_lag_max_m"]
     draw = env.reset(seed=1, options={"nominal": True})[1]["draw"]
-    env.world.randomization.ranges |= {name: (0.0, 1.2) for name in RANGES}
+    env.world.randomization.ranges |= dict.fromkeys(RANGES, (0.0, 1.2))
     none = dict.fromkeys(RANGES, 0.0) | dict.fromkeys(("payload", "stiffness", "damping"), 1.0)
     env.reset(options={"draw": draw | {"numbers": none}})
     light = still(env)["wrist"]

@@ -25,8 +25,7 @@ class Clock(Term):
 
 
 def sight(time: float) -> Sight:
-    zero = mpm.Wrench(np.zeros(3), np.zeros(3))
-    return Sight(time, 0.0, POSE, NOTHING_COUNTED, np.zeros((0, 6), np.float32), zero)
+    return Sight(time, 0.0, POSE, NOTHING_COUNTED, np.zeros((0, 6), np.float32), np.zeros(6), 0.0)
 
 
 def read(timing: Timing, times: np.ndarray, seed: int = 0) -> np.ndarray:

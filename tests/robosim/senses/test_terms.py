@@ -1,7 +1,6 @@
 """Observation terms: each against what it measures, and the combinations that environments take."""
 
 import gymnasium
-import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -13,7 +12,7 @@ from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec
 from robosim.senses.senses import TERMS, find_term
-from robosim.senses.task_scene import build_task_spec, place_tool
+from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
 from robosim.tasks.field import grain_volume
@@ -146,8 +145,10 @@ def test_depth_is_that_of_the_renderer(task: str, arm: bool, camera: str):
     count = env.task.grains.count
     add_grain_skin(spec, count, GRAIN_RADIUS * grain_volume(env.task) ** (1 / 3), env.material.colour)
     model = compile_spec(spec)
-    data, renderer = mujoco.MjData(model), SceneRenderer(model, count, 84, 84)
-    place_tool(data, env.solver.collider_pose(TOOL), None if not arm else env.carrier.robot_data.qpos)
+    bodies, renderer = SeenBodies(model, env.task), SceneRenderer(model, count, 84, 84)
+    bodies.place(env.carrier.setting.place, env.solver.collider_pose(TOOL),
+                 None if not arm else env.carrier.robot_data.qpos)
+    data = bodies.data
     renderer._renderer.enable_depth_rendering()
     drawn = renderer.draw(data, env.solver.positions(), camera)
     drawn = np.where(drawn <= 4.0, drawn, 0.0)
