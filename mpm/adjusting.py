@@ -25,7 +25,7 @@ class Adjustable(Readings):
     bound: float
     sleep: float
     rollback: Any
-    _momentum: Momentum
+    _momentum: Momentum | None
 
     def set_gravity(self, gravity: np.ndarray) -> None:
         """Set gravity [m/s^2] (3,); wakes all particles."""
@@ -47,7 +47,7 @@ class Adjustable(Readings):
         self.fields.parameters.set_law(index, material)
         self.bodies[index] = replace(self.bodies[index], material=material)
         self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
-        self._momentum = self.momentum() if material.density != old.density else self._momentum
+        self._momentum = None if material.density != old.density else self._momentum
         if material != old:
             self.wake()
 
@@ -65,13 +65,12 @@ class Adjustable(Readings):
         """
         changed = check_volume(self.bodies[index], volume)
         particles, first = self.particles, sum(self.particles.counts[:index])
-        for field, value in ((particles.volume, volume), (particles.half, half_edge(volume))):
-            if field is not None:
-                values = particles.read([field])
-                values[first : first + particles.counts[index]] = value
-                particles.write([field], values, padding=0.0)
+        fields = [field for field in (particles.volume, particles.half) if field is not None]
+        values = particles.read(fields) if len(self.bodies) > 1 else np.empty((particles.counts[0], len(fields)))
+        values[first : first + particles.counts[index]] = (volume, half_edge(volume))[: len(fields)]
+        particles.write(fields, values, padding=0.0)
         self.bodies[index] = changed
-        self._momentum = self.momentum()
+        self._momentum = None
         self.wake()
 
     def wake(self) -> None:

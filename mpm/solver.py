@@ -96,7 +96,7 @@ class Solver(Adjustable):
         self._make_stepper()
         self.sums = np.zeros((self.fields.rows.count, 6))
         """Sums of the last advance, see `LedgerRows`."""
-        self._momentum = self.momentum()
+        self._momentum = None
 
     def _take_assembly(self) -> None:
         """Take over the fields of an equal scene, or allocate them."""
@@ -141,7 +141,7 @@ class Solver(Adjustable):
         for name, fields in self.particles.named_fields().items():
             if name in before:
                 self.particles.write(fields, before[name])
-        self._momentum = self.momentum()
+        self._momentum = None
 
     def attach(self, counter: RegionCounter, sample: Sample | None = None) -> None:
         """Attach a counter, evaluated during advances, and a sample, taken at their end; kernels are recompiled."""
@@ -306,5 +306,5 @@ class Solver(Adjustable):
         """Take over a state that a kernel wrote to the fields: poses, time [s], substeps, momentum if known."""
         self.time, self.steps, self.paths.poses, self._fastest = time, steps, poses, None
         self.paths.pending.clear()
-        self._momentum = self.momentum() if momentum is None else momentum
+        self._momentum = momentum
         self.fields.stamps.is_listed = False

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mpm.backend import is_shared, put, ti
-from mpm.geometry.region import Region
+from mpm.launching import Launcher
 from mpm.state.ledger import add
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields
@@ -44,16 +44,23 @@ class CounterKernel:
         # in a field, because kernels take Python's numbers for single precision
         self.numbers = ti.field(ti.f64, FRAME + FRAME_NUMBERS)
         self.roles, self.flags = (ti.field(ti.i8, particles.n_lanes) for _ in range(2))
+        self.write_frame = Launcher(self, CounterKernel._write_frame)
+        """Writes the numbers of the frame (FRAME_NUMBERS,)."""
         self.points = ti.Vector.field(3, ti.f32, n_points) if n_points else None
 
-    def fill(self, regions: tuple[Region, Region, Region], others: np.ndarray, roles: np.ndarray,
-             points: np.ndarray | None) -> None:
-        """Write what is counted; others: origin, weights, and the numbers of the frame."""
-        put(self.numbers, np.concatenate([*[region.row for region in regions], others]))
+    def fill(self, numbers: np.ndarray, roles: np.ndarray, points: np.ndarray | None) -> None:
+        """Write what is counted; numbers: of the regions, origin, weights, and of the frame."""
+        put(self.numbers, numbers)
         put(self.roles, roles)
         self.flags.fill(0)
         if self.points is not None and points is not None:
             put(self.points, np.asarray(points, np.float32))
+
+    @ti.kernel
+    def _write_frame(self, numbers: ti.types.ndarray()):
+        ti.loop_config(serialize=True)
+        for i in range(ti.static(FRAME_NUMBERS)):
+            self.numbers[ti.static(FRAME) + i] = numbers[i]
 
     @ti.kernel
     def sum_now(self, pose: ti.types.ndarray(), out: ti.types.ndarray(), per_particle: ti.types.ndarray()):

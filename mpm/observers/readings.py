@@ -37,7 +37,8 @@ class Readings(AssemblyOwner):
     paths: Any
     mobility: Any
     sums: np.ndarray
-    _momentum: Momentum
+    _momentum: Momentum | None
+    """After the last advance or load; None: not summed yet."""
     _fastest: float | None
 
     @property
@@ -148,6 +149,8 @@ class Readings(AssemblyOwner):
 
     def momentum_after_advance(self) -> Momentum:
         """Return the momentum after the last advance or load, summed in the kernel without a copy of the state."""
+        if self._momentum is None:
+            self._momentum = self.momentum()
         return self._momentum
 
     @property

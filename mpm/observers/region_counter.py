@@ -15,7 +15,6 @@ from mpm.observers.counter_kernel import (
     COUNTED,
     COUNTER_ROWS,
     DISTANCE,
-    FRAME,
     LATCHING,
     NEWLY_EXITED,
     CounterKernel,
@@ -87,8 +86,8 @@ class RegionCounter:
             ("counter", index, reach, n_points, looked_up, margin, per_particle),
             lambda: CounterKernel(solver.particles, index, near, reach or 0.0, probe, n_points, margin, per_particle))
         self._point, self.frame = np.asarray(point, float), Pose.identity()
-        others = np.concatenate([solver.grid.origin, weights, self.frame_numbers(self.frame)])
-        self.kernel.fill((region, bounds, inner), others, roles, points)
+        own = [region.row, bounds.row, inner.row, solver.grid.origin, weights, self.frame_numbers(self.frame)]
+        self.kernel.fill(np.concatenate(own), roles, points)
         self._out = np.zeros((COUNTER_ROWS, 6))
         self.slots = self.particles.index[counted]
         """Rows of the per-particle values of a launch that belong to the counted particles."""
@@ -103,9 +102,7 @@ class RegionCounter:
         """
         self._set_state_aside()
         self.frame = check_pose("RegionCounter.place", frame)
-        numbers = self.kernel.numbers.to_numpy()
-        numbers[FRAME:] = self.frame_numbers(self.frame)
-        put(self.kernel.numbers, numbers)
+        self.kernel.write_frame(self.frame_numbers(self.frame))
 
     def frame_numbers(self, frame: Pose) -> np.ndarray:
         """Return what the kernel reads of a frame: the point there, position [m] and rotation, row by row (15,)."""

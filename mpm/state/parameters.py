@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mpm.backend import check_owner, put, real_type, ti
+from mpm.backend import check_owner, later, put, real_type, ti
+from mpm.launching import Launcher
 from mpm.materials.material import PARAMETERS, Material
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
@@ -24,6 +25,7 @@ def law_indices(bodies: list[Body]) -> list[int]:
     return [kinds.index(type(body.material)) for body in bodies]
 
 
+@ti.data_oriented
 class Parameters:
     """Run-time fields that the kernels read."""
 
@@ -34,6 +36,7 @@ class Parameters:
         """Parameters of each body's law."""
         self.law_index = ti.field(ti.i32, n_bodies)
         """Place of each body's law among the scene's laws."""
+        self._launch_laws = Launcher(self, Parameters._write_laws)
         self._laws, self._densities = np.zeros((n_bodies, PARAMETERS), dtype), np.zeros(n_bodies, dtype)
         self.densities = ti.field(real, n_bodies)
         """[kg/m^3] of each body."""
@@ -70,8 +73,15 @@ class Parameters:
         check_owner()
         self._laws[index, : len(material.parameters)] = material.parameters
         self._densities[index] = material.density
-        put(self.law, self._laws)
-        put(self.densities, self._densities)
+        later(lambda: self._launch_laws(self._laws, self._densities))
+
+    @ti.kernel
+    def _write_laws(self, laws: ti.types.ndarray(), densities: ti.types.ndarray()):
+        ti.loop_config(serialize=True)
+        for body in range(densities.shape[0]):
+            for i in ti.static(range(PARAMETERS)):
+                self.law[body, i] = laws[body, i]
+            self.densities[body] = densities[body]
 
     def set_friction(self, index: int, friction: float) -> None:
         """Write the Coulomb coefficient of a collider."""

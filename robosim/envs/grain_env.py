@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, get_args
 
 import gymnasium
@@ -16,7 +15,7 @@ from robosim.envs import task_name
 from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon, check_open
 from robosim.envs.start import StartOptions, read_start
-from robosim.envs.world import NO_GRAINS, Memory, Setters, World
+from robosim.envs.world import NO_GRAINS, Memory, World
 from robosim.errors import ConfigError, RobotDiverged, UnknownName, UnreachableWaypoint
 from robosim.randomization.draw import Draw, Setting
 from robosim.randomization.ranges import Ranges
@@ -141,8 +140,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         world, solver = self.world, self.solver
         draw, setting, tool = self._restart_carrier(read_start(options))
         settled = world.settle(draw)
-        world.set_numbers(draw, setting, Setters(partial(solver.set_material, 0), partial(solver.set_volume, 0),
-                                                 solver.set_friction, self.counter.place))
+        world.set_numbers(draw, setting, world.own_setters)
         solver.load(world.start_state(settled, draw, setting, tool))
         self.counter.restart()
         self._delay.restart()

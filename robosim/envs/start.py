@@ -91,12 +91,12 @@ def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.n
     """Return velocities and strains of a state after a rotation R (3, 3) of all that they belong to."""
     if np.allclose(R, np.eye(3), rtol=0.0, atol=1e-12):
         return {}
-    rotated = {"v": state["v"] @ R.T}
-    C = state["C"].reshape(-1, 3, 3)
-    rotated["C"] = (R @ C @ R.T).reshape(-1, 9)
+    both = np.kron(R, R)  # of R C R^T, row by row
+    rotated = {"v": state["v"] @ R.T, "C": state["C"] @ both.T}
     if "e" in state:
-        e = state["e"][:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3)
-        rotated["e"] = (R @ e @ R.T).reshape(-1, 9)[:, [0, 4, 8, 1, 2, 5]]
+        spread = np.zeros((9, 6))  # from xx, yy, zz, xy, xz, yz to rows
+        spread[np.arange(9), [0, 3, 4, 3, 1, 5, 4, 5, 2]] = 1.0
+        rotated["e"] = state["e"] @ (both @ spread)[[0, 4, 8, 1, 2, 5]].T
     return {name: values.astype(state[name].dtype) for name, values in rotated.items()}
 
 

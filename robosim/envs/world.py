@@ -90,7 +90,9 @@ class World:
                                    volume=None if load is None else load.volume,
                                    dt=self.randomization.step if self.randomization.materials else None,
                                    moves_containers=self.randomization.moves_places)
-        self._volume = grain_volume_of(self.solver)
+        self._home = self.task.start.pose
+        self._volumes = {1.0: grain_volume_of(self.solver)}
+        """Of a grain [m^3], by the fill."""
         self._unsettled = self.solver.state() if self.randomization.varies_grains else {}
         self._starts: dict[tuple[str, float, float], dict[str, np.ndarray]] = {}
         """Settled states by what `Draw.grains` says of them."""
@@ -112,15 +114,21 @@ class World:
 
     def tool_pose(self, draw: Draw) -> mpm.Pose:
         """Return the pose at which the robot believes the tool at the start of an episode."""
-        start, action, tool = self.task.start, self.task.action, np.array(draw.tool)
-        position = np.clip(start.position + tool, action.lower, action.upper) if tool.any() else start.pose.position
-        return mpm.Pose(position, turned(start.pose.quaternion, draw.turn_deg))
+        home, action, tool = self._home, self.task.action, np.array(draw.tool)
+        position = np.clip(home.position + tool, action.lower, action.upper) if tool.any() else home.position
+        return mpm.Pose(position, turned(home.quaternion, draw.turn_deg))
 
     def setting(self, draw: Draw) -> Setting:
         """Return how the scene of an episode differs from the task's."""
         law = self.randomization.law(draw) or law_of(self.material)
-        volume = grain_volume(self.randomization.grains(draw)) if self.randomization.varies_grains else self._volume
-        return self.randomization.setting(draw)._replace(grain_mass=law.density * volume)
+        return self.randomization.setting(draw)._replace(grain_mass=law.density * self._volume_of(draw))
+
+    def _volume_of(self, draw: Draw) -> float:
+        """Return the volume [m^3] of a grain in an episode."""
+        fill = draw.grains[1]
+        if fill not in self._volumes:
+            self._volumes[fill] = grain_volume(self.randomization.grains(draw))
+        return self._volumes[fill]
 
     def settle(self, draw: Draw) -> dict[str, np.ndarray]:
         """Return the settled state of an episode's grains, in the place of the task.
@@ -140,13 +148,28 @@ class World:
             self._starts[draw.grains] = settled_state(self._name, task, material, solver, (fill, slope))
         return self._starts[draw.grains]
 
+    @property
+    def own_setters(self) -> Setters:
+        """What sets the numbers of the world's solver, where they are others."""
+        solver = self.solver
+
+        def set_law(law: Law) -> None:
+            if law != solver.bodies[0].material:
+                solver.set_material(0, law)
+
+        def set_volume(volume: float) -> None:
+            if volume != grain_volume_of(solver):
+                solver.set_volume(0, volume)
+
+        return Setters(set_law, set_volume, solver.set_friction, self.counter.place)
+
     def set_numbers(self, draw: Draw, setting: Setting, to: Setters) -> None:
         """Set what an episode has drawn of the field's numbers."""
         law = self.randomization.law(draw)
         if law is not None:
             to.material(law)
         if self.randomization.varies_grains:
-            to.volume(grain_volume(self.randomization.grains(draw)))
+            to.volume(self._volume_of(draw))
         for index, friction in self.randomization.frictions(draw, len(self.solver.colliders)).items():
             to.friction(index, friction)
         if self.randomization.moves_places:
@@ -160,8 +183,8 @@ class World:
         """
         state, origin = dict(settled), self.solver.grid.origin
         if self.task.carried:
-            local = self.task.start.pose.inverse().apply(state["x"] + origin)
-            state |= rotate_grains(state, tool.matrix @ self.task.start.pose.matrix.T)
+            local = self._home.inverse().apply(state["x"] + origin)
+            state |= rotate_grains(state, tool.matrix @ self._home.matrix.T)
             state["x"] = tool.apply(local) - origin
         else:
             state["x"] = state["x"] + np.array(draw.pile)
@@ -231,8 +254,7 @@ class World:
             self.counter.load(state["counter"])
             solver.set_material(0, type(before[3])(**state["material"]))
             set_frictions(solver, state["frictions"])
-            if state["volume"] != grain_volume_of(solver):
-                solver.set_volume(0, state["volume"])
+            self.own_setters.volume(state["volume"])
             self.counter.place(carrier.setting.place)
             solver.load(state["solver"])
         except BaseException as error:
@@ -241,8 +263,7 @@ class World:
             self.counter.load(before[2])
             solver.set_material(0, before[3])
             set_frictions(solver, frictions)
-            if volume != grain_volume_of(solver):
-                solver.set_volume(0, volume)
+            self.own_setters.volume(volume)
             self.counter.place(carrier.setting.place)
             if not isinstance(error, Exception):
                 raise

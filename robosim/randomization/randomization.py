@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import mpm
+from mpm.geometry.rigid_motion import rotate
 from mpm.materials.stable_step import accepted_bound
 from robosim.config.materials import Law, MaterialConfig, law_of, number_names, overridden
 from robosim.errors import ConfigError, UnknownName
@@ -165,7 +165,7 @@ class Randomization:
         """Return how the scene of an episode differs from the task's."""
         place, shift, turn = ([draw.numbers.get(name, 0.0) for name in names]
                               for names in (PLACES, MOUNTS, MOUNT_TURNS))
-        quaternion = Rotation.from_rotvec(turn, degrees=True).as_quat(scalar_first=True)
+        quaternion = rotate(mpm.Pose.identity().quaternion, np.radians(turn))
         factors = {name: draw.numbers.get(name, 1.0) for name in ("stiffness", "damping", "payload")}
         return Setting(displacement(self._task, *place) if any(place) else HOME,
                        mpm.Pose(np.array(shift), quaternion) if any((*shift, *turn)) else HOME, **factors)

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim.config.scene import ContainerConfig
@@ -48,8 +47,8 @@ def pivot(task: TaskConfig) -> np.ndarray:
 
 def displacement(task: TaskConfig, x: float, y: float, yaw_deg: float) -> mpm.Pose:
     """Return the motion from a task's places to others: a turn about the pivot, then a shift [m] on the table."""
-    turn = mpm.Pose(np.zeros(3), Rotation.from_euler("z", yaw_deg, degrees=True).as_quat(scalar_first=True))
-    centre = pivot(task)
+    half, centre = 0.5 * np.radians(yaw_deg), pivot(task)
+    turn = mpm.Pose(np.zeros(3), np.array([np.cos(half), 0.0, 0.0, np.sin(half)]))
     return mpm.Pose(centre + [x, y, 0.0] - turn.apply(centre[None])[0], turn.quaternion)
 
 

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import trimesh
 
+import mpm
 from mpm.observers.height_map import HeightMap, Raster
+from robosim.config.scene import ContainerConfig
 from robosim.errors import ConfigError
 from robosim.randomization.draw import HOME
-from robosim.randomization.variants import placed
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_count
@@ -19,6 +20,8 @@ from robosim.tasks.task import TaskConfig
 
 MOST_PIXELS = 512
 """Along an edge."""
+FINER = 4.0
+"""Pixels of a container's own raster along one of the picture's."""
 MARGIN = 0.02
 """Distance [m] that the raster shows around what it is about."""
 
@@ -47,14 +50,14 @@ class HeightMapTerm(Term):
         self._raster = raster = Raster((float(x0), float(y0)), (float(x1), float(y1)), (nx, ny))
         self._task = scene.task
         self._map = HeightMap(raster, grain_volume(scene.task) ** (1 / 3))
-        self._floor = floor_heights(scene.task, raster)
+        self._floor, self._floor_at = floor_heights(scene.task, raster), PlacedFloor(scene.task, raster)
         top = float(np.asarray(scene.solver.grid.lower)[2] + scene.solver.grid.cells[2] * scene.solver.grid.cell) + 0.05
         self.space = box(np.full((nx, ny), min(0.0, float(self._floor.min()))), np.full((nx, ny), top))
 
     def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
         """Return the heights of table and container, where it stands elsewhere than in the task."""
         place = sight.setting.place
-        return None if place is HOME else floor_heights(placed(self._task, place), self._raster)
+        return None if place is HOME or not self._task.containers else self._floor_at.heights(place)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the heights (nx, ny), the first index along x."""
@@ -83,6 +86,45 @@ def floor_heights(task: TaskConfig, raster: Raster) -> np.ndarray:
         triangles = container_pose(container).apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
         draw_from_above(triangles, raster, heights)
     return heights
+
+
+class PlacedFloor:
+    """Heights of table and container where an episode has it, looked up in rasters of the container's own frame."""
+
+    def __init__(self, task: TaskConfig, raster: Raster) -> None:
+        lower, shape = np.array(raster.lower), np.array(raster.shape)
+        pixel = (np.array(raster.upper) - lower) / shape
+        x, y = (lower[k] + pixel[k] * (np.arange(shape[k]) + 0.5) for k in range(2))
+        self._points = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros(raster.shape)], axis=-1).reshape(-1, 3)
+        self._shape, self._fine, self._task = raster.shape, float(pixel.min()) / FINER, task
+        self._seen: list[tuple[mpm.Pose, np.ndarray, np.ndarray]] | None = None
+
+    def heights(self, place: mpm.Pose) -> np.ndarray:
+        """Return the heights [m] (nx, ny), float32, with the containers displaced."""
+        heights = np.zeros(len(self._points), np.float32)
+        if self._seen is None:
+            self._seen = [self._look_at(name, container) for name, container in self._task.containers.items()]
+        for home, corner, own in self._seen:
+            pose = place @ home
+            flat = pose.inverse().apply(self._points)[:, :2]
+            index = np.floor((flat - corner) / self._fine).astype(int)
+            inside = np.flatnonzero(((index >= 0) & (index < own.shape)).all(1))
+            heights[inside] = np.maximum(heights[inside], own[tuple(index[inside].T)] + pose.position[2])
+        return heights.reshape(self._shape)
+
+    def _look_at(self, name: str, container: ContainerConfig) -> tuple[mpm.Pose, np.ndarray, np.ndarray]:
+        """Return a frame at a container with a vertical z axis, the corner of a raster in it, and its heights."""
+        home = container_pose(container)
+        upright = mpm.Pose(home.position, mpm.Pose.identity().quaternion)
+        walls = container_shape(name, container).walls()
+        local = (upright.inverse() @ home).apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
+        low, high = local[..., :2].min((0, 1)), local[..., :2].max((0, 1))
+        shape = np.ceil((high - low) / self._fine).astype(int)
+        own = np.full(tuple(shape), -np.inf, np.float32)
+        corner, upper = low, low + self._fine * shape
+        draw_from_above(local, Raster((float(low[0]), float(low[1])), (float(upper[0]), float(upper[1])),
+                                      (int(shape[0]), int(shape[1]))), own)
+        return upright, corner, own
 
 
 def draw_from_above(triangles: np.ndarray, raster: Raster, heights: np.ndarray) -> None:

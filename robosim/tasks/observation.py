@@ -14,6 +14,8 @@ Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "
 TOOL_MARGIN = 0.05
 """Distance [m] by which an arm may carry the tool past the box of commanded positions."""
 
+HOME = mpm.Pose.identity()
+"""Displacement of places that are where the task has them."""
 Bounds = tuple[np.ndarray, np.ndarray]
 """Lowest and highest values, one each per number."""
 
@@ -38,7 +40,8 @@ class Observer:
         """Name of each part of a flat observation -> its slice."""
         self.space = self._build_space()
 
-    def read(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, progress: float, place: mpm.Pose) -> Any:
+    def read(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, progress: float,
+             place: mpm.Pose = HOME) -> Any:
         """Return an observation in an array of its own.
 
         grains (n, 6): position [m] and velocity [m/s] of the observed grains. pose: of the tool, its quaternion without
@@ -76,7 +79,8 @@ class Observer:
         return _box(np.concatenate([b[0] for b in parts.values()]), np.concatenate([b[1] for b in parts.values()]))
 
 
-def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, place: mpm.Pose) -> np.ndarray:
+def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts,
+            place: mpm.Pose = HOME) -> np.ndarray:
     """Return statistics of all grains, in the order of `moment_bounds`; arguments as of `Observer.read`."""
     x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
     n, counted = len(x), task.grains.counted

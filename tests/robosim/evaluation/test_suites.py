@@ -47,7 +47,7 @@ def test_a_turned_start_turns_the_load_with_the_tool() -> None:
     for _ in range(5):
         env.step(np.zeros(3, np.float32))
     moved = env.solver.collider_pose(TOOL).inverse().apply(env.solver.positions()) - local
-    assert np.abs(moved).mean() < 1e-4
+    assert np.abs(moved).mean() < 3e-4  # a tenth of the distance between grains
     env.close()
 
 

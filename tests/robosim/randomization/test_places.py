@@ -3,12 +3,16 @@
 import gymnasium
 import numpy as np
 import pytest
+import taichi as ti
 
 import robosim  # noqa: F401  (registers the environments)
+from mpm.observers.height_map import Raster
 from robosim.errors import ConfigError, UnknownName
 from robosim.randomization.draw import HOME
 from robosim.randomization.ranges import wide_ranges
+from robosim.randomization.variants import displacement, placed
 from robosim.scene.frames import container_pose
+from robosim.senses.height_map import PlacedFloor, floor_heights
 from robosim.tasks.task import load_task
 
 PLACE = {"place_x": (-0.03, 0.03), "place_y": (-0.03, 0.03), "place_yaw_deg": (-30.0, 30.0)}
@@ -153,3 +157,41 @@ def test_numbers_of_sensors_are_drawn():
     for deviation, seen in spread:
         assert 0.4 * deviation < seen < 2.0 * deviation
     env.close()
+
+
+def test_nothing_is_compiled_after_the_first_reset():
+    """Other materials, fills, places and frictions are numbers that kernels read, alone and in a batch."""
+    env = make("SpoonTranslate", obs=["tool", "wrist", "grains"], randomize="wide")
+    vector = gymnasium.make_vec("robosim/SpoonTranslate-v0", num_envs=2, workers=1, obs=["tool", "wrist", "grains"],
+                                randomize="wide")
+    action = np.full((2, *env.action_space.shape), 0.2, np.float32)
+    drawn = set()
+    for seed in range(6):
+        drawn.add(env.world.randomization.draw(np.random.default_rng(seed), nominal=False, shift=(0.0, 0.0, 0.0),
+                                               turn_deg=0.0).grains)
+        env.reset(seed=seed)  # settles, where no earlier process has
+        vector.reset(seed=seed)
+    env.step(action[0])
+    vector.step(action)
+    kernels = ti.lang.impl.get_runtime().get_num_compiled_functions()
+    for seed in range(6, 12):
+        draw = env.reset(seed=seed - 6)[1]["draw"]
+        env.reset(options={"draw": draw})
+        env.step(action[0])
+        vector.reset(seed=seed - 6)
+        vector.step(action)
+    assert ti.lang.impl.get_runtime().get_num_compiled_functions() == kernels > 0 and len(drawn) > 2
+    vector.close()
+    env.close()
+
+
+def test_height_map_of_a_container_elsewhere_is_that_of_a_task_with_it_there():
+    """The raster of walls and floor, up to half a pixel of lateral error at their edges."""
+    task = load_task("ScoopScoop")
+    place = displacement(task, 0.021, -0.013, 23.0)
+    raster = Raster((0.3, -0.3), (0.9, 0.3), (96, 96))
+    exact, seen = floor_heights(placed(task, place), raster), PlacedFloor(task, raster).heights(place)
+    assert exact.max() > 0.03 and np.mean(np.abs(exact - seen) < 1e-4) > 0.96
+    home = floor_heights(task, raster)
+    assert np.mean(np.abs(PlacedFloor(task, raster).heights(HOME) - home) < 1e-4) > 0.96 > np.mean(
+        np.abs(exact - home) < 1e-4)
