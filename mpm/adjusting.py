@@ -10,7 +10,7 @@ from mpm.materials.material import Material
 from mpm.materials.stable_step import check_step, material_bound
 from mpm.observers.diagnostics import Momentum
 from mpm.observers.readings import Readings
-from mpm.scene.body import Body
+from mpm.scene.body import half_edge, with_volume
 from mpm.scene.collider import Collider
 from mpm.scene.validation import check_finite
 from mpm.stepping.sleep_thresholds import sleep_limits
@@ -63,7 +63,7 @@ class Adjustable(Readings):
 
         Particles stay where they are; `load` puts them where so many litres stand. Raises InvalidValue.
         """
-        changed = check_volume(self.bodies[index], volume)
+        changed = with_volume(self.bodies[index], volume)
         particles, first = self.particles, sum(self.particles.counts[:index])
         fields = [field for field in (particles.volume, particles.half) if field is not None]
         values = particles.read(fields) if len(self.bodies) > 1 else np.empty((particles.counts[0], len(fields)))
@@ -80,15 +80,3 @@ class Adjustable(Readings):
             self.rollback.store_pending()
             self.particles.write([self.particles.rest], np.zeros((sum(self.particles.counts), 1)))
             self.fields.stamps.is_listed = False
-
-
-def check_volume(body: Body, volume: float) -> Body:
-    """Return a body with particles of another volume [m^3]; raise InvalidValue for one with several volumes."""
-    if np.size(body.volume) != 1:
-        raise InvalidValue("set_volume: the body's particles have volumes of their own; accepted: one with one volume")
-    return replace(body, volume=float(volume))
-
-
-def half_edge(volume: float) -> float:
-    """Return half the edge [m] of a particle's cube."""
-    return 0.5 * float(np.cbrt(volume))

@@ -1,6 +1,6 @@
 """Bodies: particles of one material."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,3 +42,15 @@ class Body:
             check_finite("Body: velocities", self.velocities, positions.shape)
         if self.stress is not None:
             check_stress(self.material, self.stress, len(positions))
+
+
+def with_volume(body: Body, volume: float) -> Body:
+    """Return a body with particles of another volume [m^3]; raise InvalidValue for one with several volumes."""
+    if np.size(body.volume) != 1:
+        raise InvalidValue("set_volume: the body's particles have volumes of their own; accepted: one with one volume")
+    return replace(body, volume=float(volume))
+
+
+def half_edge(volume: float) -> float:
+    """Return half the edge [m] of a particle's cube."""
+    return 0.5 * float(np.cbrt(volume))

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpm.adjusting import check_volume
 from mpm.backend import check_owner, default_precision, ti
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose, Wrench
@@ -20,6 +19,7 @@ from mpm.observers.diagnostics import describe_divergence, warn_of_held
 from mpm.observers.readings import received
 from mpm.observers.region_counter import MAX_READINGS, Counts
 from mpm.observers.sample import SampleKernel
+from mpm.scene.body import with_volume
 from mpm.scene.grid import ROUNDING
 from mpm.state.fields import Fields
 from mpm.state.particles import SPEED_LIMIT
@@ -163,7 +163,7 @@ class Batch:
 
     def set_volume(self, e: int, body: int, volume: float) -> None:
         """Set the volume [m^3] of a body's particles in one environment, as `Solver.set_volume` does."""
-        check_volume(self.solver.bodies[body], volume)
+        with_volume(self.solver.bodies[body], volume)
         if self.solver.features.sleep:
             self._wake(e)
         self._numbers.set_volume(e, body, volume)

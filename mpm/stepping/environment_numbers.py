@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from mpm.adjusting import half_edge
 from mpm.backend import ti
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.materials.material import PARAMETERS, Material
 from mpm.observers.counter_kernel import FRAME, FRAME_NUMBERS, CounterKernel
 from mpm.observers.region_counter import RegionCounter
+from mpm.scene.body import half_edge
 from mpm.state.fields import Fields
 
 BODY_NUMBERS = PARAMETERS + 3

@@ -41,6 +41,8 @@ PositiveWeight = Annotated[float, Field(ge=1e-6, le=1e6)]
 JointValue = Annotated[float, Field(ge=1e-3, le=1e6)]
 # A thousandth of a joint's speed, or of the grains, is the least that anybody means.
 Share = Annotated[float, Field(ge=1e-3, le=1.0)]
+# Ends of a range of any number of a task; each has a domain of its own, such as moduli of up to 1e12 Pa.
+RangeEnd = Annotated[float, Field(ge=-1e13, le=1e13)]
 # Masses on a robot's tool.
 Mass = Annotated[float, Field(ge=0.0, le=1000.0)]
 # Colours are shares of full intensity.

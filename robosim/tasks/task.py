@@ -11,7 +11,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, Text, TimeStep
+from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, RangeEnd, Text, TimeStep
 from robosim.config.resources import config_names, config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
@@ -19,6 +19,8 @@ from robosim.config.table import Table, Vector3, load, read, validate
 from robosim.config.tool import Tool, ToolConfig, name_tool
 from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
 
+RandomRange = tuple[RangeEnd, RangeEnd]
+RandomChoice = Annotated[tuple[FilePath, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
 MAX_EPISODE = 100_000
 """Steps of an episode: a hundred times those of arXiv 2406.09178."""
 MAX_TIME = 600.0
@@ -85,7 +87,7 @@ class TaskConfig(Table):
     """Weights of the reward terms."""
     success: SuccessConfig
     """Criterion of success."""
-    randomize: dict[Name, tuple[float, float] | tuple[str, ...]] = Field({}, max_length=MAX_ENTRIES)
+    randomize: dict[Name, RandomRange | RandomChoice] = Field({}, max_length=MAX_ENTRIES)
     """What every episode draws: number -> [lowest, highest]; material -> names of materials."""
     script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
     """Waypoints of the scripted policy; the first segment begins at the start pose, and speeds are smooth."""
