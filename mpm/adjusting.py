@@ -61,7 +61,7 @@ class Adjustable(Readings):
     def set_volume(self, index: int, volume: float) -> None:
         """Set the initial volume [m^3] of every particle of a body, without recompilation.
 
-        Particles stay where they are; `load` puts them where so many litres stand. Raises InvalidValue.
+        Particles stay where they are. Raises InvalidValue.
         """
         changed = with_volume(self.bodies[index], volume)
         particles, first = self.particles, sum(self.particles.counts[:index])

@@ -14,7 +14,7 @@ Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "
 TOOL_MARGIN = 0.05
 """Distance [m] by which an arm may carry the tool past the box of commanded positions."""
 
-HOME = mpm.Pose.identity()
+AT_HOME = mpm.Pose.identity()
 """Displacement of places that are where the task has them."""
 Bounds = tuple[np.ndarray, np.ndarray]
 """Lowest and highest values, one each per number."""
@@ -41,7 +41,7 @@ class Observer:
         self.space = self._build_space()
 
     def read(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, progress: float,
-             place: mpm.Pose = HOME) -> Any:
+             place: mpm.Pose = AT_HOME) -> Any:
         """Return an observation in an array of its own.
 
         grains (n, 6): position [m] and velocity [m/s] of the observed grains. pose: of the tool, its quaternion without
@@ -80,7 +80,7 @@ class Observer:
 
 
 def moments(task: TaskConfig, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts,
-            place: mpm.Pose = HOME) -> np.ndarray:
+            place: mpm.Pose = AT_HOME) -> np.ndarray:
     """Return statistics of all grains, in the order of `moment_bounds`; arguments as of `Observer.read`."""
     x, v = grains[:, :3].astype(float), grains[:, 3:].astype(float)
     n, counted = len(x), task.grains.counted
