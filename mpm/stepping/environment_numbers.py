@@ -28,6 +28,8 @@ class EnvironmentNumbers:
         self.table = np.zeros((n, self.frame + FRAME_NUMBERS))
         self.materials = [[body.material for body in solver.bodies] for _ in range(n)]
         self._volumes = [[body.volume for body in solver.bodies] for _ in range(n)]
+        self.has_volumes = False
+        """Whether an environment has been given volumes of its own; until then the kernel writes none."""
         self._frames = [Pose.identity()] * n
         for e in range(n):
             self.adopt(e, solver)
@@ -36,8 +38,7 @@ class EnvironmentNumbers:
         """Take over the solver's own numbers in an environment."""
         for index, body in enumerate(solver.bodies):
             self.set_material(e, index, body.material)
-            self._volumes[e][index] = body.volume
-            if np.size(body.volume) == 1:  # volumes of single particles stay as they are
+            if np.size(body.volume) == 1 and body.volume != self._volumes[e][index]:
                 self.set_volume(e, index, body.volume)
         self.table[e, self.frictions : self.frame] = [collider.friction for collider in solver.colliders]
         if solver.counter is not None:
@@ -47,7 +48,7 @@ class EnvironmentNumbers:
         """Set the solver's numbers, and the fields, which are those of the last launch, to those of an environment."""
         for index, material in enumerate(self.materials[e]):
             solver.set_material(index, material)
-            if np.size(self._volumes[e][index]) == 1:
+            if self.has_volumes and np.size(self._volumes[e][index]) == 1:
                 solver.set_volume(index, self._volumes[e][index])
         for index in range(self._colliders):
             solver.set_friction(index, float(self.table[e, self.frictions + index]))
@@ -64,9 +65,12 @@ class EnvironmentNumbers:
 
     def set_volume(self, e: int, index: int, volume: Any) -> None:
         """Set the volume [m^3] of each of a body's particles."""
-        self._volumes[e][index] = volume
-        self.table[e, index * BODY_NUMBERS + VOLUME] = float(volume)
-        self.table[e, index * BODY_NUMBERS + HALF] = half_edge(float(volume))
+        self._volumes[e][index], self.has_volumes = volume, True
+        for own, volumes in zip(self.table, self._volumes):
+            for body, each in enumerate(volumes):
+                if np.size(each) == 1:  # volumes of single particles stay as they are
+                    first = body * BODY_NUMBERS
+                    own[[first + VOLUME, first + HALF]] = float(each), half_edge(float(each))
 
     def set_frame(self, e: int, counter: RegionCounter, frame: Pose) -> None:
         """Set the frame of the counter's regions."""

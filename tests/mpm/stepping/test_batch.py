@@ -57,6 +57,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
     """Three starts, motions and numbers of steps, with other materials, volumes and places; two advances and a rest."""
     alone, materials, legs = scene(), (SALT, SOFT, SALT), (3, 2, 4)
     volumes = [factor * (CELL / 2) ** 3 for factor in (1.0, 0.8, 1.1)]
+    frictions = (0.2, 0.0, 0.4)
     frames = (mpm.Pose.identity(), ASIDE, ASIDE)
     expected = []
     for e, start in enumerate(starts(alone)):
@@ -64,6 +65,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         alone.set_material(0, materials[e])
         alone.set_volume(0, volumes[e])
         alone.counter.place(frames[e])
+        alone.set_friction(0, frictions[e])
         alone.counter.restart()
         read = [alone.counter.read()]
         for k in (legs[e], 1):
@@ -77,6 +79,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         batch.set_material(e, 0, materials[e])
         batch.set_volume(e, 0, volumes[e])
         batch.place(e, frames[e])
+        batch.set_friction(e, 0, frictions[e])
         read.append([batch.load(e, start)])
     for counts in (np.array(legs), np.ones(3, int), np.zeros(3, int)):
         for e, k in enumerate(counts):
@@ -88,6 +91,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         assert len(counts) == len(read[e]) and all(map(same, counts, read[e]))
         assert np.array_equal(batch.sampled(e), sampled)
         batch.select(e)
+        assert shared.fields.parameters.frictions[0] == pytest.approx(frictions[e])
         assert shared.masses().sum() == pytest.approx(len(shared.masses()) * materials[e].density * volumes[e])
         assert all(np.array_equal(shared.state()[name], values) for name, values in state.items() if name != "time")
         assert shared.time == pytest.approx(float(state["time"]), rel=1e-9)
@@ -96,6 +100,7 @@ def test_futures_are_those_of_the_solver_alone(batch: mpm.Batch) -> None:
         batch.set_material(e, 0, SALT)
         batch.set_volume(e, 0, volumes[0])
         batch.place(e, frames[0])
+        batch.set_friction(e, 0, frictions[0])
     batch.select(1)
 
 
