@@ -1,63 +1,16 @@
 """Adjoint of contact, of nodes and of particles that have entered the tool, to the motion of the tool."""
 
+from mpm.adjoint.coulomb import coulomb_back, surface_back
+from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.contact import FACE, SOLID_RECOVERY
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
 from mpm.boundaries.facing import is_at_edge, masses_about, touched_face, touches_static
-from mpm.geometry.rigid_motion import ANGULAR, AXES, LINEAR, ORIGIN
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
+from mpm.state.nodes import in_first_layer
 from mpm.state.packs import LANES, lane_mask
 from mpm.transfers.to_particles import drift_after, gather_pack, keep_inside
-
-
-@ti.func
-def coulomb_back(v, surface, normal, friction, bar):
-    """Return the adjoints of v, surface and normal, from that of the result of `coulomb`."""
-    relative = v - surface
-    approach = relative.dot(normal)
-    v_bar, surface_bar, normal_bar = bar, 0.0 * bar, 0.0 * bar
-    if approach < 0:
-        slide = relative - approach * normal
-        speed = slide.norm(1e-12)
-        left = 1.0 + friction * approach / speed
-        slide_bar, approach_bar = 0.0 * bar, 0.0 * approach
-        if left > 0:
-            along = slide.dot(bar)
-            approach_bar = friction * along / speed
-            slide_bar = left * bar - (approach_bar * approach / (speed * speed)) * slide
-        approach_bar -= slide_bar.dot(normal)
-        v_bar = slide_bar + approach_bar * normal
-        normal_bar = approach_bar * relative - approach * slide_bar
-        surface_bar = bar - v_bar
-    return v_bar, surface_bar, normal_bar
-
-
-@ti.func
-def surface_back(fields: ti.template(), index: ti.template(), motion: ti.template(), motion_bar: ti.template(),
-                 s: ti.i32, R, r, y, n_t, surface_bar, normal_bar, phi_bar):
-    """Add the adjoints of a surface's velocity, normal and distance at r from its origin to those of the tool's motion.
-
-    Returns the adjoint of r.
-    """
-    angular = ti.Vector([motion[0, s, ANGULAR + c] for c in ti.static(range(3))])
-    y_bar = fields.colliders[index].sdf.at_back(y, R.transpose() @ normal_bar, phi_bar, fields.real)
-    r_bar = surface_bar.cross(angular) + R @ y_bar
-    turn_bar = r.cross(surface_bar)
-    R_bar = normal_bar.outer_product(n_t) + r.outer_product(y_bar)
-    for c in ti.static(range(3)):
-        add(motion_bar, s, ORIGIN + c, -r_bar[c])
-        add(motion_bar, s, LINEAR + c, surface_bar[c])
-        add(motion_bar, s, ANGULAR + c, turn_bar[c])
-        for k in ti.static(range(3)):
-            add(motion_bar, s, AXES + 3 * c + k, R_bar[c, k])
-    return r_bar
-
-
-@ti.func
-def add(table: ti.template(), s: ti.i32, place: ti.template(), value):
-    """Add to an entry of a double-precision table."""
-    table[s, place] = table[s, place] + ti.cast(value, ti.f64)
 
 
 @ti.func
@@ -82,21 +35,24 @@ def update_nodes_back(a: ti.template(), step: ti.template()):
 
 @ti.func
 def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
-    """Return the adjoint of a node's velocity before contact with the static colliders and then the tool.
+    """Return the adjoint of a node's velocity before contact with the static colliders and then with the tool.
 
     Whether the node's material touches a face is taken as it is.
     """
     v, v_bar, static_normal, owner = before, bar, 0.0 * before, 0
+    J = in_first_layer(a.fields.grid, I)
     if ti.static(len(a.fields.features.static_colliders) > 0):
-        owner = a.fields.static_contact.owner[I]
+        owner = a.fields.static_contact.owner[J]
         if owner > 0:
-            contact = a.fields.static_contact.plane[I]
+            contact = a.fields.static_contact.plane[J]
             static_normal = ti.Vector([contact[0], contact[1], contact[2]])
             if ti.static(a.fields.features.touching):  # noqa: SIM102  (decided when compiling)
                 if not touches_static(a.fields, a.nodes, step.place, I, static_normal, contact[3]):
                     owner = 0
         if owner > 0:
             v = coulomb(before, before * 0.0, static_normal, a.fields.parameters.frictions[owner - 1])
+    if ti.static(len(a.fields.features.shells) > 0):
+        v_bar = collide_with_shell_back(a, step, I, J, v, corner, v_bar)
     for index in ti.static(a.fields.features.moving_solids):
         r = ti.cast(position(I, corner, a.fields.cell), a.fields.real) - collider_origin(step.motion, 0, step.row)
         if r.norm_sqr() < ti.static((a.fields.colliders[index].sdf.radius + FACE * a.fields.cell) ** 2):

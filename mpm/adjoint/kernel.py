@@ -8,10 +8,10 @@ from mpm.adjoint.transfers import inside_bar
 from mpm.adjoint.wall_ghosts import WallTape
 from mpm.backend import real_type, ti
 from mpm.materials.material import PARAMETERS
-from mpm.scene.grid import Grid
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.packs import LANES
+from mpm.state.particles import ParticleFields
 from mpm.state.snapshots import StateBank
 from mpm.stepping.cpu import add_status, run_phase, run_phases
 from mpm.stepping.crew import Crew
@@ -25,10 +25,16 @@ POSITIONS, VELOCITIES, ALL = range(3)
 class Moved:
     """Velocities and positions of the particles after a substep, before penetration is corrected."""
 
-    def __init__(self, n_packs: int, precision: str) -> None:
-        real = real_type(precision)
+    def __init__(self, particles: ParticleFields, precision: str) -> None:
+        real, n_packs = real_type(precision), particles.n_packs
         self.x = [ti.Vector.field(LANES, real, n_packs) for _ in range(3)]
         self.v = [ti.Vector.field(LANES, real, n_packs) for _ in range(3)]
+        self.has_sides = particles.side is not None
+        self.side = ti.Vector.field(LANES, real, n_packs) if self.has_sides else None
+        """Sides of shells during the substep: a state has those of the substep before."""
+        self.place_of_side = next(i for i, field in enumerate(particles.state_fields) if field is particles.side) \
+            if self.has_sides else -1
+        """Among the fields of a state."""
 
 
 @ti.data_oriented
@@ -40,18 +46,18 @@ class AdjointKernel:
     None: not compiled. soft, svd: see `ForwardIntermediates`.
     """
 
-    def __init__(self, fields: Fields, grid: Grid, history: StateBank, *, depth: int, materials: bool,
+    def __init__(self, fields: Fields, history: StateBank, *, depth: int, materials: bool,
                  limit: float | None, soft: float, svd: bool) -> None:
         self.fields, self.history = fields, history
         precision, n_packs = fields.features.precision, fields.particles.n_packs
         self.node_phases, self.particle_phases = split_phases(fields)
         self.reverse_phases = reverse_phases(fields)
         self.bars = ParticleAdjoints(fields.particles, precision)
-        self.after = Moved(n_packs, precision)
+        self.after = Moved(fields.particles, precision)
         self.intermediates = ForwardIntermediates(fields.laws, n_packs, precision, svd=svd, soft=soft)
         self.depth = depth
-        self.tape = WallTape(grid, precision, depth)
-        self.nodes = NodeTape(grid, precision, depth)
+        self.tape = WallTape(fields.grid, precision, depth)
+        self.nodes = NodeTape(fields.grid, precision, depth)
         self.begin = ti.field(ti.i32, history.slots)
         """First slot of the stride that a slot's substep belongs to."""
         self.parameter_bars = ti.field(ti.f64, (fields.parameters.densities.shape[0], PARAMETERS))
@@ -180,7 +186,10 @@ class AdjointKernel:
 
     @ti.func
     def read_moved(self, slot):
-        """Read positions and velocities of a slot's state."""
+        """Read positions and velocities of a slot's state, and the sides that its particles had."""
+        if ti.static(self.after.has_sides):
+            for q in range(self.fields.particles.pack_count[None]):
+                self.after.side[q] = self.history.states[slot, ti.static(self.after.place_of_side), q]
         for d in ti.static(range(3)):
             for q in range(self.fields.particles.pack_count[None]):
                 self.after.x[d][q] = self.history.states[slot, d, q]

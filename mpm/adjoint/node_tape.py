@@ -1,20 +1,21 @@
 """The grid's nodes in every substep of one stride, recorded for the adjoint."""
 
 from mpm.backend import real_type, ti
-from mpm.scene.grid import BLOCK, Grid
+from mpm.scene.grid import BLOCK
+from mpm.state.nodes import GridFields
 
 
 @ti.data_oriented
 class NodeTape:
     """Nodes of up to `depth` substeps."""
 
-    def __init__(self, grid: Grid, precision: str, depth: int) -> None:
-        real = real_type(precision)
-        self.folded = ti.Vector.field(4, real, (depth, *grid.shape))
+    def __init__(self, grid: GridFields, precision: str, depth: int) -> None:
+        real, shape = real_type(precision), grid.nodes.shape
+        self.folded = ti.Vector.field(4, real, (depth, *shape))
         """Momentum and mass, after the walls' images were added."""
-        self.velocities = ti.Vector.field(4, real, (depth, *grid.shape))
+        self.velocities = ti.Vector.field(4, real, (depth, *shape))
         """Velocity and mass at the end of the substep."""
-        self.bars = ti.Vector.field(4, real, grid.shape)
+        self.bars = ti.Vector.field(4, real, shape)
         """Adjoints of velocity, or momentum, and mass."""
 
     @ti.func

@@ -1,5 +1,6 @@
 """Adjoints of the transfers: that of the gather scatters, that of the scatter gathers."""
 
+from mpm.adjoint.side_layers import layers_of, side_of
 from mpm.adjoint.stress_update import read_list, recompute, stress_back
 from mpm.backend import once, ti
 from mpm.materials.material import PARAMETERS
@@ -10,7 +11,6 @@ from mpm.state.packs import LANES
 from mpm.transfers.particle_grid import (
     AffineProducts,
     NodeValues,
-    SingleLayer,
     gather,
     moments,
     scatter,
@@ -24,15 +24,15 @@ STRAINS = 15
 
 
 @ti.func
-def add_offset_bars(products: ti.template(), nodes: ti.template(), real: ti.template(), base: ti.template(), q0, a0,
-                    a1, a2, w: ti.template(), d: ti.template()):
+def add_offset_bars(products: ti.template(), nodes: ti.template(), layers: ti.template(), real: ti.template(),
+                    base: ti.template(), q0, a0, a1, a2, w: ti.template(), d: ti.template()):
     """Store the derivatives, by the offsets, of the sum of w(node) (q0 + a0 i + a1 j + a2 k) . nodes[node].
 
-    w, d: weights and their slopes, 3 axes x 3. Stores four products an axis, not yet summed. They go through memory: a
-    sum over a vector's entries right after it was found makes the compiler take the whole transfer apart into scalars
-    (620 ns instead of 470 for a substep and particle).
+    layers: which node a place means, see `layers_of`. w, d: weights and their slopes, 3 axes x 3. Stores four products
+    an axis, not yet summed. They go through memory: a sum over a vector's entries right after it was found makes the
+    compiler take the whole transfer apart into scalars (620 ns instead of 470 for a substep and particle).
     """
-    _total, by_x, by_y, by_z = gather(ti.static(AffineProducts(nodes, SingleLayer(), q0, a0, a1, a2)), base, real, w, d,
+    _total, by_x, by_y, by_z = gather(ti.static(AffineProducts(nodes, layers, q0, a0, a1, a2)), base, real, w, d,
                                       0)
     products[0] = by_x
     products[1] = by_y
@@ -64,8 +64,9 @@ def gather_body_back(a: ti.template(), fields: ti.template(), P: ti.template(), 
              for r in range(3)]
         q0, a0 = ti.Vector([u[0], u[1], u[2], zero]), ti.Vector([G[0], G[3], G[6], zero])
         a1, a2 = ti.Vector([G[1], G[4], G[7], zero]), ti.Vector([G[2], G[5], G[8], zero])
-        scatter(a.nodes.bars, ti.static(SingleLayer()), node, q0, a0, a1, a2, w)
-        add_offset_bars(a.products, fields.grid.nodes, fields.real, node, q0, a0, a1, a2, w,
+        layers = ti.static(layers_of(fields, side_of(after, q, l)))
+        scatter(a.nodes.bars, layers, node, q0, a0, a1, a2, w)
+        add_offset_bars(a.products, fields.grid.nodes, layers, fields.real, node, q0, a0, a1, a2, w,
                         [slopes(f[0]), slopes(f[1]), slopes(f[2])])
         for d in ti.static(range(3)):  # C = gradient (B - v f^T)
             through_C = G[d] * after.v[0][q][l] + G[3 + d] * after.v[1][q][l] + G[6 + d] * after.v[2][q][l]
@@ -123,9 +124,10 @@ def transfer_back(a: ti.template(), fields: ti.template(), P: ti.template(), B: 
         mass, force = density * P.volume[q][l], force_per_volume * P.volume[q][l]
         Q = [once((force * tau[FULL[i]][q][l] + mass * P.C[i][q][l]) * fields.cell) for i in range(9)]
         p = [once(mass * P.v[r][q][l] - Q[3 * r] * f[0] - Q[3 * r + 1] * f[1] - Q[3 * r + 2] * f[2]) for r in range(3)]
-        g, g_x, g_y, g_z = gather(ti.static(NodeValues(a.nodes.bars, SingleLayer())), node, fields.real, w,
+        layers = ti.static(layers_of(fields, side_of(a.after, q, l)))
+        g, g_x, g_y, g_z = gather(ti.static(NodeValues(a.nodes.bars, layers)), node, fields.real, w,
                                   [moments(w[0]), moments(w[1]), moments(w[2])], 1)
-        add_offset_bars(a.products, a.nodes.bars, fields.real, node, ti.Vector([p[0], p[1], p[2], mass]),
+        add_offset_bars(a.products, a.nodes.bars, layers, fields.real, node, ti.Vector([p[0], p[1], p[2], mass]),
                         ti.Vector([Q[0], Q[3], Q[6], zero]), ti.Vector([Q[1], Q[4], Q[7], zero]),
                         ti.Vector([Q[2], Q[5], Q[8], zero]), w, [slopes(f[0]), slopes(f[1]), slopes(f[2])])
         for d in ti.static(range(3)):

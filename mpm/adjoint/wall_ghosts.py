@@ -5,8 +5,9 @@ Unfolding overwrites the nodes that its adjoint depends on; a tape records them 
 
 from mpm.backend import real_type, ti
 from mpm.boundaries.wall_ghosts import column, folded_earlier, mirror, normal4, on_plane, unit
-from mpm.scene.grid import BLOCK, Grid
+from mpm.scene.grid import BLOCK
 from mpm.scene.walls import IS_FREE
+from mpm.state.nodes import GridFields
 
 WALL, GHOST, MIRROR = range(3)
 
@@ -17,8 +18,8 @@ class WallTape:
 
     records = True
 
-    def __init__(self, grid: Grid, precision: str, depth: int) -> None:
-        edge = max(grid.shape)
+    def __init__(self, grid: GridFields, precision: str, depth: int) -> None:
+        edge = max(grid.nodes.shape)
         self.nodes = ti.Vector.field(4, real_type(precision), (depth, 6, 3, edge, edge))
         self.at = ti.field(ti.i32, ())
         """The substep in question, of `depth`."""

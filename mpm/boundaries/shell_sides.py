@@ -107,6 +107,8 @@ def label_packs(fields: ti.template(), P: ti.template(), motion: ti.template(), 
                 side, phi = find_side(fields, motion, s, J, x)
                 if (side != 0 and ti.abs(before) == ti.abs(side)) or not is_awake(fields, q, l):
                     side = before
+                if P.volume[q].dot(mask) == 0:  # padding, which would be listed, and gather from nodes without mass
+                    side = 0
                 write_lane(P.gap, q, mask, phi)
                 write_lane(P.side, q, mask, ti.cast(side, fields.real))
 

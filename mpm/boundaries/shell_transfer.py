@@ -16,8 +16,9 @@ from mpm.transfers.to_particles import drift_after, keep_inside
 
 WATCHED = 1.3
 """Cells from the shell within which a particle can reach it in a stride: its own travel and the shell's."""
-SHELL_RECOVERY = 0.2
-"""Cells by which a particle's next position is corrected at most."""
+SHELL_RECOVERY = 0.01
+"""Cells by which a particle that is in a shell is brought out of it in a stride, besides the stop of its approach. What
+flows over a rim comes to the shell's side where it is deep in it at once: faster, it would be thrown."""
 
 
 @ti.func
@@ -153,9 +154,10 @@ def stop_at_shell(fields: ti.template(), step: ti.template(), dt, x, v, mass, si
     for row, index in ti.static(fields.features.shell_rows):
         if ti.abs(side) == index + 1:
             normal = ti.Vector([entered[0], entered[1], entered[2]])
-            push = ti.min(entered[3], SHELL_RECOVERY * fields.cell) / dt
-            slide = v - surface_velocity(step.motion, row, step.row, lever_after(fields, step, row, x + dt * v))
-            slide = slide - slide.dot(normal) * normal
+            relative = v - surface_velocity(step.motion, row, step.row, lever_after(fields, step, row, x + dt * v))
+            approach = relative.dot(normal)
+            push = ti.min(ti.max(-approach, 0.0) + SHELL_RECOVERY * fields.cell / dt, entered[3] / dt)
+            slide = relative - approach * normal
             held = ti.min(fields.parameters.frictions[index] * push / slide.norm(1e-12), 1.0)
             dv = push * normal - held * slide
             place = ti.Vector([ti.cast(x[d], ti.f64) for d in range(3)]) + fields.world_origin()

@@ -27,41 +27,46 @@ LARGEST_FOLDER = 1_000_000_000
 
 
 def kept_lattice(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...],
-                 compute: Callable[[], tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
-    """Return what `compute` does, values of a shape and a width: read where they were computed before, or computed.
+                 kinds: dict[str, type], compute: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return what `compute` does, arrays of a shape, or numbers: read where they were computed before, or computed.
 
-    parts: the meshes. A file that cannot be read is replaced; where none can be written, nothing is kept.
+    parts: the meshes. kinds: type of each array, by its name. A file that cannot be read is replaced; where none can be
+    written, nothing is kept.
     """
+    def compute_now() -> dict[str, np.ndarray]:
+        return {name: np.asarray(values, kinds[name]) for name, values in compute().items()}
+
+
     chosen, base = os.environ.get(VARIABLE), user_cache_folder()
     if chosen == "":
-        return compute()
+        return compute_now()
     try:
         folder = writable_folder(Path(chosen) if chosen else base and base / "mpm", "mpm") / "distances"
         folder.mkdir(exist_ok=True)
     except OSError:
-        return compute()
-    path = folder / f"{_digest(parts, lower, spacing, shape)}.npz"
+        return compute_now()
+    path = folder / f"{_digest(parts, lower, spacing, shape, tuple(kinds))}.npz"
     with contextlib.suppress(OSError, InvalidValue):
         arrays = read_arrays(path)
-        values, width = arrays["values"], arrays["width"]
-        if values.shape == shape and values.dtype == np.float32 and width.shape == ():
-            return values, float(width)
-    values, width = compute()
-    values = values.astype(np.float32)
+        if arrays.keys() == kinds.keys() and all(values.dtype == kinds[name] and values.shape in (shape, ())
+                                                 for name, values in arrays.items()):
+            return arrays
+    arrays = compute_now()
     with contextlib.suppress(OSError):
-        write(path, lambda temporary: _save(temporary, values, width))
+        write(path, lambda temporary: _save(temporary, arrays))
         _make_room(folder)
-    return values, width
+    return arrays
 
 
-def _save(path: Path, values: np.ndarray, width: float) -> None:
+def _save(path: Path, arrays: dict[str, np.ndarray]) -> None:
     with path.open("wb") as file:
-        np.savez(file, values=values, width=np.float64(width))
+        np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
 
 
-def _digest(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...]) -> str:
+def _digest(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float, shape: tuple[int, ...],
+            names: tuple[str, ...]) -> str:
     found = hashlib.sha256(_code())
-    found.update(repr((np.asarray(lower).tolist(), spacing, shape)).encode())
+    found.update(repr((np.asarray(lower).tolist(), spacing, shape, names)).encode())
     for part in parts:
         for array in (np.ascontiguousarray(part.vertices), np.ascontiguousarray(part.faces)):
             found.update(repr((array.shape, array.dtype)).encode() + array.tobytes())

@@ -10,6 +10,32 @@ from mpm.geometry.mesh_distance import wall_thickness
 from mpm.geometry.shape import Shape, digest, sign
 
 
+@ti.func
+def trilinear_back(s: ti.template(), f, y, normal_bar, phi_bar):
+    """Return the adjoint, times a spacing, of y (3,) in a cell of a lattice: of the distance there and of its normal.
+
+    s: the distances at the cell's eight corners. f (3,): the place in it, in spacings.
+    """
+    x = [[once(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
+    xy = [once(x[1][k] - x[0][k]) for k in range(2)]
+    xz = [once(x[j][1] - x[j][0]) for j in range(2)]
+    yz = [once(s[i][1][1] - s[i][1][0] - s[i][0][1] + s[i][0][0]) for i in range(2)]
+    mixed = ti.Vector([xy[0] + f[2] * (xy[1] - xy[0]), xz[0] + f[1] * (xz[1] - xz[0]), yz[0] + f[0] * (yz[1] - yz[0])])
+    slope = 0.0 * y
+    slope[0] = (1 - f[1]) * (x[0][0] + f[2] * xz[0]) + f[1] * (x[1][0] + f[2] * xz[1])
+    low, high = s[0][1][0] - s[0][0][0], s[1][1][0] - s[1][0][0]
+    slope[1] = (1 - f[0]) * (low + f[2] * yz[0]) + f[0] * (high + f[2] * yz[1])
+    low, high = s[0][0][1] - s[0][0][0], s[1][0][1] - s[1][0][0]
+    slope[2] = (1 - f[0]) * (low + f[1] * yz[0]) + f[0] * (high + f[1] * yz[1])
+    length = slope.norm(1e-12)
+    slope_bar = (normal_bar - slope * (slope.dot(normal_bar) / (length * length))) / length
+    bar = slope * phi_bar
+    bar[0] += mixed[0] * slope_bar[1] + mixed[1] * slope_bar[2]
+    bar[1] += mixed[0] * slope_bar[0] + mixed[2] * slope_bar[2]
+    bar[2] += mixed[1] * slope_bar[0] + mixed[2] * slope_bar[1]
+    return bar
+
+
 class Lattice(Shape):
     """Distances sampled on a lattice, trilinear between its points; outside it, the distance from it is added."""
 
@@ -97,25 +123,7 @@ class Lattice(Shape):
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
         """Return the adjoint of y, exact for trilinear interpolation within a cell."""
         s, f, away = self.cell_at(y)
-        x = [[once(s[1][j][k] - s[0][j][k]) for k in range(2)] for j in range(2)]
-        xy = [once(x[1][k] - x[0][k]) for k in range(2)]
-        xz = [once(x[j][1] - x[j][0]) for j in range(2)]
-        yz = [once(s[i][1][1] - s[i][1][0] - s[i][0][1] + s[i][0][0]) for i in range(2)]
-        mixed = ti.Vector([xy[0] + f[2] * (xy[1] - xy[0]), xz[0] + f[1] * (xz[1] - xz[0]),
-                           yz[0] + f[0] * (yz[1] - yz[0])])
-        slope = 0.0 * y
-        slope[0] = (1 - f[1]) * (x[0][0] + f[2] * xz[0]) + f[1] * (x[1][0] + f[2] * xz[1])
-        low, high = s[0][1][0] - s[0][0][0], s[1][1][0] - s[1][0][0]
-        slope[1] = (1 - f[0]) * (low + f[2] * yz[0]) + f[0] * (high + f[2] * yz[1])
-        low, high = s[0][0][1] - s[0][0][0], s[1][0][1] - s[1][0][0]
-        slope[2] = (1 - f[0]) * (low + f[1] * yz[0]) + f[0] * (high + f[1] * yz[1])
-        length = slope.norm(1e-12)
-        slope_bar = (normal_bar - slope * (slope.dot(normal_bar) / (length * length))) / length
-        bar = slope * phi_bar
-        bar[0] += mixed[0] * slope_bar[1] + mixed[1] * slope_bar[2]
-        bar[1] += mixed[0] * slope_bar[0] + mixed[2] * slope_bar[2]
-        bar[2] += mixed[1] * slope_bar[0] + mixed[2] * slope_bar[1]
-        far = away.norm()
+        bar, far = trilinear_back(s, f, y, normal_bar, phi_bar), away.norm()
         for d in ti.static(range(3)):
             bar[d] = bar[d] / self.spacing if away[d] == 0 else away[d] / far * phi_bar
         return bar

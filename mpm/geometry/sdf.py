@@ -43,10 +43,10 @@ class Sdf:
         if np.prod(shape.astype(float)) > MAX_LATTICE:
             raise InvalidValue(f"Sdf.from_mesh: {tuple(shape)} lattice points; give a spacing above {spacing} m")
         places = tuple(int(n) for n in shape)
-        values, passage = kept_lattice(parts, lower, spacing, places, lambda: (
-            np.min([signed_distances(part, lower, spacing, places) for part in parts], axis=0),
-            min(passage_width(part) for part in parts)))
-        lattice = Lattice(values, lower, spacing)
-        lattice.passage = passage
+        kept = kept_lattice(parts, lower, spacing, places, {"values": np.float32, "width": np.float64}, lambda: {
+            "values": np.min([signed_distances(part, lower, spacing, places) for part in parts], axis=0),
+            "width": np.array(min(passage_width(part) for part in parts))})
+        lattice = Lattice(kept["values"], lower, spacing)
+        lattice.passage = float(kept["width"])
         lattice.parts = parts
         return lattice

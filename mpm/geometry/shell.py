@@ -8,7 +8,9 @@ import trimesh
 
 from mpm.backend import once, put, ti
 from mpm.errors import InvalidValue
+from mpm.geometry.distance_cache import kept_lattice
 from mpm.geometry.mesh_distance import passage_width, sheet_distances
+from mpm.geometry.sampled_sdf import trilinear_back
 from mpm.geometry.sdf import MAX_LATTICE
 from mpm.geometry.shape import digest
 
@@ -27,9 +29,9 @@ FAR = 1.0
 class Shell:
     """A thin wall: signed distance to a mid-surface with a thickness; it has two sides up to its edge (rim)."""
 
-    def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float | None) -> None:
-        self.mesh, self.thickness, self.wanted_spacing = mesh, float(thickness), spacing
-        self.extent = float(np.linalg.norm(mesh.vertices, axis=1).max())
+    def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float | None, behind: float = 0.0) -> None:
+        self.mesh, self.thickness, self.wanted_spacing, self.behind = mesh, float(thickness), spacing, float(behind)
+        self.extent = float(np.linalg.norm(mesh.vertices, axis=1).max()) + self.behind
         """Radius [m] of a ball about the frame's origin that contains the surface."""
         self.radius = self.extent
         self.passage = passage_width(mesh) - self.thickness
@@ -37,8 +39,9 @@ class Shell:
         self.values = self.sided = None
 
     @classmethod
-    def from_mesh(cls, mid_surface: trimesh.Trimesh, thickness: float, spacing: float | None = None) -> "Shell":
-        """Make a shell of `thickness` [m] about a surface, open or closed.
+    def from_mesh(cls, mid_surface: trimesh.Trimesh, thickness: float, spacing: float | None = None, *,
+                  behind: bool = False) -> "Shell":
+        """Make a shell of `thickness` [m] about a surface, open or closed; behind: of which it is the front face.
 
         spacing: [m] of the lattice of its distances, or None: a fifth of the grid's cell, which places a smooth surface
         to a thousandth of the cell.
@@ -54,11 +57,11 @@ class Shell:
         if not surface.is_winding_consistent or shared.max() > 2:
             raise InvalidValue("Shell: neighbouring faces of the mid-surface wind in opposite ways, or three share "
                                "an edge; a sheet has two sides: turn faces over, or make several shells")
-        return cls(surface, thickness, spacing)
+        return cls(surface, thickness, spacing, 0.5 * thickness if behind else 0.0)
 
     def signature(self) -> Hashable:
         """Return what two shells share that kernels cannot tell apart, in a grid of one cell."""
-        return (type(self), self.thickness, self.wanted_spacing, digest(np.asarray(self.mesh.vertices)),
+        return (type(self), self.thickness, self.wanted_spacing, self.behind, digest(np.asarray(self.mesh.vertices)),
                 digest(np.asarray(self.mesh.faces)))
 
     def lay_out(self) -> None:
@@ -71,7 +74,7 @@ class Shell:
         return ready
 
     def _bake(self, cell: float) -> None:
-        band = SIDE_BAND * cell
+        band = SIDE_BAND * cell + self.behind
         self.spacing = self.wanted_spacing or LATTICE_STEP * cell
         self.radius = self.extent + band
         lower = self.mesh.bounds[0] - band
@@ -79,11 +82,14 @@ class Shell:
         if np.prod(shape.astype(float)) > MAX_LATTICE:
             raise InvalidValue(f"Shell: {tuple(shape)} lattice points; give a spacing above {self.spacing} m")
         self.lower, self.shape = tuple(float(c) for c in lower), tuple(int(n) for n in shape)
-        self.host, sided = sheet_distances(self.mesh, lower, self.spacing, self.shape, band)
+        kept = kept_lattice([self.mesh], lower, self.spacing, self.shape, {"values": np.float32, "sided": np.int8},
+                            lambda: dict(zip(("values", "sided"), sheet_distances(
+                                self.mesh, lower, self.spacing, self.shape, band), strict=True)))
+        self.host = kept["values"] + np.float32(self.behind)
         self.values = ti.field(ti.f32, self.shape)
-        put(self.values, self.host.astype(np.float32))
+        put(self.values, self.host)
         self.sided = ti.field(ti.i8, self.shape)
-        put(self.sided, sided.astype(np.int8))
+        put(self.sided, kept["sided"])
 
     @ti.func
     def least_distance(self, y):
@@ -118,3 +124,11 @@ class Shell:
             nearest = ti.cast(u + 0.5, ti.i32)
             sided = ti.cast(self.sided[nearest], ti.i32)
         return n, phi, sided
+
+    @ti.func
+    def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
+        """Return the adjoint of y, where `at` has found a distance."""
+        u = ti.Vector([(y[d] - self.lower[d]) / self.spacing for d in range(3)])
+        c = ti.max(ti.min(ti.cast(u, ti.i32), ti.Vector([self.shape[d] - 2 for d in range(3)])), 0)
+        s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
+        return trilinear_back(s, u - c, y, normal_bar, phi_bar) / self.spacing

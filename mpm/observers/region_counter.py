@@ -6,10 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpm.backend import put
-from mpm.errors import InvalidValue
 from mpm.geometry.region import Region
 from mpm.geometry.rigid_motion import Pose, check_pose
-from mpm.geometry.shell import Shell
 from mpm.observers.counter_kernel import (
     CLEARANCE,
     COUNTED,
@@ -63,16 +61,14 @@ class RegionCounter:
       collider's frame, and a margin [m]. None: no points.
     - per_particle: whether a reading has the values of each particle.
 
-    After `Solver.attach` it is evaluated within advances. Raises InvalidValue for a shell with a reach.
+    After `Solver.attach` it is evaluated within advances.
     """
 
     def __init__(self, solver: Any, counted: np.ndarray, *, point: np.ndarray, weights: np.ndarray, region: Region,
                  bounds: Region, inner: Region, index: int, reach: float | None = None,
                  points: np.ndarray | None = None, probe: Any = None, margin: float = 0.0, per_particle: bool = False,
                  latching: np.ndarray | None = None) -> None:
-        shape = solver.colliders[index].sdf
-        if reach is not None and isinstance(shape, Shell):
-            raise InvalidValue("RegionCounter: reach from a shell; accepted: a solid, or reach=None")
+        shape = solver.fields.colliders[index].sdf
         self.solver, self.tenure, self.particles = solver, solver.tenure, solver.particles
         self.index, self.per_particle = index, per_particle
         roles = np.zeros(self.particles.n_lanes, np.int8)

@@ -15,10 +15,10 @@ def check_differentiable(solver: Any) -> None:  # a Solver, which stands above
     missing = [phase.because for phase in phases_without_adjoint(solver.fields)]
     missing += ["a body acceleration"] if features.body_acceleration else []
     if missing:
-        raise InvalidValue(f"Rollout: the scene has {missing[0]}, which is not differentiated; accepted: solid "
+        raise InvalidValue(f"Rollout: the scene has {missing[0]}, which is not differentiated; accepted: "
                            "colliders that are static or given a motion, walls, gravity; sleep=False")
-    if len(features.moving_solids) > 1:
-        raise InvalidValue(f"Rollout: {len(features.moving_solids)} colliders can move; accepted: one tool at most, "
+    if len(features.moving_colliders) > 1:
+        raise InvalidValue(f"Rollout: {len(features.moving_colliders)} colliders can move; accepted: one tool at most, "
                            f"the others static")
     for body in solver.bodies:
         law = type(body.material)

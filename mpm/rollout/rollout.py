@@ -65,13 +65,13 @@ class Rollout:
             self._checkpoints = StateBank(states, count, self.schedule.checkpoints)
             longest = min(longest_stride(solver.transfer_interval, self.step_dt / self.substeps), self.substeps)
             depth = longest if solver.features.strides else 1
-            self._kernel = AdjointKernel(solver.fields, solver.grid, self._history, depth=depth, materials=materials,
+            self._kernel = AdjointKernel(solver.fields, self._history, depth=depth, materials=materials,
                                          limit=limit, soft=soft, svd=svd)
             self._bars = StateBank(self._kernel.state_bars, count, 1)
         self._group = group
         self._free = weakref.finalize(self, free_later, group)
         self._free.atexit = False
-        self._tool = solver.features.moving_solids[0] if solver.features.moving_solids else None
+        self._tool = solver.features.moving_colliders[0] if solver.features.moving_colliders else None
         self.forward_steps = 0
         """Steps simulated by the last call: n_steps, and those repeated for the gradient."""
         self.last: Gradients | None = None

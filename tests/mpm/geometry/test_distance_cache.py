@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.ndimage import map_coordinates
 
 import mpm
 from mpm.geometry import distance_cache, sdf
@@ -31,6 +32,29 @@ def test_the_second_is_read_and_the_same(counted: list, tmp_path: Path) -> None:
     lattice(spacing=1e-3)
     assert len(counted) == 3, "another mesh, and another spacing"
     assert len(list((tmp_path / "cache" / "distances").glob("*.npz"))) == 3
+
+
+def test_a_shell_is_read_too(counted: list, tmp_path: Path) -> None:
+    """Behind its face it is half a thickness closer; the same file serves, as the surface is the same."""
+    mpm.init()
+    ball = trimesh.creation.icosphere(2, 0.02)
+    baked = [mpm.Shell.from_mesh(ball, 2e-3, spacing=1.5e-3).bake(0.006) for _ in range(2)]
+    assert np.array_equal(baked[0].host, baked[1].host)
+    assert np.array_equal(baked[0].sided.to_numpy(), baked[1].sided.to_numpy())
+    assert len(list((tmp_path / "cache" / "distances").glob("*.npz"))) == 1
+
+
+def test_a_shell_lies_behind_its_front_face() -> None:
+    """The same distances as about the mid-surface, half a thickness further in."""
+    mpm.init()
+    front, middle = trimesh.creation.icosphere(4, 0.02), trimesh.creation.icosphere(4, 0.018)
+    found = mpm.Shell.from_mesh(front, 4e-3, spacing=1e-3, behind=True).bake(0.005)
+    expected = mpm.Shell.from_mesh(middle, 4e-3, spacing=1e-3).bake(0.005)
+    points = np.random.default_rng(0).uniform(-0.02, 0.02, (500, 3))
+    values = [map_coordinates(shell.host, ((points - shell.lower) / shell.spacing).T, order=1)
+              for shell in (found, expected)]
+    near = np.abs(values[1]) < 0.01
+    assert near.sum() > 100 and np.abs(values[0] - values[1])[near].max() < 5e-5
 
 
 def test_a_damaged_file_is_computed_again(counted: list, tmp_path: Path) -> None:

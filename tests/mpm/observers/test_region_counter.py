@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 import mpm
 
@@ -142,3 +143,21 @@ def test_numbers_of_readings_are_checked() -> None:
     solver, _, _ = scene()
     with pytest.raises(mpm.InvalidValue, match="readings = 0; accepted: 1 to 64"):
         solver.advance(1e-3, readings=0)
+
+
+def test_grains_on_both_sides_of_a_shell_are_near() -> None:
+    """Within a reach of the faces of a plate of 4 mm, up to its rim."""
+    salt = mpm.DruckerPrager(E=1e5, nu=0.2, density=1200.0, friction_angle_deg=30.0)
+    positions = mpm.sample_box((0.1, 0.1, 0.06), (0.3, 0.3, 0.3), CELL / 2, np.random.default_rng(0))
+    plate = trimesh.Trimesh([[-0.05, -0.05, 0], [0.05, -0.05, 0], [0.05, 0.05, 0], [-0.05, 0.05, 0]],
+                            [[0, 1, 2], [0, 2, 3]])
+    pose = mpm.Pose(np.array([0.2, 0.2, 0.17]), np.array([1.0, 0.0, 0.0, 0.0]))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), dt=5e-4,
+                        colliders=[mpm.Collider(mpm.Shell.from_mesh(plate, 4e-3), friction=0.2, pose=pose)],
+                        bodies=[mpm.Body(salt, positions, volume=(CELL / 2) ** 3)])
+    counter = mpm.RegionCounter(solver, np.arange(5), point=POINT, weights=WEIGHTS, region=REGION, bounds=BOUNDS,
+                                inner=INNER, index=0, reach=0.008)
+    y = solver.positions() - pose.position
+    away = np.linalg.norm(np.maximum(np.abs(y) - [0.05, 0.05, 0.0], 0.0), axis=1)
+    error = 3e-4  # of distances in the shell's lattice, beside its edge
+    assert 100 < (away < 0.01 - error).sum() <= counter.read().near <= (away < 0.01 + error).sum()

@@ -193,9 +193,6 @@ def test_a_counter_of_the_fields_before_is_refused() -> None:
     field.set_colliders([ball()])
     with pytest.raises(mpm.InvalidValue, match="of other colliders"):
         field.attach(counter)
-    sheet = mpm.Shell.from_mesh(trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]]), 1e-3)
-    with pytest.raises(mpm.InvalidValue, match="reach from a shell"):
-        mpm.RegionCounter(solver([block()], [mpm.Collider(sheet)]), np.arange(5), reach=0.01, **SAMPLED)
 
 
 def test_a_collider_that_is_lost_is_named() -> None:

@@ -21,6 +21,8 @@ SWEEP = [{"cell": c, "offset": o / 10} for c in (0.005, 0.01) for o in range(10)
 QUICK_SWEEP = [{"cell": 0.01, "grains": 1500, "until": 2.2, "offset": 0.3}]
 MAIN_ERROR, RESOLUTION = "momentum", None
 CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
+AT_RIM = 5e-4
+"""Depth [m] below the rim up to which a grain that flows over it may pass: its own size is 2 mm."""
 AXES = np.array([0.035, 0.025, 0.030])
 """Semi-axes [m] of the half ellipsoid below z = 0."""
 HOST_DT = 2e-3
@@ -93,9 +95,9 @@ def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0
 
 
 def _crossings(before: np.ndarray, after: np.ndarray) -> int:
-    """Count the segments (n, 3) to (n, 3), in the spoon's frame, that cross the ellipsoid below the rim."""
+    """Count the segments (n, 3) to (n, 3), in the spoon's frame, that cross the ellipsoid deeper than `AT_RIM`."""
     inside, outside = (before / AXES), (after / AXES)
     a, b = np.linalg.norm(inside, axis=1), np.linalg.norm(outside, axis=1)
     share = np.clip((1 - a) / np.where(a == b, 1.0, b - a), 0, 1)
     height = before[:, 2] + share * (after[:, 2] - before[:, 2])
-    return int(np.sum((a - 1) * (b - 1) < 0) - np.sum(((a - 1) * (b - 1) < 0) & (height >= 0)))
+    return int(np.sum((a - 1) * (b - 1) < 0) - np.sum(((a - 1) * (b - 1) < 0) & (height >= -AT_RIM)))

@@ -1,0 +1,71 @@
+"""Rollouts with a tool that is a shell, against central differences in double precision."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import mpm
+from mpm.materials.material import Material
+from mpm.rollout.losses import LossGradient, RolloutStates
+
+CELL, SUBSTEPS = 0.01, 5
+STRIDE = 1.0
+"""[s]: as long as a rollout's step and the grains' travel allow."""
+LAWS = {
+    "fluid": mpm.NewtonianFluid(bulk_modulus=2e5, density=1000.0, viscosity=0.5),
+    "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
+    "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0),
+}
+
+
+def weighted_end(n: int, at: int):
+    """Random weights on positions and velocities after step `at`."""
+    rng = np.random.default_rng(n)
+    W, U = rng.standard_normal((n, 3)), 1e-3 * rng.standard_normal((n, 3))
+
+    def loss(states: RolloutStates) -> LossGradient:
+        here = (states.steps == at)[:, None, None]
+        return LossGradient(float(np.sum(here * (W * states.x + U * states.v))), x=here * W, v=here * U)
+
+    return loss
+
+
+def bowl_scene(law: Material, interval: float) -> mpm.Solver:
+    """A shell in the shape of a bowl that holds grains and dips into others, so that both of its sides are met."""
+    spacing, rng = CELL / 2, np.random.default_rng(0)
+    ball = trimesh.creation.icosphere(3, 0.03)
+    sheet = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 2] < 0])
+    sheet.invert()
+    pose = mpm.Pose(np.array([0.0713, 0.0609, 0.0557]), np.array([1.0, 0.0, 0.0, 0.0]))
+    held = mpm.sample_box((-0.03, -0.03, -0.03), (0.03, 0.03, 0.004), spacing, rng)
+    held = pose.apply(held[np.linalg.norm(held, axis=1) < 0.027])
+    below = mpm.sample_box((0.02, 0.02, 0.0), (0.1, 0.1, 0.02), spacing, rng)
+    bowl = mpm.Collider(mpm.Shell.from_mesh(sheet, 2e-3, spacing=2.3e-3), friction=0.3, pose=pose)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.14, 0.12, 0.12), CELL), precision="f64", colliders=[bowl],
+                        bodies=[mpm.Body(law, np.concatenate([held, below]), volume=spacing**3)],
+                        walls=mpm.Walls(friction=0.4), transfer_interval=interval)
+    solver.advance(0.02)
+    return solver
+
+
+@pytest.mark.parametrize(("name", "interval"), [("sand", STRIDE), pytest.param("elastic", 0.0, marks=pytest.mark.slow),
+                                                pytest.param("fluid", STRIDE, marks=pytest.mark.slow)])
+def test_gradient_by_the_motion_of_a_shell(name: str, interval: float) -> None:
+    """Six steps with contact on both of its sides, in single substeps and in strides."""
+    solver, steps = bowl_scene(LAWS[name], interval), 6
+    sides = solver.state()["side"]
+    assert (sides > 0).sum() > 100 and (sides < 0).sum() > 100
+    roll = mpm.Rollout(solver, steps, step_dt=SUBSTEPS * solver.dt)
+    linear, angular = np.tile([0.25, 0.02, -0.1], (steps, 1)), np.tile([0.3, 2.0, 0.5], (steps, 1))
+    loss = weighted_end(len(solver.masses()), steps)
+    value, (by_linear, by_angular) = roll.value_and_grad(linear, angular, loss)
+    assert value == roll.value(linear, angular, loss)
+    rng, pairs = np.random.default_rng(0), []
+    for _ in range(8):
+        to_linear, to_angular = rng.standard_normal((steps, 3)), 20.0 * rng.standard_normal((steps, 3))
+        ends = [roll.value(linear + s * to_linear, angular + s * to_angular, loss) for s in (1e-7, -1e-7)]
+        pairs.append((np.sum(by_linear * to_linear) + np.sum(by_angular * to_angular), (ends[0] - ends[1]) / 2e-7))
+    gradient, difference = np.array(pairs).T
+    cosine = gradient @ difference / np.linalg.norm(gradient) / np.linalg.norm(difference)
+    assert cosine > 1.0 - 1e-9
+    assert np.linalg.norm(gradient) == pytest.approx(np.linalg.norm(difference), rel=1e-5)
