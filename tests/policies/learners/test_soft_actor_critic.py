@@ -7,6 +7,7 @@ import pytest
 torch = pytest.importorskip("torch")
 from stable_baselines3 import SAC  # noqa: E402
 from stable_baselines3.common.logger import Logger  # noqa: E402
+from stable_baselines3.common.torch_layers import FlattenExtractor  # noqa: E402
 
 from policies.learners.critics import CriticEnsemble, EnsembleLayer, EnsembleNorm, EnsemblePolicy  # noqa: E402
 from policies.learners.soft_actor_critic import EnsembleSAC  # noqa: E402
@@ -44,6 +45,24 @@ def copy_critics(source, target: CriticEnsemble) -> None:
             target.of_features.bias[i, 0] = linear[0].bias
             for layer, one in zip(target.layers, linear[1:], strict=True):
                 layer.weight[:, i], layer.bias[i, 0] = one.weight.T, one.bias
+
+
+def test_critics_one_after_the_other_are_the_ensemble(monkeypatch):
+    """The same values, and the same derivatives of every parameter."""
+    space, actions = Noise.observation_space, Noise.action_space
+    critics = CriticEnsemble(space, actions, [12, 10], FlattenExtractor(space), OBSERVED, n_critics=4, layer_norm=True)
+    seen, acted, weight = torch.randn(BATCH, OBSERVED), torch.randn(BATCH, ACTED), torch.randn(4, BATCH)
+    found = []
+    for large in (2**18, 1):
+        monkeypatch.setattr("policies.learners.critics.LARGE", large)
+        critics.zero_grad()
+        values = critics(seen, acted)
+        (values * weight).sum().backward()
+        found.append([values.detach(), *(parameter.grad.clone() for parameter in critics.parameters())])
+    assert len(found[0]) == 1 + 3 + 2 * 4
+    for together, apart in zip(*found, strict=True):
+        assert apart.abs().max() > 0
+        torch.testing.assert_close(apart, together, rtol=1e-4, atol=1e-6)
 
 
 def test_updates_are_those_of_the_library():
