@@ -36,7 +36,6 @@ def kept_lattice(parts: list[trimesh.Trimesh], lower: np.ndarray, spacing: float
     def compute_now() -> dict[str, np.ndarray]:
         return {name: np.asarray(values, kinds[name]) for name, values in compute().items()}
 
-
     chosen, base = os.environ.get(VARIABLE), user_cache_folder()
     if chosen == "":
         return compute_now()

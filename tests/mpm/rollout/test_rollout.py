@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from end_loss import weighted_ends
 from scipy.spatial.transform import Rotation
 
 import mpm
@@ -40,18 +41,6 @@ def scene(*laws, precision: str = "f64", interval: float = STRIDE, **options) ->
                         walls=mpm.Walls(friction=0.4), precision=precision, transfer_interval=interval, **options)
     solver.advance(0.02)
     return solver
-
-
-def weighted_ends(n: int, at: int):
-    """Random weights on positions and velocities after step `at`."""
-    rng = np.random.default_rng(n)
-    W, U = rng.standard_normal((n, 3)), 1e-3 * rng.standard_normal((n, 3))
-
-    def loss(states: RolloutStates) -> LossGradient:
-        here = (states.steps == at)[:, None, None]
-        return LossGradient(float(np.sum(here * (W * states.x + U * states.v))), x=here * W, v=here * U)
-
-    return loss
 
 
 def motion(steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:

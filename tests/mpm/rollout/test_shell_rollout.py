@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import trimesh
+from end_loss import weighted_ends
 
 import mpm
 from mpm.materials.material import Material
-from mpm.rollout.losses import LossGradient, RolloutStates
 
 CELL, SUBSTEPS = 0.01, 5
 STRIDE = 1.0
@@ -16,18 +16,6 @@ LAWS = {
     "elastic": mpm.Elastic(E=2e5, nu=0.3, density=1000.0),
     "sand": mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0),
 }
-
-
-def weighted_end(n: int, at: int):
-    """Random weights on positions and velocities after step `at`."""
-    rng = np.random.default_rng(n)
-    W, U = rng.standard_normal((n, 3)), 1e-3 * rng.standard_normal((n, 3))
-
-    def loss(states: RolloutStates) -> LossGradient:
-        here = (states.steps == at)[:, None, None]
-        return LossGradient(float(np.sum(here * (W * states.x + U * states.v))), x=here * W, v=here * U)
-
-    return loss
 
 
 def bowl_scene(law: Material, interval: float) -> mpm.Solver:
@@ -57,7 +45,7 @@ def test_gradient_by_the_motion_of_a_shell(name: str, interval: float) -> None:
     assert (sides > 0).sum() > 100 and (sides < 0).sum() > 100
     roll = mpm.Rollout(solver, steps, step_dt=SUBSTEPS * solver.dt)
     linear, angular = np.tile([0.25, 0.02, -0.1], (steps, 1)), np.tile([0.3, 2.0, 0.5], (steps, 1))
-    loss = weighted_end(len(solver.masses()), steps)
+    loss = weighted_ends(len(solver.masses()), steps)
     value, (by_linear, by_angular) = roll.value_and_grad(linear, angular, loss)
     assert value == roll.value(linear, angular, loss)
     rng, pairs = np.random.default_rng(0), []
