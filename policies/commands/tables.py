@@ -26,7 +26,7 @@ def add_parser(commands: Any) -> None:
                         "they exercise; the exit status is 1 if there are any")
     parser.add_argument("--replay", action="store_true", help="run the first episodes of one run of each kind of a "
                         "tables.json again, where code has changed since; rows whose scores are found again count as "
-                        "rows of today; written to its folder, as replays.json")
+                        "rows of today; added to replays.json in its folder, so that an interrupted one goes on")
     parser.add_page()
     parser.set_defaults(run=run)
 
@@ -36,9 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from policies.results.tables import check, repeat, tables
 
     if options.replay:
-        if len(options.runs) != 1:
-            raise mpm.InvalidValue(f"tables --replay: {len(options.runs)} sources; accepted: one tables.json")
-        return repeat(options.runs[0])
+        return repeat(options.runs)
     if options.check:
         return check(options.runs)
     if options.out is None:

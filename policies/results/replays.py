@@ -64,15 +64,19 @@ def is_repeated(row: dict[str, Any], replays: list[dict[str, Any]]) -> bool:
                and not changed_modules(one["code"]) for one in replays)
 
 
-def replay(rows: list[dict[str, Any]], folder: Path) -> int:
-    """Run the first episodes of one run of each kind again; write replays.json into a folder.
+def replay(rows: list[dict[str, Any]], path: Path) -> int:
+    """Run the first episodes of one run of each kind again; add them to a replays.json, after each of them.
 
-    Returns 1 where a score differs or a run cannot be repeated, which is printed; 0 otherwise. Takes about 20 s a kind.
+    Kinds that the file has, repeated by the code of today, are not run once more; its replays of changed code are
+    dropped. Returns 1 where a score differs or a run cannot be repeated, which is printed; 0 otherwise. Takes about 20
+    s a kind.
     """
+    replays = [one for one in read_replays([path]) if not changed_modules(one["code"])]
     first: dict[str, dict[str, Any]] = {}
     for row in sorted(rows, key=lambda row: row["seed"]):
-        first.setdefault(kind(row), row)
-    replays, failed = [], 0
+        if not is_repeated(row, replays):
+            first.setdefault(kind(row), row)
+    replays, failed = [one for one in replays if one["kind"] not in first], 0
     for name, row in Progress(list(first.items()), desc="replays", unit="runs"):
         title = f"{row['method']} {row['task']} seed {row['seed']}"
         if not (row["command"] and row["curve"]):
@@ -85,15 +89,20 @@ def replay(rows: list[dict[str, Any]], folder: Path) -> int:
                 replays.append({"kind": name, "task": row["task"], "method": row["method"], "seed": row["seed"],
                                 "commit": again["commit"], "preset": again["preset"], "stored": row["curve"][0],
                                 "found": again["curve"][0], "code": again["code"]})
+                write_replays(path.with_name(FILE), replays)
                 is_same = row["curve"][0] == again["curve"][0] and row["preset"] == again["preset"]
                 failed |= not is_same
                 text = f"mean score of the first episodes {again['curve'][0]:g}, stored {row['curve'][0]:g}" \
                        f"{'' if is_same else ': DIFFERS'}"
         print(f"{title}: {text}")
-    write_json(folder / FILE, {"made_by": "robosim tables --replay", "code": {digest(one["code"]): one["code"]
-                                                                              for one in replays},
-                               "replays": [{**one, "code": digest(one["code"])} for one in replays]})
     return int(failed)
+
+
+def write_replays(path: Path, replays: list[dict[str, Any]]) -> None:
+    """Write replays to a file; their code, which many share, is there once."""
+    versions = {digest(one["code"]): one["code"] for one in replays}
+    write_json(path, {"made_by": "robosim tables --replay", "code": versions,
+                      "replays": [{**one, "code": digest(one["code"])} for one in replays]})
 
 
 def run_first_episodes(row: dict[str, Any]) -> tuple[dict[str, Any] | None, str]:

@@ -75,14 +75,15 @@ def check(sources: list[Path]) -> int:
     return report_stale(require_rows(sources)[0], sources)
 
 
-def repeat(source: Path) -> int:
-    """Run the first episodes of a tables.json once more; write what they scored to replays.json in its folder.
+def repeat(sources: list[Path]) -> int:
+    """Run the first episodes of tables.json files once more; add what they scored to replays.json in their folders.
 
-    Returns 0 where all of them have, 1 otherwise; raises mpm.InvalidValue for another file.
+    Returns 0 where all scores are found again, 1 otherwise; raises mpm.InvalidValue for another file.
     """
-    if not source.is_file():
-        raise mpm.InvalidValue(f"{source}: no file; accepted with --replay: a tables.json")
-    return replay(read_table(source), source.parent)
+    for source in sources:
+        if not source.is_file():
+            raise mpm.InvalidValue(f"{source}: no file; accepted with --replay: tables.json files")
+    return max([replay(rows, source) for source, rows in [(source, read_table(source)) for source in sources]])
 
 
 def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:

@@ -15,8 +15,10 @@ from policies.results.page import score_table
 from policies.results.staleness import find_stale
 from policies.results.summary import summarise_runs
 from policies.results.tables import collect_rows
+from policies.runs.sweep_file import load_sweep, plan_runs
 
 TRAINED = ROOT / "policies" / "trained"
+SINGLE_CHANGES = ("single_changes.yaml", "thousand_decisions.yaml")
 METHODS = ("demo", "bc", "dg_sac_utd4", "residual", "dg_sac_literal", "sac", "td3", "ddpg", "ppo", "gail")
 
 
@@ -57,17 +59,17 @@ def scores_page() -> str:
 def changes_page() -> str:
     """Scores of the paper's own method with one change at a time: median, worst and best seed."""
     rows, _ = read_runs("single_changes.json")
-    sweep = yaml.safe_load((ROOT / "configs" / "published" / "single_changes.yaml").read_text())
-    methods = [entry if isinstance(entry, str) else entry["name"] for entry in sweep["methods"]]
-    whole = len(methods) * len(sweep["tasks"]) * len(sweep["seeds"])
+    sweeps = [load_sweep(ROOT / "configs" / "published" / name) for name in SINGLE_CHANGES]
+    methods = [entry.name for sweep in sweeps for entry in sweep.methods]
+    whole, tasks = sum(len(plan_runs(sweep)) for sweep in sweeps), sweeps[0].tasks
 
     def cell(method: str, task: str, key: str) -> str:
         values = sorted(row[key] for row in rows if (row["method"], row["task"]) == (method, task))
         return (f"{median(values):.1f} ({values[0]:.1f} to {values[-1]:.1f})" if len(values) > 1 else
                 f"{values[0]:.1f}" if values else "")
 
-    head = ["change", *(f"{task}, {name}" for task in sweep["tasks"] for name in ("evaluated", "last ten"))]
-    lines = [[f"`{method}`", *(cell(method, task, key) for task in sweep["tasks"]
+    head = ["change", *(f"{task}, {name}" for task in tasks for name in ("evaluated", "last ten"))]
+    lines = [[f"`{method}`", *(cell(method, task, key) for task in tasks
                                for key in ("tcs_evaluated", "tcs_last10"))] for method in methods]
     return f"{len(rows)} of {whole} runs. {age(rows, 'single_changes.json')}\n\n{table(head, lines)}"
 
@@ -78,6 +80,27 @@ def changes_figure() -> str:
     with mpl.rc_context({"svg.hashsalt": "robosim", "font.size": 9}):
         draw_curves(text, group_curves(read_runs("single_changes.json")[0]), "svg")
     return text.getvalue()
+
+
+def networks_page() -> str:
+    """Scores of the bundled networks on `wide`, beside those of the motion, the script and no motion."""
+    evaluations = json.loads((TRAINED / "networks.json").read_text())["evaluations"]
+    rows, _ = collect_rows([TRAINED / "networks.json"])
+    policies = next(iter(evaluations.values()))["policies"]
+    lines = [[f"`{policy}`", *(cell for one in evaluations.values()
+                               for cell in score_and_success(one["policies"][policy]))] for policy in policies]
+    head = ["policy", *(f"{task}, {name}" for task in evaluations for name in ("score", "success"))]
+    commits = ", ".join(sorted({f"`{one['commit']}`" for one in evaluations.values()}))
+    episodes = {figures["episodes"] for one in evaluations.values() for figures in one["policies"].values()}
+    return f"""{' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}. {age(rows, "networks.json")}
+
+{table(head, lines)}"""
+
+
+def score_and_success(figures: dict) -> tuple[str, str]:
+    """A policy's mean score with its interval, and how many of its episodes succeeded."""
+    low, high = figures["tcs"]["interval"]
+    return f"{figures['tcs']['mean']:.1f} ({low:.1f} to {high:.1f})", f"{figures['is_success']['mean']:.0%}"
 
 
 def release_page() -> str:

@@ -33,5 +33,5 @@ def test_rows_count_as_of_today_where_their_scores_are_found_again(tmp_path: Pat
     code["mpm.solver"] = "0"
     path.write_text(json.dumps(table))
     assert check([path]) == 1
-    assert repeat(path) == 0 and "DIFFERS" not in capsys.readouterr().out
+    assert repeat([path]) == 0 and "DIFFERS" not in capsys.readouterr().out
     assert check([path]) == 0

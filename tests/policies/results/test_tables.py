@@ -12,6 +12,7 @@ from policies.learning.bundled import bundled_names
 from policies.learning.code_digests import exercised_code, source_digest
 from policies.learning.preset_files import ROW_KEYS, load_preset
 from policies.results.curves import group_curves
+from policies.results.replays import read_replays
 from policies.results.rows import preset_digest
 from policies.results.summary import summarise
 from policies.results.tables import check, collect_rows, read_table, repeat, tables
@@ -23,15 +24,14 @@ from robosim.tasks.task import load_task
 def write_run(folder: Path, seed: int, score: float, *, method: str = "dg_sac", task: str = "SpoonPour",
               material: str = "salt", starts: str = "nominal", action_repeat: int = 10,
               demonstrations: dict[str, str] | None = None, n_envs: int = 1, code: dict[str, str] | None = None,
-              commit: str = "c", **changes) -> None:
+              commit: str = "c", command: str = "/home/x/bin/robosim train dg_sac", **changes) -> None:
     """Write the two files of a finished run that tables are made of."""
     folder.mkdir(parents=True)
     preset = load_preset(method).model_copy(update=changes).model_dump()
     (folder / "manifest.json").write_text(json.dumps({
         "method": method, "task": task, "seed": seed, "material": material, "starts": starts,
         "action_repeat": action_repeat, "n_envs": n_envs, "preset": preset, "demonstrations": demonstrations or {},
-        "commit": commit, "task_digest": "t", "field": "f", "code": code,
-        "command": "/home/x/bin/robosim train dg_sac"}))
+        "commit": commit, "task_digest": "t", "field": "f", "code": code, "command": command}))
     (folder / "status.json").write_text(json.dumps({
         "state": "finished", "episodes": 10, "seconds": 20.0, "last": {"return": score, "tcs": score - 2.0},
         "replayed": {"tcs": score}, "evaluated": {"best": {"tcs": score - 1.0}}}))
@@ -252,7 +252,34 @@ def test_a_row_stays_old_where_a_score_differs(tmp_path: Path, capsys: pytest.Ca
                           ({"code": {**now, "mpm.solver": "1"}}, 0)):
         again = None if found is None else {**row, "code": now, **found}
         monkeypatch.setattr("policies.results.replays.run_first_episodes", lambda row, again=again: (again, "no disk"))
-        assert repeat(path) == status
+        path.with_name("replays.json").unlink(missing_ok=True)
+        assert repeat([path]) == status
         is_of_today = found == {}
         assert check([path]) == (0 if is_of_today else 1), found
     assert "DIFFERS" in capsys.readouterr().out
+
+
+def test_replays_are_added_to_those_of_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of another file's rows; what is there is not run again, and what goes wrong later does not lose it."""
+    now, played = exercised_code(), []
+    for name, method in (("a", "dg_sac"), ("b", "sac"), ("c", "td3")):
+        write_run(tmp_path / name, 0, 10.0, method=method, command=f"robosim train {method}",
+                  code={**now, "mpm.solver": "0"})
+        (tmp_path / name / "episodes.csv").write_text("episode,tcs\n0,8.5\n")
+
+    def play(row: dict) -> tuple[dict, str]:
+        played.append(row["method"])
+        if row["method"] == "td3":
+            raise KeyboardInterrupt
+        return {**row, "code": now}, ""
+
+    monkeypatch.setattr("policies.results.replays.run_first_episodes", play)
+    first, second, folder = tmp_path / "first.json", tmp_path / "second.json", tmp_path / "out"
+    for path, runs in ((first, "a"), (second, "bc")):
+        assert tables([tmp_path / name for name in runs], folder) == 0
+        (folder / "tables.json").rename(path)
+    assert repeat([first]) == 0 and check([first]) == 0
+    with pytest.raises(KeyboardInterrupt):
+        repeat([first, second])
+    assert played == ["dg_sac", "sac", "td3"] and check([first]) == 0
+    assert [one["method"] for one in read_replays([second])] == ["dg_sac", "sac"]
