@@ -2,6 +2,10 @@
 
 A row is a result of the code that made it. Most changes of that code move or add something and leave every figure as it
 was. Where a run of the row's kind, begun again, has the scores of its first episodes, the row counts as one of today.
+
+Networks are trained with products whose rounding depends on the processor. So where a score differs, the code of the
+row's own commit runs those episodes, too: what it scores on the same machine tells a change of the code from another
+machine.
 """
 
 import os
@@ -20,14 +24,16 @@ from mpm.progress import Progress
 from policies.learning.code_digests import changed_modules
 from policies.learning.files import digest, read_last_line
 from policies.results.curves import POINT, read_curve
+from policies.results.past_code import past_code
 from policies.results.rows import preset_digest
 
 FILE = "replays.json"
 """Beside the tables.json whose rows it is about."""
 REPLAY: dict[str, Any] = {"kind": str, "task": str, "method": str, "seed": int, "commit": str, "preset": str,
-                          "stored": float, "found": float, "code": str}
+                          "stored": float, "here": float, "found": float, "code": str}
 """Form of a replay. kind: of its run; commit: where it was run again; stored, found: mean score of the first episodes
-in the row, and when they were run again; code: key of the file's table `code`."""
+in the row, and when they were run again; here: that of the row's own commit on the replay's machine, which is run where
+the two differ; code: key of the file's table `code`."""
 POLL = 0.2
 """Time [s] between two looks at a run."""
 OWN = ("--seed", "--out")
@@ -60,8 +66,9 @@ def read_replays(sources: list[Path]) -> list[dict[str, Any]]:
 
 def is_repeated(row: dict[str, Any], replays: list[dict[str, Any]]) -> bool:
     """Return whether today's code has repeated a run of the row's kind, with the row's preset and its scores."""
-    return any(one["kind"] == kind(row) and one["preset"] == row["preset"] and one["stored"] == one["found"]
-               and not changed_modules(one["code"]) for one in replays)
+    return any(one["kind"] == kind(row) and one["preset"] == row["preset"]
+               and one["found"] in (one["stored"], one["here"]) and not changed_modules(one["code"])
+               for one in replays)
 
 
 def replay(rows: list[dict[str, Any]], path: Path) -> int:
@@ -69,7 +76,7 @@ def replay(rows: list[dict[str, Any]], path: Path) -> int:
 
     Kinds that the file has, repeated by the code of today, are not run once more; its replays of changed code are
     dropped. Returns 1 where a score differs or a run cannot be repeated, which is printed; 0 otherwise. Takes about 20
-    s a kind.
+    s a kind, and twice that where a score differs.
     """
     replays = [one for one in read_replays([path]) if not changed_modules(one["code"])]
     first: dict[str, dict[str, Any]] = {}
@@ -86,13 +93,15 @@ def replay(rows: list[dict[str, Any]], path: Path) -> int:
             if again is None:
                 failed = 1
             else:
+                found, stored = again["curve"][0], row["curve"][0]
+                here, text = (stored, "") if found == stored else score_here(row)
                 replays.append({"kind": name, "task": row["task"], "method": row["method"], "seed": row["seed"],
-                                "commit": again["commit"], "preset": again["preset"], "stored": row["curve"][0],
-                                "found": again["curve"][0], "code": again["code"]})
+                                "commit": again["commit"], "preset": again["preset"], "stored": stored, "here": here,
+                                "found": found, "code": again["code"]})
                 write_replays(path.with_name(FILE), replays)
-                is_same = row["curve"][0] == again["curve"][0] and row["preset"] == again["preset"]
+                is_same = found in (stored, here) and row["preset"] == again["preset"]
                 failed |= not is_same
-                text = f"mean score of the first episodes {again['curve'][0]:g}, stored {row['curve'][0]:g}" \
+                text = f"mean score of the first episodes {found:g}, stored {stored:g}{text}" \
                        f"{'' if is_same else ': DIFFERS'}"
         print(f"{title}: {text}")
     return int(failed)
@@ -105,19 +114,34 @@ def write_replays(path: Path, replays: list[dict[str, Any]]) -> None:
                       "replays": [{**one, "code": digest(one["code"])} for one in replays]})
 
 
-def run_first_episodes(row: dict[str, Any]) -> tuple[dict[str, Any] | None, str]:
+def score_here(row: dict[str, Any]) -> tuple[float, str]:
+    """Return what the code of a row's commit scores in its first episodes on this machine, and a text on it.
+
+    The stored score where it cannot be run.
+    """
+    with past_code(row["commit"]) as folder:
+        then, text = (None, "no checkout has it") if folder is None else run_first_episodes(row, folder)
+    if then is None:
+        return row["curve"][0], f" (its commit {row['commit']}: {text})"
+    return then["curve"][0], f", {then['curve'][0]:g} by its commit {row['commit']} on this machine"
+
+
+def run_first_episodes(row: dict[str, Any], root: Path | None = None) -> tuple[dict[str, Any] | None, str]:
     """Begin a run again in a process of its own, and stop it after its first episodes.
 
-    Not with fewer episodes: rates may decay over all of them. Returns commit, preset's digest, code and curve; or None,
-    and why not.
+    Not with fewer episodes: rates may decay over all of them. root: folder with other code than today's. Returns
+    commit, preset's digest, code and curve; or None, and why not.
     """
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    if root is not None:
+        environment["PYTHONPATH"] = str(root)
     with tempfile.TemporaryDirectory(prefix="replay_") as folder:
         out, log = Path(folder) / "run", Path(folder) / "log.txt"
         words = shlex.split(row["command"])[1:]
         words[words.index("--out") + 1] = str(out)
         with log.open("w") as file:
             process = subprocess.Popen([sys.executable, "-m", "robosim", *words], stdout=file, stderr=file,
-                                       env={**os.environ, "OMP_NUM_THREADS": "1"}, start_new_session=True)
+                                       env=environment, cwd=root, start_new_session=True)
             try:
                 while process.poll() is None and count_episodes(out) < POINT:
                     time.sleep(POLL)

@@ -1,6 +1,7 @@
 """Tables of runs: which runs are pooled, what is noted, and the published numbers."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import matplotlib.image
@@ -241,20 +242,29 @@ def test_a_digest_of_code_is_one_of_its_statements() -> None:
 
 def test_a_row_stays_old_where_a_score_differs(tmp_path: Path, capsys: pytest.CaptureFixture,
                                                monkeypatch: pytest.MonkeyPatch) -> None:
-    """Or where the settings do, or where the run cannot be repeated; a replay of changed code is none."""
+    """By today's code and by its own commit; or where the settings do, or where the run cannot be repeated.
+
+    A replay of changed code is none.
+    """
     now = exercised_code()
     write_run(tmp_path / "a", 0, 10.0, code={**now, "mpm.solver": "0"})
     (tmp_path / "a" / "episodes.csv").write_text("episode,tcs\n0,8.5\n")
     assert tables([tmp_path / "a"], tmp_path / "out") == 0
     path = tmp_path / "out" / "tables.json"
     (row,) = read_table(path)
-    for found, status in (({}, 0), ({"curve": [8.51]}, 1), ({"preset": "p"}, 1), (None, 1),
-                          ({"code": {**now, "mpm.solver": "1"}}, 0)):
+    monkeypatch.setattr("policies.results.replays.past_code", lambda commit: nullcontext(tmp_path))
+    other = {"curve": [8.51]}
+    for found, then, status in (({}, 8.5, 0), (other, 8.5, 1), (other, 8.51, 0), ({"preset": "p"}, 8.5, 1),
+                                (None, 8.5, 1), ({"code": {**now, "mpm.solver": "1"}}, 8.5, 0)):
         again = None if found is None else {**row, "code": now, **found}
-        monkeypatch.setattr("policies.results.replays.run_first_episodes", lambda row, again=again: (again, "no disk"))
+
+        def play(row: dict, root: Path | None = None, again: dict | None = again, then: float = then) -> tuple:
+            return (again, "no disk") if root is None else ({"curve": [then]}, "")
+
+        monkeypatch.setattr("policies.results.replays.run_first_episodes", play)
         path.with_name("replays.json").unlink(missing_ok=True)
         assert repeat([path]) == status
-        is_of_today = found == {}
+        is_of_today = status == 0 and "code" not in (found or {})
         assert check([path]) == (0 if is_of_today else 1), found
     assert "DIFFERS" in capsys.readouterr().out
 
