@@ -18,6 +18,8 @@ from policies.results.tables import collect_rows
 from policies.runs.sweep_file import load_sweep, plan_runs
 
 TRAINED = ROOT / "policies" / "trained"
+NETWORKS = ROOT / "docs" / "results" / "data" / "networks"
+"""What `robosim evaluate` wrote on each network; the rows of the episodes are beside, as .csv."""
 SINGLE_CHANGES = ("single_changes.yaml", "thousand_decisions.yaml")
 METHODS = ("demo", "bc", "dg_sac_utd4", "residual", "dg_sac_literal", "sac", "td3", "ddpg", "ppo", "gail")
 
@@ -84,14 +86,15 @@ def changes_figure() -> str:
 
 def networks_page() -> str:
     """Scores of the bundled networks on `wide`, beside those of the motion, the script and no motion."""
-    evaluations = json.loads((TRAINED / "networks.json").read_text())["evaluations"]
     rows, _ = collect_rows([TRAINED / "networks.json"])
-    policies = next(iter(evaluations.values()))["policies"]
-    lines = [[f"`{policy}`", *(cell for one in evaluations.values()
-                               for cell in score_and_success(one["policies"][policy]))] for policy in policies]
-    head = ["policy", *(f"{task}, {name}" for task in evaluations for name in ("score", "success"))]
-    commits = ", ".join(sorted({f"`{one['commit']}`" for one in evaluations.values()}))
-    episodes = {figures["episodes"] for one in evaluations.values() for figures in one["policies"].values()}
+    evaluations = [json.loads(path.read_text()) for path in sorted(NETWORKS.glob("*.json"))]
+    columns = [{"network" if name == one["policy"] else name: figures for name, figures in one["policies"].items()}
+               for one in evaluations]
+    lines = [[f"`{policy}`", *(cell for column in columns for cell in score_and_success(column[policy]))]
+             for policy in columns[0]]
+    head = ["policy", *(f"{one['task']}, {name}" for one in evaluations for name in ("score", "success"))]
+    commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in evaluations}))
+    episodes = {figures["episodes"] for one in evaluations for figures in one["policies"].values()}
     return f"""{' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}. {age(rows, "networks.json")}
 
 {table(head, lines)}"""
