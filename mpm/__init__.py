@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mpm.geometry.shell import Shell
     from mpm.materials.drucker_prager import DruckerPrager
     from mpm.materials.elasticity import Elastic
+    from mpm.materials.mu_i_rheology import MuIRheology
     from mpm.materials.newtonian_fluid import NewtonianFluid
     from mpm.materials.von_mises import VonMises
     from mpm.observers.diagnostics import Diagnostics
@@ -75,6 +76,7 @@ __all__ = [
     "MoreThreadsThanCores",
     "MpmError",
     "MpmWarning",
+    "MuIRheology",
     "NarrowPassage",
     "NewtonianFluid",
     "OverlappingBodies",
@@ -115,6 +117,7 @@ MODULES = {
     "mpm.geometry.shell": ("Shell",),
     "mpm.materials.drucker_prager": ("DruckerPrager",),
     "mpm.materials.elasticity": ("Elastic",),
+    "mpm.materials.mu_i_rheology": ("MuIRheology",),
     "mpm.materials.newtonian_fluid": ("NewtonianFluid",),
     "mpm.materials.von_mises": ("VonMises",),
     "mpm.observers.diagnostics": ("Diagnostics",),

@@ -74,7 +74,7 @@ def recompute(P: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: 
             write_list(T.v, q, v)
             write_list(T.h, q, h)
             if ti.static(law.plastic):
-                mapped, _expansion = law.return_mapping(h, read_expansion(P, law, q), p)
+                mapped, _expansion = law.return_mapping(h, read_expansion(P, law, q), p, dt)
                 write_list(T.mapped, q, mapped)
                 write_list(T.tau, q, law.stress(mapped, p))
             else:
@@ -108,7 +108,7 @@ def stress_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.te
             C_bar[i] += rate
         return C_bar, p_bar
     else:
-        trial_bar, p_bar = trial_back(P, B, T, law, q, p, tau_bar)
+        trial_bar, p_bar = trial_back(P, B, T, law, q, dt, p, tau_bar)
         e_bar, a_bar = advance_back([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)],
                                     trial_bar)
         write_list(B.e, q, e_bar)
@@ -126,7 +126,7 @@ def advance_back(e: ti.template(), a: ti.template(), bar: ti.template()):
 
 
 @ti.func
-def trial_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.template(), q, p: ti.template(),
+def trial_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.template(), q, dt, p: ti.template(),
                tau_bar: ti.template()):
     """Return the adjoints of the trial state (six) and of the law's parameters."""
     e_bar = read_list(B.e, q)
@@ -142,8 +142,8 @@ def trial_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.tem
         from_stress, elastic_bar = law.stress_back(mapped, p, tau_bar)
         from_state = exponential_back(mapped, v, e_bar)  # an isotropic law keeps the axes
         h_bar, expansion_bar, p_bar = law.return_mapping_back(
-            read_list(T.h, q), read_expansion(P, law, q), p, [once(from_stress[i] + from_state[i]) for i in range(6)],
-            read_expansion(B, law, q), T.soft)
+            read_list(T.h, q), read_expansion(P, law, q), p, dt,
+            [once(from_stress[i] + from_state[i]) for i in range(6)], read_expansion(B, law, q), T.soft)
         if ti.static(law.has_volume_correction):
             B.vc[q] = expansion_bar
         for i in ti.static(range(2)):

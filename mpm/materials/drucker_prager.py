@@ -3,15 +3,13 @@
 import math
 from dataclasses import dataclass
 
-from mpm.backend import once, ti
+from mpm.backend import ti
 from mpm.errors import InvalidValue, UnknownName
 from mpm.materials.elasticity import Hencky
 from mpm.materials.material import check_range
-from mpm.materials.yield_surface import TINY, yielding_share
+from mpm.materials.yield_surface import map_onto_cone, map_onto_cone_back
 
 CONES = ("compression", "plane_strain")
-MAX_VOLUME_CORRECTION = 0.5
-"""Largest logarithmic expansion that a particle remembers, to recover it when it is compressed again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,10 +42,7 @@ class DruckerPrager(Hencky):
     @property
     def alpha(self) -> float:
         """Slope of the cone: |dev tau| = 3 alpha p on the yield surface."""
-        sine = math.sin(math.radians(self.friction_angle_deg))
-        if self.cone == "plane_strain":
-            return math.sqrt(2.0) / 3.0 * sine
-        return math.sqrt(2.0 / 3.0) * 2.0 * sine / (3.0 - sine)
+        return cone_slope(self.friction_angle_deg, self.cone)
 
     @property
     def parameters(self) -> tuple[float, ...]:
@@ -61,46 +56,21 @@ class DruckerPrager(Hencky):
 
     @staticmethod
     @ti.func
-    def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template()):
+    def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template(), dt):
         """Return (h, vc): scale the deviator onto the cone at constant volume, or drop it at the apex."""
-        trace = h[0] + h[1] + h[2] + vc
-        mean = (h[0] + h[1] + h[2]) / 3.0
-        d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean)]
-        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-                       + 2.0 * (h[3] * h[3] + h[4] * h[4] + h[5] * h[5]) + TINY)
-        allowed = ti.max(p[2] * (p[3] - trace), 0.0)
-        scale = ti.min(allowed / norm, 1.0)
-        kept = ti.min(trace, p[3])
-        third = kept / 3.0
-        expansion = ti.min(trace - kept, MAX_VOLUME_CORRECTION)
-        return [once(third + scale * d[0]), once(third + scale * d[1]), once(third + scale * d[2]),
-                once(scale * h[3]), once(scale * h[4]), once(scale * h[5])], expansion
+        return map_onto_cone(h, vc, p, dt, False)
 
     @staticmethod
     @ti.func
-    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar,
+    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt, bar: ti.template(), vc_bar,
                             soft: ti.template()):
         """Return the adjoints of h, vc and p, from those of the mapped h and vc; soft: see `yielding_share`."""
-        trace = h[0] + h[1] + h[2] + vc
-        mean = (h[0] + h[1] + h[2]) / 3.0
-        d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean), h[3], h[4], h[5]]
-        norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-                       + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
-        zero = 0.0 * trace
-        allowed = ti.max(p[2] * (p[3] - trace), 0.0)
-        yields, whole = allowed < norm, trace < p[3]
-        share = yielding_share(norm, allowed, soft)
-        scale = ti.select(yields, allowed / norm, zero + 1.0)
-        along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
-        allowed_bar = share * along / norm
-        held = ti.select(p[2] * (p[3] - trace) > 0.0, allowed_bar, zero)
-        kept_bar = (bar[0] + bar[1] + bar[2]) / 3.0
-        free = ti.select(trace - ti.min(trace, p[3]) < MAX_VOLUME_CORRECTION, vc_bar, zero)
-        # the expansion is trace - kept: nothing of it where all is kept
-        trace_bar = ti.select(whole, kept_bar, free) - p[2] * held
-        turn = allowed_bar * scale / norm
-        shape = [once(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
-        average = (shape[0] + shape[1] + shape[2]) / 3.0
-        state = [once(shape[i] + (trace_bar - average if ti.static(i < 3) else 0.0)) for i in range(6)]
-        apex_bar = ti.select(whole, zero, kept_bar - free) + p[2] * held
-        return state, trace_bar, [zero, zero, (p[3] - trace) * held, apex_bar]
+        return map_onto_cone_back(h, vc, p, dt, bar, vc_bar, soft, False)
+
+
+def cone_slope(angle_deg: float, cone: str) -> float:
+    """Return the slope of a cone for a friction angle [deg]: |dev tau| = 3 slope p on the yield surface."""
+    sine = math.sin(math.radians(angle_deg))
+    if cone == "plane_strain":
+        return math.sqrt(2.0) / 3.0 * sine
+    return math.sqrt(2.0 / 3.0) * 2.0 * sine / (3.0 - sine)

@@ -39,12 +39,12 @@ class Material(Protocol):
 
     stress(state, p) -> Kirchhoff stress [Pa], six entries. With the state "volume" it is stress(j, C, p), with C the
         velocity gradient [1/s], nine entries row by row.
-    return_mapping(h, vc, p) -> (h, vc) after plastic flow, from those of the elastic trial state; vc is the logarithmic
-        expansion that the law remembers, 0 for a law without volume correction.
+    return_mapping(h, vc, p, dt) -> (h, vc) after the plastic flow of dt [s], from those of the elastic trial state; vc
+        is the logarithmic expansion that the law remembers, 0 for a law without volume correction.
     energy_density(stretches) -> elastic energy [J/m^3] (n,) at principal stretches (n, 3), for NumPy arrays; not
         for the state "volume".
-    stress_back(state, p, tau_bar) -> (state_bar, p_bar), and return_mapping_back(h, vc, p, h_bar, vc_bar, soft) ->
-        (h_bar, vc_bar, p_bar): the adjoints, which only differentiable rollouts need.
+    stress_back(state, p, tau_bar) -> (state_bar, p_bar), and return_mapping_back(h, vc, p, dt, h_bar, vc_bar, soft)
+        -> (h_bar, vc_bar, p_bar): the adjoints, which only differentiable rollouts need.
     """
 
     @property

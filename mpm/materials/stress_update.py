@@ -61,7 +61,7 @@ def update_plastic_stress(fields: ti.template(), P: ti.template(), law: ti.templ
     remembered = C[0] * 0.0
     if ti.static(law.has_volume_correction):
         remembered = P.vc[q]
-    h, expansion = law.return_mapping(fields.logarithm(advance_elastically(P, q, dt, C)), remembered, p)
+    h, expansion = law.return_mapping(fields.logarithm(advance_elastically(P, q, dt, C)), remembered, p, dt)
     if ti.static(law.has_volume_correction):
         P.vc[q] = expansion
     back = fields.exponential(h)

@@ -32,7 +32,7 @@ class VonMises(Hencky):
 
     @staticmethod
     @ti.func
-    def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template()):
+    def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template(), dt):  # noqa: ARG004  (of the protocol)
         """Return (h, vc): scale the deviator back onto the cylinder."""
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean)]
@@ -44,8 +44,8 @@ class VonMises(Hencky):
 
     @staticmethod
     @ti.func
-    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), bar: ti.template(), vc_bar,
-                            soft: ti.template()):
+    def return_mapping_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt,  # noqa: ARG004
+                            bar: ti.template(), vc_bar, soft: ti.template()):
         """Return the adjoints of h, vc and p, from those of the mapped h and vc; soft: see `yielding_share`."""
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean), h[3], h[4], h[5]]

@@ -1,9 +1,23 @@
-"""The yield condition that return mappings share."""
+"""Yield surfaces: the condition that return mappings share, and the cone of Drucker and Prager, of Hencky strain.
 
-from mpm.backend import ti
+A deviator whose norm N exceeds what the cone allows, a, flows: its norm comes back to a. Where friction grows with the
+rate of shear, by the mu(I) law of Jop et al. (2006), the norm n that stays is, with x = N - n the plastic strain of the
+substep and a what the cone allows at rest,
+
+    n = a (1 + (R - 1) x / (x + c)),    c = dt kappa sqrt(apex - trace),
+
+where R is the friction at infinite rate relative to that at rest, and x / c the inertial number over its constant I0.
+It is quadratic in x (as in Dunatunga and Kamrin 2015, J. Fluid Mech. 779:483, for a shear stress).
+"""
+
+from mpm.backend import once, ti
 
 TINY = 1e-30
 """Guards 0/0 where a deviator vanishes; below the square of any strain that single precision can hold."""
+MAX_VOLUME_CORRECTION = 0.5
+"""Largest logarithmic expansion that a particle remembers, to recover it when it is compressed again."""
+SLOPE, APEX, RATIO, KAPPA = 2, 3, 4, 5
+"""Places of the cone's numbers among a law's: strain slope, volumetric strain of the apex, R and kappa [1/s]."""
 
 
 @ti.func
@@ -18,3 +32,85 @@ def yielding_share(norm, allowed, soft: ti.template()):
         return 1.0 / (1.0 + ti.exp(-ti.min(ti.max(beyond, -30.0), 30.0)))
     else:
         return ti.select(allowed < norm, 0.0 * norm + 1.0, 0.0 * norm)
+
+
+@ti.func
+def map_onto_cone(h: ti.template(), vc: ti.template(), p: ti.template(), dt, has_rate: ti.template()):
+    """Return (h, vc): scale the deviator onto the cone at constant volume, or drop it at the apex."""
+    trace = h[0] + h[1] + h[2] + vc
+    mean = (h[0] + h[1] + h[2]) / 3.0
+    d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean)]
+    norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+                   + 2.0 * (h[3] * h[3] + h[4] * h[4] + h[5] * h[5]) + TINY)
+    allowed = ti.max(p[SLOPE] * (p[APEX] - trace), 0.0)
+    scale = 0.0 * norm
+    if ti.static(has_rate):
+        c, _slope = rate_scale(trace, p, dt)
+        scale = ti.select(allowed < norm, 1.0 - plastic_strain(norm, allowed, c, p[RATIO])[0] / norm, 0.0 * norm + 1.0)
+    else:
+        scale = ti.min(allowed / norm, 1.0)
+    kept = ti.min(trace, p[APEX])
+    third = kept / 3.0
+    expansion = ti.min(trace - kept, MAX_VOLUME_CORRECTION)
+    return [once(third + scale * d[0]), once(third + scale * d[1]), once(third + scale * d[2]),
+            once(scale * h[3]), once(scale * h[4]), once(scale * h[5])], expansion
+
+
+@ti.func
+def rate_scale(trace, p: ti.template(), dt):
+    """Return c of a substep, and its derivative by the volumetric strain that presses, apex - trace."""
+    root = ti.sqrt(ti.max(p[APEX] - trace, 0.0) + TINY)
+    return dt * p[KAPPA] * root, 0.5 * dt * p[KAPPA] / root
+
+
+@ti.func
+def plastic_strain(norm, allowed, c, ratio):
+    """Return x of a deviator that flows, and the root of the discriminant of its equation."""
+    b = c + ratio * allowed - norm
+    excess = ti.max(norm - allowed, 0.0)
+    root = ti.sqrt(b * b + 4.0 * c * excess + TINY)
+    # the same root of the quadratic twice; each form cancels where the other does not
+    return ti.select(b > 0.0, 2.0 * c * excess / (ti.abs(b) + root), 0.5 * (root - b)), root
+
+
+@ti.func
+def map_onto_cone_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt, bar: ti.template(), vc_bar,
+                       soft: ti.template(), has_rate: ti.template()):
+    """Return the adjoints of h, vc and p, from those of the mapped h and vc; soft: see `yielding_share`."""
+    trace = h[0] + h[1] + h[2] + vc
+    mean = (h[0] + h[1] + h[2]) / 3.0
+    d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean), h[3], h[4], h[5]]
+    norm = ti.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+                   + 2.0 * (d[3] * d[3] + d[4] * d[4] + d[5] * d[5]) + TINY)
+    zero = 0.0 * trace
+    allowed = ti.max(p[SLOPE] * (p[APEX] - trace), 0.0)
+    yields, whole = allowed < norm, trace < p[APEX]
+    share = yielding_share(norm, allowed, soft)
+    along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
+    left_bar = share * along / norm  # of the norm that stays
+    scale = 0.0 * trace
+    allowed_bar, norm_bar, c_bar, ratio_bar, press_bar, kappa_bar = left_bar, zero, zero, zero, zero, zero
+    if ti.static(has_rate):
+        c, slope = rate_scale(trace, p, dt)
+        x, root = plastic_strain(norm, allowed, c, p[RATIO])
+        scale = ti.select(yields, 1.0 - x / norm, zero + 1.0)
+        allowed_bar = left_bar * (p[RATIO] * x + c) / root
+        norm_bar = left_bar * (1.0 - (x + c) / root)
+        c_bar = left_bar * (x - (norm - allowed)) / root
+        ratio_bar = left_bar * x * allowed / root
+        press_bar = ti.select(whole, c_bar * slope, zero)
+        kappa_bar = c_bar * c / p[KAPPA]
+    else:
+        scale = ti.select(yields, allowed / norm, zero + 1.0)
+    held = ti.select(p[SLOPE] * (p[APEX] - trace) > 0.0, allowed_bar, zero)
+    kept_bar = (bar[0] + bar[1] + bar[2]) / 3.0
+    free = ti.select(trace - ti.min(trace, p[APEX]) < MAX_VOLUME_CORRECTION, vc_bar, zero)
+    # the expansion is trace - kept: nothing of it where all is kept
+    trace_bar = ti.select(whole, kept_bar, free) - p[SLOPE] * held - press_bar
+    turn = (left_bar * scale - norm_bar) / norm
+    shape = [once(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
+    average = (shape[0] + shape[1] + shape[2]) / 3.0
+    state = [once(shape[i] + (trace_bar - average if ti.static(i < 3) else 0.0)) for i in range(6)]
+    apex_bar = ti.select(whole, zero, kept_bar - free) + p[SLOPE] * held + press_bar
+    p_bar = [zero, zero, (p[APEX] - trace) * held, apex_bar, ratio_bar, kappa_bar]
+    return state, trace_bar, ti.static(p_bar if has_rate else p_bar[:RATIO])

@@ -15,6 +15,8 @@ LAWS = {
     "von_mises": mpm.VonMises(E=1e5, nu=0.3, density=1000.0, yield_stress=4e3),
     "sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0),
     "cohesive_sand": mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0, cohesion=2e3),
+    "mu_i": mpm.MuIRheology(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=20.0, limit_angle_deg=35.0, cohesion=2e3,
+                            grain_diameter=1e-3, grain_density=2500.0),
     "fluid": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0),
 }
 

@@ -18,7 +18,7 @@ class Element:
         logarithm, exponential = INTEGRATORS[integrator]
 
         @ti.kernel
-        def update(e: ti.types.ndarray(), vc: real, p: ti.types.ndarray(), out: ti.types.ndarray()):
+        def update(e: ti.types.ndarray(), vc: real, p: ti.types.ndarray(), dt: real, out: ti.types.ndarray()):
             for _ in range(1):
                 if ti.static(material.state == "cauchy_green"):
                     tau = material.stress([e[i] for i in range(6)], [p[i] for i in range(8)])
@@ -28,7 +28,7 @@ class Element:
                 else:
                     trial = logarithm([e[i] for i in range(6)])
                     if ti.static(material.plastic):
-                        h, expansion = material.return_mapping(trial, vc, [p[i] for i in range(8)])
+                        h, expansion = material.return_mapping(trial, vc, [p[i] for i in range(8)], dt)
                         back = exponential(h)
                         tau = material.stress(h, [p[i] for i in range(8)])
                         for i in ti.static(range(6)):
@@ -44,13 +44,13 @@ class Element:
         self._update = update
         self.b, self.vc, self.tau = np.eye(3), 0.0, np.zeros((3, 3))
 
-    def apply(self, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def apply(self, F: np.ndarray, dt: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
         """Singular values of the elastic F afterwards (3,) and eigenvalues of tau [Pa] (3,), both descending."""
         b = F @ self.b @ F.T
         e = (b - np.eye(3))[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].astype(self.dtype)
         out = np.zeros((4, 6), self.dtype)
         with default_precision(self.precision):
-            self._update(e, self.vc, self.parameters, out)
+            self._update(e, self.vc, self.parameters, dt, out)
         self.b, self.vc = np.eye(3) + symmetric(out[1]), float(out[3, 0])
         self.tau = symmetric(out[2])
         return np.sqrt(np.linalg.eigvalsh(self.b))[::-1], np.linalg.eigvalsh(self.tau)[::-1]
