@@ -67,6 +67,7 @@ FILES = {
     "move": File(load_task, TaskConfig, full("tasks/ShovelMove.yaml", TaskConfig)),
     "arm": File(load_arm, ArmConfig, load(ARM, ArmConfig).model_dump(mode="json")),
     "granular": File(load_material, SCHEMAS["material.granular"], table("materials/salt.yaml")),
+    "mu_i": File(load_material, SCHEMAS["material.mu_i"], table("materials/glass_beads.yaml")),
     "fluid": File(load_material, SCHEMAS["material.fluid"], table("materials/water.yaml")),
     "clay": File(load_material, SCHEMAS["material.clay"], table("materials/clay.yaml")),
     "learner": File(load_preset, Preset, full("training/residual.yaml", Preset)),

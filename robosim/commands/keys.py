@@ -16,6 +16,7 @@ KINDS = {
     "arm": "robosim.config.arm:ArmConfig",
     "gripper": "robosim.config.arm:GripperConfig", "tool": "robosim.config.tool:ToolConfig",
     "material.granular": "robosim.config.materials:GranularConfig",
+    "material.mu_i": "robosim.config.materials:MuIConfig",
     "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",
 }
 """Kind of file -> module and class of its schema."""

@@ -12,7 +12,7 @@ from robosim.errors import ConfigError, UnknownName
 
 __all__ = ["MaterialConfig", "law_of", "load_material", "overridden"]
 
-Law = mpm.DruckerPrager | mpm.NewtonianFluid | mpm.VonMises
+Law = mpm.DruckerPrager | mpm.MuIRheology | mpm.NewtonianFluid | mpm.VonMises
 
 
 class MaterialConfig(Table):
@@ -27,7 +27,8 @@ class MaterialConfig(Table):
 
     UNITS: ClassVar[dict[str, str]] = {
         "density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa", "bulk_modulus": "Pa",
-        "viscosity": "Pa s", "yield_stress": "Pa",
+        "viscosity": "Pa s", "yield_stress": "Pa", "limit_angle": "deg", "grain_diameter": "m",
+        "grain_density": "kg/m^3", "inertial_number": "1",
     }
 
     @pydantic.model_validator(mode="after")
@@ -58,6 +59,29 @@ class GranularConfig(MaterialConfig):
     """Cohesion [Pa]."""
 
 
+class MuIConfig(GranularConfig):
+    """Grains whose friction grows with the rate of shear: the mu(I) rheology."""
+
+    law: Literal["mu_i"]  # type: ignore[assignment]  # the base's law is another one
+    """mu(I) rheology."""
+    limit_angle: Annotated[Quantity, Within(0.0, 89.0)]  # as the friction angle
+    """Friction angle at infinite rate [deg], not below `friction_angle`."""
+    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)]  # the finest powder to coarse gravel
+    """Diameter of a grain [m]."""
+    grain_density: Annotated[Quantity, Within(1.0, 25_000.0)]  # aerogel to osmium
+    """Density of a grain itself [kg/m^3]."""
+    inertial_number: Annotated[Quantity, Within(1e-3, 1e3)]  # published ones are 0.1 to 1
+    """Inertial number at which friction is half way."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_angles(self) -> "MuIConfig":
+        low, high = self.friction_angle.value, self.limit_angle.value
+        if not 0.0 < low <= high:
+            raise ValueError(f"friction_angle = {low:g} deg, limit_angle = {high:g} deg; accepted: 0 < friction_angle "
+                             f"<= limit_angle")
+        return self
+
+
 class FluidConfig(MaterialConfig):
     """A Newtonian fluid."""
 
@@ -82,7 +106,8 @@ class ClayConfig(MaterialConfig):
     """Yield stress of von Mises [Pa]."""
 
 
-KINDS: dict[str, type[MaterialConfig]] = {"granular": GranularConfig, "fluid": FluidConfig, "clay": ClayConfig}
+KINDS: dict[str, type[MaterialConfig]] = {"granular": GranularConfig, "mu_i": MuIConfig, "fluid": FluidConfig,
+                                          "clay": ClayConfig}
 
 
 def load_material(name: str) -> MaterialConfig:
@@ -97,7 +122,7 @@ def load_material(name: str) -> MaterialConfig:
 
 def number_names(config: MaterialConfig) -> dict[str, str]:
     """Name of each number of a material, angles with their unit (`friction_angle_deg`) -> its key in the file."""
-    return {"friction_angle_deg" if name == "friction_angle" else name: name for name in config.numbers()}
+    return {f"{name}_deg" if config.UNITS[name] == "deg" else name: name for name in config.numbers()}
 
 
 def overridden(config: MaterialConfig, numbers: dict[str, float],
@@ -120,9 +145,9 @@ def overridden(config: MaterialConfig, numbers: dict[str, float],
 
 def law_of(config: MaterialConfig) -> Law:
     """The law of a material."""
-    values = {name: getattr(config, name).value for name in config.numbers()}
+    values = {name: getattr(config, key).value for name, key in number_names(config).items()}
     if isinstance(config, FluidConfig):
         return mpm.NewtonianFluid(**values)
     if isinstance(config, ClayConfig):
         return mpm.VonMises(**values)
-    return mpm.DruckerPrager(friction_angle_deg=values.pop("friction_angle"), **values)
+    return (mpm.MuIRheology if isinstance(config, MuIConfig) else mpm.DruckerPrager)(**values)

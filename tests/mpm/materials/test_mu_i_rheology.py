@@ -14,7 +14,7 @@ STATIC, LIMIT = (mpm.DruckerPrager(E=1e6, nu=0.3, density=1500.0, friction_angle
 
 
 def shear(material: mpm.DruckerPrager, rate: float, dt: float, until: float = 0.1) -> tuple[float, float]:
-    """Shear a point, pressed by 1.5 %, at a rate [1/s] and constant volume; return its pressure and shear stress [Pa]."""
+    """Shear a point, pressed by 1.5 %, at a rate [1/s] and constant volume; return its pressure and shear stress."""
     element = Element(material)
     element.apply(0.995 * np.eye(3), dt)
     step = np.eye(3)

@@ -224,7 +224,7 @@ def test_a_file_that_is_not_there_is_said_to(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_unknown_names_list_the_valid_ones() -> None:
-    with pytest.raises(UnknownName, match="valid: clay, flour, glycerol, paper, salt, sand, sugar, water"):
+    with pytest.raises(UnknownName, match="valid: clay, flour, glass_beads, glycerol, paper, salt, sand, sugar, water"):
         load_material("pepper")
     with pytest.raises(mpm.UnknownName, match="valid: f32, f64"):
         mpm.Solver(grid=mpm.Grid((0, 0, 0), (1, 1, 1), 0.1), bodies=[], precision="f16")

@@ -26,6 +26,7 @@ from robosim.verification.cases.coupling import (
 )
 from robosim.verification.cases.fluid import dam_break, hydrostatic, lock_gate
 from robosim.verification.cases.granular import (
+    chute_flow,
     column_collapse,
     element_path,
     heap,
@@ -179,6 +180,12 @@ def test_slope_above_the_threshold() -> None:
     readings = records[2].readings
     assert abs(readings["acceleration"] - readings["predicted"]) < \
         abs(readings["acceleration"] - readings["by_angle"])
+
+
+def test_flow_down_a_chute_has_the_profile_of_mu_of_i() -> None:
+    """At two slopes, from half of its speed on."""
+    records = [chute_flow.measure(**choices) for choices in chute_flow.SWEEP]
+    assert all(claim.evaluate(records).verdict == "pass" for claim in chute_flow.CLAIMS), records
 
 
 @pytest.mark.parametrize("courant", [0.55, pytest.param(0.1, marks=pytest.mark.slow)])
