@@ -7,7 +7,7 @@ from typing import Any
 MPM_GROUPS = {
     "Session": ["init"],
     "Scene": ["Grid", "Walls", "Body", "Collider", "sample_box", "sample_cylinder", "sample_mesh"],
-    "Materials": ["DruckerPrager", "VonMises", "NewtonianFluid", "Elastic"],
+    "Materials": ["DruckerPrager", "MuIRheology", "VonMises", "NewtonianFluid", "Elastic"],
     "Shapes": ["Sdf", "Shell", "Region"],
     "Solver": ["Solver", "Batch", "Features"],
     "Gradients": ["Rollout"],

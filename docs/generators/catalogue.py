@@ -12,7 +12,9 @@ from robosim.tasks.task import load_task
 CONFIGS = ROOT / "configs"
 SYMBOLS = {"density": "density [kg/m^3]", "E": "E [Pa]", "nu": "nu", "friction_angle": "friction angle [deg]",
            "cohesion": "cohesion [Pa]", "bulk_modulus": "bulk modulus [Pa]", "viscosity": "viscosity [Pa s]",
-           "yield_stress": "yield stress [Pa]"}
+           "yield_stress": "yield stress [Pa]", "limit_angle": "friction angle at infinite rate [deg]",
+           "grain_diameter": "grain diameter [m]", "grain_density": "grain density [kg/m^3]",
+           "inertial_number": "inertial number"}
 
 
 def read(folder: str) -> dict[str, dict[str, Any]]:
@@ -24,7 +26,8 @@ def materials() -> str:
     """Every material with its numbers and their sources."""
     parts = []
     for name, data in read("materials").items():
-        rows = [[SYMBOLS[key], f"{data[key]['value']:g}", data[key]["source"]] for key in SYMBOLS if key in data]
+        rows = [[SYMBOLS[key], f"{number['value']:g}", number["source"]] for key, number in data.items()
+                if isinstance(number, dict)]
         text = data["description"]
         parts.append(f"### {name}\n\n{text[:1].upper()}{text[1:]}. Law: {data['law']}.\n\n"
                      + table(["number", "value", "source"], rows))

@@ -32,12 +32,13 @@ class DruckerPrager(Hencky):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("DruckerPrager", "friction_angle_deg", self.friction_angle_deg, 0.0, 90.0)
-        check_range("DruckerPrager", "cohesion [Pa]", self.cohesion, 0.0, math.inf)
+        name = type(self).__name__
+        check_range(name, "friction_angle_deg", self.friction_angle_deg, 0.0, 90.0)
+        check_range(name, "cohesion [Pa]", self.cohesion, 0.0, math.inf)
         if self.cone not in CONES:
             raise UnknownName("cone", self.cone, CONES)
         if self.cohesion > 0 and self.friction_angle_deg == 0:
-            raise InvalidValue("DruckerPrager: cohesion needs a friction angle above 0; use VonMises for phi = 0")
+            raise InvalidValue(f"{name}: cohesion needs a friction angle above 0; use VonMises for phi = 0")
 
     @property
     def alpha(self) -> float:

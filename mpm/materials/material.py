@@ -1,12 +1,15 @@
 """The protocol of a material law: what a law must offer to the field."""
 
 import math
+from inspect import signature
 from typing import Any, Protocol
 
 from mpm.errors import InvalidValue
 
 PARAMETERS = 8
 """The most numbers that a law may hand to the kernels."""
+MAPPED = ("h", "vc", "p", "dt")
+"""What a return mapping is given."""
 STATES = ("hencky", "cauchy_green", "volume")
 """What a particle may remember, see `Material.state`."""
 
@@ -99,6 +102,9 @@ def check_material(law: Any) -> None:
     if missing:
         raise InvalidValue(f"Body: material {name} has no {', '.join(missing)}; accepted: a law as mpm.materials."
                            f"material.Material describes it")
+    if law.plastic and len(signature(law.return_mapping).parameters) != len(MAPPED):
+        raise InvalidValue(f"Body: material {name} has return_mapping{signature(law.return_mapping)}; accepted: "
+                           f"return_mapping({', '.join(MAPPED)})")
     if law.state not in STATES or (law.plastic and law.state != "hencky"):
         raise InvalidValue(f"Body: material {name} has the state {law.state!r}, plastic = {law.plastic}; accepted: "
                            f"{', '.join(STATES)}, and \"hencky\" for a plastic law")

@@ -12,15 +12,16 @@ from mpm.materials.yield_surface import map_onto_cone, map_onto_cone_back
 
 @dataclass(frozen=True, kw_only=True)
 class MuIRheology(DruckerPrager):
-    """Sand with mu(I) friction: mu = mu_s + (mu_2 - mu_s) / (1 + I0 / I) (Jop, Forterre and Pouliquen 2006, Nature
+    """Sand with mu(I) friction: m = m_s + (m_2 - m_s) / (1 + I0 / I) (Jop, Forterre and Pouliquen 2006, Nature
     441:727), I = rate of shear x grain diameter / sqrt(pressure / density of a grain).
 
-    As `DruckerPrager` at rest; mu is the slope of the cone, whose angle is `friction_angle_deg` at rest. Raises
+    m is the ratio of shear stress to pressure that the cone carries in simple shear: of `friction_angle_deg` at rest,
+    of `limit_angle_deg` at infinite rate. At rest it is `DruckerPrager`; cohesion does not grow with the rate. Raises
     InvalidValue for numbers out of range, UnknownName for another cone.
     """
 
     limit_angle_deg: float
-    """Friction angle [deg] at infinite rate, above `friction_angle_deg`, below 90."""
+    """Friction angle [deg] at infinite rate, not below `friction_angle_deg`, below 90."""
     grain_diameter: float
     """[m]"""
     grain_density: float
@@ -40,7 +41,7 @@ class MuIRheology(DruckerPrager):
     def parameters(self) -> tuple[float, ...]:
         """Those of `DruckerPrager`, and R and kappa [1/s] of `yield_surface`."""
         ratio = cone_slope(self.limit_angle_deg, self.cone) / self.alpha
-        # |dev h| of the substep is rate x dt / sqrt(2); the pressure is bulk modulus x (apex - trace)
+        # |dev h| of the substep is rate x dt / sqrt(2); the pressure is bulk modulus x -trace
         bulk = self.lam + 2.0 / 3.0 * self.mu
         kappa = math.sqrt(bulk / self.grain_density) * self.inertial_number / (math.sqrt(2.0) * self.grain_diameter)
         return (*super().parameters, ratio, kappa)

@@ -4,9 +4,10 @@ A deviator whose norm N exceeds what the cone allows, a, flows: its norm comes b
 rate of shear, by the mu(I) law of Jop et al. (2006), the norm n that stays is, with x = N - n the plastic strain of the
 substep and a what the cone allows at rest,
 
-    n = a (1 + (R - 1) x / (x + c)),    c = dt kappa sqrt(apex - trace),
+    n = a + (R - 1) s x / (x + c),    c = dt kappa sqrt(-trace),
 
-where R is the friction at infinite rate relative to that at rest, and x / c the inertial number over its constant I0.
+where s is the part of a that friction has, without cohesion, R its value at infinite rate relative to that at rest, and
+x / c the inertial number over its constant I0.
 It is quadratic in x (as in Dunatunga and Kamrin 2015, J. Fluid Mech. 779:483, for a shear stress).
 """
 
@@ -46,7 +47,8 @@ def map_onto_cone(h: ti.template(), vc: ti.template(), p: ti.template(), dt, has
     scale = 0.0 * norm
     if ti.static(has_rate):
         c, _slope = rate_scale(trace, p, dt)
-        scale = ti.select(allowed < norm, 1.0 - plastic_strain(norm, allowed, c, p[RATIO])[0] / norm, 0.0 * norm + 1.0)
+        gain = (p[RATIO] - 1.0) * p[SLOPE] * ti.max(-trace, 0.0)
+        scale = ti.select(allowed < norm, 1.0 - plastic_strain(norm, allowed, gain, c)[0] / norm, 0.0 * norm + 1.0)
     else:
         scale = ti.min(allowed / norm, 1.0)
     kept = ti.min(trace, p[APEX])
@@ -58,15 +60,18 @@ def map_onto_cone(h: ti.template(), vc: ti.template(), p: ti.template(), dt, has
 
 @ti.func
 def rate_scale(trace, p: ti.template(), dt):
-    """Return c of a substep, and its derivative by the volumetric strain that presses, apex - trace."""
-    root = ti.sqrt(ti.max(p[APEX] - trace, 0.0) + TINY)
+    """Return c of a substep, and its derivative by the volumetric strain that presses, -trace."""
+    root = ti.sqrt(ti.max(-trace, 0.0) + TINY)
     return dt * p[KAPPA] * root, 0.5 * dt * p[KAPPA] / root
 
 
 @ti.func
-def plastic_strain(norm, allowed, c, ratio):
-    """Return x of a deviator that flows, and the root of the discriminant of its equation."""
-    b = c + ratio * allowed - norm
+def plastic_strain(norm, allowed, gain, c):
+    """Return x of a deviator that flows, and the root of the discriminant of its equation.
+
+    gain: by which the norm that is allowed grows towards infinite rate.
+    """
+    b = c + allowed + gain - norm
     excess = ti.max(norm - allowed, 0.0)
     root = ti.sqrt(b * b + 4.0 * c * excess + TINY)
     # the same root of the quadratic twice; each form cancels where the other does not
@@ -89,16 +94,21 @@ def map_onto_cone_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt
     along = d[0] * bar[0] + d[1] * bar[1] + d[2] * bar[2] + d[3] * bar[3] + d[4] * bar[4] + d[5] * bar[5]
     left_bar = share * along / norm  # of the norm that stays
     scale = 0.0 * trace
-    allowed_bar, norm_bar, c_bar, ratio_bar, press_bar, kappa_bar = left_bar, zero, zero, zero, zero, zero
+    allowed_bar, norm_bar, slope_bar, ratio_bar, press_bar, kappa_bar = left_bar, zero, zero, zero, zero, zero
     if ti.static(has_rate):
         c, slope = rate_scale(trace, p, dt)
-        x, root = plastic_strain(norm, allowed, c, p[RATIO])
+        press = ti.max(-trace, 0.0)
+        gain = (p[RATIO] - 1.0) * p[SLOPE] * press
+        x, root = plastic_strain(norm, allowed, gain, c)
         scale = ti.select(yields, 1.0 - x / norm, zero + 1.0)
-        allowed_bar = left_bar * (p[RATIO] * x + c) / root
+        allowed_bar = left_bar * (x + c) / root
         norm_bar = left_bar * (1.0 - (x + c) / root)
-        c_bar = left_bar * (x - (norm - allowed)) / root
-        ratio_bar = left_bar * x * allowed / root
-        press_bar = ti.select(whole, c_bar * slope, zero)
+        # x - (norm - allowed), which would cancel, is -gain x / (x + c)
+        c_bar = -left_bar * gain * x / ((x + c + TINY) * root)
+        gain_bar = left_bar * x / root
+        slope_bar = gain_bar * (p[RATIO] - 1.0) * press
+        ratio_bar = gain_bar * p[SLOPE] * press
+        press_bar = ti.select(trace < 0.0, c_bar * slope + gain_bar * (p[RATIO] - 1.0) * p[SLOPE], zero)
         kappa_bar = c_bar * c / p[KAPPA]
     else:
         scale = ti.select(yields, allowed / norm, zero + 1.0)
@@ -111,6 +121,6 @@ def map_onto_cone_back(h: ti.template(), vc: ti.template(), p: ti.template(), dt
     shape = [once(scale * bar[i] - turn * d[i] * (1.0 if ti.static(i < 3) else 2.0)) for i in range(6)]
     average = (shape[0] + shape[1] + shape[2]) / 3.0
     state = [once(shape[i] + (trace_bar - average if ti.static(i < 3) else 0.0)) for i in range(6)]
-    apex_bar = ti.select(whole, zero, kept_bar - free) + p[SLOPE] * held + press_bar
-    p_bar = [zero, zero, (p[APEX] - trace) * held, apex_bar, ratio_bar, kappa_bar]
+    apex_bar = ti.select(whole, zero, kept_bar - free) + p[SLOPE] * held
+    p_bar = [zero, zero, (p[APEX] - trace) * held + slope_bar, apex_bar, ratio_bar, kappa_bar]
     return state, trace_bar, ti.static(p_bar if has_rate else p_bar[:RATIO])

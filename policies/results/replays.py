@@ -3,9 +3,9 @@
 A row is a result of the code that made it. Most changes of that code move or add something and leave every figure as it
 was. Where a run of the row's kind, begun again, has the scores of its first episodes, the row counts as one of today.
 
-Networks are trained with products whose rounding depends on the processor. So where a score differs, the code of the
-row's own commit runs those episodes, too: what it scores on the same machine tells a change of the code from another
-machine.
+Networks are trained with products whose rounding depends on the processor, and on the library. So where a score
+differs, the code of the row's own commit runs those episodes, too: what it scores on the same machine tells a change of
+the code from another machine.
 """
 
 import os
@@ -30,10 +30,10 @@ from policies.results.rows import preset_digest
 FILE = "replays.json"
 """Beside the tables.json whose rows it is about."""
 REPLAY: dict[str, Any] = {"kind": str, "task": str, "method": str, "seed": int, "commit": str, "preset": str,
-                          "stored": float, "here": float, "found": float, "code": str}
+                          "stored": float, "of": str, "here": (float, None), "found": float, "code": str}
 """Form of a replay. kind: of its run; commit: where it was run again; stored, found: mean score of the first episodes
-in the row, and when they were run again; here: that of the row's own commit on the replay's machine, which is run where
-the two differ; code: key of the file's table `code`."""
+in the row, and when they were run again; of: the row's commit; here: what that scores on the machine of the replay, run
+where the two differ, or None where it was not; code: key of the file's table `code`."""
 POLL = 0.2
 """Time [s] between two looks at a run."""
 OWN = ("--seed", "--out")
@@ -66,9 +66,14 @@ def read_replays(sources: list[Path]) -> list[dict[str, Any]]:
 
 def is_repeated(row: dict[str, Any], replays: list[dict[str, Any]]) -> bool:
     """Return whether today's code has repeated a run of the row's kind, with the row's preset and its scores."""
-    return any(one["kind"] == kind(row) and one["preset"] == row["preset"]
+    return any(one["kind"] == kind(row) and one["preset"] == row["preset"] and is_of(one, row)
                and one["found"] in (one["stored"], one["here"]) and not changed_modules(one["code"])
                for one in replays)
+
+
+def is_of(one: dict[str, Any], row: dict[str, Any]) -> bool:
+    """Return whether a replay's stored score is that of a row, or may be: of another seed."""
+    return one["seed"] != row["seed"] or (row["curve"] is not None and one["stored"] == row["curve"][0])
 
 
 def replay(rows: list[dict[str, Any]], path: Path) -> int:
@@ -94,10 +99,10 @@ def replay(rows: list[dict[str, Any]], path: Path) -> int:
                 failed = 1
             else:
                 found, stored = again["curve"][0], row["curve"][0]
-                here, text = (stored, "") if found == stored else score_here(row)
+                here, text = (None, "") if found == stored else score_here(row)
                 replays.append({"kind": name, "task": row["task"], "method": row["method"], "seed": row["seed"],
-                                "commit": again["commit"], "preset": again["preset"], "stored": stored, "here": here,
-                                "found": found, "code": again["code"]})
+                                "commit": again["commit"], "preset": again["preset"], "stored": stored,
+                                "of": row["commit"], "here": here, "found": found, "code": again["code"]})
                 write_replays(path.with_name(FILE), replays)
                 is_same = found in (stored, here) and row["preset"] == again["preset"]
                 failed |= not is_same
@@ -114,31 +119,37 @@ def write_replays(path: Path, replays: list[dict[str, Any]]) -> None:
                       "replays": [{**one, "code": digest(one["code"])} for one in replays]})
 
 
-def score_here(row: dict[str, Any]) -> tuple[float, str]:
+def score_here(row: dict[str, Any]) -> tuple[float | None, str]:
     """Return what the code of a row's commit scores in its first episodes on this machine, and a text on it.
 
-    The stored score where it cannot be run.
+    None where it cannot be run; the text says why.
     """
-    with past_code(row["commit"]) as folder:
-        then, text = (None, "no checkout has it") if folder is None else run_first_episodes(row, folder)
+    try:
+        with past_code(row["commit"]) as folder:
+            then, text = run_first_episodes(row, folder)
+    except mpm.InvalidValue as error:
+        then, text = None, str(error)
     if then is None:
-        return row["curve"][0], f" (its commit {row['commit']}: {text})"
+        return None, f" (its commit {row['commit']} was not run: {text})"
     return then["curve"][0], f", {then['curve'][0]:g} by its commit {row['commit']} on this machine"
 
 
 def run_first_episodes(row: dict[str, Any], root: Path | None = None) -> tuple[dict[str, Any] | None, str]:
     """Begin a run again in a process of its own, and stop it after its first episodes.
 
-    Not with fewer episodes: rates may decay over all of them. root: folder with other code than today's. Returns
-    commit, preset's digest, code and curve; or None, and why not.
+    Not with fewer episodes: rates may decay over all of them. root: folder with other code than today's, which makes
+    starts of its own; files that the command names are those of today. Returns commit, preset's digest, code and curve;
+    or None, and why not.
     """
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    if root is not None:
-        environment["PYTHONPATH"] = str(root)
     with tempfile.TemporaryDirectory(prefix="replay_") as folder:
         out, log = Path(folder) / "run", Path(folder) / "log.txt"
         words = shlex.split(row["command"])[1:]
         words[words.index("--out") + 1] = str(out)
+        if root is not None:
+            words = [str(Path(word).resolve()) if "/" in word and Path(word).exists() else word for word in words]
+            paths = [str(root), *filter(None, [environment.get("PYTHONPATH")])]
+            environment |= {"PYTHONPATH": os.pathsep.join(paths), "ROBOSIM_CACHE": str(Path(folder) / "cache")}
         with log.open("w") as file:
             process = subprocess.Popen([sys.executable, "-m", "robosim", *words], stdout=file, stderr=file,
                                        env=environment, cwd=root, start_new_session=True)

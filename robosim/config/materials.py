@@ -74,7 +74,8 @@ class MuIConfig(GranularConfig):
     """Inertial number at which friction is half way."""
 
     @pydantic.model_validator(mode="after")
-    def _check_angles(self) -> "MuIConfig":
+    def check_angles(self) -> "MuIConfig":
+        """Raise ValueError where the limit angle is below the friction angle."""
         low, high = self.friction_angle.value, self.limit_angle.value
         if not 0.0 < low <= high:
             raise ValueError(f"friction_angle = {low:g} deg, limit_angle = {high:g} deg; accepted: 0 < friction_angle "
@@ -140,7 +141,13 @@ def overridden(config: MaterialConfig, numbers: dict[str, float],
                 raise ConfigError(f"{what} {name}: {error}") from None
         quantity = getattr(config, known[name])
         changed[known[name]] = quantity.model_copy(update={"value": float(value), "source": "given by the user"})
-    return config.model_copy(update=changed)
+    result = config.model_copy(update=changed)
+    if isinstance(result, MuIConfig):
+        try:
+            result.check_angles()
+        except ValueError as error:
+            raise ConfigError(f"{what}: {error}") from None
+    return result
 
 
 def law_of(config: MaterialConfig) -> Law:

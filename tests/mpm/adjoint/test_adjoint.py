@@ -21,7 +21,7 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("name", [name if name in ("sand", "fluid", "fixed_corotated")
+@pytest.mark.parametrize("name", [name if name in ("sand", "mu_i", "fluid", "fixed_corotated")
                                   else pytest.param(name, marks=pytest.mark.slow) for name in LAWS])
 def test_constitutive_update(name, rng):
     """From no strain (every eigenvalue the same) and from a large one; compressed, stretched, inside and outside the

@@ -27,7 +27,7 @@ def shear(material: mpm.DruckerPrager, rate: float, dt: float, until: float = 0.
 
 @pytest.mark.parametrize("rate", [0.1, 10.0, 1000.0])
 def test_steady_shear_has_the_friction_of_its_inertial_number(rate: float) -> None:
-    """Over four decades of I, from the friction at rest to that at infinite rate."""
+    """Over four decades of I, from the friction at rest to well over half way to that at infinite rate."""
     material = mpm.MuIRheology(**BEADS, limit_angle_deg=29.0)
     pressure, stress = shear(material, rate, 1e-3 / rate)
     inertial = rate * 1e-3 / math.sqrt(pressure / 2450.0)
@@ -52,6 +52,14 @@ def test_the_same_angle_at_any_rate_is_drucker_prager() -> None:
         for found, expected in zip(same.apply(F), plain.apply(F)):
             assert found == pytest.approx(expected, rel=1e-9, abs=1e-6)
         assert same.vc == pytest.approx(plain.vc, abs=1e-12)
+
+
+def test_cohesion_does_not_grow_with_the_rate() -> None:
+    """A faster flow gains what friction does: as much with cohesion as without."""
+    loose, sticky = (mpm.MuIRheology(**BEADS, limit_angle_deg=29.0, cohesion=cohesion) for cohesion in (0.0, 3e3))
+    gains = [shear(material, 500.0, 2e-6)[1] - shear(material, 0.05, 2e-2)[1] for material in (loose, sticky)]
+    assert gains[0] > 500.0
+    assert gains[1] == pytest.approx(gains[0], rel=0.01)
 
 
 @pytest.mark.parametrize(("numbers", "text"), [

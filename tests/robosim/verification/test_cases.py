@@ -182,10 +182,12 @@ def test_slope_above_the_threshold() -> None:
         abs(readings["acceleration"] - readings["by_angle"])
 
 
-def test_flow_down_a_chute_has_the_profile_of_mu_of_i() -> None:
-    """At two slopes, from half of its speed on."""
-    records = [chute_flow.measure(**choices) for choices in chute_flow.SWEEP]
-    assert all(claim.evaluate(records).verdict == "pass" for claim in chute_flow.CLAIMS), records
+@pytest.mark.parametrize("choices", [chute_flow.QUICK_SWEEP, pytest.param(chute_flow.SWEEP, marks=pytest.mark.slow)])
+def test_flow_down_a_chute_has_the_profile_of_mu_of_i(choices: list[dict]) -> None:
+    """From half of its speed on; the whole sweep at two slopes, on two grids."""
+    records = [chute_flow.measure(**choice) for choice in choices]
+    assert all(claim.evaluate(records).verdict in ("pass", "not run") for claim in chute_flow.CLAIMS), records
+    assert chute_flow.CLAIMS[0].evaluate(records).verdict == "pass"
 
 
 @pytest.mark.parametrize("courant", [0.55, pytest.param(0.1, marks=pytest.mark.slow)])
