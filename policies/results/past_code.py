@@ -27,7 +27,10 @@ def past_code(commit: str, root: Path = ROOT) -> Iterator[Path]:
                                    f"without -dirty")
         run_git(root, "archive", "--output", str(archive), found)
         with tarfile.open(archive) as tar:
-            tar.extractall(files, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
+            if hasattr(tarfile, "data_filter"):  # Python 3.10.12, 3.11.4 and later
+                tar.extractall(files, filter="data")
+            else:
+                tar.extractall(files)
         archive.unlink()
         yield files
 

@@ -74,13 +74,16 @@ class MuIConfig(GranularConfig):
     """Inertial number at which friction is half way."""
 
     @pydantic.model_validator(mode="after")
-    def check_angles(self) -> "MuIConfig":
-        """Raise ValueError where the limit angle is below the friction angle."""
+    def _check_angles(self) -> "MuIConfig":
+        self.check_angles()
+        return self
+
+    def check_angles(self) -> None:
+        """Raise ValueError where the limit angle is below the friction angle, or that is not above 0."""
         low, high = self.friction_angle.value, self.limit_angle.value
         if not 0.0 < low <= high:
             raise ValueError(f"friction_angle = {low:g} deg, limit_angle = {high:g} deg; accepted: 0 < friction_angle "
                              f"<= limit_angle")
-        return self
 
 
 class FluidConfig(MaterialConfig):
