@@ -13,7 +13,7 @@ SPEED = 1e-5
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def creeping(precision: str = "f32", low: float = 0.9, **options) -> tuple[mpm.Solver, np.ndarray]:
+def slow_block(precision: str = "f32", low: float = 0.9, **options) -> tuple[mpm.Solver, np.ndarray]:
     """A block of grains that moves in all directions at `SPEED`, and where its grains begin [m] (n, 3)."""
     positions = mpm.sample_box((low,) * 3, (low + 3 * CELL,) * 3, CELL / 2, np.random.default_rng(0))
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
@@ -23,9 +23,9 @@ def creeping(precision: str = "f32", low: float = 0.9, **options) -> tuple[mpm.S
 
 
 @pytest.mark.parametrize("interval", [0.0, 5 * DT])
-def test_grains_far_from_the_origin_creep(interval: float) -> None:
+def test_grains_far_from_the_origin_move(interval: float) -> None:
     """5000 substeps move them by v t, in single substeps and in strides."""
-    solver, begin = creeping(transfer_interval=interval)
+    solver, begin = slow_block(transfer_interval=interval)
     solver.advance(5000 * DT)
     moved = (solver.positions() - begin).mean(0)
     assert moved == pytest.approx(np.full(3, SPEED * 5000 * DT), rel=0.03)
@@ -33,12 +33,12 @@ def test_grains_far_from_the_origin_creep(interval: float) -> None:
     solver.close()
 
 
-def test_grains_beside_a_shell_creep() -> None:
+def test_grains_beside_a_shell_move() -> None:
     """They are moved one by one. The shell has no friction, and is further away than it pushes."""
     corners = [[-0.1, -0.1, 0], [0.1, -0.1, 0], [0.1, 0.1, 0], [-0.1, 0.1, 0]]
     sheet = mpm.Shell.from_mesh(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]), 1e-3)
     place = mpm.Pose(np.array([0.93, 0.93, 0.885]), UPRIGHT)
-    solver, begin = creeping(colliders=[mpm.Collider(sheet, friction=0.0, pose=place)])
+    solver, begin = slow_block(colliders=[mpm.Collider(sheet, friction=0.0, pose=place)])
     solver.advance(2000 * DT)
     beside = solver.state()["side"][:, 0] != 0
     moved = (solver.positions() - begin)[beside].mean(0)
@@ -48,7 +48,7 @@ def test_grains_beside_a_shell_creep() -> None:
 
 
 def test_a_slow_solid_pushes_grains() -> None:
-    """Grains that a moving solid keeps out of itself creep with its face."""
+    """Grains that a moving solid keeps out of itself move with its face."""
     positions = mpm.sample_box((0.9, 0.9, 0.9), (0.96, 0.96, 0.96), CELL / 2)
     body = mpm.Body(mpm.Elastic(E=1e4, nu=0.3, density=1000.0), positions, volume=(CELL / 2) ** 3)
     plate = mpm.Collider(mpm.Sdf.box((0.02, 0.1, 0.1)), pose=mpm.Pose(np.array([0.88, 0.93, 0.93]), UPRIGHT))
@@ -65,7 +65,7 @@ def test_a_slow_solid_pushes_grains() -> None:
 
 def test_a_state_has_the_remainder() -> None:
     """It continues to the bit; without the remainder, as older states are, it is read as zero; f64 has none."""
-    solver, _ = creeping()
+    solver, _ = slow_block()
     solver.advance(10 * DT)
     stored = solver.state()
     assert np.abs(stored["remainder"]).min() > 0.0
@@ -83,16 +83,16 @@ def test_a_state_has_the_remainder() -> None:
     solver.restore_checkpoint()
     assert (solver.state()["remainder"] == stored["remainder"]).all()
     solver.close()
-    double, _ = creeping("f64")
+    double, _ = slow_block("f64")
     assert "remainder" not in double.state()
     assert not double.particles.remainder
     double.close()
 
 
 @pytest.mark.parametrize("interval", [0.0, 5 * DT])
-def test_rollouts_creep_as_the_solver(interval: float) -> None:
+def test_rollouts_move_as_the_solver(interval: float) -> None:
     """The forward sweeps, and those that a gradient repeats, end where the solver does, far below a quantum."""
-    solver, begin = creeping(transfer_interval=interval)
+    solver, begin = slow_block(transfer_interval=interval)
     start = solver.state()
     solver.advance(400 * DT)
     end = place(solver)
