@@ -17,7 +17,7 @@ from mpm.stepping.cpu import add_status, run_phase, run_phases
 from mpm.stepping.crew import Crew
 from mpm.stepping.phases import Step, split_phases
 from mpm.stepping.stride import MAX_SUBSTEPS, fastest_square, limit_stride
-from mpm.transfers.to_particles import drift_before, keep_inside
+from mpm.transfers.to_particles import drift_before, move_pack
 
 POSITIONS, VELOCITIES, ALL = range(3)
 
@@ -162,9 +162,8 @@ class AdjointKernel:
         if ti.static(self.depth > 1):
             for q in range(self.fields.particles.pack_count[None]):
                 for d in ti.static(range(3)):
-                    x = self.fields.particles.x[d][q]
-                    moved = keep_inside(self.fields, x + dt * self.fields.particles.v[d][q], d)
-                    self.fields.particles.x[d][q] = ti.select(dt > 0, moved, x)
+                    if dt > 0:
+                        move_pack(self.fields, self.fields.particles, q, d, dt * self.fields.particles.v[d][q])
 
     @ti.func
     def drift_back(self, dt):

@@ -8,11 +8,14 @@ from mpm.state.particles import ParticleFields
 
 
 class ParticleAdjoints:
-    """A field for the adjoint of every field of the state, under the same names, zero at first."""
+    """A field for the adjoint of every field of the state, under the same names, zero at first.
+
+    The remainder has none: it is part of the position, whose derivative does not know the resolution.
+    """
 
     def __init__(self, particles: ParticleFields, precision: str) -> None:
         self._named = {name: [ti.Vector.field(LANES, real_type(precision), particles.n_packs) for _ in fields]
-                       for name, fields in particles.named_fields().items()}
+                       for name, fields in particles.named_fields().items() if name != "remainder"}
         self.x, self.v, self.C = (self._named[name] for name in ("x", "v", "C"))
         self.e = self._named.get("e", [])
         self.j, self.vc = (self._named.get(name, [None])[0] for name in ("j", "vc"))

@@ -3,7 +3,7 @@
 from mpm.backend import once, real_type, ti
 from mpm.materials.hencky_strain import log1p
 from mpm.materials.material import Material
-from mpm.materials.stress_update import advance_cauchy_green
+from mpm.materials.stress_update import LEAST_RATIO, advance_cauchy_green, advance_volume, volume_growth
 from mpm.materials.symmetric_tensor import FULL, JACOBI_SWEEPS, compose, spectrum
 from mpm.materials.tensor_adjoint import (
     bar_of_matrix,
@@ -60,7 +60,7 @@ def read_list(fields: ti.template(), q):
 def recompute(P: ti.template(), T: ti.template(), law: ti.template(), q, dt, C: ti.template(), p: ti.template()):
     """Repeat the constitutive update of pack q from the state before the substep, which stays; store it in T."""
     if ti.static(law.state == "volume"):
-        T.j[0][q] = P.j[q] + dt * (1.0 + P.j[q]) * (C[0] + C[4] + C[8])
+        T.j[0][q] = advance_volume(P.j[q], dt * (C[0] + C[4] + C[8]))
         write_list(T.tau, q, law.stress(once(T.j[0][q]), C, p))
     else:
         trial = advance_cauchy_green([once(P.e[i][q]) for i in range(6)], [once(dt * C[i]) for i in range(9)])
@@ -101,9 +101,11 @@ def stress_back(P: ti.template(), B: ti.template(), T: ti.template(), law: ti.te
     tau_bar = read_list(T.tau, q)
     if ti.static(law.state == "volume"):
         j_bar, C_bar, p_bar = law.stress_back(once(T.j[0][q]), C, p, tau_bar)
-        total = B.j[q] + j_bar
-        rate = dt * (1.0 + P.j[q]) * total
-        B.j[q] = total * (1.0 + dt * (C[0] + C[4] + C[8]))
+        d = dt * (C[0] + C[4] + C[8])
+        growth = 1.0 + volume_growth(d)
+        total = ti.select(T.j[0][q] > LEAST_RATIO - 1.0, B.j[q] + j_bar, 0.0)
+        rate = dt * (1.0 + P.j[q]) * growth / ti.sqrt(1.0 + d * d) * total
+        B.j[q] = total * growth
         for i in ti.static((0, 4, 8)):
             C_bar[i] += rate
         return C_bar, p_bar

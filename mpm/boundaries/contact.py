@@ -12,7 +12,7 @@ from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer, node_of
 from mpm.state.packs import LANES
 from mpm.state.sleepers import is_awake, pack_at, packs_of_body
-from mpm.transfers.to_particles import drift_after, keep_inside
+from mpm.transfers.to_particles import drift_after, move_lane
 
 FACE = 0.51
 """Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
@@ -328,8 +328,6 @@ def stop_particle(fields: ti.template(), P: ti.template(), step: ti.template(), 
             if ti.static(fields.mobile_place[index] >= 0):
                 dv = reduce_by_compliance(fields, step, index, place, mass, dv)
             credit(step.out, fields.rows.first_collider + index, place, mass * dv)
-            moved = ti.Vector([keep_inside(fields, x[d] + dt * dv[d], d) for d in range(3)])  # not through a wall
             for d in ti.static(range(3)):
                 P.v[d][q][lane] = v[d] + dv[d]
-                P.x[d][q][lane] = moved[d]
-            mark_place(fields.grid, moved, 1.0 / fields.cell, step.stamp + step.span)
+            mark_place(fields.grid, move_lane(fields, P, q, lane, dt * dv), 1.0 / fields.cell, step.stamp + step.span)

@@ -12,7 +12,7 @@ from mpm.state.ledger import credit
 from mpm.state.packs import LANES, read_lane
 from mpm.transfers.particle_grid import NodeValues, ShellLayers, gather, moments, scatter, weights
 from mpm.transfers.to_grid import scatter_shift
-from mpm.transfers.to_particles import drift_after, keep_inside
+from mpm.transfers.to_particles import drift_after, keep_inside, move_lane
 
 WATCHED = 1.3
 """Cells from the shell within which a particle can reach it in a stride: its own travel and the shell's."""
@@ -90,9 +90,12 @@ def place_on_list(fields: ti.template(), n):
 def move_listed(fields: ti.template(), step: ti.template(), n, slot, v, dt):
     """Move listed particle n for dt [s], and activate the blocks that its stencil reaches then."""
     moved = place_on_list(fields, n) + dt * v
-    for r in ti.static(range(3)):
-        moved[r] = keep_inside(fields, moved[r], r)
-        fields.particles.x[r][slot[0]][slot[1]] = moved[r]
+    if ti.static(len(fields.particles.remainder) > 0):
+        moved = move_lane(fields, fields.particles, slot[0], slot[1], dt * v)
+    else:
+        for r in ti.static(range(3)):
+            moved[r] = keep_inside(fields, moved[r], r)
+            fields.particles.x[r][slot[0]][slot[1]] = moved[r]
     mark_place(fields.grid, moved, 1.0 / fields.cell, step.stamp + step.span)
 
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from mpm.backend import once, ti
+from mpm.errors import InvalidValue
 from mpm.materials.elasticity import check_range
 
 
@@ -11,7 +12,7 @@ from mpm.materials.elasticity import check_range
 class NewtonianFluid:
     """Newtonian fluid: tau = bulk_modulus (J - 1) J I + 2 viscosity J dev(D), D the rate of deformation [1/s].
 
-    Raises InvalidValue for numbers out of range.
+    Raises InvalidValue for arguments out of range.
     """
 
     bulk_modulus: float
@@ -20,6 +21,8 @@ class NewtonianFluid:
     """Density [kg/m^3]."""
     viscosity: float = 0.0
     """Dynamic viscosity [Pa s]."""
+    tension: bool = True
+    """Whether expanded fluid pulls; False: it has no pressure where J > 1, so that drops part without being held back."""
 
     state = "volume"
     plastic = False
@@ -29,6 +32,8 @@ class NewtonianFluid:
         check_range("NewtonianFluid", "bulk_modulus [Pa]", self.bulk_modulus, 1e-9, math.inf)
         check_range("NewtonianFluid", "density [kg/m^3]", self.density, 1e-9, math.inf)
         check_range("NewtonianFluid", "viscosity [Pa s]", self.viscosity, 0.0, math.inf)
+        if not isinstance(self.tension, bool):
+            raise InvalidValue(f"NewtonianFluid: tension = {self.tension!r}; accepted: True or False")
 
     @property
     def mu(self) -> float:
@@ -42,15 +47,15 @@ class NewtonianFluid:
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """Parameters that the kernels read: (bulk modulus, viscosity)."""
-        return (self.bulk_modulus, self.viscosity)
+        """Parameters that the kernels read: (bulk modulus, viscosity, share of the first in tension: 1 or 0)."""
+        return (self.bulk_modulus, self.viscosity, float(self.tension))
 
     @staticmethod
     @ti.func
     def stress(j: ti.template(), C: ti.template(), p: ti.template()):
         """Return the Kirchhoff stress [Pa] from j = J - 1 and the velocity gradient C, row by row."""
         J = 1.0 + j
-        pressure = p[0] * j * J
+        pressure = p[0] * (ti.min(j, 0.0) + p[2] * ti.max(j, 0.0)) * J
         shear = p[1] * J
         third = (C[0] + C[4] + C[8]) / 3.0
         return [
@@ -75,4 +80,7 @@ class NewtonianFluid:
         x, y, z = rate * bar[3], rate * bar[4], rate * bar[5]
         C_bar = [once(2.0 * rate * (bar[0] - trace / 3.0)), x, y, x, once(2.0 * rate * (bar[1] - trace / 3.0)), z,
                  y, z, once(2.0 * rate * (bar[2] - trace / 3.0))]
-        return once(p[0] * (1.0 + 2.0 * j) * trace + p[1] * shear), C_bar, [j * J * trace, J * shear]
+        strain, stretch = ti.min(j, 0.0) + p[2] * ti.max(j, 0.0), ti.max(j, 0.0)
+        slope = ti.select(j > 0.0, p[2], 1.0)
+        return (once(p[0] * (slope * J + strain) * trace + p[1] * shear), C_bar,
+                [strain * J * trace, J * shear, p[0] * stretch * J * trace])

@@ -2,6 +2,9 @@
 
 from mpm.backend import once, ti
 
+LEAST_RATIO = 2.0**-20
+"""Smallest volume ratio J of a fluid: below it, J - 1 has no digits in single precision."""
+
 
 @ti.func
 def advance_cauchy_green(e: ti.template(), a: ti.template()):
@@ -28,11 +31,28 @@ def advance_cauchy_green(e: ti.template(), a: ti.template()):
 
 
 @ti.func
+def volume_growth(d):
+    """Return g - 1, with g = d + sqrt(1 + d^2) the factor of J in a substep with d = dt tr(C).
+
+    g is exp(d) up to d^3 / 6, is positive for any d, and g(-d) = 1 / g(d): the opposite rate leads back.
+    """
+    size = ti.abs(d)
+    rise = size + size * size / (1.0 + ti.sqrt(1.0 + size * size))
+    return ti.select(d < 0.0, -rise / (1.0 + rise), rise)
+
+
+@ti.func
+def advance_volume(j, d):
+    """Return j = J - 1 after a substep with d = dt tr(C)."""
+    return ti.max(j + (1.0 + j) * volume_growth(d), LEAST_RATIO - 1.0)
+
+
+@ti.func
 def update_stress(fields: ti.template(), P: ti.template(), law: ti.template(), q, dt, C: ti.template(),
                   p: ti.template()):
     """Advance the state of pack q by dt [s] with the velocity gradient C; return its Kirchhoff stress [Pa]."""
     if ti.static(law.state == "volume"):
-        P.j[q] = P.j[q] + dt * (1.0 + P.j[q]) * (C[0] + C[4] + C[8])
+        P.j[q] = advance_volume(P.j[q], dt * (C[0] + C[4] + C[8]))
         return law.stress(once(P.j[q]), C, p)
     elif ti.static(law.state == "cauchy_green"):
         e = advance_elastically(P, q, dt, C)

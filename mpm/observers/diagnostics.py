@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpm.errors import GrainsLeaveGrid, SimulationDiverged
+from mpm.materials.stress_update import LEAST_RATIO
 from mpm.state.particles import AT_WALL
 
 
@@ -63,7 +64,8 @@ def compute_energy(solver: Any) -> Energy:
     for body, chosen in _ranges(solver):
         if body.material.state == "volume":
             j = solver.particles.read([solver.particles.j])[chosen, 0].astype(float)
-            elastic += 0.5 * body.material.lam * volume[chosen] @ j**2
+            held = j if getattr(body.material, "tension", True) else np.minimum(j, 0.0)
+            elastic += 0.5 * body.material.lam * volume[chosen] @ held**2
         elif e is not None:
             stretches = np.sqrt(np.maximum(1.0 + eigenvalues(e[:, chosen]), 1e-30)).T
             elastic += volume[chosen] @ body.material.energy_density(stretches)
@@ -159,7 +161,8 @@ def volume_ratios(solver: Any, advanced: bool = True) -> np.ndarray:
     for body, chosen in _ranges(solver):
         if body.material.state == "volume":
             j = particles.read([particles.j])[chosen, 0].astype(float)
-            ratios[chosen] = (1.0 + j) * (1.0 + solver.substep * C[chosen][:, [0, 4, 8]].sum(1))
+            growth = np.exp(np.arcsinh(solver.substep * C[chosen][:, [0, 4, 8]].sum(1)))  # as `advance_volume`
+            ratios[chosen] = np.maximum((1.0 + j) * growth, LEAST_RATIO)
     return ratios
 
 

@@ -34,7 +34,7 @@ def material_gradients(solver: Any, kernel: Any) -> list[dict[str, float]]:
         law, slopes = body.material, {}
         for field in dataclasses.fields(law):
             value = getattr(law, field.name)
-            if isinstance(value, float | int) and field.name != "density":
+            if isinstance(value, float | int) and not isinstance(value, bool) and field.name != "density":
                 slopes[field.name] = float(slope(law, field.name, float(value)) @ bar[: len(law.parameters)])
         gradients.append(slopes)
     return gradients

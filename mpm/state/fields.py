@@ -78,6 +78,12 @@ class Fields:
         return tuple(float(n) * self.cell for n in self.cells)
 
     @property
+    def quantum(self) -> tuple[float, ...]:
+        """Distances [m] in whose multiples particles move along each axis where they have a `remainder`: the resolution
+        of the largest coordinate, so that nothing is rounded."""
+        return tuple(float(np.spacing(np.float32((n + GHOST) * self.cell))) for n in self.cells)
+
+    @property
     def logarithm(self) -> Any:
         """Hencky strain of e = b - I, as a Taichi function."""
         return INTEGRATORS[self.features.integrator][0]

@@ -49,7 +49,7 @@ def field_memory(grid: Grid, counts: tuple[int, ...], features: Features, parts:
     each_block = 24.0 * layers + 16.0 * features.sleep + 4.0 * bool(features.static_colliders)
     named = 15 + 6 * features.tensor_state + features.volume_state + features.volume_correction
     named += 5 * features.sleep
-    named += 3 * features.body_acceleration + 2 * bool(features.shells) + 1
+    named += 3 * (features.precision == "f32") + 3 * features.body_acceleration + 2 * bool(features.shells) + 1
     named += bool(features.moving_solids or features.shells)
     lanes = sum(-(-count // LANES) * LANES for count in counts)
     each_lane = named * float(number) + (4.0 + 16.0 / LANES) * features.sleep

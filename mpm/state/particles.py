@@ -52,6 +52,9 @@ class ParticleFields:
 
         self.x = [pack_field() for _ in range(3)]
         """Position relative to the grid's node (0, 0, 0) [m]."""
+        self.remainder = [pack_field() for _ in range(3)] if features.precision == "f32" else []
+        """Displacement [m] that is smaller than `Fields.quantum`, and not yet part of the position; none in double
+        precision."""
         self.v = [pack_field() for _ in range(3)]
         """Velocity [m/s]."""
         self.C = [pack_field() for _ in range(9)]
@@ -145,7 +148,10 @@ class ParticleFields:
 
     def read_snapshot(self, state: dict[str, np.ndarray], name: str) -> np.ndarray:
         """Return one of a snapshot's arrays; raises InvalidValue for a snapshot of another scene."""
-        return read_array(state, name, (sum(self.counts), len(self.named_fields()[name])))
+        shape = (sum(self.counts), len(self.named_fields()[name]))
+        if name == "remainder" and name not in state:  # of a solver in double precision, or of an older version
+            return np.zeros(shape)
+        return read_array(state, name, shape)
 
     def read(self, fields: list) -> np.ndarray:
         """Return values (n_particles, k) of k pack fields, in the order in which the bodies gave their particles."""
@@ -164,6 +170,8 @@ class ParticleFields:
             named["e"] = self.e
         if self.rest_place:
             named["rest_place"] = self.rest_place
+        if self.remainder:
+            named["remainder"] = self.remainder
         for name, field in (("j", self.j), ("vc", self.vc), ("side", self.side), ("rest", self.rest)):
             if field is not None:
                 named[name] = [field]

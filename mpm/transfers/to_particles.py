@@ -49,7 +49,11 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
                 P.C[3 * r + c][q] = gradient * (B[3 * r + c] - v[r] * f[c])
         if dt > 0:
             for r in ti.static(range(3)):
-                P.x[r][q] = keep_inside(fields, P.x[r][q] + dt * v[r], r)
+                displacement = dt * v[r]
+                if ti.static(len(P.remainder) > 0 and len(fields.features.shells) > 0):
+                    # `move_listed` moves the others, from where they are now
+                    displacement = ti.select(P.side[q] == 0.0, displacement, 0.0 * displacement)
+                move_pack(fields, P, q, r, displacement)
             last_key = mark_awake(fields, P, q, last_key, next_stamp)
         v2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
         fastest = ti.max(fastest, v2)
@@ -119,8 +123,47 @@ def drift_packs(fields: ti.template(), P: ti.template(), dt, stamp: ti.i32, firs
     for place in range(first, last):
         q = pack_at(fields, place)
         for r in ti.static(range(3)):
-            P.x[r][q] = keep_inside(fields, P.x[r][q] + dt * P.v[r][q], r)
+            move_pack(fields, P, q, r, dt * P.v[r][q])
         last_key = mark_awake(fields, P, q, last_key, stamp)
+
+
+@ti.func
+def move_pack(fields: ti.template(), P: ti.template(), q, axis: ti.template(), displacement):
+    """Move pack q by `displacement` [m] along an axis."""
+    if ti.static(len(P.remainder) > 0):
+        x, remainder = displaced(fields, P.x[axis][q], P.remainder[axis][q], displacement, axis)
+        P.x[axis][q] = x
+        P.remainder[axis][q] = remainder
+    else:
+        P.x[axis][q] = keep_inside(fields, P.x[axis][q] + displacement, axis)
+
+
+@ti.func
+def move_lane(fields: ti.template(), P: ti.template(), q, l, displacement):
+    """Move one lane of pack q by `displacement` [m] (3,); return its coordinates [m]. Other lanes are not touched."""
+    x = ti.Vector([P.x[d][q][l] for d in range(3)])
+    for d in ti.static(range(3)):
+        if ti.static(len(P.remainder) > 0):
+            coordinate, remainder = displaced(fields, x[d], P.remainder[d][q][l], displacement[d], d)
+            x[d] = coordinate
+            P.remainder[d][q][l] = remainder
+        else:
+            x[d] = keep_inside(fields, x[d] + displacement[d], d)
+        P.x[d][q][l] = x[d]
+    return x
+
+
+@ti.func
+def displaced(fields: ti.template(), x, remainder, displacement, axis: ti.template()):
+    """Return the coordinate [m] after a displacement [m], and the new remainder [m]; for packs and single numbers.
+
+    A compensated sum (Kahan 1965, Comm. ACM 8, 40): coordinates move by whole quanta, which is exact, and the rest of a
+    displacement is kept. Kahan's own difference (x + displacement) - x is `displacement` to a compiler with fast-math.
+    """
+    quantum = ti.static(fields.quantum[axis])
+    total = remainder + displacement
+    moved = ti.cast(ti.cast(total * ti.static(1.0 / quantum), ti.i32), fields.real) * quantum
+    return keep_inside(fields, x + moved, axis), total - moved
 
 
 @ti.func

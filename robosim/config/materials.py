@@ -43,6 +43,11 @@ class MaterialConfig(Table):
         """Names of the material's numbers."""
         return [name for name, field in cls.model_fields.items() if field.annotation is Quantity]
 
+    def values(self) -> dict[str, float | bool]:
+        """Key of each number and switch of the law -> its value."""
+        switches = [name for name, field in type(self).model_fields.items() if field.annotation is bool]
+        return {name: getattr(self, name).value for name in self.numbers()} | {n: getattr(self, n) for n in switches}
+
 
 class GranularConfig(MaterialConfig):
     """Grains: Drucker-Prager."""
@@ -95,6 +100,8 @@ class FluidConfig(MaterialConfig):
     """Bulk modulus [Pa]."""
     viscosity: Annotated[Quantity, Within(0.0, 1e6)]  # glass at its working point has 1e3, pitch 1e8 Pa s
     """Dynamic viscosity [Pa s]."""
+    tension: bool = True
+    """Whether expanded fluid pulls; false: it has no pressure where its volume is larger than at first."""
 
 
 class ClayConfig(MaterialConfig):
@@ -157,7 +164,7 @@ def law_of(config: MaterialConfig) -> Law:
     """The law of a material."""
     values = {name: getattr(config, key).value for name, key in number_names(config).items()}
     if isinstance(config, FluidConfig):
-        return mpm.NewtonianFluid(**values)
+        return mpm.NewtonianFluid(tension=config.tension, **values)
     if isinstance(config, ClayConfig):
         return mpm.VonMises(**values)
     return (mpm.MuIRheology if isinstance(config, MuIConfig) else mpm.DruckerPrager)(**values)

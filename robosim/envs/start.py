@@ -97,6 +97,8 @@ def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.n
         spread = np.zeros((9, 6))  # from xx, yy, zz, xy, xz, yz to rows
         spread[np.arange(9), [0, 3, 4, 3, 1, 5, 4, 5, 2]] = 1.0
         rotated["e"] = state["e"] @ (both @ spread)[[0, 4, 8, 1, 2, 5]].T
+    if "remainder" in state:
+        rotated["remainder"] = state["remainder"] @ R.T
     return {name: values.astype(state[name].dtype) for name, values in rotated.items()}
 
 
@@ -115,7 +117,7 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     name: of the cache file. variant: fill and slope of grains that the solver was not built with.
     Raises mpm.InvalidValue where the tool cannot hold the grains.
     """
-    numbers = {"law": type(material).__name__} | {n: getattr(material, n).value for n in material.numbers()}
+    numbers = {"law": type(material).__name__} | material.values()
     shapes = [hashlib.sha256(collider.sdf.host.tobytes()).hexdigest() for collider in solver.colliders
               if isinstance(collider.sdf, Lattice)]
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order

@@ -26,7 +26,7 @@ from robosim.tasks.task import TaskConfig, load_task
 
 NO_GRAINS = np.zeros((0, 6), np.float32)
 STANDARD = PerceptionOptions()
-STATE_FORMAT = 3
+STATE_FORMAT = 4
 """Raised when a state has other entries."""
 
 
@@ -205,13 +205,13 @@ class World:
     # states ---------------------------------------------------------------------------------------------------------
     def describe(self, **options: Any) -> dict[str, Any]:
         """Return all that a state depends on: task, material, layout, precision, and options of the environment."""
-        load, numbers = self.load, self.material.numbers()
+        load = self.load
         handed = None if load is None else hashlib.sha256(np.ascontiguousarray(load.positions).tobytes()).hexdigest()
         return {
             "format": STATE_FORMAT, **options,
             **{f"task.{name}": value for name, value in self.task.model_dump(mode="json").items()},
             "material": type(self.material).__name__,
-            **{f"material.{name}": getattr(self.material, name).value for name in numbers},
+            **{f"material.{name}": value for name, value in self.material.values().items()},
             "randomize": self.randomization.describe(),
             "obs": self.observer.describe(), "load": None if load is None else f"{load.count} grains, {handed}",
             "precision": self.solver.precision,

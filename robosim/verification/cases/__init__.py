@@ -13,7 +13,8 @@ from types import ModuleType
 from robosim.errors import UnknownName
 
 SUBJECTS = {
-    "free_fall": "continuum", "axis_aligned": "continuum", "bar": "continuum", "vortex": "continuum",
+    "free_fall": "continuum", "slow_translation": "continuum", "axis_aligned": "continuum", "bar": "continuum",
+    "vortex": "continuum",
     "spin": "continuum", "elastic_energy": "continuum", "uniaxial": "continuum", "column_weight": "continuum",
     "hydrostatic": "fluid", "dam_break": "fluid", "return_mapping": "granular", "element_path": "granular",
     "slope": "granular", "heap": "granular", "column_collapse": "granular", "orifice": "granular",

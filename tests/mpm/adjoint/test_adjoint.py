@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from adjoint_element import AdjointElement
+from adjoint_element import DT, AdjointElement
 
 import mpm
+from mpm.materials.stress_update import LEAST_RATIO
 from mpm.state.packs import LANES
 
 DIRECTIONS = 20
@@ -18,10 +19,11 @@ LAWS = {
     "mu_i": mpm.MuIRheology(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=20.0, limit_angle_deg=35.0, cohesion=2e3,
                             grain_diameter=1e-3, grain_density=2500.0),
     "fluid": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0),
+    "fluid_without_tension": mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0, viscosity=3.0, tension=False),
 }
 
 
-@pytest.mark.parametrize("name", [name if name in ("sand", "mu_i", "fluid", "fixed_corotated")
+@pytest.mark.parametrize("name", [name if name in ("sand", "mu_i", "fluid", "fluid_without_tension", "fixed_corotated")
                                   else pytest.param(name, marks=pytest.mark.slow) for name in LAWS])
 def test_constitutive_update(name, rng):
     """From no strain (every eigenvalue the same) and from a large one; compressed, stretched, inside and outside the
@@ -34,17 +36,38 @@ def test_constitutive_update(name, rng):
         C = 30.0 * rng.standard_normal((LANES, 9))
         p = np.zeros(8)
         p[: len(LAWS[name].parameters)] = LAWS[name].parameters
-        weights = rng.standard_normal((LANES, 6 + element.size))
-        weights[:, :6] /= 1e5
-        state_bar, C_bar, p_bar = element.backward(state, C, p, weights)
-        for _ in range(DIRECTIONS):
-            to_state, to_C = rng.standard_normal(state.shape), 1e3 * rng.standard_normal(C.shape)
-            to_p, h = p * rng.standard_normal(8), 1e-6
-            ends = [np.sum(weights * element.forward(state + s * to_state, C + s * to_C, p + s * to_p))
-                    for s in (h, -h)]
-            terms = [np.sum(state_bar * to_state), np.sum(C_bar * to_C), np.sum(p_bar * to_p)]
-            difference = (ends[0] - ends[1]) / (2 * h)
-            assert abs(sum(terms) - difference) <= 1e-6 * np.abs(terms).max()
+        compare_with_differences(element, state, C, p, rng)
+
+
+def compare_with_differences(element: AdjointElement, state: np.ndarray, C: np.ndarray, p: np.ndarray,
+                             rng: np.random.Generator) -> None:
+    """Assert that adjoints by state, C and parameters are central differences, for random weights of the results."""
+    weights = rng.standard_normal((LANES, 6 + element.size))
+    weights[:, :6] /= 1e5
+    state_bar, C_bar, p_bar = element.backward(state, C, p, weights)
+    for _ in range(DIRECTIONS):
+        to_state, to_C = rng.standard_normal(state.shape), 1e3 * rng.standard_normal(C.shape)
+        to_p, h = p * rng.standard_normal(8), 1e-6
+        ends = [np.sum(weights * element.forward(state + s * to_state, C + s * to_C, p + s * to_p))
+                for s in (h, -h)]
+        terms = [np.sum(state_bar * to_state), np.sum(C_bar * to_C), np.sum(p_bar * to_p)]
+        difference = (ends[0] - ends[1]) / (2 * h)
+        assert abs(sum(terms) - difference) <= 1e-6 * np.abs(terms).max()
+
+
+@pytest.mark.parametrize("name", ["fluid", "fluid_without_tension"])
+def test_fluid_at_large_rates(name, rng):
+    """Where the volume changes to a twentieth or to twenty times of itself in a substep; and where it is held at the
+    smallest ratio, which no longer depends on the rate."""
+    element, law = AdjointElement(LAWS[name]), LAWS[name]
+    p = np.zeros(8)
+    p[: len(law.parameters)] = law.parameters
+    C = 30.0 * rng.standard_normal((LANES, 9))
+    C[:, 0] += np.array([-10.0, -3.0, 3.0, 10.0]) / DT
+    compare_with_differences(element, 0.08 * rng.uniform(-1.0, 1.0, (LANES, 1)), C, p, rng)
+    held, C[:, 0] = np.full((LANES, 1), LEAST_RATIO - 1.0), -10.0 / DT
+    assert element.forward(held, C, p)[:, 6] == pytest.approx(LEAST_RATIO - 1.0, rel=1e-15)
+    assert not element.backward(held, C, p, np.ones((LANES, 7)))[0].any()
 
 
 @pytest.mark.slow

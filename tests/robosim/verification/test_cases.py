@@ -11,6 +11,7 @@ from robosim.verification.cases.continuum import (
     column_weight,
     elastic_energy,
     free_fall,
+    slow_translation,
     spin,
     uniaxial,
     vortex,
@@ -45,6 +46,14 @@ def test_free_fall_is_exact(precision: str, speed: float) -> None:
     for strides, band in ((True, fast), (False, precision)):
         errors = free_fall.measure(precision=precision, speed=speed, strides=strides).errors
         assert errors["max"] <= free_fall.BANDS[band], strides
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_slow_grains_move(precision: str) -> None:
+    """By a displacement that is 60 times below what single precision resolves, in every substep."""
+    for strides in (True, False):
+        errors = slow_translation.measure(precision=precision, strides=strides).errors
+        assert errors["displacement"] <= slow_translation.BANDS[precision], strides
 
 
 @pytest.mark.parametrize(("precision", "steps"), [("f64", 200), ("f32", 1000)])

@@ -1,0 +1,126 @@
+"""The volume of a fluid: positive at any rate, the same after a cycle; and fluids that do not pull."""
+
+import numpy as np
+import pytest
+
+import mpm
+from mpm.backend import default_precision, ti
+from mpm.materials.stress_update import LEAST_RATIO, advance_volume
+
+CELL = 0.02
+BULK = 1e5
+REAL = {"f32": np.float32, "f64": np.float64}
+
+
+def after(j: np.ndarray, d: np.ndarray, precision: str, steps: int = 1) -> np.ndarray:
+    """J - 1 (n,) after `steps` substeps with d = dt tr(C) (n,), in a precision."""
+
+    @ti.kernel
+    def advance(j: ti.types.ndarray(), d: ti.types.ndarray(), steps: ti.i32):
+        for i in range(j.shape[0]):
+            for _ in range(steps):
+                j[i] = advance_volume(j[i], d[i])
+
+    result = np.array(j, REAL[precision])
+    with default_precision(precision):
+        advance(result, np.asarray(d, REAL[precision]), steps)
+    return result
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_the_volume_is_positive_at_any_rate(precision: str) -> None:
+    """Also where the rate is many times what a substep can follow, and again and again; and it comes back from there."""
+    d = np.concatenate([-np.logspace(-6, 6, 49), np.logspace(-6, 6, 49)])
+    for ratio in (1.0, 0.3, 1e-3, LEAST_RATIO):
+        found = after(np.full(len(d), ratio - 1.0), d, precision)
+        assert np.isfinite(found).all()
+        assert (1.0 + found >= LEAST_RATIO).all()
+    pressed = after(np.zeros(4), np.array([-0.3, -2.0, -10.0, -1e3]), precision, 200)
+    assert (1.0 + pressed == LEAST_RATIO).all()
+    assert (after(pressed, np.full(4, 0.1), precision) > pressed).all()
+
+
+def test_a_small_rate_changes_the_volume_by_its_exponential() -> None:
+    """J = exp(d), but for d^3 / 6."""
+    d = np.linspace(-0.05, 0.05, 21)
+    found = after(np.zeros(len(d)), d, "f64")
+    assert found == pytest.approx(np.expm1(d - d**3 / 6), abs=1e-7)
+    assert np.abs(found - np.expm1(d)).max() <= 0.05**3 / 5
+    single = after(np.zeros(1), np.full(1, 1e-6), "f32")
+    assert single == pytest.approx(1e-6, rel=1e-5)
+
+
+@pytest.mark.parametrize(("precision", "bound"), [("f32", 2e-5), ("f64", 1e-13)])
+def test_a_cycle_leads_back(precision: str, bound: float) -> None:
+    """Compressed and expanded by the same substeps, J is what it was; 1 + d in each would leave a loss of d^2."""
+    for d, steps in ((1e-2, 100), (0.2, 10), (3.0, 1)):
+        for sign in (-1.0, 1.0):
+            there = after(np.zeros(1), np.full(1, sign * d), precision, steps)
+            assert abs(np.log1p(there.astype(float))[0]) == pytest.approx(steps * np.arcsinh(d), rel=1e-3)
+            back = after(there, np.full(1, -sign * d), precision, steps)
+            assert abs(float(back[0])) <= bound
+
+
+def block(tension: bool, strain: float, **options) -> mpm.Solver:
+    """A block of fluid at rest in the middle of a room without gravity, with J - 1 = strain."""
+    fluid = mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0, viscosity=1.0, tension=tension)
+    positions = mpm.sample_box((0.16, 0.16, 0.16), (0.24, 0.24, 0.24), CELL / 2)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), gravity=(0, 0, 0),
+                        bodies=[mpm.Body(fluid, positions, volume=(CELL / 2) ** 3)], **options)
+    state = solver.state()
+    state["j"][:] = strain
+    solver.load(state)
+    return solver
+
+
+def test_a_stretched_block_does_not_pull() -> None:
+    """Without tension it stays at rest, without stress or energy; with it, it contracts."""
+    for tension in (False, True):
+        solver = block(tension, 0.05)
+        assert np.abs(solver.stresses()).max() == pytest.approx(BULK * 0.05 * tension, rel=1e-5)
+        elastic = 0.5 * BULK * 0.05**2 * 0.08**3
+        assert solver.energy().elastic == pytest.approx(elastic * tension, rel=1e-5)
+        solver.advance(5 * solver.dt)
+        assert (np.abs(solver.velocities()).max() > 0.01) == tension
+        assert solver.velocities().any() == tension
+        solver.close()
+
+
+def test_without_tension_pressure_is_the_same() -> None:
+    """A compressed block begins to expand to the bit as with tension."""
+    ends = []
+    for tension in (False, True):
+        solver = block(tension, -0.05)
+        solver.advance(solver.dt)
+        ends.append(solver.state())
+        solver.close()
+    assert np.abs(ends[0]["v"]).max() > 0.01
+    assert all((ends[0][name] == ends[1][name]).all() for name in ends[0])
+
+
+def test_what_flies_apart_keeps_its_speed() -> None:
+    """Every particle of a block that expands evenly flies freely where the fluid does not pull."""
+    kept = {}
+    for tension in (False, True):
+        solver = block(tension, 0.0)
+        state = solver.state()
+        state["v"][:] = 20.0 * (solver.positions() - 0.2)
+        state["C"][:, [0, 4, 8]] = 20.0
+        solver.load(state)
+        before = solver.energy().kinetic
+        solver.advance(0.01)
+        kept[tension] = solver.energy().kinetic / before
+        assert (solver.state()["j"] > 0.3).all() == (not tension)
+        solver.close()
+    assert kept[False] == pytest.approx(1.0, abs=0.03)
+    assert kept[True] < 0.9
+
+
+def test_what_is_no_tension_is_refused() -> None:
+    with pytest.raises(mpm.InvalidValue, match=r"NewtonianFluid: tension = 'no'; accepted: True or False"):
+        mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0, tension="no")  # pyright: ignore[reportArgumentType]
+    fluid = mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0, tension=False)
+    place = np.full((1, 3), 0.2)
+    with pytest.raises(mpm.InvalidValue, match=r"tension=False\) has a tension of 1e\+03 Pa; accepted: -pressure"):
+        mpm.Body(fluid, place, volume=1e-6, stress=1e3 * np.eye(3)[None])
+    mpm.Body(fluid, place, volume=1e-6, stress=-1e3 * np.eye(3)[None])
