@@ -44,9 +44,10 @@ class RehearsalConfig(Table):
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
     """one_way: grains exert no force on the arm; lagged: their force acts one step later; mobility: contact and motion
     of the arm are solved together."""
-    collision_thickness: Length | None = None
+    collision_thickness: Length | Literal["shell"] | None = None
     """Wall thickness [m] of the tool in the simulation of the grains; thickened outward, the inner volume is kept.
-    null: half a cell."""
+    null: half a cell; shell: a thin shell of the head's real thickness, into which a heap does not sink, without the
+    handle."""
     grasp_time: GraspTime = 0.5
     """Time [s] for the fingers to close before the arm moves."""
     containers: dict[Name, ContainerConfig] = {}  # noqa: RUF012
@@ -109,8 +110,9 @@ class RehearsalConfig(Table):
 
     @property
     def grain_wall(self) -> float:
-        """Wall thickness [m] of the tool in the simulation of the grains."""
-        return 0.5 * self.field.cell if self.collision_thickness is None else self.collision_thickness
+        """Wall thickness [m] of the tool in the simulation of the grains; of a shell, by which it is filled."""
+        thickness = self.collision_thickness
+        return 0.5 * self.field.cell if thickness is None or thickness == "shell" else thickness
 
     @property
     def tool_name(self) -> str:

@@ -15,12 +15,12 @@ from scipy.ndimage import binary_dilation
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.errors import ConfigError
-from robosim.shapes.grown_wall import grow_outward, wall_at_inside
+from robosim.shapes.grown_wall import grow_outward, make_shell, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside
-from robosim.shapes.lofts import revolve
+from robosim.shapes.lofts import leave_open, revolve
 from robosim.shapes.mesh_files import join, read_parts
 from robosim.shapes.mesh_tool import MeshFile
-from robosim.shapes.vessels import CONTAINER_CORNER, make_container_shell
+from robosim.shapes.vessels import CONTAINER_CORNER, make_container_sheet, make_container_shell
 
 Array = NDArray[np.float64]
 Found = NDArray[np.bool_]
@@ -53,6 +53,10 @@ class ContainerShape(ABC):
     @abstractmethod
     def distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of walls that are `wall` thick, grown outward."""
+
+    @abstractmethod
+    def shell(self) -> mpm.Shell:
+        """Return the real walls as a thin shell."""
 
     @abstractmethod
     def holds(self, points: Array) -> Found:
@@ -117,6 +121,10 @@ class BoxShape(ContainerShape):
         """Return the signed distance of walls that are `wall` thick, grown outward."""
         return mpm.Sdf.from_mesh(make_container_shell(self.size, wall, self.corner), spacing=spacing)
 
+    def shell(self) -> mpm.Shell:
+        """Return the real walls as a thin shell."""
+        return mpm.Shell.from_mesh(make_container_sheet(self.size, 0.5 * self.wall, self.corner), self.wall)
+
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""
         half = self.size[:2] / 2.0 + WALL_MARGIN
@@ -154,6 +162,12 @@ class RoundShape(ContainerShape):
     def distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of walls that are `wall` thick, grown outward."""
         return mpm.Sdf.from_mesh(self._make(wall), spacing=spacing)
+
+    def shell(self) -> mpm.Shell:
+        """Return the real walls as a thin shell."""
+        outer, low, high = self.radius + 0.5 * self.wall, -0.5 * self.wall, self._height
+        sheet = leave_open(revolve([(0.0, low), (outer, low), (outer, high)], 64), [0.0, 0.0, high])
+        return mpm.Shell.from_mesh(sheet, self.wall)
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""
@@ -196,6 +210,10 @@ class MeshShape(ContainerShape):
     def distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of walls that are `wall` thick, grown outward."""
         return grow_outward(self.parts, self.inside, wall - self.wall, spacing)
+
+    def shell(self) -> mpm.Shell:
+        """Return the real walls as a thin shell, from the surface that borders the inside."""
+        return make_shell(self.parts, self.inside)
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.errors import ConfigError
-from robosim.shapes.grown_wall import grow_outward, wall_at_inside
+from robosim.shapes.grown_wall import grow_outward, make_shell, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside, given_inside
 from robosim.shapes.mesh_files import join, read_parts
 
@@ -159,6 +159,10 @@ class MeshTool:
     def head_distance(self, wall: float, spacing: float) -> Lattice:
         """Return the same of the head alone, if the handle has a mesh of its own."""
         return grow_outward(self.head, self.inside, wall - wall_at_inside(self.head, self.inside), spacing)
+
+    def head_shell(self, spacing: float | None = None) -> mpm.Shell:
+        """Return the head as a thin shell with its real wall; spacing [m]: of its lattice, None: by the grid's cell."""
+        return make_shell(self.head, self.inside, spacing)
 
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of the tool with its real wall."""

@@ -90,6 +90,8 @@ class ToolShape:
     """Wall thickness [m], grown outward -> the part that holds or pushes grains, as a closed mesh."""
     interior: mpm.Region
     """Region in which grains count as in the tool."""
+    sheet: Callable[[float], trimesh.Trimesh]
+    """Distance [m] from the head's inner surface -> the open surface there, on the side of the wall."""
     handle_start: tuple[float, float, float] | None = None
     """Start of the handle [m]; None: no handle."""
 
@@ -104,6 +106,10 @@ class ToolShape:
     def head_distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of the head alone, with a wall of `wall` [m] that is grown outward."""
         return mpm.Sdf.from_mesh(self.head(wall), spacing=spacing)
+
+    def head_shell(self, spacing: float | None = None) -> mpm.Shell:
+        """Return the head as a thin shell with its real wall; spacing [m]: of its lattice, None: by the grid's cell."""
+        return mpm.Shell.from_mesh(self.sheet(0.5 * WALL), WALL, spacing)
 
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of all parts with their real wall."""

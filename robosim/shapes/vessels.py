@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 import mpm
-from robosim.shapes.lofts import loft, revolve, smoothstep, superellipse
+from robosim.shapes.lofts import leave_open, loft, revolve, smoothstep, superellipse
 from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
@@ -51,7 +51,13 @@ def make_bowl(wall: float = WALL, around: int = 48, down: int = 20) -> trimesh.T
     return loft(np.concatenate([inner[::-1], outer]), ([0.0, 0.0, -depth], [0.0, 0.0, -depth - wall]))
 
 
-SPOON = ToolShape("spoon", make_bowl, SPOON_INTERIOR, SPOON_HANDLE_START)
+def make_bowl_sheet(grow: float, around: int = 64, down: int = 24) -> trimesh.Trimesh:
+    """Make the open surface `grow` [m] outside the bowl's cavity, whose rim lies in the plane z=0."""
+    rings = make_bowl(grow, around, down).vertices[down * around : 2 * down * around].reshape(down, around, 3)
+    return leave_open(loft(rings, ([0.0, 0.0, 0.0], [0.0, 0.0, -BOWL[2] - grow])), [0.0, 0.0, 0.0])
+
+
+SPOON = ToolShape("spoon", make_bowl, SPOON_INTERIOR, make_bowl_sheet, SPOON_HANDLE_START)
 
 
 def make_profile(grow: float) -> Array:
@@ -72,7 +78,32 @@ def make_bottle(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
     return revolve(np.concatenate([make_profile(wall), make_profile(0.0)[::-1]]), around)
 
 
-BOTTLE = ToolShape("bottle", make_bottle, BOTTLE_INTERIOR)
+def make_bottle_sheet(grow: float, around: int = 48) -> trimesh.Trimesh:
+    """Make the surface `grow` [m] outside the bottle's cavity, open at the mouth."""
+    return leave_open(revolve(make_profile(grow), around), [0.0, 0.0, MOUTH])
+
+
+BOTTLE = ToolShape("bottle", make_bottle, BOTTLE_INTERIOR, make_bottle_sheet)
+
+
+def make_container_outline(size: Array, corner: float, grow: float, z: float) -> Array:
+    """Make a rounded rectangle (n, 3) [m] of inner size and radius of its corners, grown outward, at height z."""
+    arc = np.linspace(0.0, np.pi / 2.0, 7)
+    half = size[:2] / 2.0 - corner
+    parts = []
+    for i, sign in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        angle = arc + i * np.pi / 2.0
+        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        parts.append(half * np.array(sign) + (corner + grow) * direction)
+    flat = np.concatenate(parts)
+    return np.column_stack([flat, np.full(len(flat), z)])
+
+
+def make_container_sheet(inner_size: ArrayLike, grow: float, corner: float = CONTAINER_CORNER) -> trimesh.Trimesh:
+    """Make the surface `grow` [m] outside the inside of `make_container_shell`, open at the top."""
+    size = np.asarray(inner_size, float)
+    rings = [make_container_outline(size, corner, grow, z) for z in (-grow, float(size[2]))]
+    return leave_open(loft(rings), [0.0, 0.0, float(size[2])])
 
 
 def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
@@ -85,16 +116,7 @@ def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
     size = np.asarray(inner_size, float)
 
     def make_outline(grow: float, z: float) -> Array:
-        """Make the rounded rectangle (n, 3), grown outward by `grow`, at height z."""
-        arc = np.linspace(0.0, np.pi / 2.0, 7)
-        half = size[:2] / 2.0 - corner
-        parts = []
-        for i, sign in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-            angle = arc + i * np.pi / 2.0
-            direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            parts.append(half * np.array(sign) + (corner + grow) * direction)
-        flat = np.concatenate(parts)
-        return np.column_stack([flat, np.full(len(flat), z)])
+        return make_container_outline(size, corner, grow, z)
 
     lip = wall / 3.0  # bevels of the upper rim catch the light
     top = float(size[2])
