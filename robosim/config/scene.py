@@ -67,9 +67,6 @@ class ContainerConfig(Table):
     """Metres per unit of the mesh: 0.001 for millimetres."""
     thickness: Length | None = None
     """Thickness [m] of the wall whose middle the mesh is; null: the mesh is closed."""
-    shell: bool = False
-    """Whether the grains meet its walls as thin as they are, in place of walls grown outward to three cells; for one
-    that does not stand on the table, through whose walls grains would sink into the free cells below."""
 
     @pydantic.model_validator(mode="after")
     def _check_shape(self) -> "ContainerConfig":

@@ -43,9 +43,7 @@ class Container:
         body.pos, body.quat = self.pose.position, self.pose.quaternion
 
     def collider(self, cell: float, friction: float = 0.5) -> mpm.Collider:
-        """Make its static collider for a grid of cells of `cell` [m]: a thin shell, or walls thickened outward."""
-        if self.config.shell:
-            return mpm.Collider(self.shape.shell(), friction=friction, pose=self.pose)
+        """Make its static collider for a grid of cells of `cell` [m]; its walls are thickened outward."""
         return mpm.Collider(self.shape.distance(CONTAINER_WALL * cell, CONTAINER_SPACING), static=True,
                             friction=friction, pose=self.pose)
 

@@ -1,5 +1,6 @@
 """The granular field of a rehearsal: its solver, its colliders, and checks of its configuration."""
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
     head = tool_shape(config.tool).head_shell() if config.collision_thickness == "shell" else sdf
     # as the plugin will want it: a collider that it has to change makes the solver anew
     colliders = [mpm.Collider(head, friction=field.tool_friction, pose=tool_pose, mobile=config.coupling == "mobility")]
-    colliders += build_container_colliders(config.containers, field)
+    colliders += build_container_colliders(config.containers, field, shells=config.shells)
     walls = {name: build_container_sdf(name, config.containers[name], field) for name in config.sources}
     positions, volume = fill(config, sdf, walls, tool_pose, np.random.default_rng(seed))
     solver = mpm.Solver(
@@ -90,15 +91,18 @@ def build_container_sdf(name: str, container: ContainerConfig, field: FieldConfi
     return container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
 
 
-def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig, *,
-                              static: bool = True) -> list[mpm.Collider]:
-    """Build colliders of containers; static: they never move, which makes contact cheaper for those that are solid."""
+def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig, *, static: bool = True,
+                              shells: Collection[str] = ()) -> list[mpm.Collider]:
+    """Build colliders of containers; static: they never move, which makes contact cheaper.
+
+    shells: names of those that are thin shells of their real walls, which stay where they are, too.
+    """
     colliders = []
     for name, container in containers.items():
-        walls = container_shape(name, container).shell() if container.shell else \
+        walls = container_shape(name, container).shell() if name in shells else \
             build_container_sdf(name, container, field)
-        colliders.append(mpm.Collider(walls, static=static and not container.shell,
-                                      friction=field.container_friction, pose=container_pose(container)))
+        colliders.append(mpm.Collider(walls, static=static and name not in shells, friction=field.container_friction,
+                                      pose=container_pose(container)))
     return colliders
 
 

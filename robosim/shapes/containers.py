@@ -15,12 +15,13 @@ from scipy.ndimage import binary_dilation
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.errors import ConfigError
-from robosim.shapes.grown_wall import grow_outward, make_shell, wall_at_inside
+from robosim.shapes.faces import revolve_face, shell_behind
+from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside
-from robosim.shapes.lofts import leave_open, revolve
+from robosim.shapes.lofts import revolve
 from robosim.shapes.mesh_files import join, read_parts
 from robosim.shapes.mesh_tool import MeshFile
-from robosim.shapes.vessels import CONTAINER_CORNER, make_container_sheet, make_container_shell
+from robosim.shapes.vessels import CONTAINER_CORNER, make_box_face, make_container_shell
 
 Array = NDArray[np.float64]
 Found = NDArray[np.bool_]
@@ -56,7 +57,7 @@ class ContainerShape(ABC):
 
     @abstractmethod
     def shell(self) -> mpm.Shell:
-        """Return the real walls as a thin shell."""
+        """Return the walls as a thin shell of their real thickness; raises ConfigError where there can be none."""
 
     @abstractmethod
     def holds(self, points: Array) -> Found:
@@ -122,8 +123,8 @@ class BoxShape(ContainerShape):
         return mpm.Sdf.from_mesh(make_container_shell(self.size, wall, self.corner), spacing=spacing)
 
     def shell(self) -> mpm.Shell:
-        """Return the real walls as a thin shell."""
-        return mpm.Shell.from_mesh(make_container_sheet(self.size, 0.5 * self.wall, self.corner), self.wall)
+        """Return the walls as a thin shell of their real thickness."""
+        return shell_behind(make_box_face(self.size, self.corner), self.wall)
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""
@@ -164,10 +165,8 @@ class RoundShape(ContainerShape):
         return mpm.Sdf.from_mesh(self._make(wall), spacing=spacing)
 
     def shell(self) -> mpm.Shell:
-        """Return the real walls as a thin shell."""
-        outer, low, high = self.radius + 0.5 * self.wall, -0.5 * self.wall, self._height
-        sheet = leave_open(revolve([(0.0, low), (outer, low), (outer, high)], 64), [0.0, 0.0, high])
-        return mpm.Shell.from_mesh(sheet, self.wall)
+        """Return the walls as a thin shell of their real thickness."""
+        return shell_behind(revolve_face([(0.0, 0.0), (self.radius, 0.0), (self.radius, self._height)], 64), self.wall)
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""
@@ -212,8 +211,8 @@ class MeshShape(ContainerShape):
         return grow_outward(self.parts, self.inside, wall - self.wall, spacing)
 
     def shell(self) -> mpm.Shell:
-        """Return the real walls as a thin shell, from the surface that borders the inside."""
-        return make_shell(self.parts, self.inside)
+        """Raise ConfigError: the walls of a mesh are closed, and a shell needs their inner face."""
+        raise ConfigError("a container from a mesh has no shell; accepted: size, radius with height, or model")
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""

@@ -22,8 +22,6 @@ PROBE = 1.5
 """Distance from a face to the place that decides on which side it is, in spacings of the inside."""
 BURIED = 0.5
 """Distance from a face to the place that shows whether another mesh covers it, in spacings of the lattice."""
-SHELL_SPACING = 1e-3
-"""Lattice spacing [m] of the distances by which a shell's inner surface is found."""
 MOST_POINTS = 40_000_000
 """Lattice points beyond which a solid is too large for its spacing."""
 
@@ -54,16 +52,6 @@ def grow_outward(parts: list[trimesh.Trimesh], inside: Inside, growth: float, sp
     level = inside.level if inside.eye is None else float(inner.vertices[:, 2].max())
     layer = np.maximum.reduce([solid - growth, points[..., 2] - level, side])
     return Lattice(np.minimum(solid, layer).astype(np.float32), lower, spacing)
-
-
-def make_shell(parts: list[trimesh.Trimesh], inside: Inside, spacing: float | None = None) -> mpm.Shell:
-    """Return closed meshes as a thin shell with their real wall, behind the surface that borders their inside.
-
-    spacing [m]: of the shell's lattice; None: by the grid's cell. Raises ConfigError where no face borders the inside.
-    """
-    real = mpm.Sdf.from_mesh(parts, spacing=SHELL_SPACING)
-    return mpm.Shell.from_mesh(inner_surface(parts, inside, real, SHELL_SPACING), wall_at_inside(parts, inside),
-                               spacing, behind=True)
 
 
 def wall_at_inside(parts: list[trimesh.Trimesh], inside: Inside) -> float:

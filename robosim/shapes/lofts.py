@@ -110,15 +110,6 @@ def revolve(profile: ArrayLike, segments: int = 40) -> trimesh.Trimesh:
     return loft(rings, (tips[0], tips[1]))
 
 
-def leave_open(mesh: trimesh.Trimesh, centre: ArrayLike) -> trimesh.Trimesh:
-    """Leave out the fan that closes one end of a loft or a revolved profile.
-
-    centre (3,): the fan's centre [m]. The result is an open surface, no solid.
-    """
-    tip = int(np.linalg.norm(mesh.vertices - np.asarray(centre, float), axis=1).argmin())
-    return trimesh.Trimesh(mesh.vertices, mesh.faces[~(mesh.faces == tip).any(1)])
-
-
 def transport_axes(centre_line: ArrayLike, side: ArrayLike) -> tuple[Array, Array]:
     """Transport the section axes (k, 3), (k, 3) along a polyline (k, 3) in parallel.
 

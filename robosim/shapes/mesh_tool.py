@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.errors import ConfigError
-from robosim.shapes.grown_wall import grow_outward, make_shell, wall_at_inside
+from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside, given_inside
 from robosim.shapes.mesh_files import join, read_parts
 
@@ -160,9 +160,10 @@ class MeshTool:
         """Return the same of the head alone, if the handle has a mesh of its own."""
         return grow_outward(self.head, self.inside, wall - wall_at_inside(self.head, self.inside), spacing)
 
-    def head_shell(self, spacing: float | None = None) -> mpm.Shell:
-        """Return the head as a thin shell with its real wall; spacing [m]: of its lattice, None: by the grid's cell."""
-        return make_shell(self.head, self.inside, spacing)
+    def head_shell(self) -> mpm.Shell:
+        """Raise ConfigError: the walls of a mesh are closed, and a shell needs their inner face."""
+        raise ConfigError(f"tool {self.name!r} is from a mesh, whose inner face is not told from its outer one, as a "
+                          f"shell needs it; accepted: a wall thickness in metres, or a bundled tool")
 
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of the tool with its real wall."""

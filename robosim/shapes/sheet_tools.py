@@ -10,6 +10,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 import mpm
+from robosim.shapes.faces import make_face
 from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
@@ -65,17 +66,8 @@ def make_wall(near: ArrayLike, far: ArrayLike) -> trimesh.Trimesh:
     return mesh
 
 
-def make_sheet(grid: ArrayLike) -> trimesh.Trimesh:
-    """Make the open surface through a grid of points (k, n, 3) [m]."""
-    points = np.asarray(grid, float)
-    index = np.arange(points.shape[0] * points.shape[1]).reshape(points.shape[:2])
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return trimesh.Trimesh(points.reshape(-1, 3), faces, process=False)
-
-
-def trough_grids(around: int = 32, along: int = 26) -> tuple[Array, Array]:
-    """Return points (k, n, 3) [m] of the trough's inner surface, and the directions (k, n, 3) of its wall there."""
+def trough_grid(around: int, along: int) -> Array:
+    """Return points (along // 2 x 2, around + 1, 3) of the trough's inner face, in curves from the back."""
     back, front = -TROUGH_LENGTH / 2, TROUGH_LENGTH / 2
     angle_back = np.linspace(0.0, np.pi / 2, along // 2)
     x = np.concatenate([back + BACK * (1 - np.cos(angle_back)), np.linspace(back + BACK, front, along // 2 + 1)[1:]])
@@ -86,34 +78,36 @@ def trough_grids(around: int = 32, along: int = 26) -> tuple[Array, Array]:
     inner[:, :, 0] = x[:, None]
     inner[:, :, 1:] = size[:, None, None] * section
     inner[:, [0, -1], 2] = 0.0
+    return inner
+
+
+def make_trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
+    """Make the wall of the trough, with a thickness [m] grown outward.
+
+    Its flat rim lies in the plane z=0.
+    """
+    inner = trough_grid(around, along)
     outward = compute_normals(inner)
     outward *= np.sign(np.sum(outward[-1, around // 2] * [0.0, 0.0, -1.0]))
     outward[:, [0, -1], 2] = 0.0  # the rim stays in its plane, the front edge too
     outward[-1, :, 0] = 0.0
     outward /= np.linalg.norm(outward, axis=2, keepdims=True)
-    return inner, outward
-
-
-def make_trough(wall: float = WALL) -> trimesh.Trimesh:
-    """Make the wall of the trough, with a thickness [m] grown outward.
-
-    Its flat rim lies in the plane z=0.
-    """
-    inner, outward = trough_grids()
     return make_wall(inner, inner + wall * outward)
 
 
-def make_trough_sheet(grow: float) -> trimesh.Trimesh:
-    """Make the open surface `grow` [m] outside the trough's cavity."""
-    inner, outward = trough_grids()
-    return make_sheet(inner + grow * outward)
+def make_trough_face() -> trimesh.Trimesh:
+    """Make the inner face of the trough, closed at the back and open in front."""
+    return make_face(trough_grid(32, 26), [-TROUGH_LENGTH / 2, 0.0, 0.0], closed=False)
 
 
-SCOOP = ToolShape("scoop", make_trough, SCOOP_INTERIOR, make_trough_sheet, SCOOP_HANDLE_START)
+SCOOP = ToolShape("scoop", make_trough, SCOOP_INTERIOR, SCOOP_HANDLE_START, make_trough_face)
 
 
-def blade_grids(across: int = 16, up: int = 16) -> tuple[Array, Array]:
-    """Return points (k, n, 3) [m] of the blade's hollow side, and the directions (k, n, 3) of its wall there."""
+def make_blade(wall: float = WALL, across: int = 16, up: int = 16) -> trimesh.Trimesh:
+    """Make the blade with a thickness [m] grown backward.
+
+    Its hollow side is ahead, its lower edge in the plane z=0.
+    """
     half = np.arcsin(0.5 * BLADE_HEIGHT / CURVE)
     angle = np.linspace(-half, half, up + 1)
     edge = CURVE * np.cos(half)
@@ -127,22 +121,7 @@ def blade_grids(across: int = 16, up: int = 16) -> tuple[Array, Array]:
     back *= np.sign(np.sum(back[up // 2, across // 2] * [-1.0, 0.0, 0.0]))
     back[[0, -1], :, 2] = 0.0  # lower and upper edge stay in their planes
     back /= np.linalg.norm(back, axis=2, keepdims=True)
-    return front, back
-
-
-def make_blade(wall: float = WALL) -> trimesh.Trimesh:
-    """Make the blade with a thickness [m] grown backward.
-
-    Its hollow side is ahead, its lower edge in the plane z=0.
-    """
-    front, back = blade_grids()
     return make_wall(front, front + wall * back)
 
 
-def make_blade_sheet(grow: float) -> trimesh.Trimesh:
-    """Make the open surface `grow` [m] behind the blade's hollow side."""
-    front, back = blade_grids()
-    return make_sheet(front + grow * back)
-
-
-SHOVEL = ToolShape("shovel", make_blade, SHOVEL_INTERIOR, make_blade_sheet, SHOVEL_HANDLE_START)
+SHOVEL = ToolShape("shovel", make_blade, SHOVEL_INTERIOR, SHOVEL_HANDLE_START)
