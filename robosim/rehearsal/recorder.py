@@ -41,7 +41,9 @@ def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneReco
     commanded = np.array([motion_path.pose(t).position for t in times])
     waypoints = [WaypointEntry(name=name, time=run.waypoint_time(name),
                                position=three(motion_path.pose(time).position))
-                 for name, time in motion_path.times.items()]
+                 for name, time in motion_path.times.items()
+                 if run.stage is None or time <= motion_path.times[config.dose_at]]  # when the others are passed, a
+    # balance decides
     return SceneRecorder(
         path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
         curves=CURVES, frame_rate=FRAME_RATE, grain_volume=run.grains.grain_volume, colour=run.material.colour,

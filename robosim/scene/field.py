@@ -86,6 +86,13 @@ def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
     return tool_shape(tool).distance(thickness, TOOL_SPACING)
 
 
+def filled_volume(config: RehearsalConfig) -> float:
+    """Return the volume [m^3] of the grains in a tool that is filled at the start, as they are placed."""
+    sdf = build_tool_sdf(config.tool, config.grain_wall)
+    positions, volume = fill(config, sdf, {}, mpm.Pose.identity(), np.random.default_rng(0))
+    return volume * len(positions)
+
+
 def build_container_sdf(name: str, container: ContainerConfig, field: FieldConfig) -> Lattice:
     """Build the signed distance of a container's walls, grown outward, in its own frame."""
     return container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
