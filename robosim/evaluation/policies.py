@@ -1,4 +1,4 @@
-"""Policies of an environment: none, random, scripted, recorded actions, a learned network."""
+"""Policies of an environment: none, random, scripted, a dosing controller, recorded actions, a learned network."""
 
 import json
 from collections.abc import Callable, Collection
@@ -11,9 +11,11 @@ import mpm
 from mpm.geometry.rigid_motion import relative_rotation
 from mpm.input_files import StoredArrays, differing_entries, quote, read_arrays
 from robosim.config.resources import trained
+from robosim.dosing import CONTROLLERS
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
+from robosim.evaluation.dosing_policy import TERMS, DosingPolicy
 from robosim.tasks.task import TaskConfig
 
 Policy = Callable[[], np.ndarray]
@@ -40,6 +42,8 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
         return lambda: rng.uniform(-1.0, 1.0, n).astype(np.float32)
     if name == "scripted":
         return ScriptedPolicy(env)
+    if name in CONTROLLERS:
+        return DosingPolicy(name, env)
     if name == "learned":
         bundled = trained(env.TASK)
         if bundled is None:
@@ -54,10 +58,12 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
 
 
 def training_options(name: str) -> dict[str, Any]:
-    """Return the environment's options that a policy file was learned with; none for any other policy.
+    """Return the environment's options that a policy file was learned with, or that a dosing controller reads.
 
-    Raises ConfigError for a file that cannot be read.
+    There are none for any other policy. Raises ConfigError for a file that cannot be read.
     """
+    if name in CONTROLLERS:
+        return {"obs": list(TERMS)}
     if not Path(name).is_file():
         return {}
     arrays, options = load_policy(Path(name)), {}
