@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.commands.arguments import Number, one_of
+from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path
 from robosim.dosing import CONTROLLERS
 from robosim.envs import is_task_file
@@ -27,14 +27,11 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("task", help="a dosing task, such as DoseSpoon, or a task's .yaml file")
     parser.add_argument("--controller", choices=CONTROLLERS, default="pi", help="controller (default: pi)")
     parser.add_argument("--curve", action="store_true", help="measure the pour curve in a slow tilt instead")
-    parser.add_argument("--choices", type=Number(1, 10_000), help="choices of numbers, the given ones included "
-                        "(default: 30)")
+    parser.add_number("--choices", help="choices of numbers, the given ones included (default: 30)")
     parser.add_number("--episodes", help="episodes of each choice (default: 12), or of the curve (default: 3)")
     parser.add_argument("--randomize", choices=PRESETS, help="what the episodes of a choice draw (default: nominal)")
-    parser.add_argument("--rate-deg", type=Number(0.5, 30.0, False), help="with --curve: tilt rate [deg/s] (default: "
-                        "4)")
-    parser.add_argument("--most-deg", type=Number(10.0, 180.0, False), help="with --curve: last tilt [deg] (default: "
-                        "120)")
+    parser.add_number("--rate-deg", help="with --curve: tilt rate [deg/s] (default: 4)")
+    parser.add_number("--most-deg", help="with --curve: last tilt [deg] (default: 120)")
     parser.add_number("--seed", default=0, help="random seed of the first episode (default: 0)")
     parser.add_argument("--material", help="material: " + one_of(config_names("materials")) + " (default: the task's)")
     parser.add_number("--jobs", default=1, help="choices that run at the same time (default: 1)")
