@@ -1,15 +1,16 @@
 """The stage of a rehearsal in which a controller doses: balance, controller, tool pose, joints, step by step."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.config.settings import Setting
+from robosim.config.table import validate
 from robosim.dosing.command import DoseCommand, DoseController, DoseSight
 from robosim.dosing.controllers import make_controller
-from robosim.dosing.numbers import load_dosing
+from robosim.dosing.numbers import DosingNumbers, load_dosing
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.rehearsal.dosing.balance import Balance
 from robosim.rehearsal.dosing.lip_motion import LipMotion, make_lip_motion
@@ -147,8 +148,12 @@ def make_dose_controller(config: RehearsalConfig) -> DoseController:
     if abs(steps - round(steps)) > 1e-6:
         raise ConfigError(f"dose.control_dt = {dose.control_dt} s is {steps:.4f} steps of host_dt = {config.host_dt} s; "
                           f"accepted: a whole number")
-    settings = [Setting(tuple(key.split(".")), value) for key, value in dose.numbers.items()]
-    numbers = load_dosing(dose.controllers, settings)
+    numbers = load_dosing(dose.controllers)
+    if dose.numbers:
+        given = numbers.model_dump(mode="json")
+        for section, values in dose.numbers.items():
+            given[section] = {**given.get(section, {}), **values}
+        numbers = validate(given, Path("dose.numbers"), DosingNumbers)
     return make_controller(dose.controller, numbers, numbers.curve, dose.control_dt)
 
 
