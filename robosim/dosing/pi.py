@@ -26,8 +26,8 @@ class PiDosing:
     The wanted flow is the missing mass divided by a time. The tilt rate is the pour curve's tilt per mass, multiplied
     by the wanted flow plus a proportional and an integral part of its error; the vibration is an integral of it, too.
     The tool stops where what the balance shows, plus flow x delay, reaches the mass aimed at: at first a share of the
-    target, then a share of what is missing. What the balance shows after a stop corrects the delay, as batching scales compensate for
-    what is in flight.
+    target, then a share of what is missing. What the balance shows after a stop corrects the delay, as batching scales
+    compensate for what is in flight.
     """
 
     def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
