@@ -77,21 +77,28 @@ class PiNumbers(Table):
     integral: Gain = 0.5
     """Share of the flow's summed error that is added to the wanted flow [1/s]."""
     pour_amplitude: PartOfWhole = 0.7
-    """Vibration where nothing of the wanted flow flows, as a share of the largest."""
-    rise: float = Field(default=1.0, ge=0.01, le=10.0)
-    """Summed shortfall at which it vibrates with that share, as a multiple of the target."""
+    """Strongest vibration while it pours, as a share of the largest."""
+    rise: float = Field(default=0.3, ge=0.0, le=10.0)
+    """Rate [1/s] at which the vibration rises where nothing flows, in shares of the largest; it falls where too much
+    flows."""
+    resume: PartOfWhole = 0.7
+    """Vibration with which it pours again after a stop, as a share of that at the stop."""
     first: float = Field(default=0.7, ge=0.1, le=1.0)
     """Share of the target at which the tool stops first, to learn how much still falls."""
+    next: float = Field(default=0.9, ge=0.1, le=1.0)
+    """Share of the missing mass at which it stops each time after that."""
     margin: PartOfWhole = 0.2
-    """Share of the accepted error by which later stops aim below the target."""
+    """Share of the accepted error by which these stops at least aim below the target."""
     close: PartOfWhole = 0.5
     """Share of the accepted error below which a missing mass ends the dose."""
-    delay: float = Field(default=0.3, ge=0.0, le=5.0)
+    delay: float = Field(default=0.4, ge=0.0, le=5.0)
     """Time [s] that the flow still arrives after a stop, until the first stop tells."""
     settle: Seconds = 0.8
     """Time [s] that the tool waits after a stop before the balance is believed."""
-    stop_deg: TiltAngle = 2.0
+    stop_deg: TiltAngle = 6.0
     """Angle [deg] that the tool tilts back at a stop."""
+    resume_deg: TiltAngle = 2.0
+    """Angle [deg] before the tilt of a stop up to which the tool turns at `fastest_deg` afterwards."""
     window: Seconds = 0.3
     """Time [s] over which the flow is measured."""
 

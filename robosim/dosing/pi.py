@@ -14,6 +14,8 @@ NOTICED = 2e-4
 """Mass [kg] on the balance by which something flows: a few grains of salt, and 20 steps of a balance of 0.01 g."""
 LONGEST_DELAY = 2.0
 """Largest time [s] that a flow is taken to go on after a stop; more is a slab that had not yet come off."""
+FALL = 3.0
+"""How much faster than it rises the vibration falls, at most."""
 AHEAD_SHARE = 0.05
 """Share of the load over which the slope of the pour curve is taken at least."""
 
@@ -22,9 +24,10 @@ class PiDosing:
     """Controls the flow onto the balance by the tilt rate, and shakes where less flows than is wanted.
 
     The wanted flow is the missing mass divided by a time. The tilt rate is the pour curve's tilt per mass, multiplied
-    by the wanted flow plus a proportional and an integral part of its error. The tool stops where what the balance
-    shows, plus flow x delay, reaches the mass aimed at: at first a share of the target, then the target. What the
-    balance shows after a stop corrects the delay, as batching scales compensate for what is in flight.
+    by the wanted flow plus a proportional and an integral part of its error; the vibration is an integral of it, too.
+    The tool stops where what the balance shows, plus flow x delay, reaches the mass aimed at: at first a share of the
+    target, then a share of what is missing. What the balance shows after a stop corrects the delay, as batching scales
+    compensate for what is in flight.
     """
 
     def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
@@ -44,8 +47,10 @@ class PiDosing:
         """What the balance showed as the tool began to pour, or to pour again [kg]."""
         self._flows = False
         """Whether anything has flowed yet."""
-        self._resumes_at: float | None = None
-        """Tilt [rad] at which the first stop or a later one was; None before."""
+        self._resumes_at = 0.0
+        """Tilt [rad] to which it turns as fast as it may after a stop."""
+        self._share = 0.0
+        """Vibration while it pours, as a share of the largest."""
         self._stop = (0.0, 0.0, 0.0, 0.0)
         """Time [s], mass shown [kg], flow [kg/s] and tilt [rad] at the last stop."""
 
@@ -77,7 +82,8 @@ class PiDosing:
         """Control the flow, or stop."""
         numbers, missing = self._numbers, sight.target - sight.shown
         if sight.shown + max(flow, 0.0) * self._delay >= self._aim:
-            self._phase, self._summed, self._resumes_at = "wait", 0.0, sight.tilt
+            self._phase, self._summed, self._share = "wait", 0.0, numbers.resume * self._share
+            self._resumes_at = sight.tilt - np.radians(numbers.resume_deg)
             self._stop = (sight.time, sight.shown, flow, sight.tilt)
             return self._wait(sight, flow)
         left = self._duration - sight.time - self._motion.back_time(sight) - numbers.settle
@@ -85,8 +91,6 @@ class PiDosing:
         lacking = wanted - flow
         per_mass = self._curve.tilt_per_mass(max(sight.shown, 0.0), max(missing, AHEAD_SHARE * self._curve.load))
         fastest, search = np.radians(numbers.fastest_deg), np.radians(numbers.search_deg)
-        if self._resumes_at is not None and sight.tilt < self._resumes_at:
-            return self._motion.turn(sight, search)  # back to where it stopped
         if not self._flows and sight.shown - self._shown_before >= NOTICED:
             self._flows, self._summed = True, 0.0
         # no integral beyond what the fastest tilt can follow
@@ -95,10 +99,12 @@ class PiDosing:
         rate = per_mass * (wanted + numbers.proportional * lacking + numbers.integral * self._summed)
         if not self._flows:  # the curve does not tell where this material begins
             rate = search
-        # the vibration grows with the mass that lacks, and falls as soon as enough flows
-        share = min(1.0, max(0.0, lacking / wanted)) * min(1.0, self._summed / (numbers.rise * sight.target))
-        return self._motion.turn(sight, float(np.clip(rate, 0.0, fastest)),
-                                 numbers.pour_amplitude * share * self._vibration.amplitude, self._vibration.frequency)
+        if sight.tilt < self._resumes_at:
+            rate = fastest
+        change = numbers.rise * float(np.clip(lacking / wanted, -FALL, 1.0)) * self._dt
+        self._share = float(np.clip(self._share + change, 0.0, numbers.pour_amplitude))
+        return self._motion.turn(sight, float(np.clip(rate, 0.0, fastest)), self._share * self._vibration.amplitude,
+                                 self._vibration.frequency)
 
     def _wait(self, sight: DoseSight, flow: float) -> DoseCommand:
         """Tilt back a little, wait until the balance is at rest, then learn from what still fell."""
@@ -113,9 +119,10 @@ class PiDosing:
         fell = sight.shown - shown
         if flow_then > 0.0:
             learned = float(np.clip(fell / flow_then, 0.0, LONGEST_DELAY))
-            self._delay = 0.5 * (self._delay + learned)
+            # too early a stop costs time, too late a one cannot be mended
+            self._delay = max(learned, 0.5 * (self._delay + learned))
         missing = sight.target - sight.shown
-        self._aim = sight.target - numbers.margin * self._accepted
+        self._aim = sight.target - max(numbers.margin * self._accepted, (1.0 - numbers.next) * missing)
         self._phase = "back" if missing <= numbers.close * self._accepted else "pour"
         self._shown_before = sight.shown
         return self._motion.turn(sight, 0.0)

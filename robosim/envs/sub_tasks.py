@@ -46,3 +46,15 @@ class ShovelMove(SubTask):
 
 class DoseSpoon(SubTask):
     pass
+
+
+class DoseScoop(SubTask):
+    pass
+
+
+class DoseBottle(SubTask):
+    pass
+
+
+class ScoopTo(SubTask):
+    pass

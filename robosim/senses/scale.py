@@ -1,4 +1,4 @@
-"""A balance under the task's receiver, container or target: what it shows lags, drifts, and is rounded to its readability."""
+"""A balance under receiver, container or target: what it shows lags, drifts, and is rounded to its readability."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar

@@ -25,8 +25,10 @@ def check_action_repeat(action_repeat: int) -> int:
 
 
 Velocity = tuple[np.ndarray, ...]
-"""Linear [m/s] (3,) and angular [rad/s] (3,) velocity of the tool, in world axes; of a tool that vibrates also amplitude
+"""Linear [m/s] (3,) and angular [rad/s] (3,) velocity of the tool, in world axes; where it can vibrate, also amplitude
 [m] and frequency [Hz] (2,)."""
+AT_REST: Velocity = (np.zeros(3), np.zeros(3))
+"""Of a tool that cannot vibrate."""
 LONGEST_DELAY = 10.0
 """[s]"""
 
@@ -45,7 +47,7 @@ class DelayLine:
     steps: for which each is delayed. rest: what is carried out until then.
     """
 
-    def __init__(self, steps: int, rest: Velocity = (np.zeros(3), np.zeros(3))) -> None:
+    def __init__(self, steps: int, rest: Velocity = AT_REST) -> None:
         self.steps, self._rest = steps, rest
         self.restart()
 
@@ -83,7 +85,7 @@ class ActionScaling:
     @property
     def rest(self) -> Velocity:
         """Velocities of a tool at rest."""
-        return (np.zeros(3), np.zeros(3)) if self._vibration is None else (np.zeros(3), np.zeros(3), np.zeros(2))
+        return AT_REST if self._vibration is None else (*AT_REST, np.zeros(2))
 
     def velocities(self, action: np.ndarray, name: str = "action") -> Velocity:
         """Convert an action (size,) to linear [m/s] (3,) and angular [rad/s] (3,) velocity.

@@ -94,8 +94,8 @@ class DoseReward:
     def diverge(self, steps_left: int) -> dict[str, float]:
         """Return the terms of an episode whose simulation diverged, the worst there are, and add them to the score."""
         weights = self.dose.reward
-        worst = {"error": weights.error * (self.error - WORST_ERROR), "time": -weights.time * steps_left / self.task.steps,
-                 "spill": weights.spill * (self.spilled - 1.0)}
+        worst = {"error": weights.error * (self.error - WORST_ERROR),
+                 "time": -weights.time * steps_left / self.task.steps, "spill": weights.spill * (self.spilled - 1.0)}
         self.error, self.spilled = WORST_ERROR, 1.0
         self._add_to_score(worst)
         return worst

@@ -112,12 +112,12 @@ in the box from {lower} m to {upper} m.
 {actions}
 
 ## Observation Space
-A `Dict` of the terms {terms}, or any others that `obs` lists; `target` is the mass to dose [kg]. The layouts of the other
-tasks, such as "flat", are accepted and do not contain it.
+A `Dict` of the terms {terms}, or any others that `obs` lists; `target` is the mass to dose [kg].
+The layouts of the other tasks, such as "flat", are accepted and do not contain it.
 
 ## Rewards
-The reward is the sum of these terms over the steps of an action; `info["reward_terms"]` has each term, `info["tcs"]` their
-sum over the episode. m is {measured}.
+The reward is the sum of these terms over the steps of an action; `info["reward_terms"]` has each term, `info["tcs"]`
+their sum over the episode. m is {measured}.
 
 | Term | Per | Value |
 |---|---|---|
@@ -132,12 +132,12 @@ sum over the episode. m is {measured}.
 
 ## Starting State
 The grains are at rest. The target is drawn between {low:g} and {high:g} g, each mass as likely as any other;
-`randomize={{"target_mass": (0.01, 0.01)}}` [kg] gives another range, or one mass. The tool's frame is at {start} m plus a
-random displacement of at most {spread} m along each axis.
+`randomize={{"target_mass": (0.01, 0.01)}}` [kg] gives another range, or one mass. The tool's frame is at {start} m
+plus a random displacement of at most {spread} m along each axis.
 
 ## Episode End
-Terminated: when the tool is level again, to within 2 deg, for 0.5 s after it was tilted by more than 5 deg{clear}; after
-{steps} steps; or when the simulation diverges. In the last case `info["diverged"]` has the reason.
+Terminated: when the tool is level again, to within 2 deg, for 0.5 s after it was tilted by more than 5 deg{clear};
+after {steps} steps; or when the simulation diverges. In the last case `info["diverged"]` has the reason.
 Truncated: with `horizon="truncate"`, after {steps} steps.
 
 ## Arguments
@@ -174,7 +174,8 @@ def _build_dose_page(name: str, task: TaskConfig, dose: DosingConfig) -> str:
     vibration, n = task.action.vibration, task.action.dimensions
     if vibration is not None:
         low, high = vibration.frequency
-        rows += [(n, f"amplitude of a vibration along the tool's {vibration.axis}", "0 m", f"{vibration.amplitude:g} m"),
+        largest = f"{vibration.amplitude:g} m"
+        rows += [(n, f"amplitude of a vibration along the tool's {vibration.axis}", "0 m", largest),
                  (n + 1, "its frequency", f"{low:g} Hz", f"{high:g} Hz")]
     return DOSE_PAGE.format(
         summary=task.description[0].upper() + task.description[1:] + ".", name=name, material=task.material,

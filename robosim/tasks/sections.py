@@ -23,7 +23,6 @@ from robosim.config.bounds import (
 from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3
 
-
 LEAST_DOSE, LARGEST_DOSE = 1.0, 60.0
 """Masses [g] that a task may ask for."""
 Frequency = Annotated[float, Field(ge=1.0, le=1000.0)]
