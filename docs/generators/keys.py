@@ -6,6 +6,7 @@ from robosim.commands.description import keys_of
 from robosim.commands.keys import KINDS, schema_class
 
 FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks",
+           "dosing": "configs/dosing",
            "training": "configs/training", "arm": "models/robots", "gripper": "models/grippers", "tool": ""}
 """Where the bundled files of a kind are; empty where there are none."""
 

@@ -86,7 +86,8 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     cell = config.field.cell * setting.get("cell", 1.0)
     field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
                                             * setting.get("grains_per_cell", 1.0)})
-    wall = float(np.clip(config.grain_wall, 0.5 * cell, cell))
+    is_shell = config.collision_thickness == "shell"
+    wall = "shell" if is_shell else float(np.clip(config.grain_wall, 0.5 * cell, cell))
     config = config.model_copy(update={"field": field, "collision_thickness": wall})
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))

@@ -37,6 +37,9 @@ NUMBERS = {
     "--episodes": Number(1, 1_000_000),  # of 100 actions at 0.6 s each: two years
     "--n": Number(1, 10_000),  # at 5 minutes each, a month
     "--iterations": Number(1, 100_000),  # a day for each demonstration, at 1 s each
+    "--choices": Number(1, 10_000),  # of 12 doses at 30 s each: six weeks
+    "--rate-deg": Number(0.5, 30.0, False),  # [deg/s]; a curve of 120 deg takes 4 s to 4 minutes
+    "--most-deg": Number(10.0, 180.0, False),  # [deg]; at 180 the tool is upside down
     "--checkpoint-every": Number(1, 1_000_000),  # as episodes
     "--n-envs": Number(1, 4096),  # such a batch of 300 grains each takes 1 GB
     "--evaluate-every": Number(1, 1_000_000),

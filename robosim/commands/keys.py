@@ -13,7 +13,7 @@ EXAMPLE = """examples:
   robosim keys task --schema > task.json"""
 KINDS = {
     "rehearsal": "robosim.config.rehearsal:RehearsalConfig", "task": "robosim.tasks.task:TaskConfig",
-    "arm": "robosim.config.arm:ArmConfig",
+    "dosing": "robosim.dosing.numbers:DosingNumbers", "arm": "robosim.config.arm:ArmConfig",
     "gripper": "robosim.config.arm:GripperConfig", "tool": "robosim.config.tool:ToolConfig",
     "material.granular": "robosim.config.materials:GranularConfig",
     "material.mu_i": "robosim.config.materials:MuIConfig",

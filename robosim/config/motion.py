@@ -1,6 +1,6 @@
 """Configuration of a motion: waypoints of the tool, the rounding between them, joint limits, and names for export."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import pydantic
 from pydantic import Field
@@ -13,6 +13,7 @@ from robosim.config.bounds import (
     AngularAcceleration,
     AngularSpeed,
     Duration,
+    FilePath,
     Name,
     Share,
     Speed,
@@ -95,3 +96,46 @@ class JointTrajectoryConfig(Table):
         if self.joint_prefix and self.joint_names:
             raise ValueError(f"joint_prefix = {self.joint_prefix!r} with joint_names; accepted: one of the two")
         return self
+
+
+class BalanceConfig(Table):
+    """The balance under a cup, of which a controller reads what it shows."""
+
+    lag: Annotated[float, Field(ge=0.0, le=10.0)] = 0.2
+    """Time constant of its filter [s]."""
+    readability: Annotated[float, Field(ge=0.0, le=1.0)] = 1e-5
+    """Step of its display [kg]."""
+    repeatability: Annotated[float, Field(ge=0.0, le=1.0)] = 1e-5
+    """Standard deviation of a reading, before rounding [kg]."""
+
+
+class DoseConfig(Table):
+    """A dose: a controller tilts and shakes the tool about its lip until the balance under the cup shows the target."""
+
+    at: Name | Annotated[int, Field(ge=1, le=MAX_ENTRIES)]
+    """Waypoint at which it begins, by name or place in the list (from 0): the tool rests there, level, with its lip
+    near the middle of the cup."""
+    target_g: Annotated[float, Field(ge=1.0, le=60.0)]
+    """Mass that is wanted [g]."""
+    cup: Name | None = None
+    """Container that takes the dose and stands on the balance; null: the only empty one."""
+    controller: Literal["open_loop", "pi", "shaker"] = "pi"
+    """Controller of configs/dosing."""
+    controllers: FilePath
+    """Name of a file of configs/dosing, or the path of a .yaml file: the controllers' numbers and the pour curve."""
+    numbers: Annotated[dict[Name, dict[Name, float]], Field(max_length=MAX_ENTRIES)] = {}  # noqa: RUF012
+    """Sections of that file with keys that have other values, such as pi: {search_deg: 3}."""
+    control_dt: Annotated[float, Field(ge=1e-3, le=0.5)] = 0.02
+    """Time between two readings of the balance, and two commands [s]."""
+    largest_tilt_deg: Annotated[float, Field(gt=0.0, le=180.0)] = 120.0
+    """Tilt [deg] up to which the arm must be able to follow, and beyond which no command goes."""
+    vibration_axis: Literal["x", "y", "z"] = "x"
+    """Axis of the tool's frame along which it vibrates; x of the bundled tools points to the tip."""
+    time_limit: Annotated[float, Field(ge=1.0, le=600.0)] = 60.0
+    """Time [s] after which the tool is tilted back whatever the controller commands."""
+    settle: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    """Time [s] at rest after it, in which the balance settles."""
+    lip: Vector3 | None = None
+    """Place in the tool's frame [m] where the material leaves it; null: the foremost point of a bundled tool's rim."""
+    balance: BalanceConfig = BalanceConfig()
+    """Of the balance under the cup."""

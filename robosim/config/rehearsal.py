@@ -17,7 +17,14 @@ from robosim.config.bounds import (
     Name,
     Text,
 )
-from robosim.config.motion import JointTrajectoryConfig, MotionLimitsConfig, PathConfig, PickConfig, WaypointConfig
+from robosim.config.motion import (
+    DoseConfig,
+    JointTrajectoryConfig,
+    MotionLimitsConfig,
+    PathConfig,
+    PickConfig,
+    WaypointConfig,
+)
 from robosim.config.resources import config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, ObstacleConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
@@ -44,9 +51,10 @@ class RehearsalConfig(Table):
     coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
     """one_way: grains exert no force on the arm; lagged: their force acts one step later; mobility: contact and motion
     of the arm are solved together."""
-    collision_thickness: Length | None = None
+    collision_thickness: Length | Literal["shell"] | None = None
     """Wall thickness [m] of the tool in the simulation of the grains; thickened outward, the inner volume is kept.
-    null: half a cell."""
+    null: half a cell; shell: tool and empty containers are thin shells of their real walls, into which no heap sinks
+    and which may stand free; the tool without its handle."""
     grasp_time: GraspTime = 0.5
     """Time [s] for the fingers to close before the arm moves."""
     containers: dict[Name, ContainerConfig] = {}  # noqa: RUF012
@@ -92,6 +100,8 @@ class RehearsalConfig(Table):
     """What stands in the robot's way; grains pass through it."""
     trajectory: Literal["script", "learned"] = "script"
     """script: follow the waypoints; learned: follow the learned motions of the sub-tasks in `learned`."""
+    dose: DoseConfig | None = None
+    """A mass that a controller doses into the empty container, on a balance; null: none."""
     learned: Annotated[tuple[Name, ...], Field(max_length=MAX_ENTRIES)] = ()
     """Sub-tasks whose learned motions are joined, in order."""
     motions: FilePath | None = None
@@ -108,9 +118,15 @@ class RehearsalConfig(Table):
         return tuple(name for name, container in self.containers.items() if container.fill_height == 0)
 
     @property
+    def shells(self) -> tuple[str, ...]:
+        """The containers that are thin shells in the simulation of the grains."""
+        return self.sinks if self.collision_thickness == "shell" else ()
+
+    @property
     def grain_wall(self) -> float:
-        """Wall thickness [m] of the tool in the simulation of the grains."""
-        return 0.5 * self.field.cell if self.collision_thickness is None else self.collision_thickness
+        """Wall thickness [m] of the tool in the simulation of the grains; of a shell, by which it is filled."""
+        thickness = self.collision_thickness
+        return 0.5 * self.field.cell if thickness is None or thickness == "shell" else thickness
 
     @property
     def tool_name(self) -> str:
@@ -155,7 +171,7 @@ class RehearsalConfig(Table):
                                  f"valid: {', '.join(('world', *self.containers))}")
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
-        walls = self.grain_wall / self.field.cell
+        walls = self.grain_wall / self.field.cell  # half a cell for a shell
         if not 0.5 - 1e-9 <= walls <= 1.0 + 1e-9:
             raise ValueError(f"collision_thickness = {self.collision_thickness} m is {walls:.2f} cells of "
                              f"{self.field.cell} m; accepted: 0.5 to 1 (a thinner wall leaks, "
@@ -165,6 +181,39 @@ class RehearsalConfig(Table):
                              f"{self.host_dt / self.field.dt:.4f} times; accepted: a whole number")
         if not self.waypoints[0].stop or not self.waypoints[-1].stop:
             raise ValueError("waypoints: the first and the last need stop: true")
+        return self
+
+    @property
+    def dose_at(self) -> str:
+        """Name of the waypoint at which the dose begins; empty where nothing is dosed."""
+        if self.dose is None:
+            return ""
+        at = self.dose.at
+        return at if isinstance(at, str) else self.waypoints[at].name
+
+    @pydantic.model_validator(mode="after")
+    def _check_dose(self) -> "RehearsalConfig":
+        if self.dose is None:
+            return self
+        names, at = [w.name for w in self.waypoints], self.dose.at
+        if at not in names and not (isinstance(at, int) and 0 < at < len(names) - 1):
+            raise ValueError(f"dose.at: unknown waypoint {at!r}; valid: {', '.join(names[1:-1])}, or a number of 1 to "
+                             f"{len(names) - 2}")
+        index = names.index(self.dose_at)
+        waypoint = self.waypoints[index]
+        if not waypoint.stop or not 0 < index < len(names) - 1:
+            raise ValueError(f"dose.at: waypoint {waypoint.name!r}; accepted: one with stop: true, neither the first "
+                             f"nor the last")
+        if self.weigh_at is not None and names.index(self.weigh_at) > index:
+            raise ValueError(f"weigh_at: waypoint {self.weigh_at!r} comes after the dose at {waypoint.name!r}; "
+                             f"accepted: one before it")
+        if self.collision_thickness != "shell" or not self.sinks or self.trajectory != "script":
+            raise ValueError(f"dose with collision_thickness: {self.collision_thickness}, empty containers: "
+                             f"{', '.join(self.sinks) or 'none'}, trajectory: {self.trajectory}; accepted: shell (a "
+                             f"load sinks into solid walls), one or more, script")
+        cup = self.dose.cup
+        if (cup is None and len(self.sinks) > 1) or (cup is not None and cup not in self.sinks):
+            raise ValueError(f"dose.cup = {cup}; accepted: one of the empty containers {', '.join(self.sinks)}")
         return self
 
     @pydantic.model_validator(mode="after")

@@ -8,7 +8,7 @@ from robosim.errors import ConfigError, UnknownName
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Folder of the packages: the repository, or site-packages."""
-PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell")
+PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell", "controllers")
 """Keys of files whose values may be paths."""
 SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
 """Ends of values that are paths, not names."""

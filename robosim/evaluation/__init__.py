@@ -1,11 +1,13 @@
 """Scoring of policies: one task, many materials, and the bundled policies.
 
-Imports: config, envs, errors, randomization, recordings, rehearsal, rendering, reports, robot, scene, senses,
+Imports: config, dosing, envs, errors, randomization, recordings, rehearsal, rendering, reports, robot, scene, senses,
 shapes, tasks, viewer, mpm.
 """
 
-POLICIES = ("zero", "random", "scripted", "learned")
-"""Policies by name; any other is the path of a .npz file."""
+from robosim.dosing import CONTROLLERS
+
+POLICIES = ("zero", "random", "scripted", "learned", *CONTROLLERS)
+"""Policies by name, the controllers for dosing tasks alone; any other is the path of a .npz file."""
 NETWORK = "network"
 """The bundled policy that observes, of the sub-tasks that have one."""
 SUITES = ("nominal", "wide", "materials")

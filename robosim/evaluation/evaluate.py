@@ -106,6 +106,8 @@ def summarize(task: str, name: str, rows: list[dict[str, Any]], planned: int) ->
     values["success_rate"] = float(np.mean([row["is_success"] for row in rows]))
     for key in rows[0]["readings"]:
         values[f"readings.{key}"] = float(np.mean([row["readings"][key] for row in rows]))
+        if key.startswith("dose_error"):
+            values[f"readings.{key}_std"] = float(np.std([row["readings"][key] for row in rows]))
     for key in rows[0].get("arm", ()):
         values[f"arm.{key}"] = max(row["arm"][key] for row in rows)
     return values

@@ -11,9 +11,11 @@ from mpm.progress import Progress
 from robosim.config.materials import load_material
 from robosim.config.output import OutputFolder
 from robosim.config.resources import trained
+from robosim.dosing import CONTROLLERS
 from robosim.envs import is_task_file, task_name
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import POLICIES
+from robosim.evaluation.dosing_policy import numbers_of
 from robosim.evaluation.material_episode import OWN, READINGS
 from robosim.evaluation.material_tables import Rows, draw_map, format_table, make_rows, write_csv
 from robosim.evaluation.page import make_materials_page
@@ -75,10 +77,12 @@ def check_policy(task: str, name: str) -> None:
     if name in POLICIES:
         if name == "learned" and trained(task_name(task)) is None:
             raise ConfigError(f"policy 'learned': there is no bundled motion for {task}")
+        if name in CONTROLLERS:
+            numbers_of(load_task(task), f"policy {name!r}")
         return
     if not Path(name).is_file():
         raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with `actions`, or with a network")
-    stored, dimensions = load_policy(Path(name)), load_task(task).action.dimensions
+    stored, dimensions = load_policy(Path(name)), load_task(task).action.size
     layers = [key for key in stored if key.startswith("bias_")]
     shape = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()
     if shape != (dimensions,):

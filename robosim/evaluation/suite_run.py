@@ -14,6 +14,7 @@ import numpy as np  # noqa: E402
 from mpm.progress import Progress  # noqa: E402
 from robosim.config.output import OutputFolder, aligned  # noqa: E402
 from robosim.config.resources import trained  # noqa: E402
+from robosim.dosing import CONTROLLERS  # noqa: E402
 from robosim.envs import is_task_file, task_name  # noqa: E402
 from robosim.envs.grain_env import GrainEnv  # noqa: E402
 from robosim.errors import ConfigError  # noqa: E402
@@ -22,12 +23,14 @@ from robosim.evaluation.page import make_suite_page  # noqa: E402
 from robosim.evaluation.policies import check_task, load_policy, make_policy, training_options  # noqa: E402
 from robosim.evaluation.suites import Start, begin_episode, make_environment, plan_starts  # noqa: E402
 from robosim.reports.provenance import provenance  # noqa: E402
-from robosim.tasks.task import load_task  # noqa: E402
+from robosim.tasks.task import TaskConfig, load_task  # noqa: E402
 
 EPISODES = 50
 """Episodes of a suite, if no other number is given."""
 COMPARED = ("learned", "scripted", "zero")
-"""Policies whose episodes stand beside those of the policy that is scored."""
+"""Policies whose episodes stand beside those of the policy that is scored; in dosing tasks the controllers do."""
+FIGURES = ("tcs", "return", "is_success", "delivered", "dose_error", "dose_error_percent", "seconds", "spilled")
+"""Figures of an episode that a summary has, where the task has them."""
 RESULTS = ("evaluation.json", "evaluation.csv", "evaluation.png", "index.html")
 """Files that a run writes."""
 RESAMPLES, COVERED = 2000, 0.95
@@ -53,7 +56,7 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
     check_task(found, config, changed)
     starts = plan_starts(suite, config, episodes or EPISODES, material)
     files = {label: policy_file(policy, task) for label, policy in
-             {name: found, **{other: other for other in COMPARED if other != found}}.items()
+             {name: found, **{other: other for other in compared(config) if other != found}}.items()
              if policy != "learned" or label == name or trained(task_name(task)) is not None}
     rows: list[Row] = []
     with OutputFolder(out) if out else _NoFolder() as folder:
@@ -96,6 +99,11 @@ class _NoFolder:
         """Do nothing."""
 
     write = write_json = clear
+
+
+def compared(task: TaskConfig) -> tuple[str, ...]:
+    """Return the policies that stand beside the one that is scored."""
+    return COMPARED if task.dose is None or task.dose.controllers is None else CONTROLLERS
 
 
 def find_policy(name: str) -> str:
@@ -147,14 +155,15 @@ def bootstrap(values: Sequence[float]) -> tuple[float, float]:
 
 
 def summarize(rows: list[Row]) -> dict[str, dict[str, Any]]:
-    """Return for each policy the mean, the interval and the number of episodes of score, return and success."""
+    """Return for each policy the number of episodes, and the mean of each of FIGURES with its spread and interval."""
     summary = {}
     for policy in dict.fromkeys(row["policy"] for row in rows):
         own = [row for row in rows if row["policy"] == policy]
         summary[policy] = {"episodes": len(own), "diverged": sum(bool(row["diverged"]) for row in own)}
-        for key in ("tcs", "return", "is_success", *(k for k in ("delivered", "spilled") if k in own[0])):
+        for key in [one for one in FIGURES if one in own[0]]:
             values = [float(row[key]) for row in own]
-            summary[policy][key] = {"mean": float(np.mean(values)), "interval": bootstrap(values)}
+            summary[policy][key] = {"mean": float(np.mean(values)), "std": float(np.std(values)),
+                                    "interval": bootstrap(values)}
     return summary
 
 
@@ -164,6 +173,14 @@ def format_summary(summary: dict[str, dict[str, Any]]) -> str:
         low, high = figures["interval"]
         return f"{figures['mean']:.2f} ({low:.2f} .. {high:.2f})"
 
+    if all("dose_error" in values for values in summary.values()):
+        lines = [["policy", "success", "error [g]", "spread [g]", "seconds", "spilled [g]", "episodes"]]
+        for policy, values in summary.items():
+            error, spilled = values["dose_error"], values["spilled"]
+            lines.append([Path(policy).name, cell(values["is_success"]), f"{1e3 * error['mean']:.2f}",
+                          f"{1e3 * error['std']:.2f}", f"{values['seconds']['mean']:.1f}",
+                          f"{1e3 * spilled['mean']:.2f}", str(values["episodes"])])
+        return aligned(lines)
     lines = [["policy", "score", "return", "success", "episodes"]]
     lines += [[Path(policy).name, cell(values["tcs"]), cell(values["return"]), cell(values["is_success"]),
                str(values["episodes"])] for policy, values in summary.items()]

@@ -6,6 +6,7 @@ import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.rehearsal.dosing.figures import accepted_range, dose_figures
 from robosim.rehearsal.mass_balance import (
     GRAVITY,
     compute_fractions,
@@ -62,15 +63,21 @@ OPTIONAL = {"momentum_residual": "the grains touched nothing",
 """Figure that may be None -> where it is."""
 WRIST_ERROR = "wrist_payload_relative_error"
 """The figure that is None where nothing is weighed."""
+DELIVERED, DOSE_ERROR = "delivered_fraction", "dose_error_kg"
+"""What of the load is asked for: of a rehearsal without a dose, and of one with a dose."""
 
 
 def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
     """Return the bounds of one rehearsal.
 
-    They include its least load, and no weighing where it weighs nothing.
+    They include its least load, and no weighing where it weighs nothing. A dose has the bound of its error in place of
+    the delivered fraction: the rest stays in the tool.
     """
-    return {"scooped_mass_kg": Bound(config.least_load, np.inf),
-            **{name: bound for name, bound in BOUNDS.items() if name != WRIST_ERROR or config.weigh_at}}
+    left_out = {name for name, is_absent in ((WRIST_ERROR, not config.weigh_at), (DELIVERED, config.dose is not None))
+                if is_absent}
+    dose = {} if config.dose is None else {DOSE_ERROR: Bound(*accepted_range(config.dose.target_g))}
+    return {"scooped_mass_kg": Bound(config.least_load, np.inf), **dose,
+            **{name: bound for name, bound in BOUNDS.items() if name not in left_out}}
 
 
 def find_missed(figures: dict[str, object], config: RehearsalConfig) -> list[str]:
@@ -119,7 +126,7 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "model_errors": None if run.errors is None else run.errors.figures(),
         "grasp": config.grasp, "grasp_slip_m": run.grasp.slip,
         "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
-        **_set_down_figures(run),
+        **_set_down_figures(run), **_dose_figures(run),
         "particles_lost": int(run.readings.stack_grains("lost").max()),
     }
 
@@ -181,6 +188,11 @@ def _set_down_figures(run: RehearsalRun) -> dict[str, object]:
             "set_down_tilt_deg": float(np.degrees(leaning))}
 
 
+def _dose_figures(run: RehearsalRun) -> dict[str, object]:
+    """Return the figures of a dose; empty without one."""
+    return {} if run.stage is None else dose_figures(run.stage, run.mass_in_cup(), float(run.solver.masses()[0]))
+
+
 def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:
     """Differences from the learned motions; empty for a script."""
     path = run.plan.path
@@ -224,8 +236,8 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
         pose = Pose(reached[step, :3], reached[step, 3:])
         measured = find_points(pose, tip)
         worst = max(worst, find_deviation(commanded[max(step - window, 0) : step + window + 1], measured))
-        if is_in_container(pose, run.config):
-            screws = run.plan.path.sample_near(times[step] - run.config.grasp_time, tip)
+        if is_in_container(pose, run.config) and not run.is_dosing_at(times[step]):
+            screws = run.plan.path.sample_near(run.motion_time(times[step]), tip)
             inside = max(inside or 0.0, find_deviation(screws, measured))
     return {"path_error_max_m": worst, "path_error_inside_max_m": inside}
 

@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 from robosim.recordings.reader import FILE, Recording
+from robosim.rehearsal.dosing.stage import DosingStage
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.replay.comparison import replay_charts
 from robosim.rehearsal.run import RehearsalRun
@@ -95,12 +96,23 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
               most=bounds["momentum_residual"].high, is_logarithmic=True),
         Chart("energy of the grains since the start [mJ]", energy_curves(run)),
     ]
+    if run.stage is not None:
+        charts[:0] = dose_charts(run.stage)
     if run.replay is not None:
         charts[1:1] = replay_charts(run.replay, run.compare_wrench(), run.readings.joints, run.config.grasp_time)
     if run.solver.sleep:
         charts.append(Chart("grains that are computed [%]",
                             [Curve("awake", grain_time, 100.0 * readings.stack_grains("awake"))]))
     return charts
+
+
+def dose_charts(stage: DosingStage) -> list[Chart]:
+    """Return the charts of a dose: masses and target, and what the controller commands."""
+    time, shown, mass, tilt, amplitude = np.array(stage.samples).reshape(-1, 5).T
+    return [Chart("dose [g]", [Curve("in the cup", time, 1e3 * mass), Curve("the balance shows", time, 1e3 * shown),
+                               Curve("target", time, np.full_like(time, 1e3 * stage.target), dashed=True)]),
+            Chart("tilt of the tool while it doses [deg]", [Curve("tilt", time, np.degrees(tilt))]),
+            Chart("amplitude of the vibration [mm]", [Curve("amplitude", time, 1e3 * amplitude)])]
 
 
 def energy_curves(run: RehearsalRun) -> list[Curve]:

@@ -32,6 +32,8 @@ CURVES = [
     CurveEntry(name="awake", unit="%", chart="grains that are computed"),
 ]
 """What every frame has a value of, in this order."""
+DOSE_CURVES = [CurveEntry(name=name, unit="g", chart="dose") for name in ("in the cup", "the balance shows", "target")]
+"""The same of a rehearsal with a dose, after those; none before it has begun."""
 
 
 def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneRecorder:
@@ -41,10 +43,11 @@ def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneReco
     commanded = np.array([motion_path.pose(t).position for t in times])
     waypoints = [WaypointEntry(name=name, time=run.waypoint_time(name),
                                position=three(motion_path.pose(time).position))
-                 for name, time in motion_path.times.items()]
+                 for name, time in motion_path.times.items()
+                 if run.stage is None or time <= motion_path.times[config.dose_at]]  # the dose decides when others are
     return SceneRecorder(
         path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
-        curves=CURVES, frame_rate=FRAME_RATE, grain_volume=run.grains.grain_volume, colour=run.material.colour,
+        curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=FRAME_RATE, grain_volume=run.grains.grain_volume, colour=run.material.colour,
         tool=config.tool_name, paths={"commanded": commanded}, regions=list(counting_regions(config)),
         waypoints=waypoints, command=command, commit=commit())
 
@@ -80,7 +83,18 @@ class RunReadings:
         return [*self._masses(grains.positions), *np.mean([s.tool_force for s in new], axis=0), *self._wrist(new),
                 1e3 * float(np.linalg.norm(step.commanded[:3] - step.reached[:3])),
                 100.0 * float(max(np.abs(s.torque / torques).max() for s in new)),
-                100.0 * float(max(np.abs(s.qd / speeds).max() for s in new)), 100.0 * float(grains.awake.mean())]
+                100.0 * float(max(np.abs(s.qd / speeds).max() for s in new)), 100.0 * float(grains.awake.mean()),
+                *self._dose()]
+
+    def _dose(self) -> list[float]:
+        """Masses [g] in the cup, on the balance's display, and wanted, as of its last reading; empty without a dose."""
+        stage = self._run.stage
+        if stage is None:
+            return []
+        if not stage.samples:
+            return [np.nan] * 3
+        last = stage.samples[-1]
+        return [1e3 * last.mass, 1e3 * last.shown, 1e3 * stage.target]
 
     def _masses(self, positions: np.ndarray) -> tuple[float, float]:
         """Masses [g] in the tool, and outside of all places.

@@ -80,9 +80,13 @@ class Result:
         NAME_approach.yaml and NAME_approach_gripper.yaml are those of the way from home to the motion's first point: a
         tool that is not picked up is put into the hand at home.
         joint_prefix, joint_names, frame_id: of the controller, as `joint_trajectory` of the file, which holds where
-        none is given. Raises ConfigError where a bound was missed, unless force: then the file's name says so.
+        none is given. Raises ConfigError where a bound was missed, unless force: then the file's name says so; and for
+        a rehearsal with a dose, which a balance controls.
         """
         path = Path(path)
+        if self.config.dose is not None:
+            raise ConfigError(f"{path}: not written, for the balance controls the dose, and no motion repeats it; "
+                              f"accepted: a rehearsal without `dose`")
         if self.missed and not force:
             raise ConfigError(f"{path}: not written, for bounds were missed: {'; '.join(self.missed)}")
         if self.missed and "MISSED_BOUNDS" not in path.stem:

@@ -10,6 +10,10 @@ import numpy as np
 import mpm
 from robosim.config.materials import MaterialConfig, law_of, load_material
 from robosim.coupling.plugin import GranularPlugin
+from robosim.dosing.command import DoseController
+from robosim.errors import ConfigError
+from robosim.rehearsal.dosing.lip_motion import dose_cup
+from robosim.rehearsal.dosing.stage import DosingStage
 from robosim.rehearsal.planning.picking import SETTLING
 from robosim.rehearsal.planning.plan import Plan
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
@@ -24,7 +28,7 @@ from robosim.scene.collisions import CollisionMonitor
 from robosim.scene.compiled import Scene, compile_scene
 from robosim.scene.field import build_field
 from robosim.scene.frames import body_pose
-from robosim.scene.grains import is_at_border, is_in_tool
+from robosim.scene.grains import is_at_border, is_in_container, is_in_tool
 from robosim.scene.grasp import Grasp, put_tool
 
 GRAIN_SAMPLE_INTERVAL = 10
@@ -42,12 +46,15 @@ class RehearsalRun:
 
     seed: of the grains' initial positions. material: None for the configured one. replay: a recording of the real arm,
     whose motion takes the place of the planned one. errors: by which the robot differs from the model that plans and
-    controls it.
+    controls it. controller: of the dose; None for the configured one. Raises ConfigError for a replay with a dose, which
+    no recording repeats.
     """
 
     def __init__(self, plan: Plan, seed: int = 0,
                  material: MaterialConfig | None = None, replay: Replay | None = None,
-                 errors: ModelErrors | None = None) -> None:
+                 errors: ModelErrors | None = None, controller: DoseController | None = None) -> None:
+        if replay is not None and plan.config.dose is not None:
+            raise ConfigError("a recording of a rehearsal with a dose; accepted: one without, whose motion is planned")
         self.plan = plan if replay is None else plan._replace(motion=replay.motion)
         self.config = config = plan.config
         self.replay, self.errors, self.seed = replay, errors, seed
@@ -91,10 +98,21 @@ class RehearsalRun:
         """Time [s] at which the fingers begin to open."""
         if config.pick is not None and config.pick.set_down:
             self.held_until = plan.path.rests[config.waypoints[-2].name][0] + config.grasp_time + SETTLING
+        self.stage: DosingStage | None = None
+        """The dose, of a rehearsal with one."""
+        if config.dose is not None:
+            begin = plan.path.rests[config.dose_at][1]
+            self._dose_begin = begin + config.grasp_time
+            self.stage = DosingStage(config, plan.arm, plan.motion.state(begin).q, self.mass_in_cup, seed, controller)
         waypoint = config.weigh_at
         self._weighing_end = np.inf if waypoint is None else plan.path.rests[waypoint][1] + config.grasp_time
         self._grain_mass = float(self.solver.masses()[0])
         self._store_state()
+
+    @property
+    def _doses(self) -> bool:
+        """Whether a dose runs."""
+        return self.stage is not None and self.stage.is_running
 
     @property
     def time(self) -> float:
@@ -114,7 +132,14 @@ class RehearsalRun:
 
     def waypoint_time(self, name: str) -> float:
         """Return the simulated time [s] at which a waypoint is passed."""
-        return self.config.grasp_time + self.plan.path.times[name]
+        time = self.config.grasp_time + self.plan.path.times[name]
+        return time if self.stage is None or time < self._dose_begin else time + self.stage.duration
+
+    def mass_in_cup(self) -> float:
+        """Return the mass [kg] in the cup of the dose, without grains that the tool holds above it."""
+        name, positions = dose_cup(self.config), self.solver.positions()
+        inside = is_in_container(positions, name, self.config.containers[name])
+        return self._grain_mass * int((inside & ~is_in_tool(self.config.tool, positions, self.tool_pose())).sum())
 
     def run(self, after_step: Callable[[], None]) -> None:
         """Simulate the motion; `after_step` is called after every step.
@@ -124,11 +149,13 @@ class RehearsalRun:
         begin = clock.perf_counter()
         self.solver.compile()
         self.timings["compile"] = clock.perf_counter() - begin
-        for index in range(round(self.duration / self.config.host_dt)):
+        index = 0
+        while self._doses or index < round(self.duration / self.config.host_dt):  # a dose makes it longer
             begin = clock.perf_counter()
             self.step(index)
             self.wall_time += clock.perf_counter() - begin
             after_step()
+            index += 1
 
     def step(self, index: int) -> None:
         """Simulate one host step.
@@ -138,15 +165,14 @@ class RehearsalRun:
         3. Update slip and collisions.
         4. Record the step; every few steps the grains too.
         """
-        late = 0.0 if self.errors is None else self.errors.latency
-        target = self.plan.motion.state(self.time - self.config.grasp_time - late)
+        target = self._target()
         torque = self._command(target)
         q, qd = self.data.qpos[self.scene.arm_qpos].copy(), self.data.qvel[self.scene.arm_dofs].copy()
         velocity = self._tool_velocity()
         self.plugin.step()
         self.grasp.measure_slip()
         self.collisions.count(self.held_from <= self.time < self.held_until)
-        self.readings.steps.append(self._read_step(torque, q, qd, velocity))
+        self.readings.steps.append(self._read_step(target, torque, q, qd, velocity))
         self._record_grains(index)
 
     def save_last_good_state(self, path: Path) -> None:
@@ -155,6 +181,36 @@ class RehearsalRun:
         It holds the grains, and joint positions and velocities.
         """
         np.savez_compressed(path, **self._last_good_state)  # pyright: ignore[reportArgumentType]
+
+    def _target(self) -> JointState:
+        """Return the joints' command: of the dose while it runs, else of the planned motion, which it delays."""
+        late = 0.0 if self.errors is None else self.errors.latency
+        stage = self.stage
+        if stage is None:
+            return self.plan.motion.state(self.time - self.config.grasp_time - late)
+        if stage.begin is None and self.time >= self._dose_begin:
+            held = is_in_tool(self.config.tool, self.solver.positions(), self.tool_pose()).sum()
+            stage.start(self.time, self._grain_mass * int(held))
+        if stage.is_running:
+            target = stage.step(self.time)
+            if stage.end is not None:
+                self.duration += stage.duration
+                self.held_until += stage.duration
+            return target
+        return self.plan.motion.state(self.motion_time(self.time) - late)
+
+    def is_dosing_at(self, time: float) -> bool:
+        """Return whether the dose decides the motion at a simulated time [s]."""
+        stage = self.stage
+        return stage is not None and stage.begin is not None and stage.begin <= time <= (stage.end or np.inf)
+
+    def motion_time(self, time: float) -> float:
+        """Return the time [s] of the planned motion at a simulated time [s]; it rests while a dose runs."""
+        planned = time - self.config.grasp_time
+        if self.stage is None or self.stage.begin is None or time < self.stage.begin:
+            return planned
+        rest = self.stage.begin - self.config.grasp_time
+        return rest if self.stage.end is None or time < self.stage.end else planned - self.stage.duration
 
     def _command(self, target: JointState) -> np.ndarray:
         """Set finger commands and motor torques, release the grasp after its time; returns the torques [N m] (n,)."""
@@ -176,13 +232,14 @@ class RehearsalRun:
         mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_BODY, self.scene.tool, velocity, 0)
         return velocity
 
-    def _read_step(self, torque: np.ndarray, q_begin: np.ndarray, qd_begin: np.ndarray,
+    def _read_step(self, target: JointState, torque: np.ndarray, q_begin: np.ndarray, qd_begin: np.ndarray,
                    velocity_begin: np.ndarray) -> Step:
         """Readings of the step that has just ended; arguments ending in _begin are from its start."""
         scene, data, ledger = self.scene, self.data, self.plugin.ledger
         wrench = self.plugin.wrench(self.config.tool_name)
         end = self.tool_pose()
-        commanded = self.plan.arm.tool_pose(self.plan.motion.state(self.time - self.config.grasp_time).q)
+        planned = self.plan.motion.state(self.motion_time(self.time))
+        commanded = self.plan.arm.tool_pose((target if self._doses else planned).q)
         q, qd = data.qpos[scene.arm_qpos].copy(), data.qvel[scene.arm_dofs].copy()
         mean_velocity = 0.5 * (velocity_begin + self._tool_velocity())
         power = wrench.force @ mean_velocity[3:] + wrench.torque @ mean_velocity[:3]

@@ -14,6 +14,8 @@ from robosim.conversion.joint_log import JointLog
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import SceneRecorder
+from robosim.rehearsal.dosing.lip_motion import make_lip_motion
+from robosim.rehearsal.dosing.stage import check_target, make_dose_controller
 from robosim.rehearsal.film import FRAME_RATE, check_colour, find_camera
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
@@ -29,7 +31,7 @@ from robosim.robot.assembly import check_payload
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import name_joints
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
-from robosim.scene.field import check_field, choose_region
+from robosim.scene.field import check_field, choose_region, filled_volume
 
 PRINTED = {
     "scooped_mass_kg": ("scooped", "{:.4f} kg"), "delivered_fraction": ("delivered", "{:.1%}"),
@@ -39,6 +41,12 @@ PRINTED = {
     "realtime_factor": ("simulated seconds per second", "{:.3f}"),
 }
 """Figure of the report -> its name and form on the console."""
+DOSED = {
+    "dose_target_kg": ("target of the dose", "{:.5f} kg"), "dose_kg": ("dosed", "{:.5f} kg"),
+    "dose_error_kg": ("error of the dose", "{:+.5f} kg"), "dose_grain_mass_kg": ("mass of a grain", "{:.5f} kg"),
+    "dosing_time_s": ("time of the dose", "{:.2f} s"),
+}
+"""The same of a dose."""
 REPLAYED = {
     "recorded_clock_offset_s": ("recorded time at which the motion starts", "{:.3f} s"),
     "recorded_joint_difference_max_deg": ("recorded from planned joint angles, at most", "{:.3f} deg"),
@@ -65,10 +73,13 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     log = None if recorded is None else read_log(recorded, config)
     result = simulate(config, out, camera=camera, colour=colour, frame_rate=frame_rate, height=height, poster=poster,
                       seed=seed, log=log, model_errors=model_errors)
-    if log is None and result.missed and force_export:
+    exports = log is None and config.dose is None
+    if exports and result.missed and force_export:
         result.export_ros2(out / MISSED_TRAJECTORY, force=True)
     _print(result.figures, result.missed, out)
-    if log is None and result.missed and not force_export:
+    if config.dose is not None:
+        print(f"no {TRAJECTORY}: the dose is controlled by the balance, no motion repeats it")
+    if exports and result.missed and not force_export:
         print(f"no {TRAJECTORY}: a bound was missed (--force-export writes {MISSED_TRAJECTORY})")
     if result.failure is not None:
         raise result.failure
@@ -116,7 +127,7 @@ def simulate(config: RehearsalConfig, out: Path, *, camera: str | None = "close"
         recorder.close()
         folder.write_text("index.html", make_page(run, figures, missed, folder.path).html())
         result = Result(run, figures, missed, folder.path, failure)
-        if log is None and not missed:
+        if log is None and not missed and config.dose is None:
             result.export_ros2(folder.path / TRAJECTORY)
         folder.write_json("report.json", figures | {"missed": missed})
         return result
@@ -135,11 +146,26 @@ def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None
 def check_config(config: RehearsalConfig) -> RehearsalConfig:
     """Return a configuration with its target in place; raises ConfigError for what cannot be run."""
     config = choose_region(place_target(config))
-    check_field(config, law_of(load_material(config.material)))
+    law = law_of(load_material(config.material))
+    check_field(config, law)
+    check_dose(config, law.density)
     assembly = assemble_rehearsal(config)
     name_joints(assembly.robot.joints, config.joint_trajectory)  # raises for names that cannot be used
     check_payload(assembly)
     return config
+
+
+def check_dose(config: RehearsalConfig, density: float) -> None:
+    """Refuse a dose whose controller, lip or cup cannot be used, or that a tool which is full at the start cannot give.
+
+    density: of the material [kg/m^3]. What a tool scoops is known when it is weighed. Raises ConfigError.
+    """
+    if config.dose is None:
+        return
+    make_dose_controller(config)
+    make_lip_motion(config)
+    if config.tool_fill_height is not None:
+        check_target(config, density * filled_volume(config), "starts")
 
 
 def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_errors: int | None) -> RehearsalRun:
@@ -185,6 +211,7 @@ def _simulate(run: RehearsalRun, film: FilmProcess | None, recorder: SceneRecord
             if film is not None:
                 film.add_due_frame()
             began = clock.perf_counter()
+            bar.total = max(bar.total, round(run.duration, 3))  # a dose makes it longer
             recorder.add(run.data, readings, run.plugin.wrench(run.config.tool_name))
             run.timings["record"] += clock.perf_counter() - began
             bar.update(min(run.config.host_dt, bar.total - bar.n))
@@ -198,7 +225,7 @@ def _print(figures: dict, missed: list[str], folder: Path) -> None:
     """Print the main figures, and those that missed their bounds."""
     for key, (name, form) in PRINTED.items():
         print(f"{name:46s} {'-' if figures[key] is None else form.format(figures[key])}")
-    for key, (name, form) in REPLAYED.items():
+    for key, (name, form) in (DOSED | REPLAYED).items():
         if figures.get(key) is not None:
             print(f"{name:46s} {form.format(figures[key])}")
     if (figures.get("recorded_force_correlation") or 0.0) < OPPOSITE:

@@ -1,5 +1,6 @@
 """The granular field of a rehearsal: its solver, its colliders, and checks of its configuration."""
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -7,7 +8,6 @@ import numpy as np
 import mpm
 from mpm.backend import is_shared
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.geometry.shape import Shape
 from mpm.materials.stable_step import accepted_bound, check_step
 from robosim.config.bounds import MAX_GRAINS, MAX_SUBSTEPS
 from robosim.config.materials import Law
@@ -45,11 +45,11 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
     """Build the solver of a rehearsal, with the tool at its initial world pose."""
     field = config.field
     sdf = build_tool_sdf(config.tool, config.grain_wall)
+    head = tool_shape(config.tool).head_shell() if config.collision_thickness == "shell" else sdf
     # as the plugin will want it: a collider that it has to change makes the solver anew
-    colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=tool_pose, mobile=config.coupling == "mobility")]
-    colliders += build_container_colliders(config.containers, field)
-    solids = [collider.sdf for collider in colliders[1:] if isinstance(collider.sdf, Shape)]
-    walls = dict(zip(config.containers, solids, strict=True))
+    colliders = [mpm.Collider(head, friction=field.tool_friction, pose=tool_pose, mobile=config.coupling == "mobility")]
+    colliders += build_container_colliders(config.containers, field, shells=config.shells)
+    walls = {name: build_container_sdf(name, config.containers[name], field) for name in config.sources}
     positions, volume = fill(config, sdf, walls, tool_pose, np.random.default_rng(seed))
     solver = mpm.Solver(
         grid=field.grid,
@@ -86,13 +86,29 @@ def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
     return tool_shape(tool).distance(thickness, TOOL_SPACING)
 
 
-def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig, *,
-                              static: bool = True) -> list[mpm.Collider]:
-    """Build colliders of containers; static: they never move, which makes contact cheaper."""
+def filled_volume(config: RehearsalConfig) -> float:
+    """Return the volume [m^3] of the grains in a tool that is filled at the start, as they are placed."""
+    sdf = build_tool_sdf(config.tool, config.grain_wall)
+    positions, volume = fill(config, sdf, {}, mpm.Pose.identity(), np.random.default_rng(0))
+    return volume * len(positions)
+
+
+def build_container_sdf(name: str, container: ContainerConfig, field: FieldConfig) -> Lattice:
+    """Build the signed distance of a container's walls, grown outward, in its own frame."""
+    return container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
+
+
+def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig, *, static: bool = True,
+                              shells: Collection[str] = ()) -> list[mpm.Collider]:
+    """Build colliders of containers; static: they never move, which makes contact cheaper.
+
+    shells: names of those that are thin shells of their real walls, which stay where they are, too.
+    """
     colliders = []
     for name, container in containers.items():
-        sdf = container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
-        colliders.append(mpm.Collider(sdf, static=static, friction=field.container_friction,
+        walls = container_shape(name, container).shell() if name in shells else \
+            build_container_sdf(name, container, field)
+        colliders.append(mpm.Collider(walls, static=static and name not in shells, friction=field.container_friction,
                                       pose=container_pose(container)))
     return colliders
 

@@ -1,4 +1,5 @@
 """Commands that simulate, and show what was simulated.
 
-Imports: config, conversion, envs, errors, evaluation, recordings, rehearsal, rendering, robustness, viewer, mpm.
+Imports: config, conversion, dosing, envs, errors, evaluation, recordings, rehearsal, rendering, robustness, tuning,
+viewer, mpm.
 """

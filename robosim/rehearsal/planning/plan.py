@@ -7,6 +7,7 @@ import numpy as np
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.approach import Approach, plan_approach
+from robosim.rehearsal.planning.dose_reach import check_dose_reach
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.path_clearance import PathClearance, check_path
 from robosim.rehearsal.planning.picking import add_picking
@@ -111,6 +112,7 @@ def solve_grip(config: RehearsalConfig) -> Grip:
     robot = RobotClearance(compile_rehearsal(config), arm)
     times, solution = solve_joints(arm, path, robot)
     clearance = check_path(config, path, times, solution.q, robot)
+    check_dose_reach(config, arm, find_dose_posture(config, path, times, solution), robot)
     slowness = compute_time_scale(times, solution.q, arm.limits(config.limits)).max()
     return Grip(config, arm, path, times, solution, robot, clearance, float(slowness))
 
@@ -131,6 +133,7 @@ def time_motion(grip: Grip, most: float) -> Plan:
             config, path, scale = _slow_script(config, limits, times, solution, scale, most, reason)
         times, solution = solve_joints(arm, path, robot)
         clearance = check_path(config, path, times, solution.q, robot)
+        check_dose_reach(config, arm, find_dose_posture(config, path, times, solution), robot)
     slower = path.time_scale if isinstance(path, LearnedPath) else scale
     raise ConfigError(f"the motion is too fast for the arm even {slower:.1f} times slower: {reason}")
 
@@ -156,6 +159,12 @@ def slow_down(config: RehearsalConfig, factor: float) -> RehearsalConfig:
         "acceleration": None if waypoint.acceleration is None else waypoint.acceleration / factor**2,
     }) for waypoint in config.waypoints)
     return config.model_copy(update={"path": path, "waypoints": waypoints})
+
+
+def find_dose_posture(config: RehearsalConfig, path: WaypointPath | LearnedPath, times: np.ndarray,
+                      solution: PathSolution) -> np.ndarray:
+    """Return the posture (n,) [rad] at the end of the rest in which the dose begins; the first where none does."""
+    return solution.q[int(np.searchsorted(times, path.rests[config.dose_at][1]))] if config.dose else solution.q[0]
 
 
 def solve_joints(arm: Arm, path: WaypointPath | LearnedPath,

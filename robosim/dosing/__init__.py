@@ -1,0 +1,7 @@
+"""Dosing: controllers that pour a target mass from a tool onto a balance, and the numbers that they are run with.
+
+Imports: config, errors.
+"""
+
+CONTROLLERS = ("open_loop", "pi", "shaker")
+"""Controllers by name, see `robosim.dosing.controllers.make_controller`."""

@@ -1,0 +1,24 @@
+"""Dosing controllers by name."""
+
+from robosim.dosing import CONTROLLERS
+from robosim.dosing.command import DoseController
+from robosim.dosing.numbers import DosingNumbers
+from robosim.dosing.open_loop import OpenLoop
+from robosim.dosing.pi import PiDosing
+from robosim.dosing.pour_curve import PourCurve
+from robosim.dosing.shaker import Shaker
+from robosim.errors import ConfigError, UnknownName
+
+
+def make_controller(name: str, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> DoseController:
+    """Make a controller, one of CONTROLLERS.
+
+    curve: of the tool with its load, usually `numbers.curve`. control_dt: time between two commands [s].
+    Raises UnknownName for another name, ConfigError for a time that cannot be used.
+    """
+    kinds = dict(zip(CONTROLLERS, (OpenLoop, PiDosing, Shaker), strict=True))
+    if name not in kinds:
+        raise UnknownName("controller", name, CONTROLLERS)
+    if not 1e-4 <= control_dt <= 0.5:
+        raise ConfigError(f"control_dt = {control_dt} s; accepted: 0.0001 to 0.5 s")
+    return kinds[name](numbers, curve, control_dt)

@@ -1,0 +1,55 @@
+"""Motion of a dosing tool: tilt rates that change smoothly, and the way of the lip to its place."""
+
+import numpy as np
+
+from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.dosing.numbers import MotionNumbers
+
+LEVEL = np.radians(1.0)
+"""Tilt [rad] up to which the tool is level."""
+
+
+class ToolMotion:
+    """Makes commands of wanted tilt rates; keeps the tilt rate of the last command.
+
+    control_dt: time between two commands [s].
+    """
+
+    def __init__(self, numbers: MotionNumbers, control_dt: float) -> None:
+        self._numbers, self._dt = numbers, control_dt
+        self._change, self._rate = np.radians(numbers.acceleration_deg) * control_dt, 0.0
+        self._fast = np.radians(numbers.fast_deg)
+
+    def start(self) -> None:
+        """Begin a dose at rest."""
+        self._rate = 0.0
+
+    def is_near(self, sight: DoseSight) -> bool:
+        """Return whether the lip is above the cup's middle."""
+        return float(np.hypot(*(sight.goal - sight.lip)[:2])) <= self._numbers.near
+
+    def back_time(self, sight: DoseSight) -> float:
+        """Return the time [s] that it takes to tilt back to level, with the acceleration at both ends."""
+        return abs(sight.tilt) / self._fast + 2.0 * self._fast / np.radians(self._numbers.acceleration_deg)
+
+    def turn_to(self, sight: DoseSight, tilt: float, amplitude: float = 0.0, frequency: float = 0.0) -> DoseCommand:
+        """Turn fast to a tilt [rad] and stop there."""
+        rest = tilt - sight.tilt
+        # the rate from which the remaining angle is enough to brake, one interval later
+        braking = np.sqrt(2.0 * np.radians(self._numbers.acceleration_deg) * abs(rest))
+        return self.turn(sight, float(np.sign(rest) * min(self._fast, braking, abs(rest) / (2.0 * self._dt))),
+                         amplitude, frequency)
+
+    def turn(self, sight: DoseSight, rate: float, amplitude: float = 0.0, frequency: float = 0.0) -> DoseCommand:
+        """Turn with a rate [rad/s], or the nearest that can be reached; shake with an amplitude [m] and frequency."""
+        self._rate += float(np.clip(rate - self._rate, -self._change, self._change))
+        way = sight.goal - sight.lip
+        velocity = way / self._numbers.approach_time
+        speed = float(np.linalg.norm(velocity))
+        if speed > self._numbers.approach_speed:
+            velocity = velocity * (self._numbers.approach_speed / speed)
+        return DoseCommand(self._rate, velocity, amplitude, frequency, False)
+
+    def level(self, sight: DoseSight) -> DoseCommand:
+        """Turn back to level; the command is done once it is."""
+        return self.turn_to(sight, 0.0)._replace(done=sight.tilt <= LEVEL)

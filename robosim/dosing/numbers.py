@@ -1,0 +1,160 @@
+"""Numbers of the dosing controllers, files of configs/dosing."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import pydantic
+from pydantic import Field
+
+from robosim.config.bounds import Name, Text
+from robosim.config.resources import config_path
+from robosim.config.settings import Setting
+from robosim.config.table import Table, load
+from robosim.dosing.pour_curve import PourCurve
+
+# A wrist turns by up to 180 deg/s; below 0.1 deg/s a dose takes minutes.
+TiltRate = Annotated[float, Field(ge=0.1, le=180.0)]
+TiltAngle = Annotated[float, Field(ge=0.0, le=90.0)]
+Seconds = Annotated[float, Field(ge=0.01, le=60.0)]
+Gain = Annotated[float, Field(ge=0.0, le=20.0)]
+PartOfWhole = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class MotionNumbers(Table):
+    """How the tool moves with every controller."""
+
+    duration: float = Field(default=20.0, ge=1.0, le=600.0)
+    """Time [s] after which the dose is over, whatever it is."""
+    fast_deg: TiltRate = 30.0
+    """Tilt rate [deg/s] up to the tilt at which the controller begins, and back to level at the end."""
+    acceleration_deg: float = Field(default=150.0, ge=1.0, le=1e4)
+    """Largest change of the tilt rate [deg/s^2]."""
+    approach_time: Seconds = 0.3
+    """Time constant [s] with which the lip goes to the goal."""
+    approach_speed: float = Field(default=0.1, ge=1e-3, le=2.0)
+    """Largest speed of the lip [m/s]."""
+    near: float = Field(default=0.01, ge=1e-4, le=0.2)
+    """Distance of lip and goal in the horizontal plane [m] from which on the tool is tilted."""
+
+
+class VibrationNumbers(Table):
+    """The vibration at a command of 1."""
+
+    amplitude: float = Field(ge=0.0, le=0.01)
+    """Amplitude [m] of the strongest vibration that controllers command."""
+    frequency: float = Field(ge=1.0, le=500.0)
+    """Its frequency [Hz]."""
+
+
+class OpenLoopNumbers(Table):
+    """Tilt to the angle at which the pour curve gives the target, wait, tilt back; the balance is not read."""
+
+    before_deg: TiltAngle = 10.0
+    """Angle [deg] before the tilt at which pouring begins, from which on the tilt is slow."""
+    search_deg: TiltRate = 8.0
+    """Slow tilt rate [deg/s]."""
+    share: float = Field(default=1.0, ge=0.1, le=3.0)
+    """Mass that is aimed at, as a share of the target: what the material gives more or less than the curve."""
+    hold: Seconds = 0.5
+    """Time [s] at the last tilt."""
+
+
+class PiNumbers(Table):
+    """PI control of the flow onto the balance, with the pour curve as feed-forward."""
+
+    before_deg: TiltAngle = 20.0
+    """Angle [deg] before the tilt at which pouring begins, from which on the tilt is slow."""
+    search_deg: TiltRate = 4.0
+    """Tilt rate [deg/s] until something flows."""
+    fastest_deg: TiltRate = 8.0
+    """Largest tilt rate [deg/s] while something flows."""
+    time: Seconds = 1.5
+    """Time constant [s]: the wanted flow is the missing mass divided by it."""
+    pace: float = Field(default=1.0, ge=0.1, le=10.0)
+    """The wanted flow is at least `pace` times the missing mass divided by the time left."""
+    proportional: Gain = 0.5
+    """Share of the flow's error that is added to the wanted flow."""
+    integral: Gain = 0.5
+    """Share of the flow's summed error that is added to the wanted flow [1/s]."""
+    pour_amplitude: PartOfWhole = 0.7
+    """Strongest vibration while it pours, as a share of the largest."""
+    rise: float = Field(default=0.3, ge=0.0, le=10.0)
+    """Rate [1/s] at which the vibration rises where nothing flows, in shares of the largest; it falls where too much
+    flows."""
+    resume: PartOfWhole = 0.7
+    """Vibration with which it pours again after a stop, as a share of that at the stop."""
+    first: float = Field(default=0.7, ge=0.1, le=1.0)
+    """Share of the target at which the tool stops first, to learn how much still falls."""
+    next: float = Field(default=0.9, ge=0.1, le=1.0)
+    """Share of the missing mass at which it stops each time after that."""
+    margin: PartOfWhole = 0.2
+    """Share of the accepted error by which these stops at least aim below the target."""
+    close: PartOfWhole = 0.5
+    """Share of the accepted error below which a missing mass ends the dose."""
+    delay: float = Field(default=0.4, ge=0.0, le=5.0)
+    """Time [s] that the flow still arrives after a stop, until the first stop tells."""
+    settle: Seconds = 0.8
+    """Time [s] that the tool waits after a stop before the balance is believed."""
+    stop_deg: TiltAngle = 6.0
+    """Angle [deg] that the tool tilts back at a stop."""
+    resume_deg: TiltAngle = 2.0
+    """Angle [deg] before the tilt of a stop up to which the tool turns at `fastest_deg` afterwards."""
+    window: Seconds = 0.3
+    """Time [s] over which the flow is measured."""
+
+
+class ShakerNumbers(Table):
+    """Hold a tilt at which nothing flows by itself, and shake until the balance shows enough."""
+
+    before_deg: TiltAngle = 8.0
+    """Angle [deg] before the tilt at which pouring begins, at which it shakes first."""
+    search_deg: TiltRate = 4.0
+    """Tilt rate [deg/s] while it shakes and too little flows."""
+    amplitude: PartOfWhole = 1.0
+    """Vibration while it shakes, as a share of the largest."""
+    time: Seconds = 3.0
+    """Time constant [s]: it tilts on while less flows than the missing mass divided by it."""
+    ahead: float = Field(default=0.1, ge=0.0, le=1.0)
+    """Share of the target by which the first stop comes before it."""
+    pulse: Seconds = 0.3
+    """Longest time [s] that it shakes at once after the first stop."""
+    settle: Seconds = 0.8
+    """Time [s] that it waits after it has shaken."""
+    margin: PartOfWhole = 0.5
+    """Share of the accepted error below which a missing mass ends the dose."""
+
+
+class DosingNumbers(Table):
+    """A file of configs/dosing: a task's pour curve, and what each controller works with on it."""
+
+    task: Name
+    """Name of the task, such as DoseSpoon."""
+    source: Text = "chosen by hand"
+    """Command that found the controllers' numbers, or who chose them."""
+    curve: PourCurve
+    """Pour curve of the task's tool with its load."""
+    motion: MotionNumbers = MotionNumbers()
+    """How the tool moves with every controller."""
+    vibration: VibrationNumbers
+    """The strongest vibration."""
+    open_loop: OpenLoopNumbers = OpenLoopNumbers()
+    """Numbers of the controller open_loop."""
+    pi: PiNumbers = PiNumbers()
+    """Numbers of the controller pi."""
+    shaker: ShakerNumbers = ShakerNumbers()
+    """Numbers of the controller shaker."""
+
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "DosingNumbers":
+        if self.pi.search_deg > self.motion.fast_deg or self.pi.fastest_deg > self.motion.fast_deg:
+            raise ValueError(f"pi.search_deg = {self.pi.search_deg}, pi.fastest_deg = {self.pi.fastest_deg} with "
+                             f"motion.fast_deg = {self.motion.fast_deg} deg/s; accepted: none above it")
+        return self
+
+
+def load_dosing(name: str, settings: Sequence[Setting] = ()) -> DosingNumbers:
+    """Load a file of configs/dosing by name, or one's own by path; settings as of `robosim.config.table.load`.
+
+    Raises ConfigError for a file that cannot be used, UnknownName for a name that does not exist.
+    """
+    return load(config_path("dosing", name, "dosing numbers"), DosingNumbers, settings=settings)

@@ -1,0 +1,122 @@
+"""Dosing controllers as policies: observations become sights, commands become actions."""
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robosim.config.resources import config_names
+from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.dosing.controllers import make_controller
+from robosim.dosing.numbers import DosingNumbers, load_dosing
+from robosim.envs.grain_env import GrainEnv
+from robosim.errors import ConfigError
+from robosim.shapes import tool_shape
+from robosim.tasks.task import TaskConfig
+
+TERMS = ("tool", "goal", "time", "scale", "target")
+"""Terms of the observation that controllers read."""
+
+
+def numbers_of(task: TaskConfig, name: str) -> DosingNumbers:
+    """Return the numbers that a task's controllers work with; name: of the controller, for messages.
+
+    Raises ConfigError for a task without a dose, or without numbers.
+    """
+    if task.dose is None:
+        raise ConfigError(f"{name}: the task has no section dose; accepted: dosing tasks")
+    if task.dose.controllers is None:
+        raise ConfigError(f"{name}: the task's dose.controllers is missing; accepted: a file of configs/dosing "
+                          f"({', '.join(config_names('dosing'))}), or the path of one's own")
+    return load_dosing(task.dose.controllers)
+
+
+class ToolView:
+    """What of an environment's observations and actions is a dosing tool's: its lip, its tilt, its vibration.
+
+    The balance is tared at the first look. Raises ConfigError for an environment that does not observe TERMS, or whose
+    task has no dose or no vibration.
+    """
+
+    def __init__(self, env: GrainEnv) -> None:
+        task, spaces = env.task, getattr(env.observation_space, "spaces", {})
+        if task.dose is None or task.action.vibration is None:
+            raise ConfigError(f"{env.TASK or 'task'}: no section dose, or no action.vibration; accepted: dosing tasks")
+        if missing := [term for term in TERMS if term not in spaces]:
+            raise ConfigError(f"obs: {', '.join(missing)} missing; accepted for dosing controllers: obs={list(TERMS)}")
+        self._action, self._vibration = task.action, task.action.vibration
+        self._duration = task.steps * task.step_dt
+        level = task.start.pitch_deg if task.dose.level_pitch_deg is None else task.dose.level_pitch_deg
+        self._level, self._lip = np.radians(level), find_lip(task)
+        self._tare: float | None = None
+
+    def look(self, observation: dict[str, Any]) -> DoseSight:
+        """Return what a controller sees of an observation."""
+        position, quaternion = np.split(np.asarray(observation["tool"], float), [3])
+        R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+        shown, target = (float(observation[name][0]) for name in ("scale", "target"))
+        if self._tare is None:
+            self._tare = shown
+        self._pitch_axis, self._origin = R[:, 1], position
+        goal = position + np.asarray(observation["goal"], float)
+        return DoseSight(float(observation["time"][0]) * self._duration, shown - self._tare, target,
+                         float(np.arctan2(-R[2, 0], R[2, 2])) - self._level, position + R @ self._lip, goal)
+
+    def act(self, sight: DoseSight, command: DoseCommand) -> np.ndarray:
+        """Return the action (8,) that moves the lip and turns about it, at most as fast as an action can.
+
+        sight: of the last look.
+        """
+        angular = command.tilt_rate * self._pitch_axis
+        linear = command.velocity + np.cross(angular, self._origin - sight.lip)
+        motion = np.concatenate([linear / self._action.speed, angular / self._action.angular_speed])
+        motion /= max(1.0, float(np.abs(motion).max()))  # slower, but along the same way
+        low, high = self._vibration.frequency
+        shaking = [2.0 * command.amplitude / self._vibration.amplitude - 1.0,
+                   2.0 * (command.frequency - low) / (high - low) - 1.0 if high > low else 0.0]
+        return np.clip(np.concatenate([motion, shaking]), -1.0, 1.0).astype(np.float32)
+
+
+class DosingPolicy:
+    """A controller at work in an environment that observes TERMS.
+
+    numbers: in place of those that the task names. Raises ConfigError for an environment that `ToolView` refuses, and
+    for numbers whose vibration is beyond the task's.
+    """
+
+    def __init__(self, name: str, env: GrainEnv, numbers: DosingNumbers | None = None) -> None:
+        self._env, self._view = env, ToolView(env)
+        numbers, vibration = numbers or numbers_of(env.task, f"policy {name!r}"), env.task.action.vibration
+        assert vibration is not None
+        low, high = vibration.frequency
+        if not low <= numbers.vibration.frequency <= high or numbers.vibration.amplitude > vibration.amplitude:
+            raise ConfigError(f"policy {name!r}: vibration of {numbers.vibration.amplitude} m at "
+                              f"{numbers.vibration.frequency} Hz; accepted in this task: up to {vibration.amplitude} m "
+                              f"at {low:g} to {high:g} Hz")
+        self._controller = make_controller(name, numbers, numbers.curve, env.action_repeat * env.task.step_dt)
+        self.command: DoseCommand | None = None
+        """The last command; None before the first."""
+
+    def __call__(self) -> np.ndarray:
+        """Return the next action (8,)."""
+        sight = self._view.look(self._env.observation)
+        if self.command is None:
+            self._controller.start(sight.target)
+        self.command = self._controller.command(sight)
+        return self._view.act(sight, self.command)
+
+
+def find_lip(task: TaskConfig) -> np.ndarray:
+    """Return the lip of a task's tool in the tool's frame [m] (3,): where its open rim reaches farthest along x.
+
+    Raises ConfigError for a tool whose inner face is not known.
+    """
+    face = getattr(tool_shape(task.tool), "face", None)
+    if face is None:
+        raise ConfigError(f"tool {task.tool_name!r} has no inner face, so that its lip is not known; accepted: spoon, "
+                          f"scoop, bottle")
+    mesh = face()
+    edges, counts = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
+    rim = mesh.vertices[np.unique(edges[counts == 1])]
+    middle = rim[np.abs(rim[:, 1]) <= np.abs(rim[:, 1]).min() + 1e-6]
+    return np.array(middle[np.argmax(middle[:, 0])])

@@ -1,0 +1,165 @@
+"""The stage of a rehearsal in which a controller doses: balance, controller, tool pose, joints, step by step."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.config.table import validate
+from robosim.dosing.command import DoseCommand, DoseController, DoseSight
+from robosim.dosing.controllers import make_controller
+from robosim.dosing.numbers import DosingNumbers, load_dosing
+from robosim.errors import ConfigError, RobotDiverged
+from robosim.rehearsal.dosing.balance import Balance
+from robosim.rehearsal.dosing.lip_motion import LipMotion, make_lip_motion
+from robosim.robot.inverse_kinematics import step_towards
+from robosim.robot.joint_control import JointSmoother
+from robosim.robot.model import Arm
+from robosim.robot.timing import JointState
+
+BACK_RATE = np.radians(30.0)
+"""Tilt rate [rad/s] with which the tool is levelled after the time limit."""
+AT_REST, MOST_RETURN = 1e-4, 5.0
+"""Joint displacement [rad] up to which the arm is back at the waypoint, and time [s] that it may take for that."""
+
+
+class DoseSample(NamedTuple):
+    """What a dose is like at one moment of control."""
+
+    time: float
+    """Simulated time [s]."""
+    shown: float
+    """What the balance shows [kg]."""
+    mass: float
+    """Mass on the balance less the tare [kg]."""
+    tilt: float
+    """Commanded tilt [rad]."""
+    amplitude: float
+    """Amplitude of the vibration [m]."""
+
+
+class DosingStage:
+    """Drives the arm by a dosing controller while the planned motion rests at a waypoint.
+
+    q: the arm's posture there (n,) [rad]. dt: time between two joint commands [s]. controller: None for the configured
+    one. weigh: mass [kg] on the balance, tare included. Every `control_dt` the controller sees the balance and the
+    commanded tool; every dt its command moves the tool about its lip, inverse kinematics find the joints, and Ruckig
+    keeps them within the limits of speed, acceleration and jerk. At the end the arm returns to the posture.
+    """
+
+    def __init__(self, config: RehearsalConfig, arm: Arm, q: np.ndarray, weigh: Callable[[], float], seed: int = 0,
+                 controller: DoseController | None = None) -> None:
+        assert config.dose is not None
+        self._config, self._dose, self._arm, self._weigh, self._seed = config, config.dose, arm, weigh, seed
+        self._controller = controller or make_dose_controller(config)
+        self.motion: LipMotion = make_lip_motion(config)
+        self.target = 1e-3 * config.dose.target_g
+        """[kg]"""
+        self._dt = config.host_dt
+        self._smoother = JointSmoother(arm.step_limits(), self._dt, arm)
+        self._rest, self._q = q.copy(), q.copy()
+        self._every = round(config.dose.control_dt / self._dt)
+        self._count, self._balance = 0, None
+        self._command = DoseCommand(0.0, np.zeros(3), 0.0, 0.0, False)
+        self.samples: list[DoseSample] = []
+        """One for each control step, and those in which the balance settles."""
+        self.begin: float | None = None
+        """Simulated time [s] at which it began; None before."""
+        self.done: float | None = None
+        """Simulated time [s] at which the controller had finished and the tool was level; None before."""
+        self.end: float | None = None
+        """Simulated time [s] at which the planned motion goes on; None before."""
+        self.is_late = False
+        """Whether the time limit ended it."""
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has begun and is not over."""
+        return self.begin is not None and self.end is None
+
+    @property
+    def duration(self) -> float:
+        """Time [s] by which it delays the planned motion; 0 until it is over."""
+        return 0.0 if self.begin is None or self.end is None else self.end - self.begin
+
+    def start(self, time: float, load: float) -> None:
+        """Begin at a time [s] with a load [kg] in the tool, and tare the balance.
+
+        Raises ConfigError for a target above the load.
+        """
+        check_target(self._config, load, f"holds it at waypoint {self._config.dose_at!r}")
+        self.begin = time
+        self._balance, self._tare = Balance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
+        self._smoother.restart(self._q)
+        self._controller.start(self.target)
+
+    def step(self, time: float) -> JointState:
+        """Return the joints' command for the step from a time [s] on; over after the step in which `end` is set.
+
+        Raises RobotDiverged where the arm cannot come back.
+        """
+        assert self.begin is not None
+        if self._count % self._every == 0:
+            self._control(time)
+        self._count += 1
+        if self.done is not None:
+            return self._return(time)
+        target = self.motion.advance(self._command, self._dt)
+        q = step_towards(self._arm, target, self._q, self._rest)
+        qd, self._q = (q - self._q) / self._dt, q
+        return self._smoother.step(q, qd)
+
+    def _control(self, time: float) -> None:
+        """Read the balance, and ask the controller unless it has finished."""
+        assert self._balance is not None and self.begin is not None
+        mass, motion = self._weigh(), self.motion
+        shown = self._balance.read(time, mass)
+        self.samples.append(DoseSample(time, shown, mass - self._tare, motion.tilt, motion.amplitude))
+        if self.done is not None:
+            return
+        sight = DoseSight(time - self.begin, shown, self.target, motion.tilt, motion.lip, motion.goal)
+        self._command = self._controller.command(sight)
+        self.is_late = self.is_late or sight.time > self._dose.time_limit
+        if self.is_late:
+            self._command = DoseCommand(-BACK_RATE, np.zeros(3), 0.0, 0.0, motion.tilt == 0.0)
+        if self._command.done:
+            self.done = time
+
+    def _return(self, time: float) -> JointState:
+        """Go back to the posture of the waypoint, and wait there until the balance has settled."""
+        assert self.done is not None
+        state = self._smoother.step(self._rest, np.zeros_like(self._rest))
+        since = time - self.done
+        is_back = max(np.abs(state.q - self._rest).max(), np.abs(state.qd).max()) < AT_REST
+        if is_back and since >= self._dose.settle:
+            self.end = time + self._dt
+        elif since > self._dose.settle + MOST_RETURN:
+            raise RobotDiverged(time, [f"the arm has not come back to waypoint {self._config.dose_at!r} after the dose"])
+        return state
+
+
+def make_dose_controller(config: RehearsalConfig) -> DoseController:
+    """Make the controller of a rehearsal's dose; raises ConfigError, UnknownName for its file and numbers."""
+    dose = config.dose
+    assert dose is not None
+    steps = dose.control_dt / config.host_dt
+    if abs(steps - round(steps)) > 1e-6:
+        raise ConfigError(f"dose.control_dt = {dose.control_dt} s is {steps:.4f} steps of host_dt = {config.host_dt} s; "
+                          f"accepted: a whole number")
+    numbers = load_dosing(dose.controllers)
+    if dose.numbers:
+        given = numbers.model_dump(mode="json")
+        for section, values in dose.numbers.items():
+            given[section] = {**given.get(section, {}), **values}
+        numbers = validate(given, Path("dose.numbers"), DosingNumbers)
+    return make_controller(dose.controller, numbers, numbers.curve, dose.control_dt)
+
+
+def check_target(config: RehearsalConfig, load: float, where: str) -> None:
+    """Raise ConfigError for a target above a load [kg]; where: which load that is."""
+    assert config.dose is not None
+    if 1e-3 * config.dose.target_g > load:
+        raise ConfigError(f"dose.target_g = {config.dose.target_g:g} g; the {config.tool_name} {where} with "
+                          f"{1e3 * load:.2f} g of {config.material}; accepted: up to that")

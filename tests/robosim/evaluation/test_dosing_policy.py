@@ -1,0 +1,118 @@
+"""Dosing controllers as policies: the tool's lip, and actions that carry a command out."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from robosim.dosing import CONTROLLERS
+from robosim.dosing.command import DoseCommand
+from robosim.dosing.numbers import DosingNumbers
+from robosim.envs.carrier import Carrier
+from robosim.errors import ConfigError
+from robosim.evaluation.dosing_policy import TERMS, DosingPolicy, ToolView, find_lip, numbers_of
+from robosim.evaluation.policies import make_policy
+from robosim.shapes.sheet_tools import TROUGH_LENGTH
+from robosim.shapes.vessels import BOWL, MOUTH
+from robosim.tasks.actions import ActionScaling
+from robosim.tasks.task import load_task
+
+SPOON = load_task("DoseSpoon")
+NUMBERS = numbers_of(SPOON, "pi")
+LEVEL = np.zeros(3)
+
+
+def stub(task: Any = SPOON, terms: tuple[str, ...] = TERMS) -> Any:
+    """Return what a policy takes of an environment, without a field."""
+    return SimpleNamespace(task=task, TASK="DoseSpoon", action_repeat=10,
+                           observation_space=SimpleNamespace(spaces=dict.fromkeys(terms)))
+
+
+def observe(carrier: Carrier, shown: float = 0.0, time: float = 0.0) -> dict[str, np.ndarray]:
+    """Return an observation of a tool at its commanded pose."""
+    pose = carrier.commanded
+    return {"tool": np.concatenate(pose), "goal": np.array(SPOON.goal) - pose.position, "time": np.array([time]),
+            "scale": np.array([shown]), "target": np.array([5e-3])}
+
+
+def test_lips_of_the_bundled_tools() -> None:
+    np.testing.assert_allclose(find_lip(SPOON), [BOWL[0], 0.0, 0.0], atol=1e-9)
+    scoop = find_lip(SPOON.with_tool("scoop"))
+    assert scoop[0] == pytest.approx(TROUGH_LENGTH / 2.0) and abs(scoop[1]) < 1e-9 and scoop[2] < -0.01
+    bottle = find_lip(SPOON.with_tool("bottle"))
+    assert bottle[0] > 0.005 and bottle[2] == pytest.approx(MOUTH)
+    with pytest.raises(ConfigError, match="tool 'shovel' has no inner face"):
+        find_lip(SimpleNamespace(tool="shovel", tool_name="shovel"))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.02, -0.01, 0.015)], ids=["turns about the lip", "moves, too"])
+def test_actions_turn_about_the_lip_and_move_it(velocity: tuple[float, ...]) -> None:
+    """Over a second, from a tilt of 20 deg; the tool's box is wide enough."""
+    carrier, view, scaling = Carrier(SPOON), ToolView(stub()), ActionScaling(SPOON)
+    tilted = Rotation.from_euler("ZY", (90.0, 20.0), degrees=True).as_quat(scalar_first=True)
+    carrier.commanded = carrier.commanded._replace(quaternion=tilted, position=np.array([0.78, -0.03, 0.17]))
+    first = view.look(observe(carrier))
+    assert np.degrees(first.tilt) == pytest.approx(20.0)
+    np.testing.assert_allclose(first.goal, SPOON.goal)
+    rate = np.radians(25.0)
+    for _ in range(50):
+        sight = view.look(observe(carrier))
+        action = view.act(sight, DoseCommand(rate, np.array(velocity), 2e-4, 30.0, False))
+        *motion, vibration = scaling.velocities(action)
+        np.testing.assert_allclose(vibration, [2e-4, 30.0], rtol=1e-4)
+        for _ in range(10):
+            carrier.command(*motion)
+    last = view.look(observe(carrier))
+    assert np.degrees(last.tilt - first.tilt) == pytest.approx(25.0, abs=1e-3)
+    np.testing.assert_allclose(last.lip - first.lip, velocity, atol=2e-4)
+
+
+def test_a_motion_that_is_too_fast_is_carried_out_more_slowly_along_the_same_way() -> None:
+    view, scaling = ToolView(stub()), ActionScaling(SPOON)
+    sight = view.look(observe(Carrier(SPOON)))
+    slow, fast = (scaling.velocities(view.act(sight, DoseCommand(k * 1.0, k * np.array([0.02, 0.03, 0.0]), 0.0, 30.0,
+                                                                 False))) for k in (1.0, 10.0))
+    assert max(np.abs(fast[0]).max() / SPOON.action.speed, np.abs(fast[1]).max() / SPOON.action.angular_speed) == \
+        pytest.approx(1.0, rel=1e-6)
+    for one, other in zip(slow[:2], fast[:2], strict=True):
+        np.testing.assert_allclose(other / np.linalg.norm(np.concatenate(fast[:2])),
+                                   one / np.linalg.norm(np.concatenate(slow[:2])), atol=1e-6)
+    assert slow[2][0] == 0.0
+
+
+def test_the_balance_is_tared_at_the_start() -> None:
+    view, carrier = ToolView(stub()), Carrier(SPOON)
+    assert view.look(observe(carrier, 0.25)).shown == 0.0
+    second = view.look(observe(carrier, 0.253, time=0.5))
+    assert second.shown == pytest.approx(3e-3) and second.time == pytest.approx(0.5 * SPOON.steps * SPOON.step_dt)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
+    env, carrier = stub(), Carrier(SPOON)
+    env.observation = observe(carrier)
+    action = make_policy(name, env, 0)()
+    assert action.shape == (8,) and action.dtype == np.float32 and np.abs(action).max() <= 1.0
+    lip = carrier.commanded.position + carrier.commanded.matrix @ find_lip(SPOON)
+    assert action[:3] @ (np.array(SPOON.goal) - lip) > 0.0 and action[6] == -1.0
+
+
+def test_what_a_policy_refuses() -> None:
+    pour = load_task("SpoonPour")
+    with pytest.raises(ConfigError, match="no section dose, or no action.vibration; accepted: dosing tasks"):
+        DosingPolicy("pi", stub(pour))
+    with pytest.raises(ConfigError, match="policy 'pi': the task has no section dose"):
+        numbers_of(pour, "policy 'pi'")
+    with pytest.raises(ConfigError, match="scale, target missing; accepted for dosing controllers"):
+        DosingPolicy("pi", stub(terms=("tool", "goal", "time")))
+    assert SPOON.dose is not None
+    without = SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update={"controllers": None})})
+    with pytest.raises(ConfigError, match=r"dose.controllers is missing; accepted: .*DoseSpoon"):
+        DosingPolicy("pi", stub(without))
+    for changed in ({"amplitude": 0.004}, {"frequency": 200.0}):
+        vibration = NUMBERS.vibration.model_copy(update=changed)
+        strong = DosingNumbers.model_validate(NUMBERS.model_dump() | {"vibration": vibration})
+        with pytest.raises(ConfigError, match="accepted in this task: up to 0.0005 m at 20 to 60 Hz"):
+            DosingPolicy("pi", stub(), strong)

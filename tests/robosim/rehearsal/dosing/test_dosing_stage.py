@@ -1,0 +1,181 @@
+"""The dose on the arm: a plain plant pours by the tool's tilt, and the arm carries the commands out within limits."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
+from robosim.config.settings import read_setting
+from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
+from robosim.dosing.pour_curve import PourCurve
+from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
+from robosim.rehearsal.dosing.figures import accepted_range, dose_figures
+from robosim.rehearsal.dosing.stage import DosingStage, make_dose_controller
+from robosim.rehearsal.planning.dose_reach import check_dose_reach
+from robosim.rehearsal.planning.plan import Plan, plan_path
+from robosim.rehearsal.planning.robot_clearance import RobotClearance
+from robosim.rehearsal.session import check_config
+from robosim.robot.timing import JointState
+from robosim.scene.build import compile_rehearsal
+
+SALT = PourCurve(material="salt", load=0.05, rate_deg=2.0, source="made up for tests", tilts_deg=(20.0, 40.0, 60.0, 80.0),
+                 masses=(0.0, 0.015, 0.035, 0.05))
+TARE = 0.012
+
+
+def configure(*settings: str) -> RehearsalConfig:
+    return load_rehearsal("dose_spoon", None, [read_setting(text) for text in settings])
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_path(check_config(configure()))
+
+
+class Stage:
+    """A stage with a plant in place of the grains: what the largest tilt so far has poured, without any delay."""
+
+    def __init__(self, plan: Plan, controller: object = None, most: float = 60.0, *settings: str) -> None:
+        config = plan.config.model_copy(update={"dose": configure(*settings).dose})
+        self.q = plan.motion.state(plan.path.rests["over"][1]).q
+        self.stage = DosingStage(config, plan.arm, self.q, self.weigh, controller=controller)  # pyright: ignore[reportArgumentType]
+        self.largest, self.time = 0.0, 7.5
+        self.stage.start(self.time, SALT.load)
+        self.states: list[JointState] = []
+        self.commanded, self.reached = [], []
+        while self.stage.is_running and self.time < 7.5 + most:
+            self.states.append(self.stage.step(self.time))
+            self.largest = max(self.largest, self.stage.motion.tilt)
+            if self.stage.done is None and len(self.states) % 20 == 0:
+                self.commanded.append(self.stage.motion.pose().apply(self.stage.motion._local[None])[0])
+                pose = plan.arm.tool_pose(self.states[-1].q)
+                self.reached.append(pose.apply(self.stage.motion._local[None])[0])
+            self.time += config.host_dt
+
+    def weigh(self) -> float:
+        """Mass on the balance [kg], with that of the cup's own content before the dose."""
+        return TARE + SALT.mass(getattr(self, "largest", 0.0))
+
+
+@pytest.fixture(scope="module")
+def dosed(plan: Plan) -> Stage:
+    return Stage(plan)
+
+
+def test_pi_doses_on_the_arm(dosed: Stage) -> None:
+    """Within the accepted error, shown as it is after the tare."""
+    stage = dosed.stage
+    error = dosed.weigh() - TARE - stage.target
+    assert stage.end is not None and not stage.is_late
+    assert abs(error) <= accepted_error(stage.target)
+    figures = dose_figures(stage, dosed.weigh() - TARE, 1e-4)
+    assert figures["dose_error_kg"] == pytest.approx(error)
+    assert figures["dose_shown_kg"] == pytest.approx(stage.target + error, abs=5e-5)
+    assert figures["dose_overshoot_kg"] == pytest.approx(max(error, 0.0))
+    assert accepted_range(20.0) == pytest.approx((-4e-4, 4e-4)) and accepted_range(2.0) == pytest.approx((-3e-4, 3e-4))
+
+
+def test_the_motion_is_one_that_the_arm_can_make(plan: Plan, dosed: Stage) -> None:
+    """Speeds, accelerations and jerks within the limits, also by differences; it begins and ends at rest at the
+    waypoint, and the lip stays where it is commanded."""
+    limits, dt = plan.arm.step_limits(), plan.config.host_dt
+    q, qd, qdd = (np.array([getattr(state, name) for state in dosed.states]) for name in JointState._fields)
+    assert np.all(np.abs(qd) <= limits.velocity * (1.0 + 1e-9))
+    assert np.all(np.abs(qdd) <= limits.acceleration * (1.0 + 1e-9))
+    assert np.all(np.abs(np.diff(qdd, axis=0)) / dt <= limits.jerk * (1.0 + 1e-6))
+    assert np.abs(np.diff(q, axis=0) / dt - 0.5 * (qd[1:] + qd[:-1])).max() < 1e-3
+    for end in (0, -1):
+        assert q[end] == pytest.approx(dosed.q, abs=2e-4)
+        assert np.abs(qd[end]).max() < 2e-3
+    assert np.abs(np.array(dosed.commanded) - dosed.reached).max() < 2e-3
+
+
+class Restless:
+    """Tilts and shakes for ever."""
+
+    def __init__(self) -> None:
+        self.sights: list[DoseSight] = []
+
+    def start(self, target: float) -> None:
+        self.target = target
+
+    def command(self, sight: DoseSight) -> DoseCommand:
+        self.sights.append(sight)
+        return DoseCommand(np.radians(20.0), np.zeros(3), 2e-4, 15.0, False)
+
+
+def test_a_controller_that_never_ends_is_stopped(plan: Plan) -> None:
+    """At the time limit the tool is tilted back; before, no tilt is beyond the checked range."""
+    controller = Restless()
+    run = Stage(plan, controller, 60.0, "dose.time_limit=6", "dose.settle=0.5")
+    tilts = np.array([sample.tilt for sample in run.stage.samples])
+    assert run.stage.is_late and run.stage.end is not None
+    assert tilts.max() == pytest.approx(np.radians(100.0)) and run.stage.motion.tilt == 0.0
+    assert dose_figures(run.stage, 0.05, 1e-4)["dosing_timed_out"] is True
+    times = np.array([sight.time for sight in controller.sights])
+    assert np.diff(times) == pytest.approx(0.02, abs=1e-9) and times[0] == 0.0
+    assert controller.sights[0].shown == pytest.approx(0.0, abs=5e-5)  # tared
+
+
+@pytest.mark.parametrize("start", [check_config, lambda config: Stage(plan_path(config))], ids=["check", "stage"])
+def test_a_target_above_the_load_is_refused_with_both_masses(plan: Plan, start: Callable) -> None:
+    settings = ("dose.target_g=60",)
+    with pytest.raises(ConfigError, match=r"dose.target_g = 60 g; the spoon .* with \d+\.\d\d g of salt"):
+        if start is check_config:
+            check_config(configure(*settings))
+        else:
+            Stage(plan, None, 60.0, *settings)
+
+
+def test_a_tilt_out_of_reach_is_refused_before_the_run(plan: Plan) -> None:
+    """By its angle; so is one at which the spoon touches the cup."""
+    robot = RobotClearance(compile_rehearsal(plan.config), plan.arm)
+    q = plan.motion.state(plan.path.rests["over"][1]).q
+    check_dose_reach(plan.config, plan.arm, q, robot)
+    far = plan.config.model_copy(update={"dose": configure("dose.largest_tilt_deg=180").dose})
+    with pytest.raises((UnreachableWaypoint, ConfigError), match=r"over \(dose, tilt \d+ deg\)"):
+        check_dose_reach(far, plan.arm, q, robot)
+    low = plan.config.model_copy(update={"waypoints": tuple(
+        w.model_copy(update={"position": (*w.position[:2], 0.122)}) if w.name == "over" else w
+        for w in plan.config.waypoints)})
+    with pytest.raises(ConfigError, match=r"over \(dose, tilt .* deg\).*(overlap|apart)"):
+        check_dose_reach(low, plan.arm, q, robot)
+
+
+@pytest.mark.parametrize(("setting", "message"), [
+    ("dose.at=nowhere", "dose.at: unknown waypoint 'nowhere'; valid: across, over, back"),
+    ("dose.at=0", "greater than or equal to 1"),
+    ("dose.at=across", "dose.at: waypoint 'across'; accepted: one with stop: true"),
+    ("dose.target_g=0.5", "greater than or equal to 1"),
+    ("dose.target_g=61", "less than or equal to 60"),
+    ("dose.cup=mug", "dose.cup = mug; accepted: one of the empty containers cup"),
+    ("dose.controller=pid", "'open_loop', 'pi' or 'shaker'"),
+    ("collision_thickness=0.003", "dose with collision_thickness: 0.003, .*; accepted: shell"),
+    ("dose.largest_tilt_deg=0", "greater than 0"),
+    ("dose.balance.lag=-1", "greater than or equal to 0"),
+])
+def test_wrong_doses_are_refused(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        configure(setting)
+
+
+@pytest.mark.parametrize(("setting", "error", "message"), [
+    ("dose.controllers=DoseFork", UnknownName, "dosing numbers 'DoseFork'"),
+    ("dose.numbers={pi: {serch_deg: 3}}", ConfigError, "dose.numbers: .*pi.serch_deg"),
+    ("dose.numbers={pi: {search_deg: 300}}", ConfigError, "dose.numbers: .*pi.search_deg"),
+    ("dose.control_dt=0.0015", ConfigError, "dose.control_dt = 0.0015 s is 1.5000 steps of host_dt"),
+])
+def test_wrong_controllers_are_refused(setting: str, error: type, message: str) -> None:
+    with pytest.raises(error, match=message):
+        make_dose_controller(configure(setting))
+
+
+@pytest.mark.parametrize(("setting", "message"), [
+    ("waypoints.2.rotation_deg=[0, 5, 90]", "the tool leans by 5.0 deg at waypoint 'over'"),
+    ("waypoints.2.position=[0.72, 0.1, 0.165]", "mm aside of the middle of the cup 'cup'"),
+    ("containers.cup.tilt_deg=[3, 0]", "the cup 'cup' by [(]3.0, 0.0[)] deg"),
+])
+def test_wrong_places_are_refused(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        check_config(configure(setting))

@@ -1,0 +1,69 @@
+"""The tool about its lip: what stays where it is, what is bounded, and where the lips of the tools are."""
+
+import numpy as np
+import pytest
+
+from mpm import Pose
+from robosim.dosing.command import DoseCommand
+from robosim.errors import ConfigError
+from robosim.rehearsal.dosing.lip_motion import RESPONSE, LipMotion, find_lip
+from robosim.shapes import TOOLS, tool_shape
+from robosim.shapes.sheet_tools import TROUGH_DEPTH, TROUGH_LENGTH
+from robosim.shapes.vessels import BOWL, MOUTH, NECK_RADIUS
+
+DT = 1e-3
+LIP = np.array([0.035, 0.0, 0.0])
+START = Pose(np.array([0.7, 0.1, 0.2]), np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]))  # its tip points along y
+GOAL = np.array([0.7, 0.15, 0.2])
+STILL = np.zeros(3)
+
+
+def make_motion(**changes: object) -> LipMotion:
+    return LipMotion(**{"start": START, "lip": LIP, "goal": GOAL, "largest_tilt": np.radians(100.0)} | changes)  # pyright: ignore[reportArgumentType]
+
+
+def test_the_lip_stays_where_it_is_while_the_tool_tilts() -> None:
+    """The tip falls: the tool's x axis points down by the tilt."""
+    motion = make_motion()
+    place = motion.lip.copy()
+    for _ in range(1000):
+        pose = motion.advance(DoseCommand(np.radians(30.0), STILL, 0.0, 0.0, False), DT)
+        assert np.abs(pose.apply(LIP[None])[0] - place).max() < 1e-12
+    assert motion.tilt == pytest.approx(np.radians(30.0))
+    assert pose.matrix[:, 0] == pytest.approx([0.0, np.cos(motion.tilt), -np.sin(motion.tilt)], abs=1e-12)
+
+
+def test_tilt_and_lip_stay_within_what_was_checked() -> None:
+    motion = make_motion()
+    for rate, end in ((2.0, np.radians(100.0)), (-2.0, 0.0)):
+        for _ in range(1500):
+            motion.advance(DoseCommand(rate, np.array([0.01, 0.05, 0.3]), 0.0, 0.0, False), DT)
+        assert motion.tilt == end
+    assert motion.lip == pytest.approx(GOAL)
+
+
+def test_the_vibration_follows_its_command_within_its_time_constant() -> None:
+    """Along the tool's axis, with the amplitude's exponential; zero at the start and after a stop."""
+    motion, amplitude, frequency = make_motion(axis="z"), 5e-4, 20.0
+    moved = []
+    for k in range(600):
+        command = DoseCommand(0.0, STILL, amplitude if k < 300 else 0.0, frequency if k < 300 else 0.0, False)
+        moved.append(motion.advance(command, DT).position - START.position)
+        share = 1.0 - np.exp(-DT * (k + 1) / RESPONSE) if k < 300 else np.exp(-DT * (k - 299) / RESPONSE)
+        assert motion.amplitude == pytest.approx(amplitude * share, rel=0.01)
+    track = np.array(moved)
+    assert np.abs(track[:, :2]).max() < 1e-12
+    assert np.abs(track[0]).max() < 0.02 * amplitude
+    steady = track[200:300, 2]
+    assert steady.max() == pytest.approx(amplitude, rel=0.05) and steady.min() == pytest.approx(-amplitude, rel=0.05)
+    assert np.sum((steady[:-1] < 0.0) & (steady[1:] >= 0.0)) == 2  # two periods in 0.1 s
+    assert np.abs(track[-20:]).max() < 0.01 * amplitude
+
+
+def test_lips_of_the_bundled_tools() -> None:
+    lips = {name: find_lip(TOOLS[name], name) for name in ("spoon", "scoop", "bottle")}
+    assert lips["spoon"] == pytest.approx([BOWL[0], 0.0, 0.0])
+    assert lips["scoop"] == pytest.approx([0.5 * TROUGH_LENGTH, 0.0, -TROUGH_DEPTH], abs=1e-6)
+    assert lips["bottle"] == pytest.approx([NECK_RADIUS, 0.0, MOUTH])
+    with pytest.raises(ConfigError, match="dose.lip: missing, and the rim of the shovel is not known"):
+        find_lip(tool_shape("shovel"), "shovel")

@@ -1,0 +1,79 @@
+"""Choices of a search: within their ranges, the same for any order of results, and around the best so far."""
+
+import numpy as np
+import pytest
+
+from robosim.dosing import CONTROLLERS
+from robosim.dosing.numbers import DosingNumbers
+from robosim.tuning.choices import GENERATION, RANGES, Range, draw_choice
+from robosim.tuning.cost import WORST, episode_cost, summarize_doses
+
+NUMBERS = DosingNumbers.model_validate({
+    "task": "Mine", "vibration": {"amplitude": 5e-4, "frequency": 50},
+    "curve": {"material": "salt", "load": 0.05, "rate_deg": 4, "tilts_deg": [20, 60], "masses": [0, 0.05],
+              "source": "made up for tests"}})
+ROW = {"target_mass": 10e-3, "dose_error": 0.3e-3, "spilled": 0.0, "seconds": 10.0, "is_success": True, "diverged": ""}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_every_number_of_a_controller_is_searched_around_its_default(name: str) -> None:
+    own = getattr(NUMBERS, name)
+    assert set(RANGES[name]) == set(type(own).model_fields)
+    for key, one in RANGES[name].items():
+        assert one.low <= getattr(own, key) <= one.high, key
+        assert one.value(one.place(getattr(own, key))) == pytest.approx(getattr(own, key), rel=1e-3)
+
+
+def test_places_of_a_range() -> None:
+    one = Range(0.01, 100.0)
+    assert one.value(0.5) == pytest.approx(1.0) and one.place(1.0) == pytest.approx(0.5)
+    assert (one.value(-3.0), one.value(3.0)) == (0.01, 100.0)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_choices_lie_within_their_ranges_and_are_numbers_of_a_file(name: str) -> None:
+    choices = [NUMBERS]
+    for k in range(1, 40):
+        choices.append(draw_choice(name, NUMBERS, k, 0, {}, choices))
+        for key, one in RANGES[name].items():
+            assert one.low <= getattr(getattr(choices[-1], name), key) <= one.high
+        others = {n: getattr(choices[-1], n) for n in CONTROLLERS if n != name}
+        assert others == {n: getattr(NUMBERS, n) for n in others}
+
+
+def test_a_choice_depends_on_earlier_generations_alone() -> None:
+    choices = [NUMBERS]
+    costs = {0: 3.0}
+    for k in range(1, 1 + 2 * GENERATION):
+        before = draw_choice("pi", NUMBERS, k, 0, costs, choices)
+        own = (k - 1) // GENERATION * GENERATION + 1  # the first of its generation
+        with_own = draw_choice("pi", NUMBERS, k, 0, costs | dict.fromkeys(range(own, k), 0.0), choices)
+        assert before == with_own
+        choices.append(before)
+        costs[k] = 2.0 + abs(k - 4)
+    assert draw_choice("pi", NUMBERS, 7, 1, costs, choices) != choices[7]
+
+
+def test_later_choices_come_closer_to_the_best() -> None:
+    choices, costs = [NUMBERS], {0: 1.0}
+    for k in range(1, 61):
+        choices.append(draw_choice("shaker", NUMBERS, k, 0, costs, choices))
+        costs[k] = 2.0
+    places = np.array([[one.place(getattr(c.shaker, key)) for key, one in RANGES["shaker"].items()] for c in choices])
+    away = np.abs(places - places[0]).mean(axis=1)
+    assert away[-GENERATION:].mean() < 0.4 * away[1:1 + GENERATION].mean()
+
+
+def test_the_cost_of_an_episode() -> None:
+    """In accepted errors: 0.3 g of 10 g are one."""
+    assert episode_cost(ROW, 20.0) == pytest.approx(1.0 + 0.25)
+    assert episode_cost(ROW | {"dose_error": -0.6e-3, "spilled": 0.3e-3}, 20.0) == pytest.approx(3.25)
+    assert episode_cost(ROW | {"dose_error": 5e-3}, 20.0) == pytest.approx(WORST + 0.25)
+    worst = ROW | {"dose_error": 1.0, "spilled": 1.0, "seconds": 20.0}
+    assert episode_cost(ROW | {"diverged": "it did"}, 20.0) >= episode_cost(worst, 20.0)
+
+
+def test_figures_of_episodes() -> None:
+    figures = summarize_doses([ROW, ROW | {"dose_error": -0.1e-3, "is_success": False}], 20.0)
+    assert figures["error_g"] == pytest.approx(0.1) and figures["error_g_std"] == pytest.approx(0.2)
+    assert figures["error_g_abs"] == pytest.approx(0.2) and figures["success_rate"] == 0.5
