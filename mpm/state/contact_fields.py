@@ -1,18 +1,25 @@
-"""Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders.
+"""Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders, holes.
 
 A phase fills a list in its order with one thread; several take places from a counter. Threads of a CPU do so in any
 order, but each in the order of its own part: sorted by part, a list is the same in every run. On a GPU lists whose
 order matters, because each entry changes what the next one meets, are ranked by particle.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from mpm.backend import is_concurrent, real_type, ti
+from mpm.backend import is_concurrent, put, real_type, ti
+from mpm.scene.collider import Collider, normals_at
+from mpm.scene.features import Features
 from mpm.scene.grid import BLOCK, Grid
-from mpm.state.packs import LANES
+from mpm.state.packs import LANES, Packs
 
 TOLERANCE = {"f32": 1e-5, "f64": 1e-11}
 """Error at which a contact solve ends, relative to the change of twist by contact."""
+
+ALWAYS = 1e30
+"""Volume [m^3] of an avalanche that never ends."""
 
 
 class StaticContact:
@@ -67,6 +74,49 @@ class ShellFields:
         """Forget all labels."""
         for field in (self.side, self.shell, self.labelled):
             field.fill(0)
+
+
+class OrificeFields:
+    """Small holes of shells: where they are, their law's numbers, and what each has let through."""
+
+    def __init__(self, features: Features) -> None:
+        real = real_type(features.precision)
+        self._dtype = np.float64 if features.precision == "f64" else np.float32
+        self.holes = sum(n for _, n in features.orifices)
+        self.position, self.axis = (ti.Vector.field(3, real, self.holes) for _ in range(2))
+        """Centre [m] and direction outward, in the shell's frame."""
+        self.numbers = ti.field(real, (self.holes, 6))
+        """Diameter D, effective diameter D - k d [m], C, bulk volume [m^3] of an avalanche, threshold of vibration, and
+        the sign of the shell's outer side."""
+        self.state = ti.Vector.field(LANES, ti.f64, 2 * self.holes)
+        """Two packs a hole. First: the shell's velocity there [m/s], smoothed, and the mass due [kg]. Second: square of
+        its acceleration [m^2/s^4], smoothed, mass of the present avalanche, mass passed in all [kg], and 1 once it has
+        a velocity."""
+        self.packs = ti.field(ti.i32, ())
+        """Packs of `state`."""
+        put(self.packs, np.array(2 * self.holes, np.int32))
+        self._states = Packs([self.state], self.packs, np.float64)
+
+    def fill(self, colliders: Sequence[Collider]) -> None:
+        """Write the numbers of a scene's holes, which have let nothing through."""
+        holes = [(c.sdf, o) for c in colliders for o in c.orifices]
+        put(self.position, np.concatenate([o.positions for _, o in holes]).astype(self._dtype))
+        put(self.axis, np.concatenate([o.axes for _, o in holes]).astype(self._dtype))
+        rows = []
+        for shell, o in holes:
+            outer = np.sign(np.einsum("nd,nd->n", normals_at(shell, o), o.axes))
+            law = (o.diameter, o.opening, o.C, min(o.avalanche, ALWAYS), o.vibration)
+            rows += [(*law, sign) for sign in outer]
+        put(self.numbers, np.array(rows, self._dtype))
+        self.write(np.zeros((self.holes, 2 * LANES)))
+
+    def read(self) -> np.ndarray:
+        """Return the state of the holes (holes, 8)."""
+        return self._states.read([self.state]).reshape(self.holes, 2 * LANES)
+
+    def write(self, values: np.ndarray) -> None:
+        """Write the state of the holes (holes, 8)."""
+        self._states.write([self.state], np.asarray(values, float).reshape(1, 2 * self.holes, LANES))
 
 
 class PenetratingParticles:

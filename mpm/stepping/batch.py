@@ -114,6 +114,9 @@ class Batch:
             raise InvalidValue("Batch: the solver has several threads; accepted: one of mpm.init(threads=1)")
         if solver.features.mobile:
             raise InvalidValue(f"Batch: colliders {solver.features.mobile} are mobile; accepted: moved ones")
+        if solver.features.orifices:
+            raise InvalidValue(f"Batch: collider {solver.features.orifices[0][0]} has orifices, which keep their state "
+                               "in the solver; accepted: shells without, or one solver for each environment")
         self.solver, self.n, self.readings = solver, n, readings
         counter, sample, fields = solver.counter, solver.sample, solver.fields
         kernels = counter and counter.kernel, sample and sample.kernel
