@@ -4,6 +4,9 @@ At the end of each stride a hole takes up the mass that Beverloo's law passes in
 is due, the nearest particle on the inner side is carried to the outer side, where it leaves as fast as the law's flow
 through the effective opening; so the mean rate is the law's, however large a particle is. What this changes of the
 momentum of the particles is credited to the shell.
+
+While a hole flows, the shell's face around it recedes for the nodes, as fast as the flow asks or faster: nodes at rest
+would hold up the bed over a cavity of two cells.
 """
 
 import math
@@ -26,6 +29,11 @@ SMOOTHING = 4e-3
 """Time constant [s] over which a shell's acceleration is averaged: a host gives its motion in steps of 1 to 2 ms."""
 MEMORY = 0.1
 """Time constant [s] over which the square of this acceleration is averaged: two periods of 20 Hz."""
+PATCH = 1.0
+"""Cells around the disc of a hole in which the face recedes while it flows."""
+SURPLUS = 2.0
+"""How much faster the face recedes than the flow asks, because a patch of few nodes has no exact area: the bed's own
+pressure holds it back."""
 HELD_BACK = 0.25
 """Share of the speed of release below which a particle in front of a hole blocks it."""
 FAR = 1e9
@@ -33,7 +41,7 @@ DIAMETER, OPENING, DISCHARGE, AVALANCHE, VIBRATION, OUTER = range(6)
 """Columns of `OrificeFields.numbers`."""
 DUE = 3
 """Lane of a hole's first pack: mass due."""
-SQUARE, PRESENT, PASSED, STARTED = range(4)
+SQUARE, PRESENT, PASSED, RECEDING = range(4)
 """Lanes of its second pack."""
 
 
@@ -73,12 +81,15 @@ def pass_hole(fields: ti.template(), holes: ti.template(), step: ti.template(), 
                 mass = fields.shells.mass[n]
                 density = mass / read_lane(fields.particles.volume, slot)
                 if k == 0:
-                    take_up(holes, h, density, 0.25 * math.pi * opening * opening * speed * elapsed, gravity.norm())
+                    flow = 0.25 * math.pi * opening * opening * speed
+                    patch = math.pi * patch_radius(fields, holes, h) ** 2
+                    take_up(holes, h, density * flow * elapsed, density, SURPLUS * flow / patch, gravity.norm())
                 if holes.state[2 * h][DUE] >= 0.5 * mass:
                     carry(fields, fields.particles, holes, step, row, index, h, n, centre, axis, motion, speed)
                     goes_on = 1
     if is_covered == 0:
         holes.state[2 * h + 1][PRESENT] = 0.0
+        holes.state[2 * h + 1][RECEDING] = 0.0
 
 
 @ti.func
@@ -88,29 +99,56 @@ def note_acceleration(holes: ti.template(), h, motion, elapsed):
     other = holes.state[2 * h + 1]
     now = ti.cast(motion, ti.f64)
     mean = ti.Vector([before[0], before[1], before[2]])
-    if other[STARTED] == 0.0:
-        mean = now
+    if other[SQUARE] < 0.0:  # its first stride
+        mean, other[SQUARE] = now, 0.0
     time = ti.cast(elapsed, ti.f64)
     mean += (1.0 - ti.exp(-time / SMOOTHING)) * (now - mean)
     acceleration = (now - mean) / SMOOTHING
     other[SQUARE] = other[SQUARE] + (1.0 - ti.exp(-time / MEMORY)) * (acceleration.dot(acceleration) - other[SQUARE])
-    other[STARTED] = 1.0
     holes.state[2 * h] = ti.Vector([mean[0], mean[1], mean[2], before[DUE]])
     holes.state[2 * h + 1] = other
     return acceleration
 
 
 @ti.func
-def take_up(holes: ti.template(), h, density, volume, gravity):
-    """Add the mass of a bulk volume [m^3] to what is due at a covered hole, unless it is jammed."""
-    mass = ti.cast(density * volume, ti.f64)
+def take_up(holes: ti.template(), h, mass, density, receding, gravity):
+    """Add a mass [kg] to what is due at a covered hole, and let its face recede [m/s], unless it is jammed."""
     other = holes.state[2 * h + 1]
+    other[RECEDING] = 0.0
     if ti.sqrt(2.0 * other[SQUARE]) >= ti.cast(holes.numbers[h, VIBRATION] * gravity, ti.f64):
         other[PRESENT] = 0.0
     if other[PRESENT] < ti.cast(holes.numbers[h, AVALANCHE] * density, ti.f64):
-        other[PRESENT] = other[PRESENT] + mass
-        holes.state[2 * h][DUE] = holes.state[2 * h][DUE] + mass
+        other[PRESENT] = other[PRESENT] + ti.cast(mass, ti.f64)
+        other[RECEDING] = ti.cast(receding, ti.f64)
+        holes.state[2 * h][DUE] = holes.state[2 * h][DUE] + ti.cast(mass, ti.f64)
     holes.state[2 * h + 1] = other
+
+
+@ti.func
+def patch_radius(fields: ti.template(), holes: ti.template(), h):
+    """Return the radius [m] about a hole in which the face recedes while it flows."""
+    return 0.5 * holes.numbers[h, DIAMETER] + PATCH * fields.cell
+
+
+@ti.func
+def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.template(), index: ti.template(), place,
+                      material):
+    """Return the velocity [m/s] (3,) at which a shell's face recedes at a node, besides that of the shell.
+
+    place: of the node [m] (3,). material: sign of the side on which the node's material is.
+    """
+    velocity = ti.Vector.zero(fields.real, 3)
+    for row, collider, begin, end in ti.static(fields.features.orifice_rows):
+        if ti.static(collider == index):
+            for h in range(begin, end):
+                speed = ti.cast(holes.state[2 * h + 1][RECEDING], fields.real)
+                if speed > 0 and material * holes.numbers[h, OUTER] < 0:
+                    R = collider_axes(step.motion, row, step.row)
+                    r = ti.cast(place, fields.real) - collider_origin(step.motion, row, step.row) - R @ holes.position[h]
+                    axis = R @ holes.axis[h]
+                    if (r - r.dot(axis) * axis).norm() < patch_radius(fields, holes, h):
+                        velocity = speed * axis
+    return velocity
 
 
 @ti.func

@@ -90,8 +90,8 @@ class OrificeFields:
         the sign of the shell's outer side."""
         self.state = ti.Vector.field(LANES, ti.f64, 2 * self.holes)
         """Two packs a hole. First: the shell's velocity there [m/s], smoothed, and the mass due [kg]. Second: square of
-        its acceleration [m^2/s^4], smoothed, mass of the present avalanche, mass passed in all [kg], and 1 once it has
-        a velocity."""
+        its acceleration [m^2/s^4], smoothed, or -1 before the first stride; mass of the present avalanche, mass passed
+        in all [kg], and speed [m/s] at which the face about the hole recedes."""
         self.packs = ti.field(ti.i32, ())
         """Packs of `state`."""
         put(self.packs, np.array(2 * self.holes, np.int32))
@@ -108,7 +108,7 @@ class OrificeFields:
             law = (o.diameter, o.opening, o.C, min(o.avalanche, ALWAYS), o.vibration)
             rows += [(*law, sign) for sign in outer]
         put(self.numbers, np.array(rows, self._dtype))
-        self.write(np.zeros((self.holes, 2 * LANES)))
+        self.write(np.tile(np.eye(2 * LANES)[LANES] * -1.0, (self.holes, 1)))
 
     def read(self) -> np.ndarray:
         """Return the state of the holes (holes, 8)."""
@@ -135,10 +135,10 @@ class PenetratingParticles:
 class MobileContact:
     """The nodes that each mobile collider touches in this substep, and room for six equations.
 
-    parts: parts of several threads of a CPU; 0: the lists need no sorting.
+    parts: parts of several threads of a CPU; 0: the lists need no sorting. recedes: a collider has orifices.
     """
 
-    def __init__(self, capacities: list[int], precision: str, parts: int = 0) -> None:
+    def __init__(self, capacities: list[int], precision: str, parts: int = 0, recedes: bool = False) -> None:
         real = real_type(precision)
         self.tolerance = TOLERANCE[precision]
         ends = np.cumsum(capacities)
@@ -155,6 +155,9 @@ class MobileContact:
         self.node = ti.Vector.field(3, ti.i32, int(ends[-1]))
         self.normal = ti.Vector.field(3, real, int(ends[-1]))
         """Out of the collider, in world axes."""
+        self.recedes = recedes
+        self.receding = ti.Vector.field(3, real, int(ends[-1]) if recedes else 1)
+        """Velocity [m/s] of the face besides that of the collider, at an orifice that flows."""
         self.slope = ti.field(ti.f64, (6, 6))
         """Derivative of the impulse on the nodes by the collider's twist."""
         self.impulse = ti.field(ti.f64, 6)

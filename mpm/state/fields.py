@@ -137,7 +137,8 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
     shells = _shell_fields(grid, features, particles.n_lanes)
     mobile = None
     if features.mobile:
-        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision, parts)
+        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision, parts,
+                               bool(features.orifices))
     penetrating = None
     if not features.serial and set(features.mobile) & set(features.moving_solids):
         penetrating = PenetratingParticles(particles.n_lanes * len(features.moving_solids), max(parts, 1))
