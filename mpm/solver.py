@@ -298,10 +298,10 @@ class Solver(Adjustable):
         self.grid.check_inside(arrays[0] + self.grid.origin, "load: ", ROUNDING)
         time, steps = float(read_array(state, "time", ())), int(read_array(state, "steps", ()))
         orifices = self.fields.orifices
-        holes = None if orifices is None else read_array(state, "orifices", (orifices.holes, 8))
+        holes = None if orifices is None else orifices.read_snapshot(state)
         self.mobility.restore(state)
         self.rollback.store_pending()
-        if orifices is not None:
+        if orifices is not None and holes is not None:
             orifices.write(holes)
         for fields, values in zip(named.values(), arrays):
             self.particles.write(fields, values)

@@ -5,7 +5,7 @@ order, but each in the order of its own part: sorted by part, a list is the same
 order matters, because each entry changes what the next one meets, are ranked by particle.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mpm.backend import is_concurrent, put, real_type, ti
 from mpm.scene.collider import Collider, normals_at
 from mpm.scene.features import Features
 from mpm.scene.grid import BLOCK, Grid
+from mpm.scene.validation import read_array
 from mpm.state.packs import LANES, Packs
 
 TOLERANCE = {"f32": 1e-5, "f64": 1e-11}
@@ -108,15 +109,21 @@ class OrificeFields:
             law = (o.diameter, o.opening, o.C, min(o.avalanche, ALWAYS), o.vibration)
             rows += [(*law, sign) for sign in outer]
         put(self.numbers, np.array(rows, self._dtype))
-        self.write(np.tile(np.eye(2 * LANES)[LANES] * -1.0, (self.holes, 1)))
+        start = np.zeros((1, self.holes, 2 * LANES))
+        start[..., LANES] = -1.0
+        self.write(start.reshape(1, -1, LANES))
 
     def read(self) -> np.ndarray:
         """Return the state of the holes (holes, 8)."""
         return self._states.read([self.state]).reshape(self.holes, 2 * LANES)
 
-    def write(self, values: np.ndarray) -> None:
-        """Write the state of the holes (holes, 8)."""
-        self._states.write([self.state], np.asarray(values, float).reshape(1, 2 * self.holes, LANES))
+    def read_snapshot(self, state: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the holes' state in a snapshot as packs (1, 2 holes, LANES); raises InvalidValue for another scene."""
+        return read_array(state, "orifices", (self.holes, 2 * LANES)).astype(float).reshape(1, -1, LANES)
+
+    def write(self, packs: np.ndarray) -> None:
+        """Write the state of the holes, as packs (1, 2 holes, LANES)."""
+        self._states.write([self.state], packs)
 
 
 class PenetratingParticles:
