@@ -39,7 +39,7 @@ def tasks() -> str:
     data = read("tasks")
     return table(["id", "tool", "particles", "terms of the reward", "goal"],
                  [[f"`robosim/{name}-v0`", data[name]["tool"], data[name]["grains"]["count"],
-                   ", ".join(load_task(name).reward.terms), data[name]["description"]] for name in TASKS])
+                   ", ".join(load_task(name).terms), data[name]["description"]] for name in TASKS])
 
 
 def methods() -> str:

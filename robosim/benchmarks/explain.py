@@ -12,7 +12,7 @@ from robosim.benchmarks.scene_run import FRACTIONS
 from robosim.config.output import OutputFolder
 from robosim.config.resources import config_names, config_path
 from robosim.config.table import read
-from robosim.envs import TASKS
+from robosim.envs import BUNDLED
 from robosim.errors import ConfigError, UnknownName
 from robosim.reports.jobs import run_jobs
 from robosim.reports.provenance import code_digest
@@ -46,8 +46,8 @@ def explain(scene: str, *, tolerance: float | None = None, out: Path | None = No
     Returns 0, or 1 where no setting within the tolerance is cheaper than the scene's own.
     Raises UnknownName for a scene that does not exist, ConfigError for options that do not fit or a scene that fails.
     """
-    if scene not in TASKS and scene not in config_names("rehearsals") and not Path(scene).is_file():
-        raise UnknownName("scene", scene, [*TASKS, *config_names("rehearsals")], "or the .yaml file of one")
+    if scene not in BUNDLED and scene not in config_names("rehearsals") and not Path(scene).is_file():
+        raise UnknownName("scene", scene, [*BUNDLED, *config_names("rehearsals")], "or the .yaml file of one")
     if tolerance is not None and not 0 < tolerance < 1:
         raise ConfigError(f"--tolerance {tolerance}; accepted: above 0, below 1")
     if apply and (tolerance is None or out is None):

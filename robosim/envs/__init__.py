@@ -1,4 +1,4 @@
-"""Gymnasium environments of the eight sub-tasks and of task files; `import robosim` registers them.
+"""Gymnasium environments of the sub-tasks, of dosing and of task files; `import robosim` registers them.
 
 Imports: config, coupling, errors, randomization, rendering, robot, scene, senses, shapes, tasks, mpm.
 """
@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")
+"""The eight sub-tasks of arXiv 2406.09178."""
+DOSING = ("DoseSpoon", "DoseScoop", "DoseBottle", "ScoopTo")
+"""Tasks of dosing."""
+BUNDLED = (*TASKS, *DOSING)
+"""All tasks of configs/tasks."""
 
 
 def register_with_gymnasium() -> None:
@@ -36,7 +41,7 @@ def register() -> None:
     """
     import gymnasium
 
-    for name in TASKS:
+    for name in BUNDLED:
         gymnasium.register(f"robosim/{name}-v0", entry_point=f"robosim.envs.sub_tasks:{name}",
                            vector_entry_point=partial(_make_vector, name))
     gymnasium.register("robosim/Task-v0", entry_point="robosim.envs.grain_env:GrainEnv",
@@ -73,10 +78,10 @@ def is_task_file(task: str) -> bool:
 
     Raises UnknownName for what is neither.
     """
-    if task in TASKS:
+    if task in BUNDLED:
         return False
     if not task.endswith((".yaml", ".yml")):
-        raise UnknownName("task", task, TASKS, "or a task's .yaml file")
+        raise UnknownName("task", task, BUNDLED, "or a task's .yaml file")
     return True
 
 

@@ -1,6 +1,6 @@
 """The tool carried by the whole arm: inverse kinematics, smoothing, servo and two-way coupling."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -93,7 +93,7 @@ class ArmTool(Carrier):
         self._smoother = JointSmoother(self._arm.step_limits(), task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
-        self._contacts = ContactCounter(self.scene, self.data, task.containers)
+        self._contacts = ContactCounter(self.scene, self.data, task.vessels)
         self._torque_ratio = self._lag = 0.0
         self._behind = np.zeros(len(self._start_q))
         self._close_fingers()
@@ -104,7 +104,7 @@ class ArmTool(Carrier):
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build a new specification of the rigid scene."""
-        spec = build_scene_spec(self._assembly, self._grip, self._task.containers, self._task.step_dt, contact=True)
+        spec = build_scene_spec(self._assembly, self._grip, self._task.vessels, self._task.step_dt, contact=True)
         if self._has_sensors:
             add_wrist_sensor(spec, self._assembly)
             add_torque_sensors(spec, self._assembly)
@@ -189,11 +189,11 @@ class ArmTool(Carrier):
         if self.sensors is not None:
             self.sensors.begin_action()
 
-    def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
+    def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
         """Advance by steps under commanded velocities; the arm follows within its limits."""
         for _ in range(steps):
-            self.command(linear, angular)
-            q = step_towards(self._arm, self.setting.actual(self.commanded), self._q, self._start_q)
+            pose = self.command(*velocity)
+            q = step_towards(self._arm, pose, self._q, self._start_q)
             target = self._smoother.step(q, (q - self._q) / self._dt)
             self._behind = np.maximum(self._behind, np.abs(target.q - q))
             self._apply_torques(target)
@@ -202,13 +202,13 @@ class ArmTool(Carrier):
             if self.sensors is not None:
                 self.sensors.take()
             self.grasp.measure_slip()
-            self._update_readings()
+            self._update_readings(pose)
             yield self.plugin.counts[-1], self._solver.collider_pose(TOOL)
 
-    def _update_readings(self) -> None:
-        """Take the largest torque ratio and tool lag, and count contacts."""
+    def _update_readings(self, pose: mpm.Pose) -> None:
+        """Take the largest torque ratio and tool lag behind a commanded pose, and count contacts."""
         ratio = np.abs(self.servo.demanded_torque / self._arm.torque_limits).max()
-        lag = np.linalg.norm(self.data.xpos[self.scene.tool] - self.setting.actual(self.commanded).position)
+        lag = np.linalg.norm(self.data.xpos[self.scene.tool] - pose.position)
         self._torque_ratio, self._lag = max(self._torque_ratio, float(ratio)), max(self._lag, float(lag))
         self._contacts.count()
 

@@ -22,7 +22,7 @@ from robosim.randomization.ranges import Ranges
 from robosim.senses.perception import PerceptionOptions, Terms
 from robosim.senses.senses import TermOptions
 from robosim.senses.term import SenseScene, Sight
-from robosim.tasks.actions import ActionScaling, DelayLine, check_action_repeat, delay_steps
+from robosim.tasks.actions import ActionScaling, DelayLine, Velocity, check_action_repeat, delay_steps
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
 
@@ -44,7 +44,7 @@ class GrainBatch:
     """Of pictures, which it has none of."""
 
     def __init__(self, name: str, n: int, *, task: TaskConfig | str | None = None, material: str | None = None,
-                 action_repeat: int = 10, obs: Terms = "flat", flatten: bool = False, latency: float = 0.0,
+                 action_repeat: int = 10, obs: Terms | None = None, flatten: bool = False, latency: float = 0.0,
                  noise: float = 0.0, dropout: float = 0.0, action_delay: float = 0.0,
                  privileged: Sequence[TermOptions] = (), horizon: Horizon = "terminate", clip_actions: bool = False,
                  randomize: str | Ranges | None = None,
@@ -68,7 +68,7 @@ class GrainBatch:
         self._observations: list[Any] = [None] * n
         self._senses: list[Any] = [None] * n
         delay = delay_steps(action_delay, self.world.task.step_dt)
-        self._delays = [DelayLine(delay) for _ in range(n)]
+        self._delays = [DelayLine(delay, self.actions.rest) for _ in range(n)]
         self._options = self.world.describe(action_delay=delay, arm=False, grasp=None, horizon=horizon,
                                             action_repeat=self.action_repeat, clip_actions=clip_actions)
 
@@ -101,7 +101,7 @@ class GrainBatch:
         reading = self.batch.load(e, world.start_state(settled, draw, setting, tool))
         assert reading is not None
         self._delays[e].restart()
-        info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading))
+        info = self.episodes[e].restart(self.batch.collider_pose(e, TOOL), world.counter.translate(reading), setting)
         sight = self._look(e)
         self._senses[e] = world.observer.begin(sight, draw.sensors, world.randomization.sensors(draw))
         return info | self._observe(e, sight) | {"draw": draw._asdict()}
@@ -175,9 +175,9 @@ class GrainBatch:
                 infos[e] = self._start(e)
         return list(self._observations), rewards, terminated, truncated, infos, finals
 
-    def _advance(self, velocities: list[tuple[np.ndarray, np.ndarray]], steps: np.ndarray) -> np.ndarray:
+    def _advance(self, velocities: list[Velocity], steps: np.ndarray) -> np.ndarray:
         """Advance each environment by its number of steps (n,), 0: not at all; return them."""
-        paths = [[carrier.command(linear, angular) for linear, angular, lasts in line.push(velocity, int(count))
+        paths = [[carrier.command(*now) for *now, lasts in line.push(velocity, int(count))
                   for _ in range(lasts)]
                  for carrier, line, velocity, count in zip(self._carriers, self._delays, velocities, steps)]
         for e, path in enumerate(paths):

@@ -1,6 +1,6 @@
 """Carriers: what moves the tool to its commanded pose. Without an arm the tool is there at once."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from mpm.observers.region_counter import MAX_READINGS
 from robosim.envs.episode import read_pose
 from robosim.randomization.draw import STANDARD, Setting, read_setting
 from robosim.tasks.counting import TOOL, Reading
+from robosim.tasks.dosing import Vibration
 from robosim.tasks.task import TaskConfig
 
 ORIGIN = np.zeros(3)
@@ -36,6 +37,7 @@ class Carrier:
         """Commanded pose of the tool in the world, where the robot takes it to be."""
         self.setting = STANDARD
         """How the scene of the running episode differs from the task's."""
+        self._vibration = None if task.action.vibration is None else Vibration(task)
         self.received, self.duration = np.zeros(6), 0.0
         """Impulse [N s], [N m s] on the tool in the present action, about the world's origin, and its time [s]; zero
         with an arm, which has a sensor for it."""
@@ -53,6 +55,8 @@ class Carrier:
         """Begin an episode with the tool commanded to a pose; return the pose that it has."""
         self.commanded, self.setting = pose, setting
         self.received, self.duration = np.zeros(6), 0.0
+        if self._vibration is not None:
+            self._vibration.restart()
         return setting.actual(pose)
 
     def begin_action(self) -> None:
@@ -61,25 +65,33 @@ class Carrier:
 
     def state(self) -> dict[str, Any]:
         """Return what the next step depends on besides the field: arrays and plain values."""
-        return {"commanded": np.concatenate(self.commanded), "setting": self.setting.state()}
+        shaking = {} if self._vibration is None else {"vibration": self._vibration.state()}
+        return {"commanded": np.concatenate(self.commanded), "setting": self.setting.state(), **shaking}
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over what `state` returned."""
         self.commanded, self.setting = read_pose(state["commanded"]), read_setting(state["setting"])
+        if self._vibration is not None:
+            self._vibration.load(state["vibration"])
 
     def receive(self, impulse: np.ndarray, duration: float) -> None:
         """Add an impulse (6,) of the grains on the tool, about the world's origin, that took a time [s]."""
         self.received, self.duration = self.received + impulse, self.duration + duration
 
-    def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
-        """Advance by steps under constant velocities [m/s], [rad/s] in world axes, and yield each step."""
+    def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
+        """Advance by steps under a constant `robosim.tasks.actions.Velocity`, and yield each step."""
         raise NotImplementedError
 
-    def command(self, linear: np.ndarray, angular: np.ndarray) -> mpm.Pose:
-        """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes; return the tool's there."""
+    def command(self, linear: np.ndarray, angular: np.ndarray, vibration: np.ndarray | None = None) -> mpm.Pose:
+        """Move the commanded pose by one step of velocities [m/s], [rad/s] in world axes; return the tool's there.
+
+        vibration: amplitude [m] and frequency [Hz] (2,), where the task has one; it is added to the pose that is
+        returned, and `commanded` stays without it.
+        """
         position = np.minimum(np.maximum(self.commanded.position + self._dt * linear, self._lower), self._upper)
         self.commanded = mpm.Pose(position, rotate(self.commanded.quaternion, self._dt * angular))
-        return self.setting.actual(self.commanded)
+        pose = self.setting.actual(self.commanded)
+        return pose if self._vibration is None or vibration is None else self._vibration.shake(pose, *vibration)
 
 
 class KinematicTool(Carrier):
@@ -89,10 +101,10 @@ class KinematicTool(Carrier):
         super().__init__(task)
         self._solver = solver
 
-    def advance(self, linear: np.ndarray, angular: np.ndarray, steps: int) -> Iterator[Step]:
-        """Advance by steps under constant velocities, in as few launches as the field's readings allow."""
+    def advance(self, velocity: Sequence[np.ndarray], steps: int) -> Iterator[Step]:
+        """Advance by steps under a constant velocity, in as few launches as the field's readings allow."""
         for first in range(0, steps, MAX_READINGS):
-            poses = [self.command(linear, angular) for _ in range(min(MAX_READINGS, steps - first))]
+            poses = [self.command(*velocity) for _ in range(min(MAX_READINGS, steps - first))]
             self._solver.set_collider_motion(TOOL, self._solver.collider_pose(TOOL), *poses)
             readings = self._solver.advance(len(poses) * self._dt, readings=len(poses))
             self.receive(np.concatenate(self._solver.collider_impulse(TOOL, ORIGIN)), len(poses) * self._dt)

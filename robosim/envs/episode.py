@@ -9,7 +9,9 @@ import numpy as np
 
 import mpm
 from robosim.errors import ConfigError, UnknownName
+from robosim.randomization.draw import STANDARD, Setting
 from robosim.tasks.counting import TaskCounts
+from robosim.tasks.dosing import DoseReward
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import TaskConfig
 
@@ -98,7 +100,8 @@ class Episode:
     """
 
     def __init__(self, task: TaskConfig, horizon: Horizon) -> None:
-        self.task, self.horizon, self.reward = task, horizon, Reward(task)
+        self.task, self.horizon = task, horizon
+        self.reward = Reward(task) if task.dose is None else DoseReward(task)
         self.running, self.step_count, self.counts = False, 0, NOTHING_COUNTED
         self.diverged: str | None = None
         """Why the simulation diverged; None while it has not."""
@@ -106,9 +109,12 @@ class Episode:
         """Pose of the tool in the world; the quaternion is continuous, without jumps of sign."""
         self._start = self.pose
 
-    def restart(self, pose: mpm.Pose, counts: TaskCounts) -> dict[str, Any]:
-        """Begin with the tool at a pose and the counts there; return the info."""
-        self.reward.restart()
+    def restart(self, pose: mpm.Pose, counts: TaskCounts, setting: Setting = STANDARD) -> dict[str, Any]:
+        """Begin with the tool at a pose, the counts there, and what is drawn of the scene; return the info."""
+        if isinstance(self.reward, DoseReward):
+            self.reward.restart(setting.target_mass, setting.grain_mass)
+        else:
+            self.reward.restart()
         self._start = self.pose = pose
         self.counts, self.step_count, self.running, self.diverged = counts, 0, True, None
         return self._info({})
@@ -163,12 +169,12 @@ class Episode:
 
     def end_action(self) -> tuple[float, bool, bool, dict[str, Any]]:
         """Return the action's reward, terminated, truncated and info."""
-        over = self.step_count == self.task.steps
-        self.running = not over and self.diverged is None
+        over, early = self.step_count == self.task.steps, self.reward.is_over
+        self.running = not (over or early) and self.diverged is None
         info = self._info(self._sums)
         if self.diverged is not None:
             info |= {"diverged": self.diverged, "is_success": False}
-        terminated = (over and self.horizon == "terminate") or self.diverged is not None
+        terminated = (over and self.horizon == "terminate") or early or self.diverged is not None
         return float(sum(self._sums.values())), terminated, over and not terminated, info
 
     def tool_rotation(self) -> float:

@@ -25,6 +25,7 @@ from robosim.senses.senses import TermOptions
 from robosim.senses.term import SenseScene, Sight
 from robosim.tasks.actions import ActionScaling, DelayLine, check_action_repeat, delay_steps
 from robosim.tasks.counting import TOOL
+from robosim.tasks.dosing import DoseReward
 from robosim.tasks.handover import Load
 from robosim.tasks.objective import build_objective
 from robosim.tasks.reward import Reward
@@ -48,7 +49,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
     def __init__(
         self, render_mode: str | None = None, *, arm: bool = False, material: str | None = None,
-        action_repeat: int = 10, obs: Terms = "flat", flatten: bool = False, latency: float = 0.0,
+        action_repeat: int = 10, obs: Terms | None = None, flatten: bool = False, latency: float = 0.0,
         noise: float = 0.0, dropout: float = 0.0, privileged: Sequence[TermOptions] = (), action_delay: float = 0.0,
         horizon: Horizon = "terminate", clip_actions: bool = False,
         randomize: str | Ranges | None = None, task: TaskConfig | str | None = None,
@@ -92,7 +93,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         self.observation: Any = None
         """The last observation of `reset` or `step`."""
         self._senses: Any = None
-        self._delay = DelayLine(delay_steps(action_delay, self.task.step_dt))
+        self._delay = DelayLine(delay_steps(action_delay, self.task.step_dt), self.actions.rest)
         self._options = self.world.describe(action_delay=self._delay.steps, arm=arm, grasp=grasp if arm else None,
                                             action_repeat=self.action_repeat, horizon=horizon,
                                             clip_actions=clip_actions,
@@ -101,14 +102,14 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
 
     def _check_kind(self, task: TaskConfig) -> None:
         """Raise ConfigError where a registered sub-task is given a task with another tool or other terms."""
-        given, accepted = (f"{', '.join(one.reward.terms)} with the {one.tool_name}"
+        given, accepted = (f"{', '.join(one.terms)} with the {one.tool_name}"
                            for one in (task, load_task(self.TASK)))
         if given != accepted:
             raise ConfigError(f"task: {given}; accepted for robosim/{self.TASK}-v0: {accepted}; any other as "
                               f"robosim.envs.GrainEnv(task=...)")
 
     @property
-    def reward(self) -> Reward:
+    def reward(self) -> Reward | DoseReward:
         """Reward and score of the running episode."""
         return self.episode.reward
 
@@ -145,7 +146,7 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         self.counter.restart()
         self._delay.restart()
         counts, pose = self.counter.read(), self.solver.collider_pose(TOOL)
-        info = self.episode.restart(pose, counts)
+        info = self.episode.restart(pose, counts, setting)
         sight = self._look(world.grains())
         self._senses = world.observer.begin(sight, draw.sensors, world.randomization.sensors(draw))
         info |= self._observe(sight) | {"draw": draw._asdict()}
@@ -182,8 +183,8 @@ class GrainEnv(HasCopies, HasEpisodeLength, gymnasium.Env):
         steps = episode.begin_action(self.action_repeat)
         self.carrier.begin_action()
         try:
-            for linear, angular, count in self._delay.push(velocity, steps):
-                for reading, pose in self.carrier.advance(linear, angular, count):
+            for *now, count in self._delay.push(velocity, steps):
+                for reading, pose in self.carrier.advance(now, count):
                     episode.add_step(self.counter.translate(reading), pose)
         except (mpm.SimulationDiverged, RobotDiverged) as error:
             episode.diverge(error)

@@ -32,7 +32,9 @@ ATTEMPTS = 8
 """Times that grains which fell off the tool are put back."""
 SPACING = 0.006
 """Distance [m] between grains that are put back."""
-NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target", "randomize"}
+HOLDING = 2.0
+"""Time [s] for which a dosing tool has to hold its load at rest; other tools have to for as long as an episode."""
+NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target", "randomize", "dose"}
 """Parts of a task that its start does not depend on."""
 
 
@@ -118,6 +120,7 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     numbers = {"law": type(material).__name__} | {n: getattr(material, n).value for n in material.numbers()}
     shapes = [hashlib.sha256(collider.sdf.host.tobytes()).hexdigest() for collider in solver.colliders
               if isinstance(collider.sdf, Lattice)]
+    shapes += [str(collider.sdf.signature()) for collider in solver.colliders if isinstance(collider.sdf, mpm.Shell)]
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
     digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
                       "shapes": shapes, "interior": tool_shape(task.tool).interior,
@@ -155,7 +158,7 @@ def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:
     for _ in range(ATTEMPTS):
         settle(solver, solver.advance, SETTLING, WINDOW)
         if task.carried:
-            solver.advance(task.steps * task.step_dt)
+            solver.advance(task.steps * task.step_dt if task.dose is None else HOLDING)
         state = solver.state() | {"time": np.array(0.0), "steps": np.array(0)}
         local = solver.collider_pose(TOOL).inverse().apply(solver.positions())
         fallen = ~interior.holds(local)

@@ -1,4 +1,4 @@
-"""The eight sub-tasks as Gymnasium environments; their pages are made from configs/tasks."""
+"""The bundled tasks as Gymnasium environments; their pages are made from configs/tasks."""
 
 from robosim.envs.grain_env import GrainEnv
 from robosim.tasks.page import build_page
@@ -41,4 +41,20 @@ class BottlePickPour(SubTask):
 
 
 class ShovelMove(SubTask):
+    pass
+
+
+class DoseSpoon(SubTask):
+    pass
+
+
+class DoseScoop(SubTask):
+    pass
+
+
+class DoseBottle(SubTask):
+    pass
+
+
+class ScoopTo(SubTask):
     pass

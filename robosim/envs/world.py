@@ -20,13 +20,13 @@ from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import Ranges, choose_ranges
 from robosim.senses.perception import Perception, PerceptionOptions
 from robosim.tasks.counting import TOOL, TaskCounter
-from robosim.tasks.field import build_solver, field_head, fill_positions, grain_volume
+from robosim.tasks.field import build_solver, fill_positions, filling_head, grain_volume
 from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
 from robosim.tasks.task import TaskConfig, load_task
 
 NO_GRAINS = np.zeros((0, 6), np.float32)
 STANDARD = PerceptionOptions()
-STATE_FORMAT = 3
+STATE_FORMAT = 4
 """Raised when a state has other entries."""
 
 
@@ -144,7 +144,7 @@ class World:
             frictions = [task.field.tool_friction, *[task.field.container_friction] * (len(solver.colliders) - 1)]
             set_frictions(solver, frictions)
             self.counter.place(HOME)
-            solver.load(self._unsettled | {"x": fill_positions(task, field_head(task), slope) - solver.grid.origin})
+            solver.load(self._unsettled | {"x": fill_positions(task, filling_head(task), slope) - solver.grid.origin})
             self._starts[draw.grains] = settled_state(self._name, task, material, solver, (fill, slope))
         return self._starts[draw.grains]
 

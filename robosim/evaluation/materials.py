@@ -78,7 +78,7 @@ def check_policy(task: str, name: str) -> None:
         return
     if not Path(name).is_file():
         raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with `actions`, or with a network")
-    stored, dimensions = load_policy(Path(name)), load_task(task).action.dimensions
+    stored, dimensions = load_policy(Path(name)), load_task(task).action.size
     layers = [key for key in stored if key.startswith("bias_")]
     shape = stored["actions"].shape[-1:] if "actions" in stored else stored[layers[-1]].shape if layers else ()
     if shape != (dimensions,):

@@ -32,9 +32,10 @@ def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
     A file holds the array `actions` (n, dimensions), or a network as `robosim train` exports it.
     Raises UnknownName for what is neither, ConfigError for a file that does not fit the environment.
     """
-    n = env.task.action.dimensions
+    n = env.task.action.size
     if name == "zero":
-        return lambda: np.zeros(n, np.float32)
+        still = rest_action(env.task)
+        return lambda: still.copy()
     if name == "random":
         rng = np.random.default_rng(seed)
         return lambda: rng.uniform(-1.0, 1.0, n).astype(np.float32)
@@ -107,6 +108,12 @@ def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> No
                           f"{'; '.join(texts[:SHOWN])}{more}; accepted: the task that it was learned on")
 
 
+def rest_action(task: TaskConfig) -> np.ndarray:
+    """Return the action (size,) of a tool at rest, which does not vibrate either."""
+    n = task.action.dimensions
+    return np.array([0.0] * n + [-1.0] * (task.action.size - n), np.float32)
+
+
 class ScriptedPolicy:
     """Follows the waypoints of the task's script from where the tool is."""
 
@@ -122,7 +129,8 @@ class ScriptedPolicy:
         if action.dimensions == 6:
             rotation = now.matrix @ relative_rotation(now.quaternion, target.quaternion)
             velocity = np.concatenate([velocity, rotation / (duration * action.angular_speed)])
-        return np.clip(velocity, -1.0, 1.0).astype(np.float32)
+        still = rest_action(task)[action.dimensions:]
+        return np.clip(np.concatenate([velocity, still]), -1.0, 1.0).astype(np.float32)
 
 
 class ReplayPolicy:
@@ -136,7 +144,7 @@ class ReplayPolicy:
         if "actions" not in arrays:
             raise ConfigError(f"{path}: holds {', '.join(arrays)}; accepted: an array `actions`, or `weight_0`, "
                               f"`bias_0` and so on")
-        dimensions, actions = env.task.action.dimensions, arrays.numbers("actions")
+        dimensions, actions = env.task.action.size, arrays.numbers("actions")
         steps = arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT)
         if actions.ndim != 2 or actions.shape[1] != dimensions or not np.all(np.abs(actions) <= LARGEST):
             raise ConfigError(f"{path}: actions of type {actions.dtype} have shape {actions.shape}; accepted: (n, "
@@ -149,7 +157,7 @@ class ReplayPolicy:
                               f"{env.action_repeat}; accepted: an action_repeat that divides {steps}")
         repeat = steps // env.action_repeat
         self._actions = (action for action in np.asarray(actions, np.float32) for _ in range(repeat))
-        self._zero = np.zeros(dimensions, np.float32)
+        self._zero = rest_action(env.task)
 
     def __call__(self) -> np.ndarray:
         return next(self._actions, self._zero)
@@ -174,9 +182,9 @@ class NetworkPolicy:
         except KeyError as error:
             raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
         inputs, outputs = _check_chain(path, [(W, b) for W, b, _ in self._layers])
-        if env.observation_space.shape != (inputs,) or outputs != env.task.action.dimensions:
+        if env.observation_space.shape != (inputs,) or outputs != env.task.action.size:
             raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes "
-                              f"{env.observation_space.shape} and takes {env.task.action.dimensions}; the network was "
+                              f"{env.observation_space.shape} and takes {env.task.action.size}; the network was "
                               f"learned with obs={arrays.get('obs', '?')} for {arrays.get('task', '?')}")
         if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
             raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "

@@ -47,6 +47,8 @@ class Setting(NamedTuple):
     """Factor on mass and inertia of hand and tool."""
     grain_mass: float = 0.0
     """[kg]"""
+    target_mass: float = 0.0
+    """To dose [kg]; 0 where nothing is."""
 
     def actual(self, believed: mpm.Pose) -> mpm.Pose:
         """Return where the tool is when the robot believes it at a pose."""

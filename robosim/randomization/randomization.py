@@ -17,7 +17,8 @@ from robosim.randomization.draw import HOME, Draw, Setting, Vector
 from robosim.randomization.materials import find_material
 from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, Ranges, valid_numbers
 from robosim.randomization.variants import check_fill, displacement, filled
-from robosim.tasks.field import largest_step
+from robosim.tasks.dosing import TARGET_MASS, load_mass
+from robosim.tasks.field import grain_volume, largest_step
 from robosim.tasks.task import TaskConfig
 
 Domains = Mapping[str, tuple[float, float]]
@@ -48,6 +49,7 @@ class Randomization:
         self.step = min(largest_step(task, law_of(one)) for one in [material, *self.materials.values()])
         """Substep [s] that every material of an episode allows."""
         self._check_step()
+        self._check_target()
 
     def _check_materials(self) -> None:
         for label, material in self.materials.items():
@@ -81,6 +83,18 @@ class Randomization:
             if self.step > bound:
                 raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; this has {self.step:.3g} "
                                   f"s: take a softer or a heavier material")
+
+    def _check_target(self) -> None:
+        """Raise ConfigError for a mass to dose that is more than the tool holds, in some episode."""
+        for material in [self._own, *self.materials.values()] if TARGET_MASS in self.ranges else ():
+            density = min(self.ranges["density"]) if "density" in self.ranges else law_of(material).density
+            for fill in self.levels("fill"):
+                volume = grain_volume(filled(self._task, fill or 1.0))
+                mass, has = load_mass(self._task, density, volume)
+                if self.ranges[TARGET_MASS][1] > mass:
+                    raise ConfigError(f"target mass of up to {1e3 * self.ranges[TARGET_MASS][1]:.3g} g: {has} "
+                                      f"{1e3 * mass:.3g} g of {density:g} kg/m^3; accepted: at most that, as "
+                                      f"dose.target_g or in randomize as {TARGET_MASS} [kg]")
 
     @property
     def moves_places(self) -> bool:
@@ -167,6 +181,7 @@ class Randomization:
                               for names in (PLACES, MOUNTS, MOUNT_TURNS))
         quaternion = rotate(mpm.Pose.identity().quaternion, np.radians(turn))
         factors = {name: draw.numbers.get(name, 1.0) for name in ("stiffness", "damping", "payload")}
+        factors["target_mass"] = draw.numbers.get(TARGET_MASS, 0.0)
         return Setting(displacement(self._task, *place) if any(place) else HOME,
                        mpm.Pose(np.array(shift), quaternion) if any((*shift, *turn)) else HOME, **factors)
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from robosim.errors import UnknownName
+from robosim.tasks.dosing import TARGET_MASS
+from robosim.tasks.sections import LARGEST_DOSE, LEAST_DOSE
 from robosim.tasks.task import TaskConfig
 
 Ranges = Mapping[str, Sequence[Any]]
@@ -21,7 +23,7 @@ class Drawn(NamedTuple):
     highest: float
     meaning: str
     needs: str = ""
-    """"container", "loose grains" (in a container or a pile) or "arm"; empty: any task has it."""
+    """"container" (or receiver), "loose grains" (in a container or a pile), "dose" or "arm"; empty: any task has it."""
 
 
 NUMBERS = {
@@ -41,6 +43,7 @@ NUMBERS = {
        for axis in "xyz"},
     **{f"mount_{axis}_deg": Drawn("deg", -45.0, 45.0, f"error of its turn in the hand about its {axis}")
        for axis in "xyz"},
+    TARGET_MASS: Drawn("kg", 1e-3 * LEAST_DOSE, 1e-3 * LARGEST_DOSE, "mass to dose", "dose"),
     "stiffness": Drawn("1", 0.2, 3.0, "factor on the servo's stiffness", "arm"),
     "damping": Drawn("1", 0.2, 3.0, "factor on the servo's damping", "arm"),
     "payload": Drawn("1", 0.2, 5.0, "factor on mass and inertia of hand and tool, unknown to the controller", "arm"),
@@ -53,7 +56,8 @@ IN_LEVELS = ("fill", "surface_slope_deg")
 
 def has(task: TaskConfig, needs: str, arm: bool) -> bool:
     """Return whether a task has what a number needs."""
-    return {"container": task.container is not None, "loose grains": not task.carried, "arm": arm}.get(needs, True)
+    return {"container": bool(task.vessels), "loose grains": not task.carried, "dose": task.dose is not None,
+            "arm": arm}.get(needs, True)
 
 
 def valid_numbers(task: TaskConfig, arm: bool) -> list[str]:
@@ -81,12 +85,14 @@ def wide_ranges(task: TaskConfig, arm: bool = False) -> Ranges:
 def choose_ranges(given: str | Ranges | None, task: TaskConfig, arm: bool = False) -> Ranges:
     """Return the ranges of an environment: a preset's, those given, or else the task's own.
 
-    Raises UnknownName for a preset that does not exist.
+    The mass to dose is drawn with any of them. Raises UnknownName for a preset that does not exist.
     """
+    low, high = task.dose.target_g if task.dose is not None else (0.0, 0.0)
+    target = {} if task.dose is None else {TARGET_MASS: (1e-3 * low, 1e-3 * high)}
     if given is None:
-        return task.randomize
+        return target | task.randomize
     if not isinstance(given, str):
-        return given
+        return target | dict(given)
     if given not in PRESETS:
         raise UnknownName("randomize", given, PRESETS, "or ranges: name -> (lowest, highest)")
-    return wide_ranges(task, arm) if given == "wide" else {}
+    return target | dict(wide_ranges(task, arm)) if given == "wide" else target

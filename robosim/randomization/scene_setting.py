@@ -15,7 +15,7 @@ class SceneSetting:
 
     def __init__(self, scene: Scene, servo: Servo, task: TaskConfig) -> None:
         self._scene, self._servo, self._present = scene, servo, STANDARD
-        self._containers = StillBodies(scene.model, list(task.containers))
+        self._containers = StillBodies(scene.model, list(task.vessels))
         self._carried = body_ids_below(scene.model, scene.wrist)
         self._mass, self._inertia = scene.model.body_mass.copy(), scene.model.body_inertia.copy()
 

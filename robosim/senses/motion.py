@@ -1,4 +1,4 @@
-"""Terms that need no sensor: the tool's pose, the goal and the clock."""
+"""Terms that need no sensor: the tool's pose, the goal, the mass to dose and the clock."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from robosim.senses.term import SenseScene, Sight, Term, box
 from robosim.tasks.observation import tool_bounds
+from robosim.tasks.sections import LARGEST_DOSE
 
 FAR_PLACE = np.array([1.5, 1.5, 0.0])
 """The most [m] by which a drawn place of the goal can be displaced: a shift and a turn."""
@@ -41,6 +42,24 @@ class GoalTerm(Term):
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the vector (3,)."""
         return sight.setting.place.apply(self._goal[None])[0] - sight.believed.position
+
+
+class TargetTerm(Term):
+    """Mass to dose in this episode."""
+
+    name, unit = "target", "kg"
+
+    def __init__(self, scene: SenseScene) -> None:
+        self.space = box([0.0], [1e-3 * LARGEST_DOSE])
+
+    @classmethod
+    def missing(cls, scene: SenseScene) -> str:
+        """Say what draws such a mass."""
+        return "" if scene.task.dose is not None else "a dosing task"
+
+    def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
+        """Return the mass (1,)."""
+        return np.array([sight.setting.target_mass])
 
 
 class TimeTerm(Term):

@@ -11,7 +11,7 @@ from robosim.senses.channel import DRAWN_TIMING
 from robosim.senses.senses import Choice, Senses, TermOptions, describe, read_choices, reads_all_grains
 from robosim.senses.term import NOTHING, SenseScene, Sight
 from robosim.tasks.counting import observed_grains
-from robosim.tasks.observation import Layout, Observer
+from robosim.tasks.observation import DOSING_TERMS, SCOOPING_TERMS, Layout, Observer
 from robosim.tasks.task import TaskConfig
 
 Terms = Layout | Sequence[TermOptions]
@@ -21,7 +21,8 @@ Terms = Layout | Sequence[TermOptions]
 class PerceptionOptions(NamedTuple):
     """The options of an environment that concern its observations."""
 
-    obs: Terms = "flat"
+    obs: Terms | None = None
+    """None: "flat", or of a dosing task the terms that tell what has been poured."""
     flatten: bool = False
     """Whether terms make up one array instead of a dictionary."""
     privileged: Sequence[TermOptions] = ()
@@ -43,6 +44,10 @@ class Perception:
     """
 
     def __init__(self, task: TaskConfig, options: PerceptionOptions) -> None:
+        if options.obs is None:
+            dosing = "flat" if task.dose is None else DOSING_TERMS if task.receiver is not None else SCOOPING_TERMS
+            options = options._replace(obs=dosing)
+        assert options.obs is not None
         self._task, self.options = task, options
         self._choices: list[Choice] | None = None
         if isinstance(options.obs, str):

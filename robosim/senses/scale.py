@@ -1,4 +1,4 @@
-"""A balance under the task's container or target: what it shows lags, drifts, and is rounded to its readability."""
+"""A balance under receiver, container or target: what it shows lags, drifts, and is rounded to its readability."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -10,14 +10,14 @@ from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_option
 from robosim.shapes import tool_shape
-from robosim.tasks.task import TaskConfig
+from robosim.tasks.task import FAR, RECEIVER, TaskConfig
 
 CAPACITY = 2.2
 """Largest mass [kg] that is shown."""
 
 
 class ScaleTerm(Term):
-    """Mass on a balance under the task's container, or else under its target on the table.
+    """Mass on a balance under the task's receiver or container, or else under its target on the table.
 
     lag: time constant [s] of its filter; a balance that settles within 1 s shows 99 % of a change after 4.6 lags.
     readability [kg]: step of the display. repeatability [kg]: standard deviation before rounding. drift [kg/s]:
@@ -82,6 +82,10 @@ class ScaleTerm(Term):
 
 def weighed_region(task: TaskConfig) -> tuple[mpm.Region, mpm.Pose] | tuple[()]:
     """Return the region whose grains a balance carries, and its pose in the world; empty where there is none."""
+    if task.receiver is not None:
+        shape = container_shape(RECEIVER, task.receiver)
+        (x, y, z), (a, b, c) = shape.region.centre, shape.region.half
+        return mpm.Region((x, y, z - c + FAR), (a, b, FAR), shape.is_round), container_pose(task.receiver)
     for name, container in task.containers.items():
         return container_shape(name, container).region, container_pose(container)
     if task.target.centre[2] - task.target.half[2] > 0.0:

@@ -16,10 +16,10 @@ TERMS = {
     "grains": "grains.GrainsTerm", "tool": "motion.ToolTerm", "goal": "motion.GoalTerm", "time": "motion.TimeTerm",
     "joints": "arm.JointsTerm", "torques": "arm.TorquesTerm", "wrist": "arm.WristTerm", "scale": "scale.ScaleTerm",
     "height_map": "height_map.HeightMapTerm", "depth": "pictures.DepthTerm", "rgb": "pictures.RgbTerm",
-    "point_cloud": "pictures.PointCloudTerm",
+    "point_cloud": "pictures.PointCloudTerm", "target": "motion.TargetTerm",
 }
 """Name -> class in robosim.senses, imported when it is chosen: cameras need MuJoCo, an environment does not."""
-NOT_DELAYED = ("grains", "time", "goal")
+NOT_DELAYED = ("grains", "time", "goal", "target")
 """Terms that an environment's own latency, noise and dropout leave as they are; options of their own hold."""
 MOST_TERMS = 32
 

@@ -15,12 +15,13 @@ from scipy.ndimage import binary_dilation
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.errors import ConfigError
+from robosim.shapes.faces import revolve_face, shell_behind
 from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside
 from robosim.shapes.lofts import revolve
 from robosim.shapes.mesh_files import join, read_parts
 from robosim.shapes.mesh_tool import MeshFile
-from robosim.shapes.vessels import CONTAINER_CORNER, make_container_shell
+from robosim.shapes.vessels import CONTAINER_CORNER, make_box_face, make_container_shell
 
 Array = NDArray[np.float64]
 Found = NDArray[np.bool_]
@@ -53,6 +54,10 @@ class ContainerShape(ABC):
     @abstractmethod
     def distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of walls that are `wall` thick, grown outward."""
+
+    @abstractmethod
+    def shell(self) -> mpm.Shell:
+        """Return the walls as a thin shell of their real thickness; raises ConfigError where there can be none."""
 
     @abstractmethod
     def holds(self, points: Array) -> Found:
@@ -117,6 +122,10 @@ class BoxShape(ContainerShape):
         """Return the signed distance of walls that are `wall` thick, grown outward."""
         return mpm.Sdf.from_mesh(make_container_shell(self.size, wall, self.corner), spacing=spacing)
 
+    def shell(self) -> mpm.Shell:
+        """Return the walls as a thin shell of their real thickness."""
+        return shell_behind(make_box_face(self.size, self.corner), self.wall)
+
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""
         half = self.size[:2] / 2.0 + WALL_MARGIN
@@ -154,6 +163,10 @@ class RoundShape(ContainerShape):
     def distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of walls that are `wall` thick, grown outward."""
         return mpm.Sdf.from_mesh(self._make(wall), spacing=spacing)
+
+    def shell(self) -> mpm.Shell:
+        """Return the walls as a thin shell of their real thickness."""
+        return shell_behind(revolve_face([(0.0, 0.0), (self.radius, 0.0), (self.radius, self._height)], 64), self.wall)
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""
@@ -196,6 +209,10 @@ class MeshShape(ContainerShape):
     def distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of walls that are `wall` thick, grown outward."""
         return grow_outward(self.parts, self.inside, wall - self.wall, spacing)
+
+    def shell(self) -> mpm.Shell:
+        """Raise ConfigError: the walls of a mesh are closed, and a shell needs their inner face."""
+        raise ConfigError("a container from a mesh has no shell; accepted: size, radius with height, or model")
 
     def holds(self, points: Array) -> Found:
         """Return which points (n, 3) count as in it."""

@@ -160,6 +160,11 @@ class MeshTool:
         """Return the same of the head alone, if the handle has a mesh of its own."""
         return grow_outward(self.head, self.inside, wall - wall_at_inside(self.head, self.inside), spacing)
 
+    def head_shell(self) -> mpm.Shell:
+        """Raise ConfigError: the walls of a mesh are closed, and a shell needs their inner face."""
+        raise ConfigError(f"tool {self.name!r} is from a mesh, whose inner face is not told from its outer one, as a "
+                          f"shell needs it; accepted: a wall thickness in metres, or a bundled tool")
+
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of the tool with its real wall."""
         return mpm.Sdf.from_mesh(self.head + self.rod, spacing=spacing)

@@ -10,6 +10,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 import mpm
+from robosim.shapes.faces import make_face
 from robosim.shapes.tool import WALL, ToolShape
 
 Array = NDArray[np.float64]
@@ -65,11 +66,8 @@ def make_wall(near: ArrayLike, far: ArrayLike) -> trimesh.Trimesh:
     return mesh
 
 
-def make_trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
-    """Make the wall of the trough, with a thickness [m] grown outward.
-
-    Its flat rim lies in the plane z=0.
-    """
+def trough_grid(around: int, along: int) -> Array:
+    """Return points (along // 2 x 2, around + 1, 3) of the trough's inner face, in curves from the back."""
     back, front = -TROUGH_LENGTH / 2, TROUGH_LENGTH / 2
     angle_back = np.linspace(0.0, np.pi / 2, along // 2)
     x = np.concatenate([back + BACK * (1 - np.cos(angle_back)), np.linspace(back + BACK, front, along // 2 + 1)[1:]])
@@ -80,6 +78,15 @@ def make_trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimes
     inner[:, :, 0] = x[:, None]
     inner[:, :, 1:] = size[:, None, None] * section
     inner[:, [0, -1], 2] = 0.0
+    return inner
+
+
+def make_trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimesh.Trimesh:
+    """Make the wall of the trough, with a thickness [m] grown outward.
+
+    Its flat rim lies in the plane z=0.
+    """
+    inner = trough_grid(around, along)
     outward = compute_normals(inner)
     outward *= np.sign(np.sum(outward[-1, around // 2] * [0.0, 0.0, -1.0]))
     outward[:, [0, -1], 2] = 0.0  # the rim stays in its plane, the front edge too
@@ -88,7 +95,12 @@ def make_trough(wall: float = WALL, around: int = 32, along: int = 26) -> trimes
     return make_wall(inner, inner + wall * outward)
 
 
-SCOOP = ToolShape("scoop", make_trough, SCOOP_INTERIOR, SCOOP_HANDLE_START)
+def make_trough_face() -> trimesh.Trimesh:
+    """Make the inner face of the trough, closed at the back and open in front."""
+    return make_face(trough_grid(32, 26), [-TROUGH_LENGTH / 2, 0.0, 0.0], closed=False)
+
+
+SCOOP = ToolShape("scoop", make_trough, SCOOP_INTERIOR, SCOOP_HANDLE_START, make_trough_face)
 
 
 def make_blade(wall: float = WALL, across: int = 16, up: int = 16) -> trimesh.Trimesh:

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
+from robosim.errors import ConfigError
+from robosim.shapes.faces import shell_behind
 from robosim.shapes.lofts import compute_end_scale, smoothstep, space_stations, sweep
 
 Array = NDArray[np.float64]
@@ -92,6 +94,8 @@ class ToolShape:
     """Region in which grains count as in the tool."""
     handle_start: tuple[float, float, float] | None = None
     """Start of the handle [m]; None: no handle."""
+    face: Callable[[], trimesh.Trimesh] | None = None
+    """The head's inner face, open, with its normals into what it holds; None: the head holds nothing."""
 
     def solid(self, wall: float = WALL) -> list[trimesh.Trimesh]:
         """Make all parts as closed meshes, the head with a wall thickness [m]."""
@@ -104,6 +108,13 @@ class ToolShape:
     def head_distance(self, wall: float, spacing: float) -> Lattice:
         """Return the signed distance of the head alone, with a wall of `wall` [m] that is grown outward."""
         return mpm.Sdf.from_mesh(self.head(wall), spacing=spacing)
+
+    def head_shell(self) -> mpm.Shell:
+        """Return the head alone as a thin shell of its real wall; raises ConfigError for a head without a hollow."""
+        if self.face is None:
+            raise ConfigError(f"tool {self.name!r} holds nothing, so that it has no inner face for a shell; accepted: "
+                              f"a wall thickness in metres")
+        return shell_behind(self.face(), WALL)
 
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of all parts with their real wall."""

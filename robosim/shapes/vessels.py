@@ -10,6 +10,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 import mpm
+from robosim.shapes.faces import make_face, revolve_face
 from robosim.shapes.lofts import loft, revolve, smoothstep, superellipse
 from robosim.shapes.tool import WALL, ToolShape
 
@@ -33,17 +34,23 @@ BOTTLE_INTERIOR = mpm.Region((0.0, 0.0, 0.5 * (FLOOR + MOUTH)),
                              (1.1 * RADIUS, 1.1 * RADIUS, 0.5 * (MOUTH - FLOOR) + 0.004), round=True)
 
 
-def make_bowl(wall: float = WALL, around: int = 48, down: int = 20) -> trimesh.Trimesh:
-    """Make the wall of the bowl, whose flat rim lies in the plane z=0.
-
-    The outer surface lies `wall` [m] along the normals of the inner one; each has around x down quads.
-    """
+def bowl_directions(around: int, down: int) -> Array:
+    """Return points (down, around, 3) of the lower half of a unit sphere, in rings from the rim."""
     polar = np.linspace(np.pi / 2.0, 0.0, down + 1)[:-1]  # from the rim to the last ring before the pole
     circle = superellipse(1.0, 1.0, count=around)
     unit = np.empty((down, around, 3))
     unit[:, :, :2] = np.sin(polar)[:, None, None] * circle
     unit[:, :, 2] = -np.cos(polar)[:, None]
     unit[0, :, 2] = 0.0
+    return unit
+
+
+def make_bowl(wall: float = WALL, around: int = 48, down: int = 20) -> trimesh.Trimesh:
+    """Make the wall of the bowl, whose flat rim lies in the plane z=0.
+
+    The outer surface lies `wall` [m] along the normals of the inner one; each has around x down quads.
+    """
+    unit = bowl_directions(around, down)
     inner = unit * BOWL
     normal = unit / BOWL  # gradient of the ellipsoid's equation; horizontal at the rim, so that it stays flat
     outer = inner + wall * normal / np.linalg.norm(normal, axis=2, keepdims=True)
@@ -51,7 +58,12 @@ def make_bowl(wall: float = WALL, around: int = 48, down: int = 20) -> trimesh.T
     return loft(np.concatenate([inner[::-1], outer]), ([0.0, 0.0, -depth], [0.0, 0.0, -depth - wall]))
 
 
-SPOON = ToolShape("spoon", make_bowl, SPOON_INTERIOR, SPOON_HANDLE_START)
+def make_bowl_face() -> trimesh.Trimesh:
+    """Make the inner face of the bowl."""
+    return make_face((bowl_directions(48, 20) * BOWL)[::-1], [0.0, 0.0, -BOWL[2]])
+
+
+SPOON = ToolShape("spoon", make_bowl, SPOON_INTERIOR, SPOON_HANDLE_START, make_bowl_face)
 
 
 def make_profile(grow: float) -> Array:
@@ -72,7 +84,31 @@ def make_bottle(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
     return revolve(np.concatenate([make_profile(wall), make_profile(0.0)[::-1]]), around)
 
 
-BOTTLE = ToolShape("bottle", make_bottle, BOTTLE_INTERIOR)
+def make_bottle_face() -> trimesh.Trimesh:
+    """Make the inner face of the bottle."""
+    return revolve_face(make_profile(0.0))
+
+
+BOTTLE = ToolShape("bottle", make_bottle, BOTTLE_INTERIOR, None, make_bottle_face)
+
+
+def box_outline(size: Array, corner: float, grow: float, z: float) -> Array:
+    """Make the rounded rectangle (n, 3) of a box, grown outward by `grow` [m], at height z [m]."""
+    arc = np.linspace(0.0, np.pi / 2.0, 7)
+    half = size[:2] / 2.0 - corner
+    parts = []
+    for i, sign in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        angle = arc + i * np.pi / 2.0
+        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        parts.append(half * np.array(sign) + (corner + grow) * direction)
+    flat = np.concatenate(parts)
+    return np.column_stack([flat, np.full(len(flat), z)])
+
+
+def make_box_face(inner_size: ArrayLike, corner: float) -> trimesh.Trimesh:
+    """Make the inner face of an open-topped box with rounded upright edges; arguments as of `make_container_shell`."""
+    size = np.asarray(inner_size, float)
+    return make_face([box_outline(size, corner, 0.0, z) for z in (0.0, float(size[2]))], np.zeros(3))
 
 
 def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
@@ -86,15 +122,7 @@ def make_container_shell(inner_size: ArrayLike, wall: float = 0.006,
 
     def make_outline(grow: float, z: float) -> Array:
         """Make the rounded rectangle (n, 3), grown outward by `grow`, at height z."""
-        arc = np.linspace(0.0, np.pi / 2.0, 7)
-        half = size[:2] / 2.0 - corner
-        parts = []
-        for i, sign in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-            angle = arc + i * np.pi / 2.0
-            direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            parts.append(half * np.array(sign) + (corner + grow) * direction)
-        flat = np.concatenate(parts)
-        return np.column_stack([flat, np.full(len(flat), z)])
+        return box_outline(size, corner, grow, z)
 
     lip = wall / 3.0  # bevels of the upper rim catch the light
     top = float(size[2])

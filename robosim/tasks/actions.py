@@ -1,5 +1,7 @@
 """Actions of a sub-task: their space, their check, and the tool velocities that they stand for."""
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 
@@ -7,7 +9,9 @@ from robosim.errors import ConfigError
 from robosim.tasks.task import TaskConfig
 
 AXES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")
-"""Names of an action's components, for messages."""
+"""Names of an action's motions, for messages."""
+SHAKING = ("amplitude", "frequency")
+"""Names of the two numbers of a vibration, after them."""
 
 
 def check_action_repeat(action_repeat: int) -> int:
@@ -20,8 +24,11 @@ def check_action_repeat(action_repeat: int) -> int:
     return int(action_repeat)
 
 
-Velocity = tuple[np.ndarray, np.ndarray]
-"""Linear [m/s] (3,) and angular [rad/s] (3,) velocity of the tool, in world axes."""
+Velocity = tuple[np.ndarray, ...]
+"""Linear [m/s] (3,) and angular [rad/s] (3,) velocity of the tool, in world axes; where it can vibrate, also amplitude
+[m] and frequency [Hz] (2,)."""
+AT_REST: Velocity = (np.zeros(3), np.zeros(3))
+"""Of a tool that cannot vibrate."""
 LONGEST_DELAY = 10.0
 """[s]"""
 
@@ -37,29 +44,28 @@ def delay_steps(delay: float, step_dt: float) -> int:
 class DelayLine:
     """Velocities that were commanded and that the robot has yet to carry out; at rest in the beginning.
 
-    steps: for which each is delayed.
+    steps: for which each is delayed. rest: what is carried out until then.
     """
 
-    def __init__(self, steps: int) -> None:
-        self.steps = steps
+    def __init__(self, steps: int, rest: Velocity = AT_REST) -> None:
+        self.steps, self._rest = steps, rest
         self.restart()
 
     def restart(self) -> None:
         """Begin an episode."""
-        rest = (np.zeros(3), np.zeros(3), self.steps)
-        self.waiting: list[tuple[np.ndarray, np.ndarray, int]] = [rest] if self.steps else []
+        self.waiting: list[tuple[Any, ...]] = [(*self._rest, self.steps)] if self.steps else []
         """Velocities with the steps that each will last."""
 
-    def push(self, velocity: Velocity, steps: int) -> list[tuple[np.ndarray, np.ndarray, int]]:
+    def push(self, velocity: Velocity, steps: int) -> list[tuple[Any, ...]]:
         """Command a velocity for some steps; return the velocities that are carried out in them, with their steps."""
         self.waiting.append((*velocity, steps))
-        due: list[tuple[np.ndarray, np.ndarray, int]] = []
+        due: list[tuple[Any, ...]] = []
         while steps:
-            linear, angular, left = self.waiting.pop(0)
+            *first, left = self.waiting.pop(0)
             now = min(left, steps)
-            due.append((linear, angular, now))
+            due.append((*first, now))
             if left > now:
-                self.waiting.insert(0, (linear, angular, left - now))
+                self.waiting.insert(0, (*first, left - now))
             steps -= now
         return due
 
@@ -71,14 +77,21 @@ class ActionScaling:
     """
 
     def __init__(self, task: TaskConfig, *, clip: bool = False) -> None:
-        n = task.action.dimensions
-        self.space, self.clip = gymnasium.spaces.Box(-1.0, 1.0, (n,), np.float32), clip
-        self._scale = np.array([task.action.speed] * 3 + [task.action.angular_speed] * (n - 3))
+        action, n = task.action, task.action.dimensions
+        self.space, self.clip = gymnasium.spaces.Box(-1.0, 1.0, (action.size,), np.float32), clip
+        self._scale = np.array([action.speed] * 3 + [action.angular_speed] * (n - 3))
+        self._names, self._vibration = AXES[:n] + SHAKING, action.vibration
+
+    @property
+    def rest(self) -> Velocity:
+        """Velocities of a tool at rest."""
+        return AT_REST if self._vibration is None else (*AT_REST, np.zeros(2))
 
     def velocities(self, action: np.ndarray, name: str = "action") -> Velocity:
-        """Convert an action (dimensions,) to linear [m/s] (3,) and angular [rad/s] (3,) velocity.
+        """Convert an action (size,) to linear [m/s] (3,) and angular [rad/s] (3,) velocity.
 
-        Both are of the tool, in world axes. name: what messages call the action.
+        Both are of the tool, in world axes; amplitude [m] and frequency [Hz] (2,) of a vibration follow where the task
+        has one. name: what messages call the action.
         Raises ConfigError for a wrong shape or dtype, and for a component outside -1 to 1.
         """
         values = np.asarray(action)
@@ -88,7 +101,12 @@ class ActionScaling:
             raise ConfigError(f"{name} has dtype {values.dtype}; accepted: floating-point numbers")
         bad = np.flatnonzero(~(np.abs(values) <= 1.0))
         if len(bad) and (not self.clip or not np.all(np.isfinite(values))):
-            raise ConfigError(f"{name}[{bad[0]}] ({AXES[bad[0]]}) = {values[bad[0]]}; accepted: -1 to 1 "
+            raise ConfigError(f"{name}[{bad[0]}] ({self._names[bad[0]]}) = {values[bad[0]]}; accepted: -1 to 1 "
                               f"(clip_actions=True clips finite values)")
-        velocity = np.clip(values.astype(float), -1.0, 1.0) * self._scale
-        return velocity[:3], velocity[3:] if len(velocity) == 6 else np.zeros(3)
+        numbers, n = np.clip(values.astype(float), -1.0, 1.0), len(self._scale)
+        velocity = numbers[:n] * self._scale
+        motion = velocity[:3], velocity[3:] if n == 6 else np.zeros(3)
+        if self._vibration is None:
+            return motion
+        share, (low, high) = 0.5 * (numbers[n:] + 1.0), self._vibration.frequency
+        return *motion, np.array([self._vibration.amplitude * share[0], low + (high - low) * share[1]])

@@ -15,7 +15,7 @@ from robosim.scene.grains import sample_in_tool
 from robosim.scene.models import container_shape
 from robosim.shapes import MeshTool, ToolShape, tool_shape
 from robosim.shapes.containers import BoxShape
-from robosim.tasks.task import TaskConfig
+from robosim.tasks.task import RECEIVER, TaskConfig
 
 TOOL_SDF_POINTS = 4
 """Points of the tool's sampled signed distance along a cell."""
@@ -27,9 +27,24 @@ def head_distance(shape: ToolShape | MeshTool, wall: float, spacing: float) -> L
     return shape.head_distance(wall, spacing)
 
 
-def field_head(task: TaskConfig) -> Lattice:
-    """Return the signed distance of the head of a task's tool as its field has it."""
-    return head_distance(tool_shape(task.tool), task.tool_wall, task.field.cell / TOOL_SDF_POINTS)
+@functools.lru_cache(maxsize=8)
+def head_shell(shape: ToolShape | MeshTool) -> mpm.Shell:
+    """Return a tool's head as a thin shell; raises ConfigError for a tool that has none."""
+    return shape.head_shell()
+
+
+def field_head(task: TaskConfig) -> Lattice | mpm.Shell:
+    """Return the head of a task's tool as its field has it: a solid's signed distance, or a thin shell."""
+    return head_shell(tool_shape(task.tool)) if task.tool_wall == "shell" else filling_head(task)
+
+
+def filling_head(task: TaskConfig) -> Lattice:
+    """Return the signed distance of the head of a task's tool as its grains are placed on it.
+
+    A shell has the wall of a grain's spacing here, so that the places above it are found by steps of half of that.
+    """
+    wall = task.field.cell / task.field.grains_per_cell ** (1.0 / 3.0) if task.tool_wall == "shell" else task.tool_wall
+    return head_distance(tool_shape(task.tool), wall, task.field.cell / TOOL_SDF_POINTS)
 
 
 def grain_volume(task: TaskConfig) -> float:
@@ -96,10 +111,12 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
     """
     field = task.field
     check_substeps("step_dt", task.step_dt, largest_step(task, law))
-    sdf = field_head(task)
-    colliders = [mpm.Collider(sdf, friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
+    colliders = [mpm.Collider(field_head(task), friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
     colliders += build_container_colliders(task.containers, field, static=not moves_containers)
-    grains = fill_positions(task, sdf) if positions is None else positions
+    if task.receiver is not None:
+        colliders.append(mpm.Collider(container_shape(RECEIVER, task.receiver).shell(),
+                                      friction=field.container_friction, pose=container_pose(task.receiver)))
+    grains = fill_positions(task, filling_head(task)) if positions is None else positions
     body = mpm.Body(law, grains, volume=volume or grain_volume(task))
     with warnings.catch_warnings():
         if positions is not None:  # grains that have flowed stand in no lattice any more

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from mpm.rollout.losses import Above, Attraction, Clear, Loss, Sum, Turned, WeightedDistance
+from robosim.errors import ConfigError
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import container_points, observed_grains, whole_tool_sdf
 from robosim.tasks.task import TaskConfig
@@ -27,7 +28,11 @@ def build_objective(task: TaskConfig) -> Loss:
 
     It is minus the reward's distance term up to a constant, plus the error of the tool's rotation. Where grains are
     poured, the height of each grain above the bounds' lower plane replaces the count of poured grains.
+    Raises ConfigError for a dosing task.
     """
+    if task.dose is not None:
+        raise ConfigError("objective: the reward of a dosing task counts masses and has no gradient; accepted: a task "
+                          "without a section dose")
     distance, n = task.reward.distance, task.grains.counted
     scale = distance.total / (task.steps * n * distance.reference)
     counted = None if task.grains.elites else observed_grains(task)

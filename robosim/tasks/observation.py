@@ -11,6 +11,10 @@ from robosim.tasks.counting import TaskCounts, observed_grains
 from robosim.tasks.task import TaskConfig
 
 Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "all"]
+DOSING_TERMS = ("tool", "goal", "time", "scale", "target")
+"""Terms that a dosing task observes where nothing else is chosen; see `robosim.senses.senses.TERMS`."""
+SCOOPING_TERMS = ("tool", "goal", "time", "wrist", "height_map", "target")
+"""The same without a receiver: no balance shows what the tool holds."""
 TOOL_MARGIN = 0.05
 """Distance [m] by which an arm may carry the tool past the box of commanded positions."""
 

@@ -6,9 +6,11 @@ Headings and tables follow Gymnasium's environment pages.
 import numpy as np
 
 from robosim.config.materials import law_of, load_material
-from robosim.tasks.field import largest_step
-from robosim.tasks.observation import grain_bounds, tool_bounds
+from robosim.tasks.dosing import DoseReward
+from robosim.tasks.field import grain_volume, largest_step
+from robosim.tasks.observation import DOSING_TERMS, SCOOPING_TERMS, grain_bounds, tool_bounds
 from robosim.tasks.reward import Reward
+from robosim.tasks.sections import DosingConfig
 from robosim.tasks.task import RegionConfig, TaskConfig, load_task
 
 PAGE = """{summary}
@@ -88,9 +90,69 @@ Truncated: with `horizon="truncate"`, after {steps} steps.
 """
 
 
+DOSE_PAGE = """{summary}
+
+## Description
+{count} particles (material points) of {material}, {load}, and a {tool}, which the agent moves. An episode has up to
+{steps} steps of {step_dt} s. Each action is repeated for `action_repeat` steps, 10 by default.
+
+One material point weighs {point:.3g} g of {material}: no reading of a mass is finer, and no result has a smaller error.
+
+```python
+import gymnasium, robosim
+env = gymnasium.make("robosim/{name}-v0")
+```
+
+## Action Space
+`Box(-1, 1, ({n},), float32)`: velocities of the tool in world axes, z up{shaking}. The origin of the tool's frame stays
+in the box from {lower} m to {upper} m.
+
+| Num | Action | At -1 | At 1 |
+|---|---|---|---|
+{actions}
+
+## Observation Space
+A `Dict` of the terms {terms}, or any others that `obs` lists; `target` is the mass to dose [kg].
+The layouts of the other tasks, such as "flat", are accepted and do not contain it.
+
+## Rewards
+The reward is the sum of these terms over the steps of an action; `info["reward_terms"]` has each term, `info["tcs"]`
+their sum over the episode. m is {measured}.
+
+| Term | Per | Value |
+|---|---|---|
+| error | step | {error:g} x decrease of abs(m / target - 1), which counts up to 2 |
+| time | step | {time:.3g} |
+| spill | step | -{spill:g} x increase of the spilled mass / target, which counts up to 1 |
+
+`info["tcs"]` is {worst:g} for a tool that never moves and at most {best:g}.
+`info["is_success"]` is True where m is within {percent:g} % or {grams:g} g of the target, whichever is more.
+`info["readings"]`: `poured` (m), `target_mass`, `dose_error`, `overshoot`, `spilled`, `held` and `elsewhere` in kg,
+`dose_error_percent`, and `seconds`. Spilled is {spilled}.
+
+## Starting State
+The grains are at rest. The target is drawn between {low:g} and {high:g} g, each mass as likely as any other;
+`randomize={{"target_mass": (0.01, 0.01)}}` [kg] gives another range, or one mass. The tool's frame is at {start} m
+plus a random displacement of at most {spread} m along each axis.
+
+## Episode End
+Terminated: when the tool is level again, to within 2 deg, for 0.5 s after it was tilted by more than 5 deg{clear};
+after {steps} steps; or when the simulation diverges. In the last case `info["diverged"]` has the reason.
+Truncated: with `horizon="truncate"`, after {steps} steps.
+
+## Arguments
+Those of the other tasks, with `obs` = {terms} by default.
+
+## Version History
+* v0: initial version
+"""
+
+
 def build_page(name: str) -> str:
     """Write the page of a sub-task, by name or file. Raises ConfigError for a file that cannot be used."""
     task = load_task(name)
+    if task.dose is not None:
+        return _build_dose_page(name, task, task.dose)
     worst, best = Reward(task).extremes()
     observations, size = _observation_rows(task)
     return PAGE.format(
@@ -100,6 +162,34 @@ def build_page(name: str) -> str:
         actions=_table(_action_rows(task)), observations=_table(observations), size=size,
         terms=_table(_term_rows(task)), worst=worst, best=best, success=_success(task), start=task.start.position,
         spread=task.start.spread, target=_region(task.target), bounds=_region(task.bounds))
+
+
+def _build_dose_page(name: str, task: TaskConfig, dose: DosingConfig) -> str:
+    """Write the page of a dosing task."""
+    density, volume, pours = load_material(task.material).density.value, grain_volume(task), task.receiver is not None
+    worst, best = DoseReward(task).extremes()
+    terms = DOSING_TERMS if pours else SCOOPING_TERMS
+    mass = 1e3 * task.grains.count * density * volume
+    rows: list[tuple[object, ...]] = [(k, quantity, f"-{unit}", unit) for k, quantity, _, _, unit in _action_rows(task)]
+    vibration, n = task.action.vibration, task.action.dimensions
+    if vibration is not None:
+        low, high = vibration.frequency
+        largest = f"{vibration.amplitude:g} m"
+        rows += [(n, f"amplitude of a vibration along the tool's {vibration.axis}", "0 m", largest),
+                 (n + 1, "its frequency", f"{low:g} Hz", f"{high:g} Hz")]
+    return DOSE_PAGE.format(
+        summary=task.description[0].upper() + task.description[1:] + ".", name=name, material=task.material,
+        tool=task.tool_name, count=task.grains.count, steps=task.steps, step_dt=task.step_dt, n=task.action.size,
+        load=f"{mass:.3g} g in the {'tool' if task.carried else task.container}", point=1e3 * density * volume,
+        shaking=", and a vibration that is added to its pose" if vibration is not None else "",
+        lower=task.action.lower, upper=task.action.upper, actions=_table(rows),
+        terms=", ".join(f"`{term}`" for term in terms),
+        measured="the mass in the receiver" if pours else "the mass in the tool",
+        error=dose.reward.error, time=-dose.reward.time / task.steps, spill=dose.reward.spill, worst=worst, best=best,
+        percent=dose.tolerance_percent, grams=dose.tolerance_g,
+        spilled="what lies beside the receiver" if pours else f"what is outside {_region(task.bounds)}",
+        low=dose.target_g[0], high=dose.target_g[1], start=task.start.position, spread=task.start.spread,
+        clear="" if pours else ", and 20 mm or more away from the container")
 
 
 def _table(rows: list[tuple[object, ...]]) -> str:

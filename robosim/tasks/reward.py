@@ -51,6 +51,11 @@ class Reward:
             setattr(self, name, value)
 
     @property
+    def is_over(self) -> bool:
+        """Whether the episode ends before its time: never."""
+        return False
+
+    @property
     def tcs(self) -> float:
         """Task completion score so far; the last step adds the terms of the end."""
         return sum(self.score.values())

@@ -1,6 +1,6 @@
 """Sections of a task file: grains, start, actions, reward, success and script."""
 
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
@@ -13,6 +13,7 @@ from robosim.config.bounds import (
     AngularSpeed,
     Count,
     Duration,
+    FilePath,
     HalfSize,
     PositiveWeight,
     Share,
@@ -21,6 +22,11 @@ from robosim.config.bounds import (
 )
 from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3
+
+LEAST_DOSE, LARGEST_DOSE = 1.0, 60.0
+"""Masses [g] that a task may ask for."""
+Frequency = Annotated[float, Field(ge=1.0, le=1000.0)]
+"""[Hz]"""
 
 
 class GrainsConfig(Table):
@@ -69,6 +75,30 @@ class StartConfig(Table):
         return mpm.Pose(np.array(self.position), rotation.as_quat(scalar_first=True))
 
 
+SAMPLES_PER_PERIOD = 8
+"""Fewest steps of `step_dt` in a period of a vibration: the tool moves in straight lines between them."""
+
+
+class VibrationConfig(Table):
+    """A vibration that is added to the commanded pose of the tool: a sine along one axis of the tool's frame.
+
+    Action 7 (of six motions, the next one) sets its amplitude from -1, none, to 1; action 8 its frequency.
+    """
+
+    amplitude: Annotated[float, Field(gt=0.0, le=5e-3)]
+    """Amplitude [m] of an action of 1."""
+    frequency: tuple[Frequency, Frequency]
+    """Frequencies [Hz] of an action of -1 and of 1."""
+    axis: Literal["x", "y", "z"] = "x"
+    """Axis of the tool's frame along which it vibrates; x of the bundled tools points to the tip."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_range(self) -> "VibrationConfig":
+        if self.frequency[0] > self.frequency[1]:
+            raise ValueError(f"frequency = {self.frequency} Hz; accepted: the lowest and then the highest")
+        return self
+
+
 class ActionConfig(Table):
     """Velocities of an action of 1, and the box in which the tool can move."""
 
@@ -82,6 +112,19 @@ class ActionConfig(Table):
     """Lower corner [m] of the box in which the origin of the tool's frame stays."""
     upper: Vector3
     """Upper corner of that box [m]."""
+    vibration: VibrationConfig | None = None
+    """Vibration of the tool, as two more numbers of an action; null: none."""
+
+    @property
+    def size(self) -> int:
+        """Numbers of an action."""
+        return self.dimensions + (0 if self.vibration is None else 2)
+
+    @pydantic.model_serializer(mode="wrap")
+    def _serialize(self, standard: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out that nothing vibrates: what has been learned on a task stays of use."""
+        values = standard(self)
+        return {name: value for name, value in values.items() if name != "vibration" or value}
 
 
 class DistanceConfig(Table):
@@ -159,3 +202,39 @@ class ScriptConfig(Table):
     """Origin of the tool's frame in the world [m]."""
     pitch_deg: Angle = 0.0
     """Rotation about the tool's lateral axis [deg]."""
+
+
+class DosingRewardConfig(Table):
+    """Weights of a dosing task's reward; each term is at most its weight in an episode, in size."""
+
+    error: PositiveWeight = 10.0
+    """For the error, as a share of the target: what reduces it by a share earns that share."""
+    time: PositiveWeight = 1.0
+    """Cost of an episode of full length."""
+    spill: PositiveWeight = 5.0
+    """Cost of spilling as much as the target."""
+
+
+class DosingConfig(Table):
+    """A mass to dose: what lies in the receiver, or without one what the tool holds."""
+
+    target_g: tuple[float, float]
+    """Lowest and highest target mass [g], within 1 to 60; each episode draws one between them, all equally likely."""
+    tolerance_percent: Annotated[float, Field(ge=0.0, le=100.0)] = 2.0
+    """Error [%] of the target up to which a dose is a success."""
+    tolerance_g: Annotated[float, Field(ge=0.0, le=LARGEST_DOSE)] = 0.3
+    """Error [g] up to which it is a success, too."""
+    level_pitch_deg: Angle | None = None
+    """Pitch [deg] at which the tool is level; null: that of the start."""
+    controllers: FilePath | None = None
+    """Name of the controllers' numbers in configs/dosing, or the path of a .yaml file; null: none."""
+    reward: DosingRewardConfig = DosingRewardConfig()
+    """Weights of the reward."""
+
+    @pydantic.model_validator(mode="after")
+    def _check_range(self) -> "DosingConfig":
+        low, high = self.target_g
+        if not LEAST_DOSE <= low <= high <= LARGEST_DOSE:
+            raise ValueError(f"target_g = {self.target_g} g; accepted: the lowest and then the highest mass, within "
+                             f"{LEAST_DOSE:g} to {LARGEST_DOSE:g} g")
+        return self

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
@@ -17,7 +17,18 @@ from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig, che
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, load, read, validate
 from robosim.config.tool import Tool, ToolConfig, name_tool
-from robosim.tasks.sections import ActionConfig, GrainsConfig, RewardConfig, ScriptConfig, StartConfig, SuccessConfig
+from robosim.errors import RobosimError
+from robosim.tasks.sections import (
+    SAMPLES_PER_PERIOD,
+    ActionConfig,
+    DosingConfig,
+    DosingRewardConfig,
+    GrainsConfig,
+    RewardConfig,
+    ScriptConfig,
+    StartConfig,
+    SuccessConfig,
+)
 
 RandomRange = tuple[RangeEnd, RangeEnd]
 RandomChoice = Annotated[tuple[FilePath, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
@@ -25,6 +36,14 @@ MAX_EPISODE = 100_000
 """Steps of an episode: a hundred times those of arXiv 2406.09178."""
 MAX_TIME = 600.0
 """Duration [s] of an episode, as of a path; robosim.config.bounds has the reason."""
+
+RECEIVER = "receiver"
+"""Name of the receiver's body."""
+OF_DOSING = {"reward": {"distance": {"weights": [0, 0, 0], "total": 1, "reference": 1}, "target": 1},
+             "success": {"delivered": 1}}
+"""What stands in a dosing task for the sections of the published rewards, which it does not have."""
+FAR = 10.0
+"""Half size [m] of a region without an end."""
 
 
 class ScriptedPath:
@@ -65,12 +84,14 @@ class TaskConfig(Table):
     """Duration of a step [s]."""
     field: FieldConfig
     """Numerics of the grains."""
-    tool_wall: Length
-    """Wall thickness [m] of the tool in the simulation of the grains; thickened outward."""
+    tool_wall: Length | Literal["shell"]
+    """Wall thickness [m] of the tool in the simulation of the grains, thickened outward; shell: its real wall."""
     container: Name | None = None
     """Container that the tool scoops from; name of a model in models/containers, or any with sizes or a mesh."""
     container_place: ContainerConfig | None = None
     """Position, yaw and fill height of that container; its sizes or mesh, if it is one of one's own."""
+    receiver: ContainerConfig | None = None
+    """Container on a balance into which a dosing task pours, upright, of sizes or of models/containers."""
     stand: RegionConfig | None = None
     """Block under the tool at the start; only for rendering, grains do not collide with it."""
     start: StartConfig
@@ -80,13 +101,16 @@ class TaskConfig(Table):
     goal: Vector3
     """Point [m] to which the reward measures the distances of the grains."""
     target: RegionConfig
-    """Region in which grains count as delivered."""
+    """Region in which grains count as delivered; of a task with a receiver it is the inside of that."""
     bounds: RegionConfig
-    """A grain outside this region and not in the tool is lost; where the reward has the term poured, poured out."""
+    """A grain outside this region and not in the tool is lost; where the reward has the term poured, poured out. Of a
+    task with a receiver it is all above its rim."""
     reward: RewardConfig
-    """Weights of the reward terms."""
+    """Weights of the reward terms; of a dosing task they are in the section dose."""
     success: SuccessConfig
-    """Criterion of success."""
+    """Criterion of success; of a dosing task it is in the section dose."""
+    dose: DosingConfig | None = None
+    """A mass to dose, of a dosing task; null: none."""
     randomize: dict[Name, RandomRange | RandomChoice] = Field({}, max_length=MAX_ENTRIES)
     """What every episode draws: number -> [lowest, highest]; material -> names of materials."""
     script: Annotated[tuple[ScriptConfig, ...], Field(min_length=1, max_length=MAX_ENTRIES)]
@@ -94,14 +118,26 @@ class TaskConfig(Table):
 
     @pydantic.model_serializer(mode="wrap")
     def _serialize(self, standard: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out that nothing is drawn: what has been learned on a task stays of use."""
-        values = standard(self)
-        return {name: value for name, value in values.items() if name != "randomize" or value}
+        """Leave out that nothing is drawn or dosed: what has been learned on a task stays of use."""
+        left_out = {name for name in ("randomize", "receiver", "dose") if not getattr(self, name)}
+        left_out |= set() if self.dose is None else set(OF_DOSING)
+        left_out |= set() if self.receiver is None else {"target", "bounds"}
+        return {name: value for name, value in standard(self).items() if name not in left_out}
 
     @property
     def containers(self) -> dict[str, ContainerConfig]:
         """The container, if there is one, by its name."""
         return {self.container: self.container_place} if self.container and self.container_place else {}
+
+    @property
+    def vessels(self) -> dict[str, ContainerConfig]:
+        """Container and receiver, by their names."""
+        return self.containers | ({} if self.receiver is None else {RECEIVER: self.receiver})
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the terms of the reward."""
+        return self.reward.terms if self.dose is None else tuple(DosingRewardConfig.model_fields)
 
     @property
     def tool_name(self) -> str:
@@ -124,11 +160,48 @@ class TaskConfig(Table):
                             np.array([first] + [np.array(s.position) for s in self.script]),
                             np.array([self.start.pitch_deg] + [s.pitch_deg for s in self.script]))
 
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _complete(cls, data: Any) -> Any:
+        """Add the sections that a dosing task leaves out; refuse those that it must leave out."""
+        if not isinstance(data, dict) or data.get("dose") is None:
+            return data
+        regions = {} if data.get("receiver") is None else receiver_regions(data["receiver"])
+        given = [name for name in (*OF_DOSING, *regions) if name in data]
+        if given:
+            raise ValueError(f"dose with {', '.join(given)}; accepted: dose.reward, dose.tolerance_percent and "
+                             f"dose.tolerance_g, and with a receiver neither target nor bounds")
+        return data | OF_DOSING | regions
+
+    @pydantic.model_validator(mode="after")
+    def _check_dosing(self) -> "TaskConfig":
+        """Refuse what does not fit a dose, a receiver or a vibration."""
+        vibration, dose, receiver = self.action.vibration, self.dose, self.receiver
+        if vibration is not None and vibration.frequency[1] * self.step_dt * SAMPLES_PER_PERIOD > 1.0 + 1e-9:
+            raise ValueError(f"action.vibration.frequency = {vibration.frequency} Hz with step_dt = {self.step_dt} s; "
+                             f"accepted: up to {1.0 / (SAMPLES_PER_PERIOD * self.step_dt):g} Hz, {SAMPLES_PER_PERIOD} "
+                             f"steps in a period")
+        if receiver is not None and (dose is None or self.container is not None):
+            raise ValueError("receiver: accepted with a section dose, and without a container")
+        if receiver is not None and (receiver.mesh is not None or any(receiver.tilt_deg) or receiver.fill_height
+                                     or (receiver.radius is None and receiver.yaw_deg % 180.0)):
+            raise ValueError("receiver: accepted: an empty, upright container of size, radius with height, or model, "
+                             "its sides along x and y")
+        if dose is None:
+            return self
+        if receiver is None and self.container is None:
+            raise ValueError("dose: neither receiver nor container; accepted: one of them")
+        if self.grains.observe_every != 1 or self.grains.elites is not None or self.action.dimensions != 6:
+            raise ValueError(f"dose with grains.observe_every = {self.grains.observe_every}, grains.elites = "
+                             f"{self.grains.elites}, action.dimensions = {self.action.dimensions}; accepted: 1, null "
+                             f"and 6, as every grain has a mass and the tool turns")
+        return self
+
     @pydantic.model_validator(mode="after")
     def _check(self) -> "TaskConfig":
         """Refuse sections that do not fit each other."""
-        check_containers(self.containers)
-        if self.tool_name in self.containers:
+        check_containers(self.vessels)
+        if self.tool_name in self.vessels:
             raise ValueError(f"container: {self.tool_name!r} is the tool's name; accepted: another")
         if self.steps * self.step_dt > MAX_TIME:
             raise ValueError(f"steps = {self.steps} of step_dt = {self.step_dt} s are {self.steps * self.step_dt:.3g} "
@@ -168,12 +241,12 @@ def task_names() -> list[str]:
 def is_task(scene: str) -> bool:
     """Return whether a scene is a sub-task's name or file.
 
-    Files of tasks have the key `reward`, files of rehearsals do not.
+    Files of tasks have the key `step_dt`, files of rehearsals do not.
     """
     if scene in task_names() or not Path(scene).is_file():
         return scene in task_names()
     data = read(Path(scene))
-    return isinstance(data, dict) and "reward" in data
+    return isinstance(data, dict) and "step_dt" in data
 
 
 def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:
@@ -182,3 +255,24 @@ def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:
     Raises ConfigError for a file that cannot be used, UnknownName for a name that does not exist.
     """
     return load(config_path("tasks", name, "task"), TaskConfig, settings=settings)
+
+
+def receiver_regions(given: Any) -> dict[str, RegionConfig]:
+    """Return target and bounds of a task with a receiver: its inside up to the rim, and all above its rim.
+
+    given: its configuration, or the content of one; of content that cannot be used both are arbitrary, as the receiver
+    itself is refused.
+    """
+    from robosim.scene.models import container_shape  # MuJoCo, which most files of tasks do not need
+
+    try:
+        receiver = given if isinstance(given, ContainerConfig) else ContainerConfig.model_validate(given)
+        shape = container_shape(RECEIVER, receiver)
+    except (pydantic.ValidationError, RobosimError):
+        nowhere = RegionConfig(centre=(0.0, 0.0, 0.0), half=(0.0, 0.0, 0.0))
+        return {"target": nowhere, "bounds": nowhere}
+    (x, y, z), region, height = receiver.position, shape.region, shape.height
+    bottom = region.centre[2] - region.half[2]
+    half = (region.half[0], region.half[1], 0.5 * (height - bottom))
+    return {"target": RegionConfig(centre=(x, y, z + 0.5 * (height + bottom)), half=half, round=shape.is_round),
+            "bounds": RegionConfig(centre=(x, y, z + height + FAR), half=(FAR, FAR, FAR))}

@@ -6,7 +6,7 @@ from typing import Any
 
 from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names
-from robosim.envs import TASKS
+from robosim.envs import BUNDLED
 from robosim.errors import UnknownName
 
 EXAMPLE = """examples:
@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
                                  description="List the parts of a scene's simulation with the run time of each. With "
                                  "--tolerance, find the cheapest setting; exit status 0 only if there is one that is "
                                  "cheaper than the scene's own.", epilog=EXAMPLE)
-    parser.add_argument("scene", help=one_of([*TASKS, *config_names("rehearsals")],
+    parser.add_argument("scene", help=one_of([*BUNDLED, *config_names("rehearsals")],
                                              "or the .yaml file of a task or a rehearsal"))
     parser.add_number("--tolerance",
                         help="also run the scene with settings from coarse to fine, and find "
@@ -38,7 +38,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check the name, then explain the scene."""
-    names = [*TASKS, *config_names("rehearsals")]
+    names = [*BUNDLED, *config_names("rehearsals")]
     if options.scene not in names and not Path(options.scene).is_file():
         raise UnknownName("scene", options.scene, names, "or the .yaml file of one")
     from robosim.tasks.task import is_task

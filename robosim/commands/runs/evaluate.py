@@ -6,7 +6,7 @@ from typing import Any
 
 from robosim.commands.arguments import one_of
 from robosim.config.resources import config_names, config_path, part_names, trained_network
-from robosim.envs import TASKS, is_task_file, task_name
+from robosim.envs import BUNDLED, is_task_file, task_name
 from robosim.errors import ConfigError, UnknownName
 from robosim.evaluation import NETWORK, POLICIES, SUITES
 
@@ -20,7 +20,7 @@ def add_parser(commands: Any) -> None:
     """Add `evaluate` to the command line."""
     parser = commands.add_parser("evaluate", help="score a policy on a sub-task", epilog=EXAMPLE,
                                  description="Run episodes of a policy on a sub-task and print its scores.")
-    parser.add_argument("task", help=one_of(TASKS, "or a task's .yaml file"))
+    parser.add_argument("task", help=one_of(BUNDLED, "or a task's .yaml file"))
     named = (*POLICIES, *([NETWORK] if with_network() else []))
     parser.add_argument("--policy", default="scripted", help=one_of(named, "or a .npz file with an "
                         "array `actions` or a network; with --suite also the folder of a training run (default: "
