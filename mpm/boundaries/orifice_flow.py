@@ -1,9 +1,9 @@
 """Flow through small holes of shells: a law in place of what the grid cannot resolve.
 
-At the end of each stride a hole takes up the mass that Beverloo's law passes in that time. Once half a particle's mass
-is due, the nearest particle on the inner side is carried to the outer side, where it leaves as fast as the law's flow
-through the effective opening; so the mean rate is the law's, however large a particle is. What this changes of the
-momentum of the particles is credited to the shell.
+At the end of each stride a hole takes up the mass that Beverloo's law passes in that time. Once a share of a particle's
+mass is due, half of it on average over the holes, the nearest particle on the inner side is carried to the outer side,
+where it leaves as fast as the law's flow through the effective opening; so the mean rate is the law's, however large a
+particle is. What this changes of the momentum of the particles is credited to the shell.
 
 While a hole flows, the shell's face around it recedes for the nodes, as fast as the flow asks or faster: nodes at rest
 would hold up the bed over a cavity of two cells.
@@ -36,7 +36,9 @@ SURPLUS = 2.0
 pressure holds it back."""
 HELD_BACK = 0.25
 """Share of the speed of release below which a particle in front of a hole blocks it."""
-FAR = 1e9
+TURN = 0.618034
+"""By how much of a particle's mass, modulo one, the share that has to be due differs from one hole to the next: equal
+holes then take turns. The golden ratio leaves no large gaps for any number of holes."""
 DIAMETER, OPENING, DISCHARGE, AVALANCHE, VIBRATION, OUTER = range(6)
 """Columns of `OrificeFields.numbers`."""
 DUE = 3
@@ -84,12 +86,19 @@ def pass_hole(fields: ti.template(), holes: ti.template(), step: ti.template(), 
                     flow = 0.25 * math.pi * opening * opening * speed
                     patch = math.pi * patch_radius(fields, holes, h) ** 2
                     take_up(holes, h, density * flow * elapsed, density, SURPLUS * flow / patch, gravity.norm())
-                if holes.state[2 * h][DUE] >= 0.5 * mass:
+                if holes.state[2 * h][DUE] >= due_share(h) * mass:
                     carry(fields, fields.particles, holes, step, row, index, h, n, centre, axis, motion, speed)
                     goes_on = 1
     if is_covered == 0:
         holes.state[2 * h + 1][PRESENT] = 0.0
         holes.state[2 * h + 1][RECEDING] = 0.0
+
+
+@ti.func
+def due_share(h):
+    """Return the share of a particle's mass that has to be due at hole h for the particle to pass."""
+    turns = 0.5 + TURN * ti.cast(h, ti.f64)
+    return turns - ti.floor(turns)
 
 
 @ti.func
@@ -147,7 +156,7 @@ def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.temp
                     r = ti.cast(place, fields.real) - collider_origin(step.motion, row, step.row) - R @ holes.position[h]
                     axis = R @ holes.axis[h]
                     if (r - r.dot(axis) * axis).norm() < patch_radius(fields, holes, h):
-                        velocity = speed * axis
+                        velocity += speed * axis
     return velocity
 
 

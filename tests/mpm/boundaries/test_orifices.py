@@ -59,7 +59,7 @@ def shake(solver: mpm.Solver, duration: float, amplitude: float, frequency: floa
 
 @pytest.mark.parametrize("ratio", [6.0, 20.0])
 def test_holes_pass_what_the_law_says(ratio: float) -> None:
-    """Two holes, half a second: each is within half a particle of the law, what has passed is below, and what has not
+    """Two holes, half a second: each is within a particle of the law, the first within half of one, what has passed is below, and what has not
     is above; a hole of a third of a cell."""
     hole = {"diameter": 4e-3, "grain_diameter": 4e-3 / ratio}
     with filled(hole=hole, places=((-0.008, 0.0, 0.0), (0.008, 0.002, 0.0))) as solver:
@@ -67,7 +67,7 @@ def test_holes_pass_what_the_law_says(ratio: float) -> None:
         assert rate == pytest.approx(0.58 * 1217 * np.sqrt(9.81) * (4e-3 - 1.4 * 4e-3 / ratio) ** 2.5)
         solver.advance(0.5)
         passed = solver.passed_mass(0)
-        assert np.abs(passed - rate * solver.time).max() <= 0.51 * mass
+        assert (np.abs(passed - rate * solver.time) <= mass * np.array([0.51, 1.01])).all()
         below = solver.positions()[:, 2] < START[2]
         assert below.sum() * mass == pytest.approx(passed.sum(), rel=1e-5)
 
