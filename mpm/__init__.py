@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from mpm.scene.features import Features
     from mpm.scene.grid import Grid
     from mpm.scene.initial_stress import geostatic_stress
+    from mpm.scene.orifice import Orifice
     from mpm.scene.sampling import sample_box, sample_cylinder, sample_mesh
     from mpm.scene.walls import Walls
     from mpm.solver import Solver
@@ -79,6 +80,7 @@ __all__ = [
     "MuIRheology",
     "NarrowPassage",
     "NewtonianFluid",
+    "Orifice",
     "OverlappingBodies",
     "Pose",
     "Region",
@@ -129,6 +131,7 @@ MODULES = {
     "mpm.scene.features": ("Features",),
     "mpm.scene.grid": ("Grid",),
     "mpm.scene.initial_stress": ("geostatic_stress",),
+    "mpm.scene.orifice": ("Orifice",),
     "mpm.scene.sampling": ("sample_box", "sample_cylinder", "sample_mesh"),
     "mpm.scene.walls": ("Walls",),
     "mpm.solver": ("Solver",),

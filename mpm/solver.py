@@ -284,8 +284,9 @@ class Solver(Adjustable):
         named = self.particles.named_fields()
         arrays = {name: self.particles.read(fields) for name, fields in named.items()}
         poses = np.array([np.concatenate(pose) for pose in self.paths.poses]).reshape(-1, 7)
+        holes = {} if self.fields.orifices is None else {"orifices": self.fields.orifices.read()}
         return arrays | {"time": np.array(self.time), "steps": np.array(self.steps), "poses": poses,
-                         **self.mobility.save()}
+                         **self.mobility.save(), **holes}
 
     def load(self, state: dict[str, np.ndarray]) -> None:
         """Load a state of this solver, or of one made from the same scene.
@@ -296,8 +297,12 @@ class Solver(Adjustable):
         arrays = [self.particles.read_snapshot(state, name) for name in named]
         self.grid.check_inside(arrays[0] + self.grid.origin, "load: ", ROUNDING)
         time, steps = float(read_array(state, "time", ())), int(read_array(state, "steps", ()))
+        orifices = self.fields.orifices
+        holes = None if orifices is None else orifices.read_snapshot(state)
         self.mobility.restore(state)
         self.rollback.store_pending()
+        if orifices is not None and holes is not None:
+            orifices.write(holes)
         for fields, values in zip(named.values(), arrays):
             self.particles.write(fields, values)
         self.adopt_state(poses, time, steps)

@@ -4,6 +4,7 @@ from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
 from mpm.boundaries.facing import GRID_NODES, is_at_edge, touched_face, touches_static
 from mpm.boundaries.mobile_contact import list_node, reduce_by_compliance
+from mpm.boundaries.orifice_flow import receding_velocity
 from mpm.geometry.shell import SHELL_FACE
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import mark_place
@@ -199,11 +200,16 @@ def collide_with_shell(fields: ti.template(), step: ti.template(), I, J, v, mass
             face = fields.parameters.half_thickness[index] + SHELL_FACE * fields.cell
             if ti.abs(side) == index + 1 and material * gap[3] < face:
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
+                receding = 0.0 * normal
+                if ti.static(len(fields.features.orifices) > 0):
+                    receding = receding_velocity(fields, fields.orifices, step, index, place, material)
                 if ti.static(fields.mobile_place[index] >= 0):
-                    list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
+                    n = list_node(fields.mobile_nodes, fields.mobile_place[index], step.part, I, normal)
+                    if ti.static(fields.mobile_nodes.recedes):
+                        fields.mobile_nodes.receding[n] = receding
                 else:
                     r = ti.cast(place, fields.real) - collider_origin(step.motion, row, step.row)
-                    result = coulomb(v, surface_velocity(step.motion, row, step.row, r), normal,
+                    result = coulomb(v, surface_velocity(step.motion, row, step.row, r) + receding, normal,
                                      fields.parameters.frictions[index])
                     credit(step.out, fields.rows.first_collider + index, place, mass * (result - v))
     return result

@@ -34,12 +34,24 @@ SMALL_CHANGE = 1e-3
 
 @ti.func
 def list_node(lists: ti.template(), b: ti.template(), part, I, normal):
-    """Put a node that a part of the list of blocks holds on a collider's list."""
+    """Put a node that a part of the list of blocks holds on a collider's list; return its place there."""
     place = lists.first[b] + take_place(lists.count, b)
     lists.node[place] = I
     lists.normal[place] = normal
     if ti.static(lists.sorts):
         lists.part[place] = part
+    if ti.static(lists.recedes):
+        lists.receding[place] = 0.0 * normal
+    return place
+
+
+@ti.func
+def surface_at(fields: ti.template(), linear, angular, r, n):
+    """Return the velocity [m/s] of a collider's face at the node in a place of the lists, r [m] from its centre."""
+    surface = ti.cast(linear + angular.cross(r), fields.real)
+    if ti.static(fields.mobile_nodes.recedes):
+        surface += fields.mobile_nodes.receding[n]
+    return surface
 
 
 @ti.func
@@ -117,7 +129,7 @@ def reaction(fields: ti.template(), step: ti.template(), b: ti.template(), index
         I = fields.mobile_nodes.node[n]
         q = fields.grid.nodes[I]
         r = lever_of(fields, step.mobile, b, I, corner)
-        surface = ti.cast(linear + angular.cross(r), fields.real)
+        surface = surface_at(fields, linear, angular, r, n)
         v = ti.Vector([q[0], q[1], q[2]])
         change = coulomb(v, surface, fields.mobile_nodes.normal[n], fields.parameters.frictions[index]) - v
         if change.norm_sqr() > 0:
@@ -249,7 +261,7 @@ def apply_contact(fields: ti.template(), step: ti.template(), b: ti.template(), 
         I = fields.mobile_nodes.node[n]
         q = fields.grid.nodes[I]
         r = lever_of(fields, step.mobile, b, I, corner)
-        surface = ti.cast(linear + angular.cross(r), fields.real)
+        surface = surface_at(fields, linear, angular, r, n)
         v = ti.Vector([q[0], q[1], q[2]])
         new = coulomb(v, surface, fields.mobile_nodes.normal[n], fields.parameters.frictions[index])
         p = ti.cast(q[3] * (new - v), ti.f64)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mpm.backend import default_precision
-from mpm.errors import UnknownName
+from mpm.errors import InvalidValue, UnknownName
 from mpm.geometry.rigid_motion import Pose, Wrench, check_pose
 from mpm.observers import diagnostics
 from mpm.observers.clearance import ClearanceKernel, reach_of
@@ -136,6 +136,17 @@ class Readings(AssemblyOwner):
         if about is None and index in self.features.mobile:
             return self.mobility.impulse(index)
         return received(self.ledger[self.fields.rows.first_collider + index], here if about is None else about)
+
+    def passed_mass(self, index: int) -> np.ndarray:
+        """Return the mass [kg] that each orifice of a collider has let through, (n_holes,), in their order.
+
+        Counted from the start, or as a loaded state has it. Raises InvalidValue for a collider without orifices.
+        """
+        rows = {collider: (first, last) for _, collider, first, last in self.features.orifice_rows}
+        if index not in rows or self.fields.orifices is None:
+            raise InvalidValue(f"passed_mass: collider {index} has no orifices; with some: {sorted(rows)}")
+        first, last = rows[index]
+        return self.fields.orifices.read()[first:last, 6]
 
     def wall_impulse(self, side: str, about: np.ndarray | None = None) -> Wrench:
         """Return the impulse [N s], [N m s] that a wall received in the last advance.

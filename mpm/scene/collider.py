@@ -1,12 +1,20 @@
 """Colliders: rigid bodies in contact with particles."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
 
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.geometry.shape import Shape
 from mpm.geometry.shell import Shell
+from mpm.scene.orifice import Orifice
 from mpm.scene.validation import describe
+
+OBLIQUE = 0.7
+"""Cosine of the largest angle between a hole's axis and the shell's normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,7 +22,7 @@ class Collider:
     """A solid or a thin shell with Coulomb friction.
 
     Raises InvalidValue for a negative friction, for what is neither a shape nor a shell, for a pose that is not finite,
-    and for a collider that is static and mobile, or a static shell.
+    for a collider that is static and mobile, or a static shell, and for orifices that are not in its shell.
     """
 
     sdf: Shape | Shell
@@ -27,6 +35,8 @@ class Collider:
     """Whether it never moves; contact is then faster, from a table of the nodes."""
     mobile: bool = False
     """Whether contact with particles moves it, with the mobility given to `Solver.set_collider_mobility`."""
+    orifices: Sequence[Orifice] = ()
+    """Holes of a shell that are too small for the grid, see `Orifice`."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.sdf, Shape | Shell):
@@ -40,3 +50,24 @@ class Collider:
         if self.static and isinstance(self.sdf, Shell):
             raise InvalidValue("Collider: static = True and a Shell, for which there is no table of the nodes; "
                                "accepted: static = False: a shell that is given no motion stays where it is")
+        for place, orifice in enumerate(self.orifices):
+            if not isinstance(orifice, Orifice):
+                raise InvalidValue(f"Collider: orifices[{place}] = {describe(orifice)}; accepted: mpm.Orifice")
+            if not isinstance(self.sdf, Shell):
+                raise InvalidValue(f"Collider: orifices in a {type(self.sdf).__name__}; accepted: in a mpm.Shell")
+            normals_at(self.sdf, orifice)
+
+
+def normals_at(shell: Shell, orifice: Orifice) -> np.ndarray:
+    """Return the normals (n, 3) of a shell's mid-surface at the holes of an orifice.
+
+    Raises InvalidValue for a hole that is not in the shell, or whose axis is more than 45 deg off the normal.
+    """
+    _foot, distance, face = trimesh.proximity.closest_point(shell.mesh, orifice.positions)
+    normals = shell.mesh.face_normals[face]
+    cosine = np.abs(np.einsum("nd,nd->n", normals, orifice.axes))
+    for n in np.flatnonzero((distance > shell.thickness) | (cosine < OBLIQUE)):
+        raise InvalidValue(f"Orifice: hole {n} at {orifice.positions[n].tolist()} m is {distance[n]:.2g} m from the "
+                           f"shell's mid-surface, its axis {np.degrees(np.arccos(min(cosine[n], 1.0))):.0f} deg off the "
+                           f"normal; accepted: up to {shell.thickness:.2g} m, its thickness, and 45 deg")
+    return normals

@@ -52,6 +52,8 @@ class Features:
     """Particles at rest fall asleep."""
     touching: bool
     """Solids stop only material that touches one of their faces."""
+    orifices: tuple[tuple[int, int], ...]
+    """Index of a shell with small holes, and how many it has."""
 
     serial: bool
     """Whether one thread advances the scene; otherwise several threads or a GPU."""
@@ -65,6 +67,13 @@ class Features:
     def shell_rows(self) -> tuple[tuple[int, int], ...]:
         """(row of the motion table, index of the collider) of every shell."""
         return tuple((len(self.moving_solids) + i, index) for i, index in enumerate(self.shells))
+
+    @property
+    def orifice_rows(self) -> tuple[tuple[int, int, int, int], ...]:
+        """(row of the motion table, index of the collider, first and last + 1 hole) of every shell with holes."""
+        ends = np.cumsum([n for _, n in self.orifices]).tolist()
+        return tuple((self.moving_colliders.index(index), index, end - n, end)
+                     for (index, n), end in zip(self.orifices, ends))
 
     @property
     def mobile_rows(self) -> tuple[tuple[int, int], ...]:
@@ -117,8 +126,8 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
                 body_acceleration: bool, strides: bool, sleep: bool = False, contact: Contact = "near") -> Features:
     """Derive the features of a scene.
 
-    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations; UnknownName for a contact that
-    is not in CONTACTS.
+    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations, and for one with orifices on a
+    GPU, and with a fluid; UnknownName for a contact that is not in CONTACTS.
     """
     if contact not in CONTACTS:
         raise UnknownName("contact", contact, CONTACTS)
@@ -128,6 +137,14 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         raise InvalidValue("Solver: sleep on a GPU; accepted there: sleep=False, or mpm.init(arch=\"cpu\")")
     if sleep and body_acceleration:
         raise InvalidValue("Solver: sleep with body_acceleration; accepted: sleep=False, or gravity alone")
+    orifices = tuple((i, sum(len(o.positions) for o in c.orifices)) for i, c in enumerate(colliders) if c.orifices)
+    if orifices and is_shared():
+        raise InvalidValue(f"Solver: collider {orifices[0][0]} has orifices, which a GPU does not have; accepted there: "
+                           "shells without, or mpm.init(arch=\"cpu\")")
+    for place, body in enumerate(bodies):
+        if orifices and body.material.state == "volume":
+            raise InvalidValue(f"Solver: collider {orifices[0][0]} has orifices, and bodies[{place}] is a fluid, which "
+                               "does not flow by Beverloo's law; accepted: granular materials")
     return Features(
         precision=precision, integrator=integrator,
         volume_correction=any(b.material.has_volume_correction for b in bodies),
@@ -140,4 +157,5 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         mobile=mobile,
         static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
         sleep=sleep, touching=contact == "touching" and any(not t for t in thin),
+        orifices=orifices,
     )

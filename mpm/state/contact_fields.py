@@ -1,18 +1,26 @@
-"""Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders.
+"""Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders, holes.
 
 A phase fills a list in its order with one thread; several take places from a counter. Threads of a CPU do so in any
 order, but each in the order of its own part: sorted by part, a list is the same in every run. On a GPU lists whose
 order matters, because each entry changes what the next one meets, are ranked by particle.
 """
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
-from mpm.backend import is_concurrent, real_type, ti
+from mpm.backend import is_concurrent, put, real_type, ti
+from mpm.scene.collider import Collider, normals_at
+from mpm.scene.features import Features
 from mpm.scene.grid import BLOCK, Grid
-from mpm.state.packs import LANES
+from mpm.scene.validation import read_array
+from mpm.state.packs import LANES, Packs
 
 TOLERANCE = {"f32": 1e-5, "f64": 1e-11}
 """Error at which a contact solve ends, relative to the change of twist by contact."""
+
+ALWAYS = 1e30
+"""Volume [m^3] of an avalanche that never ends."""
 
 
 class StaticContact:
@@ -69,6 +77,55 @@ class ShellFields:
             field.fill(0)
 
 
+class OrificeFields:
+    """Small holes of shells: where they are, their law's numbers, and what each has let through."""
+
+    def __init__(self, features: Features) -> None:
+        real = real_type(features.precision)
+        self._dtype = np.float64 if features.precision == "f64" else np.float32
+        self.holes = sum(n for _, n in features.orifices)
+        self.position, self.axis = (ti.Vector.field(3, real, self.holes) for _ in range(2))
+        """Centre [m] and direction outward, in the shell's frame."""
+        self.numbers = ti.field(real, (self.holes, 6))
+        """Diameter D, effective diameter D - k d [m], C, bulk volume [m^3] of an avalanche, threshold of vibration, and
+        the sign of the shell's outer side."""
+        self.state = ti.Vector.field(LANES, ti.f64, 2 * self.holes)
+        """Two packs a hole. First: the shell's velocity there [m/s], smoothed, and the mass due [kg]. Second: square of
+        its acceleration [m^2/s^4], smoothed, or -1 before the first stride; mass of the present avalanche, mass passed
+        in all [kg], and speed [m/s] at which the face about the hole recedes."""
+        self.packs = ti.field(ti.i32, ())
+        """Packs of `state`."""
+        put(self.packs, np.array(2 * self.holes, np.int32))
+        self._states = Packs([self.state], self.packs, np.float64)
+
+    def fill(self, colliders: Sequence[Collider]) -> None:
+        """Write the numbers of a scene's holes, which have let nothing through."""
+        holes = [(c.sdf, o) for c in colliders for o in c.orifices]
+        put(self.position, np.concatenate([o.positions for _, o in holes]).astype(self._dtype))
+        put(self.axis, np.concatenate([o.axes for _, o in holes]).astype(self._dtype))
+        rows = []
+        for shell, o in holes:
+            outer = np.sign(np.einsum("nd,nd->n", normals_at(shell, o), o.axes))
+            law = (o.diameter, o.opening, o.C, min(o.avalanche, ALWAYS), o.vibration)
+            rows += [(*law, sign) for sign in outer]
+        put(self.numbers, np.array(rows, self._dtype))
+        start = np.zeros((1, self.holes, 2 * LANES))
+        start[..., LANES] = -1.0
+        self.write(start.reshape(1, -1, LANES))
+
+    def read(self) -> np.ndarray:
+        """Return the state of the holes (holes, 8)."""
+        return self._states.read([self.state]).reshape(self.holes, 2 * LANES)
+
+    def read_snapshot(self, state: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the holes' state in a snapshot as packs (1, 2 holes, LANES); raises InvalidValue for another scene."""
+        return read_array(state, "orifices", (self.holes, 2 * LANES)).astype(float).reshape(1, -1, LANES)
+
+    def write(self, packs: np.ndarray) -> None:
+        """Write the state of the holes, as packs (1, 2 holes, LANES)."""
+        self._states.write([self.state], packs)
+
+
 class PenetratingParticles:
     """Particles near moving solids, listed by several threads for one to stop them; room for `capacity`."""
 
@@ -85,10 +142,10 @@ class PenetratingParticles:
 class MobileContact:
     """The nodes that each mobile collider touches in this substep, and room for six equations.
 
-    parts: parts of several threads of a CPU; 0: the lists need no sorting.
+    parts: parts of several threads of a CPU; 0: the lists need no sorting. recedes: a collider has orifices.
     """
 
-    def __init__(self, capacities: list[int], precision: str, parts: int = 0) -> None:
+    def __init__(self, capacities: list[int], precision: str, parts: int = 0, recedes: bool = False) -> None:
         real = real_type(precision)
         self.tolerance = TOLERANCE[precision]
         ends = np.cumsum(capacities)
@@ -105,6 +162,9 @@ class MobileContact:
         self.node = ti.Vector.field(3, ti.i32, int(ends[-1]))
         self.normal = ti.Vector.field(3, real, int(ends[-1]))
         """Out of the collider, in world axes."""
+        self.recedes = recedes
+        self.receding = ti.Vector.field(3, real, int(ends[-1]) if recedes else 1)
+        """Velocity [m/s] of the face besides that of the collider, at an orifice that flows."""
         self.slope = ti.field(ti.f64, (6, 6))
         """Derivative of the impulse on the nodes by the collider's twist."""
         self.impulse = ti.field(ti.f64, 6)

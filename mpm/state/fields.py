@@ -17,7 +17,7 @@ from mpm.scene.grid import GHOST, Grid
 from mpm.scene.wall_condition import WallCondition
 from mpm.scene.walls import Walls, conditions_of
 from mpm.state.active_blocks import Stamps
-from mpm.state.contact_fields import MobileContact, PenetratingParticles, ShellFields, StaticContact
+from mpm.state.contact_fields import MobileContact, OrificeFields, PenetratingParticles, ShellFields, StaticContact
 from mpm.state.ledger import LedgerRows, ledger_rows
 from mpm.state.nodes import GridFields
 from mpm.state.parameters import Parameters, laws_of
@@ -40,6 +40,7 @@ class Fields:
     colliders: tuple[Collider, ...]
     static_contact: StaticContact | None
     shells: ShellFields | None
+    orifices: OrificeFields | None
     mobile_nodes: MobileContact | None
     penetrating: PenetratingParticles | None
     sleepers: Sleepers | None
@@ -142,7 +143,8 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
     shells = _shell_fields(grid, features, particles.n_lanes)
     mobile = None
     if features.mobile:
-        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision, parts)
+        mobile = MobileContact([nodes.nodes_near(ready[i].sdf.radius) for i in features.mobile], precision, parts,
+                               bool(features.orifices))
     penetrating = None
     if not features.serial and set(features.mobile) & set(features.moving_solids):
         penetrating = PenetratingParticles(particles.n_lanes * len(features.moving_solids), max(parts, 1))
@@ -153,6 +155,7 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
         features=features, particles=particles, grid=nodes, laws=tuple(laws_of(bodies)),
         wall_conditions=tuple(conditions_of(walls)), colliders=tuple(ready),
         static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
+        orifices=OrificeFields(features) if features.orifices else None,
         mobile_nodes=mobile, penetrating=penetrating, sleepers=sleepers,
         parameters=Parameters(len(bodies), len(colliders), precision),
         stamps=Stamps(), scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),
@@ -175,3 +178,5 @@ def fill_fields(fields: Fields, grid: Grid, bodies: list[Body], colliders: Seque
     fields.stamps.is_listed = False
     if fields.shells is not None:
         fields.shells.fill()
+    if fields.orifices is not None:
+        fields.orifices.fill(colliders)

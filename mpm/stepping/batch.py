@@ -60,6 +60,9 @@ class BatchStepper(CpuStepper):
         self.n, self.numbers = n, NumbersKernel(fields, counter, n_colliders)
         flags = [counter.flags] if counter is not None else []
         self.states = StateBank(self.fields.particles.state_fields, self.fields.particles.pack_count, n, flags)
+        holes = fields.orifices
+        self.holes = [] if holes is None else [StateBank([holes.state], holes.packs, n)]
+        """The bank of the orifices, if there are any."""
         self.sample_rows = sample.count if sample is not None else 0
         self.launch_all = Launcher(self, BatchStepper.run_all)
 
@@ -79,6 +82,8 @@ class BatchStepper(CpuStepper):
             substeps, row, interval, done, stamp, max_stride = [plans[e, i] for i in ti.static(range(6))]
             if substeps != ti.static(SKIPPED):
                 self.states.restore(e)
+                for bank in ti.static(self.holes):
+                    bank.restore(e)
                 self.numbers.write(numbers, e)
                 dt = dts[e]
                 if substeps == ti.static(READ_ONLY):  # noqa: SIM102  (decided when compiling)
@@ -92,6 +97,8 @@ class BatchStepper(CpuStepper):
                 if ti.static(self.has_sample):
                     self.sample.take(sampled, e * ti.static(self.sample_rows))
                 self.states.store(e)
+                for bank in ti.static(self.holes):
+                    bank.store(e)
                 for i in range(results.shape[1]):
                     for j in range(6):
                         results[e, i, j] = out[i, j]
@@ -200,12 +207,16 @@ class Batch:
         particles = self.solver.particles
         arrays = [particles.read_snapshot(state, name) for name in particles.named_fields()]
         self.solver.grid.check_inside(arrays[0] + self.solver.grid.origin, "load: ", ROUNDING)
+        orifices = self.solver.fields.orifices
+        holes = None if orifices is None else orifices.read_snapshot(state)
         packed = [particles.pack(values) for values in arrays]
         self._paths[e].poses = self._paths[e].read_snapshot(state)
         self._paths[e].pending.clear()
         self.time[e], self.steps[e] = float(state["time"]), int(state["steps"])
         with default_precision(self.solver.precision):
             self._stepper.states.write(e, np.concatenate(packed))
+            for bank in self._stepper.holes:
+                bank.write(e, holes)
         self._read(e)
         return self._read(e)  # the first reading has flagged the particles out of bounds
 
@@ -304,7 +315,8 @@ class Batch:
         paths.pending.clear()
         self.time[e], self.steps[e] = solver.time, solver.steps
         with default_precision(solver.precision):
-            self._stepper.states.store_now(e)
+            for bank in (self._stepper.states, *self._stepper.holes):
+                bank.store_now(e)
 
     def select(self, e: int) -> None:
         """Set the solver to the state of an environment, to read or render it."""
@@ -312,5 +324,6 @@ class Batch:
         solver.check_open()
         with default_precision(solver.precision):
             self._numbers.hand_over(e, solver)
-            self._stepper.states.restore_now(e)
+            for bank in (self._stepper.states, *self._stepper.holes):
+                bank.restore_now(e)
         solver.adopt_state(list(self._paths[e].poses), float(self.time[e]), int(self.steps[e]))

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 from mpm.boundaries.contact import order_penetrating, stop_penetrating, stop_penetration, update_nodes
 from mpm.boundaries.mobile_contact import solve_mobile_contact
 from mpm.boundaries.mobile_motion import start_mobile_colliders
+from mpm.boundaries.orifice_flow import pass_orifices
 from mpm.boundaries.periodic import activate_home_nodes, fold_periodic, mark_images, unfold_periodic
 from mpm.boundaries.shell_sides import label_nodes, label_particles, list_particles
 from mpm.boundaries.shell_transfer import gather_across_shells, order_entering, scatter_across_shells, stop_at_shells
@@ -129,6 +130,7 @@ ORDER = (
           "a mobile solid on a GPU"),
     Phase("stop penetrating particles", "once", stop_penetrating, lambda f: f.stops_later,
           "a mobile solid, and several threads"),
+    Phase("pass orifices", "once", pass_orifices, lambda f: bool(f.features.orifices), "an orifice"),
 )
 """All phases, in the order of a substep."""
 FIRST_OF_PARTICLES = "start block list"

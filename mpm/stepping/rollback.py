@@ -26,7 +26,7 @@ class Rollback:
         """Whether the next launch copies the particles' state to the checkpoint first."""
 
     def allocate(self, place: int = CHECKPOINT) -> list[StateBank]:
-        """Return the banks of a place that the state is copied to: of the particles, then of a counter's flags.
+        """Return the banks of a place that the state is copied to: particles, then orifices, then a counter's flags.
 
         They take memory from the first call on.
         """
@@ -34,6 +34,10 @@ class Rollback:
         count, sleepers = particles.pack_count, self._solver.fields.sleepers
         banks = [assembly.share(("bank", place), lambda: StateBank(particles.state_fields, count, 1,
                                                                             sleepers=sleepers))]
+        orifices = self._solver.fields.orifices
+        if orifices is not None:
+            banks.append(assembly.share(("bank", place, "orifices"),
+                                        lambda: StateBank([orifices.state], orifices.packs, 1)))
         if counter is not None:
             kernel = counter.kernel
             banks.append(assembly.share(("bank", place, kernel), lambda: StateBank([], count, 1, [kernel.flags])))

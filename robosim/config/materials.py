@@ -10,7 +10,7 @@ from robosim.config.resources import config_path
 from robosim.config.table import Quantity, Table, load, read
 from robosim.errors import ConfigError, UnknownName
 
-__all__ = ["MaterialConfig", "law_of", "load_material", "overridden"]
+__all__ = ["MaterialConfig", "grain_diameter_of", "law_of", "load_material", "overridden"]
 
 Law = mpm.DruckerPrager | mpm.MuIRheology | mpm.NewtonianFluid | mpm.VonMises
 
@@ -33,8 +33,8 @@ class MaterialConfig(Table):
 
     @pydantic.model_validator(mode="after")
     def _check_units(self) -> "MaterialConfig":
-        for name in self.numbers():
-            if getattr(self, name).unit != self.UNITS[name]:
+        for name in self.UNITS.keys() & type(self).model_fields.keys():
+            if getattr(self, name) is not None and getattr(self, name).unit != self.UNITS[name]:
                 raise ValueError(f"{name}: unit {getattr(self, name).unit!r}; accepted: {self.UNITS[name]!r}")
         return self
 
@@ -62,6 +62,8 @@ class GranularConfig(MaterialConfig):
     """Internal friction angle [deg]."""
     cohesion: Annotated[Quantity, Within(0.0, 1e9)]  # concrete has 1e7 Pa
     """Cohesion [Pa]."""
+    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)] | None = None  # the finest powder to coarse gravel
+    """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse the material."""
 
 
 class MuIConfig(GranularConfig):
@@ -71,7 +73,7 @@ class MuIConfig(GranularConfig):
     """mu(I) rheology."""
     limit_angle: Annotated[Quantity, Within(0.0, 89.0)]  # as the friction angle
     """Friction angle at infinite rate [deg], not below `friction_angle`."""
-    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)]  # the finest powder to coarse gravel
+    grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)]  # type: ignore[assignment]  # as of granular materials
     """Diameter of a grain [m]."""
     grain_density: Annotated[Quantity, Within(1.0, 25_000.0)]  # aerogel to osmium
     """Density of a grain itself [kg/m^3]."""
@@ -158,6 +160,12 @@ def overridden(config: MaterialConfig, numbers: dict[str, float],
         except ValueError as error:
             raise ConfigError(f"{what}: {error}") from None
     return result
+
+
+def grain_diameter_of(config: MaterialConfig) -> float | None:
+    """Return the diameter of a material's grains [m]; None where it has none."""
+    diameter = config.grain_diameter if isinstance(config, GranularConfig) else None
+    return None if diameter is None else diameter.value
 
 
 def law_of(config: MaterialConfig) -> Law:

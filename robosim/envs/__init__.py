@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")
 """The eight sub-tasks of arXiv 2406.09178."""
-DOSING = ("DoseSpoon", "DoseScoop", "DoseBottle", "ScoopTo")
+DOSING = ("DoseSpoon", "DoseScoop", "DoseBottle", "DoseShaker", "ScoopTo")
 """Tasks of dosing."""
 BUNDLED = (*TASKS, *DOSING)
 """All tasks of configs/tasks."""

@@ -56,5 +56,9 @@ class DoseBottle(SubTask):
     pass
 
 
+class DoseShaker(SubTask):
+    pass
+
+
 class ScoopTo(SubTask):
     pass

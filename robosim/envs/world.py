@@ -9,7 +9,7 @@ import numpy as np
 
 import mpm
 from mpm.observers.diagnostics import Momentum
-from robosim.config.materials import Law, law_of, load_material, overridden
+from robosim.config.materials import Law, grain_diameter_of, law_of, load_material, overridden
 from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
@@ -19,6 +19,7 @@ from robosim.randomization.draw import HOME, Draw, Setting
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import Ranges, choose_ranges
 from robosim.senses.perception import Perception, PerceptionOptions
+from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL, TaskCounter
 from robosim.tasks.field import build_solver, fill_positions, filling_head, grain_volume
 from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
@@ -82,6 +83,9 @@ class World:
         self.observer = Perception(self.task, perception)
         ranges = choose_ranges(randomize, self.task, mobile)
         self.randomization = Randomization(self.task, self.material, ranges, arm=mobile, sensors=self.observer.domains)
+        if self.randomization.materials and tool_shape(self.task.tool).holes is not None:
+            raise ConfigError(f"randomize: material with the tool {self.task.tool_name!r}, whose holes are made for the "
+                              f"grains of one material; accepted: numbers of the material, or another tool")
         if load is not None and self.randomization.varies_grains:
             raise ConfigError(f"randomize: {', '.join(ranges)} with load; accepted with load: neither material, nor "
                               f"fill, nor surface_slope_deg")
@@ -89,7 +93,8 @@ class World:
         self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, positions=positions,
                                    volume=None if load is None else load.volume,
                                    dt=self.randomization.step if self.randomization.materials else None,
-                                   moves_containers=self.randomization.moves_places)
+                                   moves_containers=self.randomization.moves_places,
+                                   grain_diameter=grain_diameter_of(self.material))
         self._home = self.task.start.pose
         self._volumes = {1.0: grain_volume_of(self.solver)}
         """Of a grain [m^3], by the fill."""

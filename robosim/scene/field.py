@@ -17,7 +17,7 @@ from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grains import fill
 from robosim.scene.models import container_shape
-from robosim.shapes import OwnTool, tool_shape
+from robosim.shapes import MeshTool, OwnTool, ToolShape, tool_shape
 
 TOOL_SPACING = 1e-3
 """Lattice spacing [m] of the tool's signed distance: interpolation is exact to 0.1 mm at a sixth of a wall."""
@@ -81,8 +81,9 @@ def choose_region(config: RehearsalConfig) -> RehearsalConfig:
 def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
     """Build the signed distance of a tool in its own frame.
 
-    thickness: of its wall [m].
+    thickness: of its wall [m]. Raises ConfigError for a tool with holes.
     """
+    check_holes(tool_shape(tool), f"wall of {thickness} m")
     return tool_shape(tool).distance(thickness, TOOL_SPACING)
 
 
@@ -91,6 +92,13 @@ def filled_volume(config: RehearsalConfig) -> float:
     sdf = build_tool_sdf(config.tool, config.grain_wall)
     positions, volume = fill(config, sdf, {}, mpm.Pose.identity(), np.random.default_rng(0))
     return volume * len(positions)
+
+
+def check_holes(shape: ToolShape | MeshTool, wall: str) -> None:
+    """Raise ConfigError for a tool with holes that is a solid in the field; wall: how its wall was given."""
+    if shape.holes is not None:
+        raise ConfigError(f"tool {shape.name!r} with a {wall}: its holes are smaller than a cell, and a solid has none; "
+                          f"accepted: a task with tool_wall: shell, or another tool")
 
 
 def build_container_sdf(name: str, container: ContainerConfig, field: FieldConfig) -> Lattice:

@@ -70,6 +70,8 @@ def sample_in_tool(tool: str | OwnTool, sdf: Lattice, spacing: float, rng: np.ra
     region = tool_shape(tool).interior
     centre, half = np.array(region.centre), np.array(region.half)
     local = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
+    if tool_shape(tool).holes is not None:  # nothing is placed on its cap
+        local = local[region.holds(local)]
     return local[(sdf.distance(local) > 0.5 * spacing) & _is_above_tool(local, sdf, spacing)]
 
 

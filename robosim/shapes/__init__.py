@@ -7,9 +7,9 @@ from robosim.errors import UnknownName
 from robosim.shapes.mesh_tool import MeshTool, OwnTool, read_tool
 from robosim.shapes.sheet_tools import SCOOP, SHOVEL
 from robosim.shapes.tool import ToolShape
-from robosim.shapes.vessels import BOTTLE, SPOON
+from robosim.shapes.vessels import BOTTLE, SHAKER, SPOON
 
-TOOLS = {shape.name: shape for shape in (SPOON, SCOOP, BOTTLE, SHOVEL)}
+TOOLS = {shape.name: shape for shape in (SPOON, SCOOP, BOTTLE, SHAKER, SHOVEL)}
 """Name -> shape of each bundled tool."""
 
 

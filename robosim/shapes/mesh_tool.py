@@ -165,6 +165,15 @@ class MeshTool:
         raise ConfigError(f"tool {self.name!r} is from a mesh, whose inner face is not told from its outer one, as a "
                           f"shell needs it; accepted: a wall thickness in metres, or a bundled tool")
 
+    @property
+    def holes(self) -> None:
+        """None: the holes of a mesh are as it has them."""
+        return None
+
+    def orifices(self, grain_diameter: float) -> list[mpm.Orifice]:
+        """Return no orifices."""
+        return []
+
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of the tool with its real wall."""
         return mpm.Sdf.from_mesh(self.head + self.rod, spacing=spacing)

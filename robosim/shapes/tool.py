@@ -5,6 +5,7 @@ The handle is a bend, then a straight part up and back. Tool frame: x towards th
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -83,6 +84,17 @@ def compute_grip_pose(start: ArrayLike) -> Array:
     return pose
 
 
+class Holes(NamedTuple):
+    """Equal holes in the inner face of a tool's head, smaller than the cells of its field."""
+
+    positions: tuple[tuple[float, float, float], ...]
+    """Their centres [m]."""
+    axis: tuple[float, float, float]
+    """Direction in which they let grains out."""
+    diameter: float
+    """[m]"""
+
+
 @dataclass(frozen=True)
 class ToolShape:
     """Shape of one tool, in its own frame; lengths in metres."""
@@ -95,7 +107,9 @@ class ToolShape:
     handle_start: tuple[float, float, float] | None = None
     """Start of the handle [m]; None: no handle."""
     face: Callable[[], trimesh.Trimesh] | None = None
-    """The head's inner face, open, with its normals into what it holds; None: the head holds nothing."""
+    """The head's inner face, with its normals into what it holds; None: the head holds nothing."""
+    holes: Holes | None = None
+    """Holes of that face; only a head in the field as a shell has them."""
 
     def solid(self, wall: float = WALL) -> list[trimesh.Trimesh]:
         """Make all parts as closed meshes, the head with a wall thickness [m]."""
@@ -115,6 +129,13 @@ class ToolShape:
             raise ConfigError(f"tool {self.name!r} holds nothing, so that it has no inner face for a shell; accepted: "
                               f"a wall thickness in metres")
         return shell_behind(self.face(), WALL)
+
+    def orifices(self, grain_diameter: float) -> list[mpm.Orifice]:
+        """Return the holes of the head as orifices of its shell, for grains of a diameter [m]."""
+        if self.holes is None:
+            return []
+        return [mpm.Orifice(np.array(self.holes.positions), np.array(self.holes.axis), diameter=self.holes.diameter,
+                            grain_diameter=grain_diameter)]
 
     def real_distance(self, spacing: float) -> Lattice:
         """Return the signed distance of all parts with their real wall."""

@@ -1,8 +1,8 @@
-"""Vessels that are lofted or revolved: the spoon, the bottle and open-topped containers.
+"""Vessels that are lofted or revolved: the spoon, the bottle, the shaker and open-topped containers.
 
 Spoon: a half-ellipsoid bowl. Frame: centre of the rim plane, x to the tip, z up.
 Bottle: a round body with a shoulder and a neck, open on top, gripped around its body. Frame: on the axis, half way up
-the body, z towards the mouth. Lengths are metres.
+the body, z towards the mouth. Shaker: the bottle with a perforated cap on its mouth. Lengths are metres.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 import mpm
 from robosim.shapes.faces import make_face, revolve_face
 from robosim.shapes.lofts import loft, revolve, smoothstep, superellipse
-from robosim.shapes.tool import WALL, ToolShape
+from robosim.shapes.tool import WALL, Holes, ToolShape
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,12 @@ MOUTH = FLOOR + BODY + SHOULDER + NECK
 """Height of its mouth."""
 BOTTLE_INTERIOR = mpm.Region((0.0, 0.0, 0.5 * (FLOOR + MOUTH)),
                              (1.1 * RADIUS, 1.1 * RADIUS, 0.5 * (MOUTH - FLOOR) + 0.004), round=True)
+
+SHAKER_INTERIOR = mpm.Region((0.0, 0.0, 0.5 * (FLOOR + MOUTH)),
+                             (1.1 * RADIUS, 1.1 * RADIUS, 0.5 * (MOUTH - FLOOR)), round=True)
+"""Up to its cap."""
+HOLE, HOLE_RINGS = 0.0025, (0.006, 0.012)
+"""Diameter of a hole in the shaker's cap, and radii of the two rings of holes."""
 
 
 def bowl_directions(around: int, down: int) -> Array:
@@ -90,6 +96,31 @@ def make_bottle_face() -> trimesh.Trimesh:
 
 
 BOTTLE = ToolShape("bottle", make_bottle, BOTTLE_INTERIOR, None, make_bottle_face)
+
+
+def make_cap_holes() -> Holes:
+    """Make the holes of the shaker's cap: one in the middle, and two rings of six."""
+    places = [(0.0, 0.0, MOUTH)]
+    for radius, offset in zip(HOLE_RINGS, (0.0, 0.5)):
+        angles = 2.0 * np.pi * (np.arange(6) + offset) / 6
+        places += [(float(radius * np.cos(a)), float(radius * np.sin(a)), MOUTH) for a in angles]
+    return Holes(tuple(places), (0.0, 0.0, 1.0), HOLE)
+
+
+def make_shaker(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
+    """Make the wall of the shaker, with a thickness [m] grown outward; of the cap's holes only the middle one is cut."""
+    cap = [[NECK_RADIUS + wall, MOUTH + wall], [0.5 * HOLE, MOUTH + wall], [0.5 * HOLE, MOUTH]]
+    return revolve(np.concatenate([make_profile(wall), cap, make_profile(0.0)[::-1]]), around)
+
+
+def make_shaker_face() -> trimesh.Trimesh:
+    """Make the inner face of the shaker, closed: its holes are orifices of the shell."""
+    face = revolve(np.concatenate([make_profile(0.0), [[0.0, MOUTH]]]), 48)
+    face.invert()
+    return face
+
+
+SHAKER = ToolShape("shaker", make_shaker, SHAKER_INTERIOR, None, make_shaker_face, make_cap_holes())
 
 
 def box_outline(size: Array, corner: float, grow: float, z: float) -> Array:

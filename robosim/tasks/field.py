@@ -9,7 +9,8 @@ import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import accepted_bound, choose_step
 from robosim.config.materials import Law
-from robosim.scene.field import build_container_colliders, check_substeps
+from robosim.errors import ConfigError
+from robosim.scene.field import build_container_colliders, check_holes, check_substeps
 from robosim.scene.frames import container_pose
 from robosim.scene.grains import sample_in_tool
 from robosim.scene.models import container_shape
@@ -36,6 +37,20 @@ def head_shell(shape: ToolShape | MeshTool) -> mpm.Shell:
 def field_head(task: TaskConfig) -> Lattice | mpm.Shell:
     """Return the head of a task's tool as its field has it: a solid's signed distance, or a thin shell."""
     return head_shell(tool_shape(task.tool)) if task.tool_wall == "shell" else filling_head(task)
+
+
+def head_orifices(task: TaskConfig, grain_diameter: float | None) -> list[mpm.Orifice]:
+    """Return the small holes of the head of a task's tool, for grains of a diameter [m].
+
+    Raises ConfigError for a tool with holes that is not a shell in the field, or without a diameter.
+    """
+    shape = tool_shape(task.tool)
+    if task.tool_wall != "shell":
+        check_holes(shape, f"tool_wall of {task.tool_wall} m")
+    if shape.holes is not None and grain_diameter is None:
+        raise ConfigError(f"tool {shape.name!r} with a material without grain_diameter, by which its holes let grains "
+                          f"pass; accepted: salt, sugar, sand, glass_beads, or a file with that key")
+    return [] if grain_diameter is None else shape.orifices(grain_diameter)
 
 
 def filling_head(task: TaskConfig) -> Lattice:
@@ -103,15 +118,18 @@ def largest_step(task: TaskConfig, law: Law) -> float:
 
 
 def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions: np.ndarray | None = None,
-                 volume: float | None = None, dt: float | None = None, moves_containers: bool = False) -> mpm.Solver:
+                 volume: float | None = None, dt: float | None = None, moves_containers: bool = False,
+                 grain_diameter: float | None = None) -> mpm.Solver:
     """Build the solver with its grains as filled, not yet settled.
 
     mobile: contact moves the tool, too. positions [m] (n, 3) and volume [m^3] of a grain: in place of the task's own.
     dt: substep [s]; None: the task's own. moves_containers: whether containers can be put to other places.
+    grain_diameter: [m] of the material, which a tool with small holes needs.
     """
     field = task.field
     check_substeps("step_dt", task.step_dt, largest_step(task, law))
-    colliders = [mpm.Collider(field_head(task), friction=field.tool_friction, pose=task.start.pose, mobile=mobile)]
+    colliders = [mpm.Collider(field_head(task), friction=field.tool_friction, pose=task.start.pose, mobile=mobile,
+                              orifices=head_orifices(task, grain_diameter))]
     colliders += build_container_colliders(task.containers, field, static=not moves_containers)
     if task.receiver is not None:
         colliders.append(mpm.Collider(container_shape(RECEIVER, task.receiver).shell(),

@@ -6,6 +6,7 @@ Run as a process of its own: bits are compared in double precision with IEEE ord
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import trimesh
@@ -59,12 +60,15 @@ def main() -> int:
     moving, mobile = mpm.Collider(ball, pose=FAR), mpm.Collider(ball, pose=FAR, mobile=True)
     static = mpm.Collider(ball, pose=FAR, static=True)
     shell = mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(3, 0.03), 1e-3), pose=FAR)
+    holes = mpm.Orifice(np.array([[0.03, 0.0, 0.0], [0.0, 0.0, -0.03]]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+                        diameter=4e-3, grain_diameter=4e-4)
+    shaker = replace(shell, orifices=[holes])
     if sys.argv[1] == "together":
         agree = {"all": same(plain, state([moving, mobile, static, shell], bodies=2, accelerated=True))}
     else:
         scenes = {
             "moving collider": state([moving]), "mobile collider": state([mobile]), "static collider": state([static]),
-            "second body": state([], bodies=2), "shell": state([shell]),
+            "second body": state([], bodies=2), "shell": state([shell]), "orifice": state([shaker]),
             "body acceleration": state([], accelerated=True), "sleep": state([], sleep=True),
         }
         agree = {name: same(plain, other) for name, other in scenes.items()}

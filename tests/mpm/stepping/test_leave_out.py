@@ -14,7 +14,7 @@ import mpm
 
 @pytest.mark.parametrize(("how", "features"), [
     ("together", ["all"]),
-    pytest.param("apart", ["moving collider", "mobile collider", "static collider", "second body", "shell",
+    pytest.param("apart", ["moving collider", "mobile collider", "static collider", "second body", "shell", "orifice",
                            "body acceleration", "sleep", "stride"], marks=pytest.mark.slow)])
 def test_idle_features_equal_absent_ones(how: str, features: list[str]) -> None:
     script = Path(__file__).with_name("idle_features.py")
@@ -31,7 +31,7 @@ def test_absent_features_take_no_memory() -> None:
     water = mpm.Body(mpm.NewtonianFluid(bulk_modulus=1e5, density=1000.0), positions, volume=8e-6)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.2, 0.2, 0.2), 0.02), bodies=[water])
     assert solver.particles.e == [] and solver.particles.vc is None
-    assert solver.fields.static_contact is None and solver.fields.shells is None
+    assert solver.fields.static_contact is None and solver.fields.shells is None and solver.fields.orifices is None
     assert solver.fields.sleepers is None and solver.particles.rest is None
     assert solver.fields.mobile_nodes is None and solver.features.mobile == ()
     assert solver.particles.side is None and solver.particles.acceleration == [] and solver.fields.grid.layers == 1
