@@ -19,7 +19,7 @@ from robosim.errors import ConfigError
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 KILOGRAMS = {"kg": 1.0, "g": 1e-3}
 MAX_HOLES = 0.2
-"""Largest share of pixels without a height; rings are means, and a fifth fewer readings widen their errors by a tenth."""
+"""Largest share of pixels without a height: a fifth fewer readings widen the errors of rings by a tenth."""
 VOLUMES = (0.6, 1.5)
 """Least and largest volume of a heap over that of its column. Powders loosen or pack by some 20 % when they are let go;
 a heap in cm instead of mm has ten times, or a tenth of, the volume."""
@@ -97,7 +97,8 @@ def make_rings(name: str, heap: HeapExperiment, data: HeapData) -> Rings:
     used = index < last
     index, distances, heights = index[used], data.distances[used], data.heights[used]
     counts = counts[:last]
-    rings = Rings(index, distances, np.bincount(index, distances) / counts, np.bincount(index, heights) / counts, counts)
+    radii, means = (np.bincount(index, values) / counts for values in (distances, heights))
+    rings = Rings(index, distances, radii, means, counts)
     _check_volume(name, heap, rings, width)
     return rings
 
@@ -116,8 +117,8 @@ def read_curve(name: str, pour: PourExperiment) -> Curve:
     fallen = highest - masses
     if (fallen > FALL * math.sqrt(2.0) * pour.noise).any():
         k = int(np.argmax(fallen))
-        raise ConfigError(f"{place}: the mass falls from {highest[k]:g} to {masses[k]:g} kg at t = {times[k]:g} s, more "
-                          f"than noise of {pour.noise:g} kg explains; accepted: the mass that has left the box")
+        raise ConfigError(f"{place}: the mass falls from {highest[k]:g} to {masses[k]:g} kg at t = {times[k]:g} s, "
+                          f"more than noise of {pour.noise:g} kg explains; accepted: the mass that has left the box")
     if times[0] < 0:
         raise ConfigError(f"{place}: begins at t = {times[0]:g} s; accepted: times from the begin of the tilting, 0")
     if len(times) > CURVE_POINTS:
@@ -170,7 +171,8 @@ def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
     except (OSError, ValueError, EOFError, SyntaxError) as error:
         raise ConfigError(f"{place}: cannot be read: {error}") from None
     if heap.height_per_level is None:
-        raise ConfigError(f"{place}: key 'height_per_level' is missing; accepted: the height of a grey level [{heap.unit}]")
+        raise ConfigError(f"{place}: key 'height_per_level' is missing; accepted: the height of a grey level "
+                          f"[{heap.unit}]")
     return levels * heap.height_per_level
 
 
@@ -197,8 +199,8 @@ def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str 
     rows = list(csv.reader(text.splitlines()))
     head = [cell.strip() for cell in rows[0]] if rows else []
     if any(name not in head for name in names):
-        raise ConfigError(f"{place}: has columns {', '.join(head)[:200]}; accepted: {' and '.join(names)}, named in the "
-                          f"first line")
+        raise ConfigError(f"{place}: has columns {', '.join(head)[:200]}; accepted: {' and '.join(names)}, named in "
+                          f"the first line")
     found: dict[str, list[float]] = {name: [] for name in names}
     for number, row in enumerate(rows[1:], 2):
         for name in names:
@@ -219,11 +221,12 @@ def _check_unit(place: str, heap: HeapExperiment, top: float) -> None:
     """Refuse heights that no heap of this column has: above the column, or not above the noise."""
     most = heap.height + 5 * heap.noise
     if top > most:
-        raise ConfigError(f"{place}: heights reach {top:g} m with unit {heap.unit!r}, and the column was {heap.height:g} "
-                          f"m high; accepted: heights up to that; is it another unit?")
+        raise ConfigError(f"{place}: heights reach {top:g} m with unit {heap.unit!r}, and the column was "
+                          f"{heap.height:g} m high; accepted: heights up to that; is it another unit?")
     if top < max(0.02 * heap.height, heap.noise):
-        raise ConfigError(f"{place}: heights reach {top:g} m with unit {heap.unit!r}, and the column was {heap.height:g} "
-                          f"m high with noise of {heap.noise:g} m; accepted: a heap above the noise; is it another unit?")
+        raise ConfigError(f"{place}: heights reach {top:g} m with unit {heap.unit!r}, and the column was "
+                          f"{heap.height:g} m high with noise of {heap.noise:g} m; accepted: a heap above the noise; is "
+                          f"it another unit?")
 
 
 def _check_volume(name: str, heap: HeapExperiment, rings: Rings, width: float) -> None:
@@ -234,5 +237,5 @@ def _check_volume(name: str, heap: HeapExperiment, rings: Rings, width: float) -
     least, most = VOLUMES
     if not least * column <= volume <= most * column:
         raise ConfigError(f"experiments.{name}: {heap.data}: a heap of {volume * 1e6:.0f} cm^3 of a column of "
-                          f"{column * 1e6:.0f} cm^3; accepted: {least:g} to {most:g} of it; is `scale` or `unit` another "
-                          f"one, or part of the heap outside the map?")
+                          f"{column * 1e6:.0f} cm^3; accepted: {least:g} to {most:g} of it; is `scale` or `unit` "
+                          f"another one, or part of the heap outside the map?")

@@ -1,8 +1,8 @@
 """Experiments with a closed form: tilted tray, shear cell, cup, heaped scoop.
 
-In steady simple shear the cone carries tau = m (sigma + c / tan phi), with m = 2 sqrt(3) sin(phi) / (3 - sin(phi)): the law's
-own ratio, which the verification cases `slope` and `element_path` measure, and not tan(phi). c / tan(phi) is the tension
-of the cone's apex. A number that was fitted with these forms does in a simulation what it did in the laboratory.
+In steady simple shear the cone carries tau = m (sigma + c / tan phi), with m = 2 sqrt(3) sin(phi) / (3 - sin(phi)): the
+law's own ratio, which the verification cases `slope` and `element_path` measure, and not tan(phi). c / tan(phi) is the
+tension of the cone's apex. So a number that is fitted with these forms makes a simulation do what the sample did.
 """
 
 import math

@@ -241,8 +241,8 @@ def check_sought(path: Path, config: MeasurementsConfig, card: MaterialConfig) -
         if name not in known:
             raise UnknownName(f"number in {path}: sought", name, known)
         if not least < most:
-            raise ConfigError(f"{path}: sought.{name} = [{least:g}, {most:g}]; accepted: the least value, then a larger "
-                              f"one")
+            raise ConfigError(f"{path}: sought.{name} = [{least:g}, {most:g}]; accepted: the least value, then a "
+                              f"larger one")
         if name == WALL_FRICTION:
             if not 0.0 <= least < most <= 10.0:
                 raise ConfigError(f"{path}: sought.{name} = [{least:g}, {most:g}]; accepted: within 0 to 10")

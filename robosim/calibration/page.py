@@ -27,7 +27,8 @@ def make_page(title: str, verdict: Verdict, found: Search, ranges: Ranges, trial
                    [[one.name, one.best, one.low, one.high, one.least, one.most, one.width,
                      "pass" if one.is_told else "fail"] for one in verdict.findings])
     page.add_heading("Experiments")
-    page.add_table(["experiment", "role", "readings", "chi square", "probability", "rms difference", "unit", "explained"],
+    page.add_table(["experiment", "role", "readings", "chi square", "probability", "rms difference", "unit",
+                    "explained"],
                    [[one.name, "held out" if one.held_out else "fitted", one.readings, one.chi_square, one.probability,
                      one.rms, one.unit, "pass" if one.is_explained else "fail"]
                     for one in (*verdict.fits, *verdict.checks)])

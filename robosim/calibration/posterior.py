@@ -1,7 +1,7 @@
 """Posterior distribution of the numbers sought: samples, intervals, correlation.
 
-Readings have independent normal errors; before them every value in a number's range is equally likely. The variance of an
-emulator adds to that of the readings. Samples are those of an ensemble with stretch moves (Goodman & Weare 2010,
+Readings have independent normal errors; before them every value in a number's range is equally likely. The variance of
+an emulator adds to that of the readings. Samples are those of an ensemble with stretch moves (Goodman & Weare 2010,
 Commun. Appl. Math. Comput. Sci. 5:65), which needs no step size.
 """
 

@@ -31,8 +31,8 @@ def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: flo
     lip = LIP_CELLS * cell
     top = max(pour.depth, pour.fill_height) + 4 * cell
     upper = (2 * length + lip + 4 * cell, cell, top)
-    wall = mpm.Collider(mpm.Sdf.box((lip / 2, 2 * cell, pour.depth)), static=True, friction=wall_friction, pose=mpm.Pose(
-        np.array([length + lip / 2, cell / 2, 0.0]), mpm.Pose.identity().quaternion))
+    place = mpm.Pose(np.array([length + lip / 2, cell / 2, 0.0]), mpm.Pose.identity().quaternion)
+    wall = mpm.Collider(mpm.Sdf.box((lip / 2, 2 * cell, pour.depth)), static=True, friction=wall_friction, pose=place)
     grains = mpm.sample_box((0, 0, 0), (length, cell, pour.fill_height), cell / 2, np.random.default_rng(seed))
     walls = mpm.Walls(friction=wall_friction, lower=("friction", "periodic", "friction"),
                       upper=("slip", "periodic", "slip"))

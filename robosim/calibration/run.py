@@ -65,8 +65,8 @@ def read_runs(path: Path, key: str) -> dict[str, list[float]]:
 def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings: tuple[Setting, ...] = ()) -> int:
     """Calibrate the material of a file of measurements, and write card, figures and page into a folder.
 
-    runs: most simulations of each experiment. Returns 0 when the material is calibrated, 1 otherwise. Raises ConfigError
-    for measurements that cannot be used, mpm.SimulationDiverged.
+    runs: most simulations of each experiment. Returns 0 when the material is calibrated, 1 otherwise. Raises
+    ConfigError for measurements that cannot be used, mpm.SimulationDiverged.
     """
     measurements = load_measurements(path, settings)
     trials = make_trials(measurements)

@@ -1,8 +1,8 @@
 """Search: which numbers are simulated, and the posterior that follows.
 
 A Sobol sequence fills the ranges; then each round fits the emulators, samples the posterior, and runs those samples at
-which an emulator is least certain (posterior sampling). It ends when no emulator matters beside the errors of the readings,
-or with the last run. Experiments with a closed form need none of it.
+which an emulator is least certain (posterior sampling). It ends when no emulator matters beside the errors of the
+readings, or with the last run. Experiments with a closed form need none of it.
 """
 
 from collections.abc import Callable, Sequence
@@ -101,7 +101,7 @@ def _search(trials: Sequence[Trial], ranges: Ranges, run: Run, runs: int, seed: 
 
 
 def choose(samples: np.ndarray, uncertain: np.ndarray, points: np.ndarray, n: int) -> list[np.ndarray]:
-    """Return n of the samples (s, d), the least certain ones first, apart from the points (r, d) and from one another."""
+    """Return n of the samples (s, d), the least certain first, apart from the points (r, d) and from one another."""
     chosen: list[np.ndarray] = []
     for apart in (3 * APART, APART, 0.0):
         for k in np.argsort(-uncertain, kind="stable"):

@@ -1,4 +1,4 @@
-"""Verdict: whether the best numbers explain the readings, whether the readings tell the numbers, and what would help."""
+"""Verdict: whether the best numbers explain the readings, whether these tell the numbers, and what would help."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -82,8 +82,8 @@ def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Resi
     reasons = []
     if probability < LEAST_PROBABILITY:
         worst = max(fits, key=lambda one: one.chi_square / one.readings)
-        reasons.append(f"not calibrated: no numbers within the ranges explain the data; chi square {total:.3g} of {count} "
-                       f"readings, probability {probability:.2g} (accepted: {LEAST_PROBABILITY:g} or more); "
+        reasons.append(f"not calibrated: no numbers within the ranges explain the data; chi square {total:.3g} of "
+                       f"{count} readings, probability {probability:.2g} (accepted: {LEAST_PROBABILITY:g} or more); "
                        f"{worst.name} differs most, by {worst.rms:.3g} {worst.unit}")
     reasons += [f"data cannot tell {one.name}: its {INTERVAL:.0%} interval, {one.low:.4g} to {one.high:.4g}, has "
                 f"{one.width:.0%} of the width that the range alone gives (accepted: up to {MOST_WIDTH:.0%})"
@@ -161,7 +161,8 @@ def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
         "tilted tray, layer of 50 mm, 3 x, error 1 deg": TiltExperiment(kind="tilt", angles=[30.0] * 3, noise=1.0,
                                                                        depth=0.05, **common),
         f"shear cell at {stress:.0f} and {4 * stress:.0f} Pa, error 5 %": ShearExperiment(
-            kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress], noise=0.05 * stress, **common),
+            kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress], noise=0.05 * stress,
+            **common),
         "cup of 100 ml, 3 x, error 1 %": CupExperiment(kind="cup", masses=[density * 1e-4] * 3, noise=density * 1e-6,
                                                        volume=1e-4, **common)}
     if has_wall:
