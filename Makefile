@@ -9,7 +9,7 @@ VENV ?= .venv-$(notdir $(PYTHON))
 endif
 BIN := $(VENV)/bin
 OUT ?= out/spoon
-EXTRAS := test,human,record,learn,docs,ros,lerobot,slurm,ray
+EXTRAS := test,human,record,learn,docs,ros,lerobot,slurm,ray,calibrate
 GL_PACKAGES := libegl1 libgl1
 APT_LINE := apt-get install -y --no-install-recommends $(GL_PACKAGES)
 # True when both libraries can be loaded; asked of the dynamic linker, as PyOpenGL does.
@@ -82,9 +82,9 @@ $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
 	@rm -f $(VENV)/.test; touch $@
 
 $(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(BIN)/python -m pip install -c constraints.txt -e ".[test,learn,ros,lerobot,slurm]"
+	$(BIN)/python -m pip install -c constraints.txt -e ".[test,learn,ros,lerobot,slurm,calibrate]"
 	@rm -f $(VENV)/.run; touch $@
 
 $(VENV)/.docs: $(VENV)/.test
-	$(BIN)/python -m pip install -c constraints.txt -e ".[test,learn,ros,lerobot,slurm,docs]"
+	$(BIN)/python -m pip install -c constraints.txt -e ".[test,learn,ros,lerobot,slurm,calibrate,docs]"
 	@touch $@

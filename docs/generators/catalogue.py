@@ -14,7 +14,8 @@ SYMBOLS = {"density": "density [kg/m^3]", "E": "E [Pa]", "nu": "nu", "friction_a
            "cohesion": "cohesion [Pa]", "bulk_modulus": "bulk modulus [Pa]", "viscosity": "viscosity [Pa s]",
            "yield_stress": "yield stress [Pa]", "limit_angle": "friction angle at infinite rate [deg]",
            "grain_diameter": "grain diameter [m]", "grain_density": "grain density [kg/m^3]",
-           "inertial_number": "inertial number"}
+           "inertial_number": "inertial number", "wall_friction": "wall friction",
+           "repose_angle": "angle of repose [deg]"}
 
 
 def read(folder: str) -> dict[str, dict[str, Any]]:

@@ -6,8 +6,9 @@ from robosim.commands.description import keys_of
 from robosim.commands.keys import KINDS, schema_class
 
 FOLDERS = {"rehearsal": "configs/rehearsals", "task": "configs/tasks",
-           "dosing": "configs/dosing",
-           "training": "configs/training", "arm": "models/robots", "gripper": "models/grippers", "tool": ""}
+           "dosing": "configs/dosing", "training": "configs/training", "arm": "models/robots",
+           "gripper": "models/grippers", "tool": "", "measurements": "",
+           **{kind: "" for kind in KINDS if kind.startswith("experiment.")}}
 """Where the bundled files of a kind are; empty where there are none."""
 
 

@@ -46,6 +46,7 @@ NUMBERS = {
     "--action-repeat": Number(1, 10_000),  # 20 s at steps of 2 ms, ten episodes
     "--model-errors": Number(1, 2**31 - 1),  # as seeds; 0 is the exact model
     "--perturb": Number(1, 1000),  # at a minute each, 17 hours
+    "--runs": Number(1, 1000),  # a Gaussian process of more takes longer than they do
     "--seed": Number(0, 2**31 - 1),  # numpy takes up to 2^32 - 1; later episodes have larger seeds
     "--sizes": Number(1, 4_000_000),  # grains; with 250 bytes each, 1 GB
     # a process has 0.5 GB; more of them than cores do not finish earlier

@@ -18,6 +18,9 @@ KINDS = {
     "material.granular": "robosim.config.materials:GranularConfig",
     "material.mu_i": "robosim.config.materials:MuIConfig",
     "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",
+    "measurements": "robosim.calibration.measurements:MeasurementsConfig",
+    **{f"experiment.{kind}": f"robosim.calibration.measurements:{kind.capitalize()}Experiment"
+       for kind in ("heap", "pour", "tilt", "shear", "cup", "scoop")},
 }
 """Kind of file -> module and class of its schema."""
 

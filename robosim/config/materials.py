@@ -28,13 +28,13 @@ class MaterialConfig(Table):
     UNITS: ClassVar[dict[str, str]] = {
         "density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa", "bulk_modulus": "Pa",
         "viscosity": "Pa s", "yield_stress": "Pa", "limit_angle": "deg", "grain_diameter": "m",
-        "grain_density": "kg/m^3", "inertial_number": "1",
+        "grain_density": "kg/m^3", "inertial_number": "1", "wall_friction": "1", "repose_angle": "deg",
     }
 
     @pydantic.model_validator(mode="after")
     def _check_units(self) -> "MaterialConfig":
-        for name in self.UNITS.keys() & type(self).model_fields.keys():
-            if getattr(self, name) is not None and getattr(self, name).unit != self.UNITS[name]:
+        for name in (key for key in self.UNITS if getattr(self, key, None) is not None):
+            if getattr(self, name).unit != self.UNITS[name]:
                 raise ValueError(f"{name}: unit {getattr(self, name).unit!r}; accepted: {self.UNITS[name]!r}")
         return self
 
@@ -64,6 +64,10 @@ class GranularConfig(MaterialConfig):
     """Cohesion [Pa]."""
     grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)] | None = None  # the finest powder to coarse gravel
     """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse the material."""
+    wall_friction: Annotated[Quantity, Within(0.0, 10.0)] | None = None  # dry pairs have up to 1.5 (rubber)
+    """Friction coefficient on a wall, which the source names; for information: scenes say that of each wall."""
+    repose_angle: Annotated[Quantity, Within(0.0, 90.0)] | None = None
+    """Slope of a poured heap [deg]; for information: in a simulation it follows from the other numbers."""
 
 
 class MuIConfig(GranularConfig):
