@@ -1,4 +1,4 @@
 """Cases of forces of sand on plates, walls, silos and spheres.
 
-Imports: scene, verification, mpm.
+Imports: config, coupling, errors, verification, mpm.
 """

@@ -58,25 +58,29 @@ def attitude(beta_deg: float) -> np.ndarray:
 
 def push(*, beta_deg: float, gamma_deg: float, start_depth: float, travel: float, cell: float, square: bool = False,
          friction_deg: float = FRICTION_DEG, stiffness: float = E, courant: float = 0.5, precision: str = "f32",
-         speed: float = SPEED, side: float = SIDE) -> Pushed:
+         speed: float = SPEED, side: float = SIDE, plate_friction: float = PLATE_FRICTION,
+         bed: tuple[float, float, float] | None = None) -> Pushed:
     """Drive a plate through a bed; return the stresses that it met.
 
     start_depth: [m] of its centre; negative above the surface. travel: [m]; cell: [m]. square: a plate as wide as it is
-    long, of which one half is computed; otherwise a strip in plane strain, of which one cell is.
+    long, of which one half is computed; otherwise a strip in plane strain, of which one cell is. side: length of the
+    plate [m]. bed: length, half width and height [m]; None: in proportion to the plate. Others: see the constants.
     """
     gamma = math.radians(gamma_deg)
     course = np.array([math.cos(gamma), 0.0, -math.sin(gamma)])
-    length, half, height = (_whole(part * side, cell) for part in (SQUARE_BED if square else STRIP_BED))
+    room = bed or [part * side for part in (SQUARE_BED if square else STRIP_BED)]
+    length, half, height = (_whole(part, cell) for part in room)
     width = half if square else cell
     sand = make_sand(friction_deg, stiffness)
     positions = mpm.sample_box((0, 0, 0), (length, width, height), cell / 2)
     volume = length * width * height / len(positions)
     begin = np.array([0.5 * (length - travel * course[0]), 0.0 if square else width / 2, height - start_depth])
     plate = mpm.Collider(mpm.Shell.from_mesh(plate_mesh(side, side if square else 4 * width), 0.5 * cell),
-                         friction=PLATE_FRICTION, pose=mpm.Pose(begin, attitude(beta_deg)))
+                         friction=plate_friction, pose=mpm.Pose(begin, attitude(beta_deg)))
     sides = "slip" if square else "periodic"
     solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (length, width, height + _whole(side, cell)), cell), colliders=[plate], precision=precision,
+        grid=mpm.Grid((0, 0, 0), (length, width, height + _whole(side, cell)), cell), precision=precision,
+        colliders=[plate],
         walls=mpm.Walls(lower=("slip", "roller" if square else sides, "friction"), upper=("slip", sides, "slip")),
         bodies=[mpm.Body(sand, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, sand))],
         gravity=(0, 0, -G), dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))

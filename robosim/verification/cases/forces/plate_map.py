@@ -13,7 +13,7 @@ import numpy as np
 
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.comparison import Comparison
-from robosim.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, G, SIDE, E, Pushed, push
+from robosim.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, SIDE, E, G, Pushed, push
 from robosim.verification.cases.forces.resistive_force import (
     Alpha,
     plane_alpha,
@@ -24,11 +24,11 @@ from robosim.verification.cases.forces.resistive_force import (
 from robosim.verification.cases.record import Record, record_of_several
 
 NAME = "plate_map"
-SOURCE = ("resistive force theory: Li, Zhang & Goldman 2013, Science 339:1408, in a plane; Agarwal, Goldman & Kamrin 2023, "
-          "PNAS 120:e2214017120, in space; configs/references/resistive_force_2d.yaml, resistive_force_3d.yaml")
+SOURCE = ("resistive force theory: Li, Zhang & Goldman 2013, Science 339:1408, in a plane; Agarwal, Goldman & Kamrin "
+          "2023, PNAS 120:e2214017120, in space; configs/references/resistive_force_2d.yaml, resistive_force_3d.yaml")
 BANDS = {"rms": 0.20, "least scale": 40.6, "most scale": 99.9}
-"""rms over the directions in vertical intrusions; vertical stress over density, gravity and depth: from loose poppy seeds
-to the theory in space for a friction coefficient of tan 30 deg."""
+"""rms over the directions in vertical intrusions; vertical stress over density, gravity and depth: from that of loose
+poppy seeds to that of the theory in space for a friction coefficient of tan 30 deg."""
 DIRECTIONS = {
     "few": ((0, 90), (30, 90), (90, 0), (30, 45), (-30, 0)),
     "map": tuple((beta, gamma) for gamma, beta in product((90, 45, 0, -45), (0, 30, 60, 90, -30, -60))
@@ -50,8 +50,8 @@ DEEP, STEADY = 2.0, 0.5
 def path_of(beta_deg: float, gamma_deg: float) -> tuple[float, float]:
     """Return depth of the centre [m] at the start and length of the way [m].
 
-    Downwards from where the plate's upper edge is level with the surface, sideways at a depth of 1.5 plates, upwards from
-    2.5 plates.
+    Downwards from where the plate's upper edge is level with the surface, sideways at a depth of 1.5 plates, upwards
+    from 2.5 plates.
     """
     if gamma_deg > 0:
         start = SIDE / 2 * abs(math.sin(math.radians(beta_deg)))

@@ -22,6 +22,9 @@ FORMS: dict[str, Any] = {
     "resistive_force_3d": {"source": str, "uncertainty": float, "uncertainty_note": str, "f1": [float], "f2": [float],
                            "f3": [float], "doubtful": [{"function": str, "term": int, "value": float}],
                            "scale": [float]},
+    "impact": {"source": str, "uncertainty": float, "uncertainty_note": str, "prefactor": float,
+               "exponents": {"density": float, "diameter": float, "drop": float},
+               "force_law": {"d1": float, "k": float}},
 }
 """Form of each file of references."""
 
@@ -57,9 +60,9 @@ def plane_alpha(beta_deg: float, gamma_deg: float, medium: str = "generic") -> A
 
 
 def space_alpha(beta_deg: float, gamma_deg: float, psi_deg: float = 0.0, doubtful: bool = False) -> np.ndarray:
-    """Return (alpha_r, alpha_theta, alpha_z) of the theory in space, in units of `space_scale`, without the cap on slip.
+    """Return (alpha_r, alpha_theta, alpha_z) of the theory in space, in units of `space_scale`.
 
-    psi_deg: twist of the plate about the vertical. doubtful: take the third code's value of the two coefficients.
+    The cap on the tangential part by the friction on the plate is left out. psi_deg: twist of the plate about the vertical. doubtful: take the third code's value of the two coefficients.
     """
     table = read_reference("resistive_force_3d")
     functions = {name: list(table[name]) for name in ("f1", "f2", "f3")}
