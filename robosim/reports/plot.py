@@ -50,6 +50,15 @@ class Plot:
                                    yanchor="bottom", text=f"accepted up to {high:g}{where}", showarrow=False,
                                    font={"color": "#282", "size": 11})
 
+    def add_line(self, corners: Sequence[tuple[float, float]], uncertainty: float, *, is_relative: bool) -> None:
+        """Add a reference's line through corners (x, y), and dashed ones at either end of its uncertainty in y."""
+        for side, dash in ((0.0, "solid"), (-1.0, "dash"), (1.0, "dash")):
+            y = [v * (1 + side * uncertainty) if is_relative else v + side * uncertainty for _, v in corners]
+            self.figure.add_trace(Scatter(
+                x=[x for x, _ in corners], y=y, name="reference" if side == 0.0 else "its uncertainty", mode="lines",
+                showlegend=side <= 0.0 and (side == 0.0 or uncertainty > 0.0), hoverinfo="skip",
+                line={"width": 1.5, "color": "rgba(0,0,0,0.55)", "dash": dash}))
+
     def add_reference(self, x: float, label: str) -> None:
         """Mark what the others are compared with, by its place on the horizontal axis alone."""
         self.figure.add_vline(x, line={"color": "#555", "width": 1, "dash": "dash"})

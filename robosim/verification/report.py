@@ -13,7 +13,7 @@ from robosim.errors import ConfigError
 from robosim.reports.jobs import Runner
 from robosim.reports.provenance import provenance
 from robosim.verification.analysis import replace_non_finite, summarize_case
-from robosim.verification.cases import NAMES, find
+from robosim.verification.cases import NAMES, expand
 from robosim.verification.cases.claims import describe
 from robosim.verification.report_page import add_comparison, make_page
 from robosim.verification.runs import execute_runs, plan_runs
@@ -29,13 +29,13 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
            yardsticks: Path | None = None, compare: Path | None = None, runner: Runner | None = None) -> int:
     """Run cases, all when the list is empty, and write index.html, report.json and report.jsonl.
 
+    names: of cases, or of subjects such as "forces", which stand for all of their cases.
     quick: their quick sweeps. jobs: runs at a time. points: JSON file with other codes' results on the column collapse.
     yardsticks: folder of YARDSTICK, to convert their seconds. compare: report.json of an earlier run.
     runner: runs the runs elsewhere.
     Returns 0 if every claim passes, else 1. Raises ConfigError, UnknownName for what cannot be used.
     """
-    for name in names:
-        find(name)
+    names = expand(names)
     if jobs < 1:
         raise ConfigError(f"--jobs {jobs}; accepted: 1 or more")
     peers = read_peers(points) if points else None

@@ -12,6 +12,7 @@ from robosim.reports.plot import Plot
 from robosim.verification.analysis import group_series, pareto_front
 from robosim.verification.cases import find
 from robosim.verification.cases.claims import Within, describe, select, value_of
+from robosim.verification.cases.comparison import Comparison
 from robosim.verification.cases.record import Record
 from robosim.verification.runs import Run
 
@@ -45,10 +46,33 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
                            [[one["label"], len(one["points"]), ", ".join(f"{o:.2f}" for o in one["orders"]),
                              one["seconds_to_1_percent"], min(p[1] for p in one["points"])]
                             for one in result["series"]])
+            _add_comparisons(page, name, records)
             _add_runs(page, records)
         for failed in result["failed"]:
             page.add_text(f"No result at {describe(failed['choices'])}: {failed['reason']}")
     return page
+
+
+def _add_comparisons(page: Page, name: str, records: list[Record]) -> None:
+    """Add the plots of a case's runs beside reference data, where it has some."""
+    for comparison in getattr(find(name), "compare", lambda records: [])(records):
+        kind = "relative" if comparison.is_relative else "absolute"
+        page.add_plot(draw_comparison(comparison), f"Reference: {comparison.source}. Its uncertainty: "
+                      f"{comparison.uncertainty:g}, {kind}.")
+
+
+def draw_comparison(comparison: Comparison) -> str:
+    """Draw measured points beside reference data and its uncertainty; return it as HTML."""
+    plot = Plot(comparison.title, comparison.x, comparison.y, logarithmic=comparison.is_logarithmic)
+    for is_measured, series in ((True, comparison.measured), (False, comparison.published)):
+        for label, points in series.items():
+            places = [(x, y) for x, y, _ in points if math.isfinite(x) and math.isfinite(y)]
+            tooltips = [f"{text}\n{x:.4g}, {y:.4g}" for x, y, text in points if math.isfinite(x) and math.isfinite(y)]
+            if places:
+                plot.add_series(places, tooltips, label, joined=not is_measured)
+    if comparison.line:
+        plot.add_line(comparison.line, comparison.uncertainty, is_relative=comparison.is_relative)
+    return plot.html()
 
 
 def _add_runs(page: Page, records: list[Record]) -> None:

@@ -4,10 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.verification.cases import NAMES, module_name
+from robosim.verification.cases import GROUPS, NAMES, expand
 
-EXAMPLE = """example:
-  robosim report axis_aligned vortex --quick --out out/report"""
+EXAMPLE = """examples:
+  robosim report axis_aligned vortex --quick --out out/report
+  robosim report forces --quick --out out/forces"""
 
 
 def add_parser(commands: Any) -> None:
@@ -15,7 +16,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("report", help="run verification cases: error against run time", epilog=EXAMPLE,
                                  description="Run cases with independent reference solutions and report error against "
                                  "run time. Exit status 0 only if every error is in its accepted range.")
-    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(NAMES)} (default: all)")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(NAMES)}; or of the subjects "
+                        f"{', '.join(GROUPS)}, for all of their cases (default: all)")
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html, report.json and report.jsonl "
                         "(a line per run); runs that are finished there are not repeated")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller runs of every case")
@@ -33,8 +35,7 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check the names, then run the cases."""
-    for name in options.cases:
-        module_name(name)
+    expand(options.cases)
     from robosim.verification.report import report
 
     return report(options.cases, options.out, quick=options.quick, jobs=options.jobs, points=options.points,

@@ -2,11 +2,13 @@
 
 A case is a module with `NAME`; `SOURCE` of the reference; `measure(**choices) -> Record`; `BANDS`, the accepted errors;
 `SWEEP` and `QUICK_SWEEP`, the choices that a whole and a quick report run; `CLAIMS` about the runs; `MAIN_ERROR`, the
-error that is plotted against run time; and `RESOLUTION`, the choice that refines a run, or None.
+error that is plotted against run time; and `RESOLUTION`, the choice that refines a run, or None. It may have
+`compare(records) -> list[Comparison]`, plots of its runs beside reference data.
 
 Imports: errors, scene, mpm.
 """
 
+from collections.abc import Iterable
 from importlib import import_module
 from types import ModuleType
 
@@ -23,11 +25,28 @@ SUBJECTS = {
     "shell_leak": "coupling", "closed_system": "coupling", "bar_impact": "coupling", "floating_cube": "coupling",
     "block_at_rest": "coupling", "sliding_block": "coupling", "carried_load": "coupling", "added_mass": "coupling",
     "driven_wheel": "coupling",
+    "plate_map": "forces", "plate_pull": "forces", "plate_drag": "forces", "retaining_wall": "forces",
+    "silo_load": "forces", "dropped_sphere": "forces",
     "sleeping_scenes": "scenes",
     "ik_poses": "robot", "jerk_limits": "robot", "arm_limits": "robot", "two_models": "robot",
 }
 """Name of each case -> its folder, in the order of the report."""
 NAMES = tuple(SUBJECTS)
+GROUPS = tuple(dict.fromkeys(SUBJECTS.values()))
+"""Subjects, each of which names all of its cases."""
+
+
+def expand(names: Iterable[str]) -> list[str]:
+    """Return the names of cases, with all cases of a subject in its place; each once.
+
+    Raises UnknownName for what is neither a case nor a subject.
+    """
+    cases: dict[str, None] = {}
+    for name in names:
+        if name not in SUBJECTS and name not in GROUPS:
+            raise UnknownName("case", name, (*NAMES, *GROUPS))
+        cases |= dict.fromkeys(case for case, subject in SUBJECTS.items() if name in (case, subject))
+    return list(cases)
 
 
 def module_name(name: str) -> str:

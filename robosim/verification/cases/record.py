@@ -3,8 +3,9 @@
 import json
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from typing import NamedTuple
 
 import mpm
 from robosim.scene.settle import settle
@@ -38,6 +39,17 @@ class Record:
         return json.dumps(asdict(self))
 
 
+class Cost(NamedTuple):
+    """What a solver's run took; a record of several solvers adds them up."""
+
+    particles: int
+    steps: int
+    seconds: float
+    """Wall time [s] after compilation."""
+    compile_seconds: float
+    """Wall time [s] of compilation."""
+
+
 class TimedSolver:
     """Advances a solver and sums the wall time; compilation, before the first advance, is timed apart."""
 
@@ -63,12 +75,23 @@ class TimedSolver:
         """Advance by `duration` [s] to rest, damped every `window` [s]; see `robosim.scene.settle`."""
         settle(self.solver, self.advance, duration, window)
 
+    @property
+    def cost(self) -> Cost:
+        """What the run took so far; not to be asked after the solver is closed."""
+        return Cost(sum(self.solver.particles.counts), self.solver.steps, self.seconds, self.compile_seconds)
+
     def record(self, case: str, choices: dict, errors: dict[str, float], **readings: float) -> Record:
         """Return the record of the run so far."""
-        return Record(
-            case=case, choices=choices, particles=sum(self.solver.particles.counts), steps=self.solver.steps,
-            seconds=self.seconds, compile_seconds=self.compile_seconds,
-            errors={name: float(value) for name, value in errors.items()},
-            readings={name: float(value) for name, value in readings.items()},
-            peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-        )
+        return record_of_several([self.cost], case, choices, errors, readings)
+
+
+def record_of_several(costs: Sequence[Cost], case: str, choices: dict, errors: dict[str, float],
+                      readings: dict[str, float]) -> Record:
+    """Return the record of a run of several solvers: sums of steps and times, and the largest number of particles."""
+    return Record(
+        case=case, choices=choices, particles=max(cost.particles for cost in costs),
+        steps=sum(cost.steps for cost in costs), seconds=sum(cost.seconds for cost in costs),
+        compile_seconds=sum(cost.compile_seconds for cost in costs),
+        errors={name: float(value) for name, value in errors.items()},
+        readings={name: float(value) for name, value in readings.items()},
+        peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)

@@ -1,0 +1,135 @@
+"""Plate driven through sand in many directions: a strip in plane strain, or a square plate.
+
+Measured: rms difference of the stress per depth from resistive force theory over the directions, both in units of
+vertical intrusion; and vertical intrusion itself in units of density times gravity. Reference: the generic table of the
+theory in a plane for a strip (the theory is fitted to plates in space), and the theory in space for a square plate.
+The readings hold the stress of every direction (beta, gamma).
+"""
+
+import math
+from itertools import product
+
+import numpy as np
+
+from robosim.verification.cases.claims import Within
+from robosim.verification.cases.comparison import Comparison
+from robosim.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, SIDE, E, G, Pushed, push
+from robosim.verification.cases.forces.resistive_force import (
+    Alpha,
+    plane_alpha,
+    read_reference,
+    space_alpha,
+    space_scale,
+)
+from robosim.verification.cases.record import Record, record_of_several
+
+NAME = "plate_map"
+SOURCE = ("resistive force theory: Li, Zhang & Goldman 2013, Science 339:1408, in a plane; Agarwal, Goldman & Kamrin "
+          "2023, PNAS 120:e2214017120, in space; configs/references/resistive_force_2d.yaml, resistive_force_3d.yaml")
+BANDS = {"rms": 0.20, "least scale": 40.6, "most scale": 99.9}
+"""rms over the directions in vertical intrusions; vertical stress over density, gravity and depth: from that of loose
+poppy seeds to that of the theory in space for a friction coefficient of tan 30 deg."""
+DIRECTIONS = {
+    "few": ((0, 90), (30, 90), (90, 0), (30, 45), (-30, 0)),
+    "map": tuple((beta, gamma) for gamma, beta in product((90, 45, 0, -45), (0, 30, 60, 90, -30, -60))
+                 if gamma < 90 or beta >= 0),
+}
+"""(beta, gamma) [deg]; the first is vertical intrusion. At gamma = 90, beta and -beta mirror each other."""
+SWEEP = [*({"cell": c} for c in (0.008, 0.005, 0.004)), {"cell": 0.008, "friction_deg": 25.0},
+         {"cell": 0.008, "stiffness": 4e6}, {"cell": 0.008, "square": True}]
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"cell": 0.01, "directions": "few"}]
+MAIN_ERROR, RESOLUTION = "rms", "cell"
+CLAIMS = (Within("rms", BANDS["rms"], {"square": False}), Within("rms", BANDS["rms"], {"square": True}),
+          Within("scale", BANDS["most scale"], {"square": False, "friction_deg": FRICTION_DEG}, BANDS["least scale"]),
+          Within("scale", BANDS["most scale"], {"square": True}, BANDS["least scale"]))
+DEEP, STEADY = 2.0, 0.5
+"""Depth [lengths of the plate] to which it is pushed, and share of its way after which the stress counts."""
+
+
+def path_of(beta_deg: float, gamma_deg: float) -> tuple[float, float]:
+    """Return depth of the centre [m] at the start and length of the way [m].
+
+    Downwards from where the plate's upper edge is level with the surface, sideways at a depth of 1.5 plates, upwards
+    from 2.5 plates.
+    """
+    if gamma_deg > 0:
+        start = SIDE / 2 * abs(math.sin(math.radians(beta_deg)))
+        return start, (DEEP * SIDE - start) / math.sin(math.radians(gamma_deg))
+    return (1.5 * SIDE, 1.5 * SIDE) if gamma_deg == 0 else (2.5 * SIDE, 2.0 * SIDE)
+
+
+def stress_per_depth(pushed: Pushed) -> Alpha:
+    """Return the stress per depth, in units of density times gravity: a straight line through the origin."""
+    counts = pushed.travels > STEADY * pushed.travels[-1]
+    z, stress = pushed.depths[counts], pushed.stresses[counts]
+    x, _, up = z @ stress / (z @ z) / (DENSITY * G)
+    return Alpha(-float(x), float(up))
+
+
+def expected(beta_deg: float, gamma_deg: float, square: bool, doubtful: bool = False) -> Alpha:
+    """Return the reference's stress per depth, in units of that of vertical intrusion."""
+    if not square:
+        unit = plane_alpha(0.0, 90.0).z
+        return Alpha(*(part / unit for part in plane_alpha(beta_deg, gamma_deg)))
+    unit = space_alpha(0.0, 90.0, doubtful=doubtful)[2]
+    r, _, z = space_alpha(beta_deg, gamma_deg, doubtful=doubtful) / unit
+    return Alpha(-float(r), float(z))
+
+
+def measure(*, cell: float = 0.008, directions: str = "map", square: bool = False, friction_deg: float = FRICTION_DEG,
+            stiffness: float = E, precision: str = "f32") -> Record:
+    """Run the case; return the rms difference from the theory.
+
+    cell [m]; directions: "few" or "map"; square: a square plate; friction_deg: whose tangent the sand carries in simple
+    shear; stiffness: Young's modulus [Pa].
+    """
+    found, costs = {}, []
+    for beta, gamma in DIRECTIONS[directions]:
+        start, way = path_of(beta, gamma)
+        pushed = push(beta_deg=beta, gamma_deg=gamma, start_depth=start, travel=way, cell=cell, square=square,
+                      friction_deg=friction_deg, stiffness=stiffness, precision=precision)
+        found[beta, gamma] = stress_per_depth(pushed)
+        costs.append(pushed.cost)
+    scale = found[0, 90].z
+    readings = {"scale": scale, "published_scale": space_scale(math.tan(math.radians(friction_deg)))
+                * float(space_alpha(0.0, 90.0)[2])}
+    for (beta, gamma), alpha in found.items():
+        readings |= {name_of("x", beta, gamma): alpha.x, name_of("z", beta, gamma): alpha.z}
+    errors = {"rms": rms(found, scale, square)}
+    readings["rms_doubtful" if square else "rms_in_space"] = rms(found, scale, True, square)
+    choices = {"cell": cell, "directions": directions, "square": square, "friction_deg": friction_deg,
+               "stiffness": stiffness, "precision": precision}
+    return record_of_several(costs, NAME, choices, errors, readings)
+
+
+def rms(found: dict[tuple[int, int], Alpha], scale: float, square: bool, doubtful: bool = False) -> float:
+    """Return the rms difference from a table, over components and directions, in units of vertical intrusion."""
+    differences = [np.array(alpha) / scale - expected(*direction, square, doubtful)
+                   for direction, alpha in found.items()]
+    return float(np.sqrt(np.mean(np.square(differences))))
+
+
+def name_of(component: str, beta_deg: float, gamma_deg: float) -> str:
+    """Return the name of the reading of a direction."""
+    return f"alpha_{component} {beta_deg:g} {gamma_deg:g}"
+
+
+def compare(records: list[Record]) -> list[Comparison]:
+    """Return measured against published stress, both in units of vertical intrusion, for every run."""
+    comparisons = []
+    for square, name in ((False, "resistive_force_2d"), (True, "resistive_force_3d")):
+        reference = read_reference(name)
+        series = {}
+        for record in (r for r in records if r.choices["square"] == square):
+            label = ", ".join(f"{key} {record.choices[key]:g}" for key in ("cell", "friction_deg", "stiffness"))
+            series[label] = [(getattr(expected(*direction, square), component),
+                              record.readings[name_of(component, *direction)] / record.readings["scale"],
+                              f"alpha_{component}, beta {direction[0]}, gamma {direction[1]}")
+                             for direction in DIRECTIONS[str(record.choices["directions"])] for component in ("x", "z")]
+        if series:
+            comparisons.append(Comparison(
+                title="square plate against the theory in space" if square else "strip against the theory in a plane",
+                x="published, in vertical intrusions", y="measured, in vertical intrusions", measured=series,
+                line=((-0.5, -0.5), (1.2, 1.2)), uncertainty=reference["uncertainty"], source=reference["source"]))
+    return comparisons
