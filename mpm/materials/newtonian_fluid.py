@@ -22,7 +22,7 @@ class NewtonianFluid:
     viscosity: float = 0.0
     """Dynamic viscosity [Pa s]."""
     tension: bool = True
-    """Whether expanded fluid pulls; False: it has no pressure where J > 1, so that drops part without being held back."""
+    """Whether expanded fluid pulls; False: no pressure where J > 1, so that drops part freely."""
 
     state = "volume"
     plastic = False

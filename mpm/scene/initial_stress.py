@@ -63,8 +63,8 @@ def check_stress(material: Material, stress: np.ndarray, count: int) -> np.ndarr
         if np.abs(deviator).max() > 1e-6 * np.abs(checked).max():
             raise InvalidValue(f"Body: stress of {name} has a deviator; accepted: -pressure times the unit tensor")
         if not material.tension and checked.max() > 0.0:
-            raise InvalidValue(f"Body: stress of {name}(tension=False) has a tension of {checked.max():.3g} Pa; accepted: "
-                               f"-pressure times the unit tensor, pressure >= 0")
+            raise InvalidValue(f"Body: stress of {name}(tension=False) has a tension of {checked.max():.3g} Pa; "
+                               f"accepted: -pressure times the unit tensor, pressure >= 0")
     elif not isinstance(material, Hencky) or type(material).stress is not Hencky.stress:
         raise InvalidValue(f"Body: stress given for {name}; accepted: for laws with the stress of Hencky's elasticity, "
                            f"and for NewtonianFluid")

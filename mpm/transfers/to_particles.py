@@ -9,6 +9,10 @@ from mpm.state.particles import SPEED_LIMIT
 from mpm.state.sleepers import is_awake, pack_at
 from mpm.transfers.particle_grid import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
+NEAREST = 0.499
+"""Quanta by which a displacement is moved away from zero before it is truncated: it is so rounded to the nearest. With a
+half, a remainder of just that would move a particle at rest to and fro."""
+
 
 @ti.func
 def start_block_list(fields: ti.template(), step: ti.template(), first, last):
@@ -162,7 +166,10 @@ def displaced(fields: ti.template(), x, remainder, displacement, axis: ti.templa
     """
     quantum = ti.static(fields.quantum[axis])
     total = remainder + displacement
-    moved = ti.cast(ti.cast(total * ti.static(1.0 / quantum), ti.i32), fields.real) * quantum
+    count = total * ti.static(1.0 / quantum)
+    # to the nearest: remainders with a mean in the direction of motion would be a torque on what turns
+    whole = ti.cast(ti.cast(count + ti.max(ti.min(count, NEAREST), -NEAREST), ti.i32), fields.real)
+    moved = whole * quantum
     return keep_inside(fields, x + moved, axis), total - moved
 
 

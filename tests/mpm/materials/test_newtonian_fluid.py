@@ -29,7 +29,7 @@ def after(j: np.ndarray, d: np.ndarray, precision: str, steps: int = 1) -> np.nd
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_the_volume_is_positive_at_any_rate(precision: str) -> None:
-    """Also where the rate is many times what a substep can follow, and again and again; and it comes back from there."""
+    """Also where the rate is many times what a substep can follow, and again and again; and it comes back."""
     d = np.concatenate([-np.logspace(-6, 6, 49), np.logspace(-6, 6, 49)])
     for ratio in (1.0, 0.3, 1e-3, LEAST_RATIO):
         found = after(np.full(len(d), ratio - 1.0), d, precision)

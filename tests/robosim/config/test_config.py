@@ -38,6 +38,22 @@ def test_materials_are_complete(name: str) -> None:
         assert len(getattr(material, number).source) > 10
 
 
+def test_a_fluid_may_be_without_tension(tmp_path: Path) -> None:
+    """The key reaches the law, and what a state says of its material; a word is refused with file and key."""
+    path = tmp_path / "splash.yaml"
+    text = config_path("materials", "water", "material").read_text()
+    for line, expected in (("", True), ("tension: false\n", False)):
+        path.write_text(text + line)
+        material = load_material(str(path))
+        law = law_of(material)
+        assert isinstance(law, mpm.NewtonianFluid)
+        assert law.tension is expected
+        assert material.values()["tension"] is expected
+    path.write_text(text + "tension: sometimes\n")
+    with pytest.raises(ConfigError, match=r"splash\.yaml: .*tension"):
+        load_material(str(path))
+
+
 def test_unknown_rehearsal_material_and_camera(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     out = str(tmp_path / "out")
     for arguments, words in (

@@ -29,7 +29,7 @@ def measure(*, precision: str = "f32", speed: float = 1e-5, steps: int = 4000, d
     start = mpm.sample_box((0.9,) * 3, (0.9 + 3 * cell,) * 3, cell / 2, np.random.default_rng(0))
     sand = mpm.DruckerPrager(E=1e5, nu=0.3, density=1500.0, friction_angle_deg=30.0)
     body = mpm.Body(sand, start, np.full(start.shape, speed), volume=(cell / 2) ** 3)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2,) * 3, cell), bodies=[body], gravity=(0, 0, 0), dt=dt,
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (1.2, 1.2, 1.2), cell), bodies=[body], gravity=(0, 0, 0), dt=dt,
                         precision=precision, transfer_interval=None if strides else 0.0)
     timed = TimedSolver(solver)
     timed.advance(steps * dt)
