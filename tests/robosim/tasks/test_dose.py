@@ -69,7 +69,8 @@ def test_a_dosing_task_is_read_again_from_what_it_writes(name: str) -> None:
 def test_target_and_bounds_are_those_of_the_receiver() -> None:
     """The target is the inside up to the rim, and what is above the rim has not arrived."""
     task = load_task("DoseSpoon")
-    points = np.array([[0.78, 0.0, 0.011], [0.78, 0.044, 0.069], [0.78, 0.0, 0.071], [0.78, 0.05, 0.03], [0.9, 0.3, 0.2]])
+    points = np.array([[0.78, 0.0, 0.011], [0.78, 0.044, 0.069], [0.78, 0.0, 0.071], [0.78, 0.05, 0.03],
+                       [0.9, 0.3, 0.2]])
     assert task.target.region.holds(points).tolist() == [True, True, False, False, False]
     assert task.bounds.region.holds(points).tolist() == [False, False, True, False, True]
 
@@ -189,7 +190,7 @@ def test_an_action_of_eight_numbers() -> None:
     ({"action__vibration__frequency": [20, 100]}, r"accepted: up to 62.5 Hz, 8 steps in a period"),
     ({"action__vibration__frequency": [60, 20]}, r"the lowest and then the highest"),
     ({"action__vibration__amplitude": 0.0}, r"action.vibration.amplitude"),
-    ({"receiver__radius": None, "receiver__height": None, "receiver__mesh": "cup.stl"}, r"receiver: accepted: an empty"),
+    ({"receiver__radius": None, "receiver__height": None, "receiver__mesh": "cup.stl"}, r"receiver: accepted: an em"),
     ({"receiver__tilt_deg": [10, 0]}, r"receiver: accepted: an empty, upright container"),
     ({"receiver__radius": -1.0}, r"receiver.radius"),
     ({"receiver": None, "target": {"centre": [0, 0, 0], "half": [1, 1, 1]},
