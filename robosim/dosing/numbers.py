@@ -69,9 +69,9 @@ class PiNumbers(Table):
     fastest_deg: TiltRate = 8.0
     """Largest tilt rate [deg/s] while something flows."""
     time: Seconds = 1.5
-    """Time constant [s]: the wanted flow is the missing mass divided by it."""
-    pace: float = Field(default=1.0, ge=0.1, le=10.0)
-    """The wanted flow is at least `pace` times the missing mass divided by the time left."""
+    """Time constant [s]: until the first stop the wanted flow is the missing mass divided by it."""
+    pace: float = Field(default=2.0, ge=0.1, le=10.0)
+    """After that, and at least, the wanted flow is `pace` times the missing mass divided by the time left."""
     proportional: Gain = 0.5
     """Share of the flow's error that is added to the wanted flow."""
     integral: Gain = 0.5
