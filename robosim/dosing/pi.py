@@ -88,7 +88,7 @@ class PiDosing:
             self._stop = (sight.time, sight.shown, flow, sight.tilt)
             return self._wait(sight, flow)
         left = self._duration - sight.time - self._motion.back_time(sight) - numbers.settle
-        wanted = numbers.pace * missing / max(left, numbers.settle)
+        wanted = max(numbers.pace * missing / max(left, numbers.settle), numbers.least * self._accepted)
         if not self._has_stopped:
             wanted = max(wanted, missing / numbers.time)
         lacking = wanted - flow
