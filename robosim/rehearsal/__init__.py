@@ -1,6 +1,7 @@
 """Whole-arm rehearsals: plan, run, readings, metrics, plots and film.
 
-Imports: config, conversion, coupling, dosing, errors, recordings, rendering, reports, robot, scene, shapes, viewer, mpm.
+Imports: config, conversion, coupling, dosing, errors, recordings, rendering, reports, robot, scene, shapes, viewer,
+mpm.
 """
 
 CAMERAS = ("overview", "close", "wrist")

@@ -47,7 +47,8 @@ def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneReco
                  if run.stage is None or time <= motion_path.times[config.dose_at]]  # the dose decides when others are
     return SceneRecorder(
         path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
-        curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=FRAME_RATE, grain_volume=run.grains.grain_volume, colour=run.material.colour,
+        curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=FRAME_RATE,
+        grain_volume=run.grains.grain_volume, colour=run.material.colour,
         tool=config.tool_name, paths={"commanded": commanded}, regions=list(counting_regions(config)),
         waypoints=waypoints, command=command, commit=commit())
 

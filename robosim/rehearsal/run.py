@@ -46,8 +46,8 @@ class RehearsalRun:
 
     seed: of the grains' initial positions. material: None for the configured one. replay: a recording of the real arm,
     whose motion takes the place of the planned one. errors: by which the robot differs from the model that plans and
-    controls it. controller: of the dose; None for the configured one. Raises ConfigError for a replay with a dose, which
-    no recording repeats.
+    controls it. controller: of the dose; None for the configured one. Raises ConfigError for a replay with a dose,
+    which no recording repeats.
     """
 
     def __init__(self, plan: Plan, seed: int = 0,

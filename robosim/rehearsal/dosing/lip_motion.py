@@ -76,8 +76,8 @@ def make_lip_motion(config: RehearsalConfig) -> LipMotion:
     start, cup = waypoint_pose(waypoint, config.containers), config.containers[name]
     lean = np.arccos(np.clip(start.matrix[2, 2], -1.0, 1.0))
     if lean > LEVEL or any(cup.tilt_deg):
-        raise ConfigError(f"dose.at: the tool leans by {np.degrees(lean):.1f} deg at waypoint {waypoint.name!r}, the cup "
-                          f"{name!r} by {cup.tilt_deg} deg; accepted: a tool that leans by up to "
+        raise ConfigError(f"dose.at: the tool leans by {np.degrees(lean):.1f} deg at waypoint {waypoint.name!r}, the "
+                          f"cup {name!r} by {cup.tilt_deg} deg; accepted: a tool that leans by up to "
                           f"{np.degrees(LEVEL):g} deg, and a cup that stands upright")
     lip = find_lip(tool_shape(config.tool), config.tool_name) if dose.lip is None else np.array(dose.lip)
     motion = LipMotion(start, lip, start.apply(lip[None])[0], np.radians(dose.largest_tilt_deg), dose.vibration_axis)

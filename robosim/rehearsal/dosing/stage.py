@@ -136,7 +136,7 @@ class DosingStage:
         if is_back and since >= self._dose.settle:
             self.end = time + self._dt
         elif since > self._dose.settle + MOST_RETURN:
-            raise RobotDiverged(time, [f"the arm has not come back to waypoint {self._config.dose_at!r} after the dose"])
+            raise RobotDiverged(time, [f"the arm is not back at waypoint {self._config.dose_at!r} after the dose"])
         return state
 
 
@@ -146,8 +146,8 @@ def make_dose_controller(config: RehearsalConfig) -> DoseController:
     assert dose is not None
     steps = dose.control_dt / config.host_dt
     if abs(steps - round(steps)) > 1e-6:
-        raise ConfigError(f"dose.control_dt = {dose.control_dt} s is {steps:.4f} steps of host_dt = {config.host_dt} s; "
-                          f"accepted: a whole number")
+        raise ConfigError(f"dose.control_dt = {dose.control_dt} s is {steps:.4f} steps of host_dt = {config.host_dt} "
+                          f"s; accepted: a whole number")
     numbers = load_dosing(dose.controllers)
     if dose.numbers:
         given = numbers.model_dump(mode="json")

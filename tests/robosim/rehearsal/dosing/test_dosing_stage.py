@@ -19,8 +19,8 @@ from robosim.rehearsal.session import check_config
 from robosim.robot.timing import JointState
 from robosim.scene.build import compile_rehearsal
 
-SALT = PourCurve(material="salt", load=0.05, rate_deg=2.0, source="made up for tests", tilts_deg=(20.0, 40.0, 60.0, 80.0),
-                 masses=(0.0, 0.015, 0.035, 0.05))
+SALT = PourCurve(material="salt", load=0.05, rate_deg=2.0, source="made up for tests",
+                 tilts_deg=(20.0, 40.0, 60.0, 80.0), masses=(0.0, 0.015, 0.035, 0.05))
 TARE = 0.012
 
 
