@@ -58,7 +58,7 @@ class GranularConfig(MaterialConfig):
     cohesion: Annotated[Quantity, Within(0.0, 1e9)]  # concrete has 1e7 Pa
     """Cohesion [Pa]."""
     grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)] | None = None  # the finest powder to coarse gravel
-    """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse the material."""
+    """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse it."""
 
 
 class MuIConfig(GranularConfig):

@@ -90,8 +90,8 @@ def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
 def check_holes(shape: ToolShape | MeshTool, wall: str) -> None:
     """Raise ConfigError for a tool with holes that is a solid in the field; wall: how its wall was given."""
     if shape.holes is not None:
-        raise ConfigError(f"tool {shape.name!r} with a {wall}: its holes are smaller than a cell, and a solid has none; "
-                          f"accepted: a task with tool_wall: shell, or another tool")
+        raise ConfigError(f"tool {shape.name!r} with a {wall}: its holes are smaller than a cell, and a solid has "
+                          f"none; accepted: a task with tool_wall: shell, or another tool")
 
 
 def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig, *,

@@ -1,9 +1,9 @@
 """Discharge of salt from holes of 3 mm in the floor of a thin can, on cells of 4 to 8 mm.
 
-Measured: relative error of the mass below the floor; of holes too small for the grains, that mass as a share of what a
-hole without grains' size would pass; the part of the momentum that gravity, walls and can do not account for. Reference:
-Beverloo's law, which `mpm.Orifice` imposes: what is tested is that the bed keeps the holes covered on every cell, that
-what passes is what arrives below, and that momentum is kept although particles are carried through the floor.
+Measured: relative error of the mass below the floor; of holes too small for the grains, that mass as a share of what
+the law without cut-off gives; the part of the momentum that gravity, walls and can do not account for. Reference:
+Beverloo's law. `mpm.Orifice` imposes it: what the case tests is that the bed keeps the holes covered on every cell,
+that what passes arrives below, and that momentum is kept although particles are carried through the floor.
 """
 
 import math
