@@ -4,6 +4,6 @@ from robosim.verification.cases.granular import small_hole
 
 
 def test_small_holes_pass_what_the_law_says_on_every_cell() -> None:
-    records = [small_hole.measure(**choices) for choices in small_hole.QUICK_SWEEP]
+    records = [small_hole.measure(ratio=choices["ratio"], cell=choices["cell"]) for choices in small_hole.QUICK_SWEEP]
     findings = [claim.evaluate(records) for claim in small_hole.CLAIMS]
     assert [finding.verdict for finding in findings] == ["pass"] * 3, findings
