@@ -70,7 +70,7 @@ def mpm_page() -> str:
 
 def robosim_page() -> str:
     """The coupling, rehearsals, and the environments by their pages."""
-    from robosim.envs import TASKS
+    from robosim.envs import BUNDLED
     from robosim.envs.grain_env import GrainEnv
 
     public = package_page("robosim", {"Rehearsals": ["Rehearsal", "Result", "RehearsalConfig"],
@@ -78,7 +78,7 @@ def robosim_page() -> str:
                                       "Scenes": ["Container", "GrainRenderer", "Mp4Writer"]})
     envs = group("Environments", [("robosim.envs.grain_env.GrainEnv", GrainEnv)])
     pages = importlib.import_module("robosim.envs.sub_tasks")
-    docs = {name: (inspect.getdoc(getattr(pages, name)) or "").replace("\n## ", "\n#### ") for name in TASKS}
+    docs = {name: (inspect.getdoc(getattr(pages, name)) or "").replace("\n## ", "\n#### ") for name in BUNDLED}
     texts = "\n".join(f"### robosim/{name}-v0\n\n{text}\n" for name, text in docs.items())
     return f"{public}\n{envs}\n{texts}"
 

@@ -6,7 +6,7 @@ import yaml
 
 from generators.markdown import code, table
 from generators.results.measured import ROOT
-from robosim.envs import TASKS
+from robosim.envs import BUNDLED
 from robosim.tasks.task import load_task
 
 CONFIGS = ROOT / "configs"
@@ -35,11 +35,11 @@ def materials() -> str:
 
 
 def tasks() -> str:
-    """The sub-tasks."""
+    """The bundled tasks."""
     data = read("tasks")
     return table(["id", "tool", "particles", "terms of the reward", "goal"],
                  [[f"`robosim/{name}-v0`", data[name]["tool"], data[name]["grains"]["count"],
-                   ", ".join(load_task(name).terms), data[name]["description"]] for name in TASKS])
+                   ", ".join(load_task(name).terms), data[name]["description"]] for name in BUNDLED])
 
 
 def methods() -> str:

@@ -15,11 +15,14 @@ from robosim.scene.grains import container_region
 from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
+from robosim.tasks.dosing import TARGET_MASS
 from robosim.tasks.task import TaskConfig
 
-CURVES = [CurveEntry(name="delivered", unit="%", chart="grains"), CurveEntry(name="spilled", unit="%", chart="grains"),
-          CurveEntry(name="return", chart="return")]
-"""What every frame has a value of."""
+RETURN = CurveEntry(name="return", chart="return")
+SHARES = [CurveEntry(name="delivered", unit="%", chart="grains"), CurveEntry(name="spilled", unit="%", chart="grains")]
+"""Readings that every frame has a value of."""
+MASSES = [CurveEntry(name=name, unit="g", chart="mass") for name in ("poured", TARGET_MASS, "spilled")]
+"""The same of a dosing task."""
 
 
 class EpisodeRecorder:
@@ -28,6 +31,7 @@ class EpisodeRecorder:
     def __init__(self, env: GrainEnv, path: Path, policy: str) -> None:
         task, solver = env.task, env.solver
         self._env, self._total = env, 0.0
+        self._curves, self._scale = (SHARES, 100.0) if task.dose is None else (MASSES, 1000.0)
         self._model = compile_spec(build_task_spec(task, env.carrier.build_spec()))
         self._bodies = SeenBodies(self._model, task)
         self._data = self._bodies.data
@@ -36,7 +40,7 @@ class EpisodeRecorder:
         self.recorder = SceneRecorder(
             path, self._model, self._data, solver, kind="task", title=f"{env.TASK or task.description}: {policy}",
             frame_rate=1.0 / (env.action_repeat * task.step_dt), tool=task.tool_name, colour=env.material.colour,
-            curves=CURVES, regions=list(places(placed(task, env.carrier.setting.place))),
+            curves=[*self._curves, RETURN], regions=list(places(placed(task, env.carrier.setting.place))),
             commit=commit())
         self._record()
 
@@ -67,7 +71,7 @@ class EpisodeRecorder:
 
     def _record(self) -> None:
         readings = self._info["readings"]
-        values = [100.0 * readings.get(name, float("nan")) for name in ("delivered", "spilled")]
+        values = [self._scale * readings.get(curve.name, float("nan")) for curve in self._curves]
         self.recorder.add(self._data, lambda grains: [*values, self._total])
 
 

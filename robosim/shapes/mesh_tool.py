@@ -162,8 +162,8 @@ class MeshTool:
 
     def head_shell(self) -> mpm.Shell:
         """Raise ConfigError: the walls of a mesh are closed, and a shell needs their inner face."""
-        raise ConfigError(f"tool {self.name!r} is from a mesh, whose inner face is not distinguished from its outer "
-                          f"one, as a shell needs it; accepted: a wall thickness in metres, or a bundled tool")
+        raise ConfigError(f"tool {self.name!r} is from a mesh, of whose faces none is known to be the inner one, which "
+                          f"a shell needs; accepted: a wall thickness in metres, or a bundled tool")
 
     @property
     def holes(self) -> None:

@@ -42,6 +42,8 @@ RECEIVER = "receiver"
 OF_DOSING = {"reward": {"distance": {"weights": [0, 0, 0], "total": 1, "reference": 1}, "target": 1},
              "success": {"delivered": 1}}
 """What stands in a dosing task for the sections of the published rewards, which it does not have."""
+COMPLETED: Any = None
+"""Default of the sections that a dosing task leaves out, until they are completed."""
 FAR = 10.0
 """Half size [m] of a region without an end."""
 
@@ -100,15 +102,15 @@ class TaskConfig(Table):
     """Action space."""
     goal: Vector3
     """Point [m] to which the reward measures the distances of the grains."""
-    target: RegionConfig
-    """Region in which grains count as delivered; of a task with a receiver it is the inside of that."""
-    bounds: RegionConfig
-    """A grain outside this region and not in the tool is lost; where the reward has the term poured, poured out. Of a
-    task with a receiver it is all above its rim."""
-    reward: RewardConfig
-    """Weights of the reward terms; of a dosing task they are in the section dose."""
-    success: SuccessConfig
-    """Criterion of success; of a dosing task it is in the section dose."""
+    target: RegionConfig = Field(COMPLETED)
+    """Region in which grains count as delivered; null with a receiver: the inside of that, up to its rim."""
+    bounds: RegionConfig = Field(COMPLETED)
+    """A grain outside this region and not in the tool is lost; where the reward has the term poured, poured out. null
+    with a receiver: all above its rim."""
+    reward: RewardConfig = Field(COMPLETED)
+    """Weights of the reward terms; null in a dosing task, whose weights are in the section dose."""
+    success: SuccessConfig = Field(COMPLETED)
+    """Criterion of success; null in a dosing task, whose tolerances are in the section dose."""
     dose: DosingConfig | None = None
     """A mass to dose, of a dosing task; null: none."""
     randomize: dict[Name, RandomRange | RandomChoice] = Field({}, max_length=MAX_ENTRIES)
@@ -163,15 +165,21 @@ class TaskConfig(Table):
     @pydantic.model_validator(mode="before")
     @classmethod
     def _complete(cls, data: Any) -> Any:
-        """Add the sections that a dosing task leaves out; refuse those that it must leave out."""
-        if not isinstance(data, dict) or data.get("dose") is None:
+        """Add the sections that a dosing task leaves out; refuse those that it must leave out.
+
+        The others have to give them: null, which stands for what is missing, is refused.
+        """
+        if not isinstance(data, dict):
             return data
+        own = dict.fromkeys(("target", "bounds", *OF_DOSING))
+        if data.get("dose") is None:
+            return own | data
         regions = {} if data.get("receiver") is None else receiver_regions(data["receiver"])
-        given = [name for name in (*OF_DOSING, *regions) if name in data]
+        given = [name for name in (*OF_DOSING, *regions) if data.get(name) is not None]
         if given:
             raise ValueError(f"dose with {', '.join(given)}; accepted: dose.reward, dose.tolerance_percent and "
                              f"dose.tolerance_g, and with a receiver neither target nor bounds")
-        return data | OF_DOSING | regions
+        return own | data | OF_DOSING | regions
 
     @pydantic.model_validator(mode="after")
     def _check_dosing(self) -> "TaskConfig":

@@ -8,7 +8,7 @@ from robosim.benchmarks import FIELD_SCENES
 from robosim.benchmarks import field as benchmark
 from robosim.commands.main import main
 from robosim.config.resources import config_names
-from robosim.envs import TASKS
+from robosim.envs import BUNDLED
 from robosim.errors import ConfigError
 from robosim.verification import stability
 from robosim.verification.stability import field
@@ -20,7 +20,7 @@ def test_axes_of_the_stability_matrix() -> None:
 
 
 def test_sub_tasks() -> None:
-    assert sorted(TASKS) == config_names("tasks")
+    assert sorted(BUNDLED) == config_names("tasks")
 
 
 def test_a_scene_that_could_not_be_measured_is_an_exit_status(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,11 +11,13 @@ from gymnasium.utils.env_checker import check_env
 
 import mpm
 import robosim  # noqa: F401  (registers the environments)
-from robosim.envs import TASKS
+from robosim.config.materials import load_material
+from robosim.envs import BUNDLED, DOSING, TASKS
 from robosim.envs.grain_env import GrainEnv
 from robosim.evaluation.policies import make_policy
 from robosim.shapes.vessels import SPOON_INTERIOR
 from robosim.tasks.counting import TaskCounts
+from robosim.tasks.field import grain_volume
 from robosim.tasks.observation import Observer
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task, task_names
@@ -59,13 +61,21 @@ def episode(env: GrainEnv, name: str, seed: int = 0, **reset: Any) -> tuple[floa
 
 
 def test_every_task_has_an_environment_with_a_page() -> None:
-    assert sorted(TASKS) == task_names()
+    assert sorted(BUNDLED) == task_names()
     from robosim.envs import sub_tasks
 
     for name in TASKS:
         page, task = getattr(sub_tasks, name).__doc__, load_task(name)
         for fact in (str(task.grains.count), str(task.reward.target), f"{Reward(task).extremes()[0]:.2f}",
                      str(task.action.speed), str(task.target.centre)):
+            assert fact in page, (name, fact)
+        assert re.findall(r"^## (.*)$", page, re.M) == HEADINGS
+    for name in DOSING:
+        page, task = getattr(sub_tasks, name).__doc__, load_task(name)
+        assert task.dose is not None
+        point = 1e3 * load_material(task.material).density.value * grain_volume(task)
+        for fact in (str(task.grains.count), f"weighs {point:.3g} g", f"between {task.dose.target_g[0]:g} and",
+                     f"{task.dose.tolerance_percent:g} % or {task.dose.tolerance_g:g} g"):
             assert fact in page, (name, fact)
         assert re.findall(r"^## (.*)$", page, re.M) == HEADINGS
 

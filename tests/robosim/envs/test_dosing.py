@@ -1,0 +1,164 @@
+"""Dosing environments: Gymnasium's rules, the drawn target, no mass lost, the end, states, and heaps that stand."""
+
+import pickle
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import robosim  # noqa: F401  (registers the environments)
+from robosim.envs.grain_env import GrainEnv
+from robosim.errors import ConfigError
+
+TERMS = [None, ["target", "scale"], ["tool", {"name": "scale", "lag": 0.0}, "height_map", "grains"], "moments"]
+STILL = np.array([0, 0, 0, 0, 0, 0, -1, 0], np.float32)
+"""Action of a tool that neither moves nor vibrates."""
+EXACT = {"name": "scale", "lag": 0.0, "readability": 0.0, "repeatability": 0.0}
+
+
+def make_env(name: str, **options: Any) -> GrainEnv:
+    env = gymnasium.make(f"robosim/{name}-v0", disable_env_checker=True, **options).unwrapped
+    assert isinstance(env, GrainEnv)
+    return env
+
+
+@pytest.fixture(scope="module")
+def spoon() -> Iterator[GrainEnv]:
+    env = make_env("DoseSpoon", obs=["tool", "goal", "time", EXACT, "target"])
+    yield env
+    env.close()
+
+
+def turn(env: GrainEnv, to_deg: float, rate: float = 1.0, amplitude: float = -1.0) -> list[tuple]:
+    """Tilt the tool about its lateral axis, which is the world's x turned over; return what the steps gave."""
+    steps, action = [], STILL.copy()
+    action[6] = amplitude
+    while abs(rest := np.radians(to_deg) - env.episode.tool_rotation()) > 1e-3:
+        per_action = env.task.action.angular_speed * env.action_repeat * env.task.step_dt
+        action[3] = -np.clip(rest / per_action, -rate, rate)
+        steps.append(env.step(action))
+    return steps
+
+
+@pytest.mark.parametrize("arm", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_gymnasium_has_no_complaint(arm: bool) -> None:
+    for terms in TERMS:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.filterwarnings("ignore", message=".*not the same as the gym.*")
+            env = gymnasium.make("robosim/DoseSpoon-v0", obs=terms, arm=arm)
+            check_env(env.unwrapped, skip_render_check=True)
+            env.close()
+
+
+def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
+    targets = []
+    for seed in range(30):
+        seen, info = spoon.reset(seed=seed)
+        targets.append(float(seen["target"][0]))
+        assert targets[-1] == pytest.approx(info["draw"]["numbers"]["target_mass"])
+        assert info["readings"]["target_mass"] == info["draw"]["numbers"]["target_mass"]
+    assert 0.002 <= min(targets) < 0.004 and 0.013 < max(targets) <= 0.015
+    seen, info = spoon.reset(seed=99, options={"draw": info["draw"]})
+    assert seen["target"][0] == pytest.approx(targets[-1]) and len(set(targets)) == 30
+    draw = info["draw"] | {"numbers": {"target_mass": 0.05}}
+    with pytest.raises(ConfigError, match=r"target_mass = 0.05; accepted: 0.002 to 0.015"):
+        spoon.reset(options={"draw": draw})
+
+
+def test_same_seed_same_bits(spoon: GrainEnv) -> None:
+    def play(seed: int) -> list[bytes]:
+        rng, seen = np.random.default_rng(seed), [spoon.reset(seed=seed)[0]]
+        for _ in range(20):
+            seen.append(spoon.step(rng.uniform(-1, 1, 8).astype(np.float32))[0])
+        return [part.tobytes() for one in seen for part in one.values()]
+
+    assert play(3) == play(3) != play(4)
+
+
+def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -> None:
+    """The tool pours while it shakes, and comes back: the episode ends half a second later."""
+    seen, info = spoon.reset(seed=1, options={"nominal": True})
+    load = 1e3 * spoon.solver.masses().sum()
+    assert load == pytest.approx(42.06, abs=0.01) and info["readings"]["held"] == pytest.approx(1e-3 * load)
+    assert seen["scale"][0] == 0.0
+    poured = turn(spoon, 45.0, rate=0.5, amplitude=1.0)
+    back = turn(spoon, 0.0)
+    assert not any(step[2] for step in poured + back)
+    waiting = [spoon.step(STILL)]
+    while not waiting[-1][2]:
+        waiting.append(spoon.step(STILL))
+    assert len(waiting) == pytest.approx(25, abs=4) and not waiting[-1][3]  # 0.5 s, from 2 deg on
+    for _, _, _, _, info in poured + back + waiting:
+        masses = [info["readings"][name] for name in ("poured", "spilled", "held", "elsewhere")]
+        assert 1e3 * sum(masses) == pytest.approx(load) and min(masses) >= 0.0
+    last, readings = waiting[-1][0], waiting[-1][4]["readings"]
+    assert 0.001 < readings["poured"] < 0.03 and readings["elsewhere"] == readings["spilled"] == 0.0
+    assert last["scale"][0] == pytest.approx(readings["poured"], abs=1e-6)
+    with pytest.raises(ConfigError, match="no episode is running"):
+        spoon.step(STILL)
+
+
+def test_a_state_continues_to_the_bit(spoon: GrainEnv) -> None:
+    """In the middle of a vibration."""
+    spoon.reset(seed=2)
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (20, 8)).astype(np.float32)
+    for action in actions[:10]:
+        spoon.step(action)
+    state = pickle.loads(pickle.dumps(spoon.state()))
+    first = [spoon.step(action) for action in actions[10:]]
+    spoon.reset(seed=7)
+    spoon.load(state)
+    again = [spoon.step(action) for action in actions[10:]]
+    for one, other in zip(first, again):
+        assert one[1:4] == other[1:4] and one[4]["readings"] == other[4]["readings"]
+        assert all(np.array_equal(one[0][name], other[0][name]) for name in one[0])
+
+
+def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
+    """Its top falls by at most 3 mm in 2 s; on a solid with a wall of 3 mm it falls by 11 mm."""
+    spoon.reset(seed=0, options={"nominal": True})
+    tops = [spoon.solver.positions()[:, 2].max()]
+    for _ in range(100):
+        spoon.step(STILL)
+    tops.append(spoon.solver.positions()[:, 2].max())
+    assert -1e-4 < tops[0] - tops[1] < 3e-3
+    assert spoon.episode.counts.held == 320
+    assert np.array_equal(spoon.solver.collider_pose(0).position, spoon.task.start.position)
+
+
+def test_a_place_moves_the_receiver_and_what_counts_as_in_it() -> None:
+    """The cup stands 20 mm aside; a tool that follows pours into it."""
+    env = make_env("DoseSpoon", obs=["goal", EXACT], randomize={"place_x": (0.02, 0.02), "place_y": (0.01, 0.01)})
+    seen, _ = env.reset(seed=0, options={"nominal": True, "shift": (0.02, 0.01, 0.0)})
+    assert seen["goal"] == pytest.approx([0.0, 0.035, -0.05], abs=1e-6)
+    readings = turn(env, 60.0)[-1][4]["readings"]
+    for _ in range(20):
+        seen, _, _, _, info = env.step(STILL)
+    readings = info["readings"]
+    assert readings["poured"] > 0.005 and readings["spilled"] == 0.0
+    assert seen["scale"][0] == pytest.approx(readings["poured"] + readings["elsewhere"], abs=3e-4)
+    env.close()
+
+
+@pytest.mark.slow
+def test_the_arm_carries_the_vibration() -> None:
+    """The servo follows the commanded pose with its vibration, and the arm touches nothing but the tool."""
+    env = make_env("DoseSpoon", arm=True, obs=["tool", "scale"], action_repeat=1)
+    env.reset(seed=0, options={"nominal": True})
+    spread = []
+    for amplitude in (-1.0, 1.0):
+        action, away = STILL.copy(), []
+        action[6:] = amplitude, -1.0
+        for _ in range(150):
+            seen = env.step(action)[0]
+            away.append(seen["tool"][:3] - env.carrier.commanded.position)
+        spread.append(np.ptp(np.array(away)[-60:], axis=0))
+    assert spread[0].max() < 1e-4 and 5e-4 < spread[1][1] < 1.1e-3 and spread[1][[0, 2]].max() < 3e-4
+    assert env.carrier.arm_readings["surroundings_contacts"] == 0.0
+    env.close()

@@ -1,0 +1,246 @@
+"""Dosing without a field: reward, success, vibration, and what is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robosim.config.materials import load_material
+from robosim.config.resources import config_path
+from robosim.config.table import read, validate
+from robosim.envs import DOSING, TASKS
+from robosim.envs.carrier import Carrier
+from robosim.errors import ConfigError
+from robosim.randomization.randomization import Randomization
+from robosim.randomization.ranges import choose_ranges
+from robosim.tasks.actions import ActionScaling
+from robosim.tasks.counting import TaskCounts
+from robosim.tasks.dosing import REST, DoseReward
+from robosim.tasks.objective import build_objective
+from robosim.tasks.task import TaskConfig, load_task
+
+GRAIN = 1e-4
+"""Mass of a material point [kg] in these tests."""
+
+
+def task_with(**changes: Any) -> TaskConfig:
+    """DoseSpoon with other keys; "dose__target_g" is that of a section."""
+    data = read(config_path("tasks", "DoseSpoon", "task"))
+    assert isinstance(data, dict)
+    for name, value in changes.items():
+        *sections, key = name.split("__")
+        table = data
+        for section in sections:
+            table = table[section]
+        table[key] = value
+        if value is None:
+            del table[key]
+    return validate(data, Path("task.yaml"), TaskConfig)
+
+
+def counts(poured: int, spilled: int, held: int) -> TaskCounts:
+    return TaskCounts(0.0, 0, 0, poured, poured + spilled, held, 0, 0, 1.0)
+
+
+@pytest.fixture
+def reward() -> DoseReward:
+    """Of 320 grains of 0.1 g, with a target of 10 g."""
+    made = DoseReward(load_task("DoseSpoon"))
+    made.restart(0.01, GRAIN)
+    return made
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_other_tasks_have_no_key_of_dosing(name: str) -> None:
+    """What was learned on them, and their settled starts, are found by all their keys."""
+    table = load_task(name).model_dump()
+    assert not {"dose", "receiver"} & table.keys() and "vibration" not in table["action"]
+    assert {"reward", "success", "target", "bounds"} <= table.keys()
+
+
+@pytest.mark.parametrize("name", DOSING)
+def test_a_dosing_task_is_read_again_from_what_it_writes(name: str) -> None:
+    task = load_task(name)
+    assert TaskConfig.model_validate_json(task.model_dump_json()) == task
+    assert task.with_tool(task.tool) == task and task.terms == ("error", "time", "spill")
+
+
+def test_target_and_bounds_are_those_of_the_receiver() -> None:
+    """The target is the inside up to the rim, and what is above the rim has not arrived."""
+    task = load_task("DoseSpoon")
+    points = np.array([[0.78, 0.0, 0.011], [0.78, 0.044, 0.069], [0.78, 0.0, 0.071], [0.78, 0.05, 0.03],
+                       [0.9, 0.3, 0.2]])
+    assert task.target.region.holds(points).tolist() == [True, True, False, False, False]
+    assert task.bounds.region.holds(points).tolist() == [False, False, True, False, True]
+
+
+def test_terms_add_up_to_what_the_end_is_worth(reward: DoseReward) -> None:
+    """error: the share of the target that is right at last, whatever happened before."""
+    for poured, spilled in ((0, 0), (40, 2), (130, 1), (130, 5)):
+        terms = reward.step(counts(poured, spilled, 320 - poured - spilled), 0.5, False)
+    assert reward.score["error"] == pytest.approx(10.0 * (1.0 - 0.3))
+    assert reward.score["spill"] == pytest.approx(-5.0 * 5 * GRAIN / 0.01)
+    assert reward.score["time"] == pytest.approx(-4.0 / 10_000)
+    assert reward.tcs == pytest.approx(sum(reward.score.values())) and set(terms) == set(reward.terms)
+    before = reward.tcs
+    reward.diverge(9996)
+    assert reward.score == pytest.approx({"error": -10.0, "time": -1.0, "spill": -5.0}) and reward.tcs < before
+
+
+def test_readings_have_all_mass(reward: DoseReward) -> None:
+    reward.step(counts(120, 3, 190), 0.5, False)
+    reward.step(counts(110, 3, 190), 0.5, False)
+    values = reward.readings(counts(110, 3, 190))
+    assert sum(values[name] for name in ("poured", "spilled", "held", "elsewhere")) == pytest.approx(320 * GRAIN)
+    assert values["poured"] == pytest.approx(0.011) and values["elsewhere"] == pytest.approx(17 * GRAIN)
+    assert values["dose_error"] == pytest.approx(0.001) and values["dose_error_percent"] == pytest.approx(10.0)
+    assert values["overshoot"] == pytest.approx(0.002) and values["seconds"] == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize(("target", "poured", "right"), [
+    (0.01, 97, True), (0.01, 96, False), (0.01, 103, True), (0.01, 104, False),  # 0.3 g
+    (0.03, 306, True), (0.03, 307, False), (0.03, 294, True), (0.03, 293, False),  # 2 %
+])
+def test_success_is_the_larger_of_two_tolerances(reward: DoseReward, target: float, poured: int, right: bool) -> None:
+    reward.restart(target + 1e-9 * (1 if poured * GRAIN > target else -1), GRAIN)
+    assert reward.is_success(counts(poured, 0, 320 - poured)) is right
+
+
+def test_an_episode_ends_when_the_tool_is_level_again(reward: DoseReward) -> None:
+    """Neither before it was tilted, nor where it is level on its way, nor before what falls has fallen."""
+    steps = round(REST / 0.002)
+
+    def hold(tilt_deg: float, n: int) -> bool:
+        for _ in range(n):
+            assert not reward.is_over
+            reward.step(counts(0, 0, 320), np.radians(tilt_deg), False)
+        return reward.is_over
+
+    assert not hold(0.0, 2 * steps) and not hold(4.0, 10) and not hold(0.0, 2 * steps)
+    assert not hold(6.0, 1) and not hold(0.0, steps - 1) and not hold(2.5, 1) and not hold(-1.9, steps - 1)
+    stored = reward.state()
+    assert hold(0.0, 1)
+    reward.load(stored)
+    assert not reward.is_over and hold(1.0, 1)
+
+
+def test_a_scoop_is_over_only_outside_its_container() -> None:
+    """It starts with its open side down, 110 deg from level, and passes the level in the tray."""
+    task = load_task("ScoopTo")
+    reward = DoseReward(task)
+    reward.restart(0.03, GRAIN)
+    inside, level = counts(0, 0, 300)._replace(clearance=0.01), np.radians(-110.0)
+    for _ in range(400):
+        reward.step(inside, level, False)
+    assert not reward.is_over
+    for _ in range(250):
+        reward.step(inside._replace(clearance=0.03), level, False)
+    assert reward.is_over and reward.readings(inside)["poured"] == pytest.approx(0.03) and reward.is_success(inside)
+
+
+# vibration ----------------------------------------------------------------------------------------------------------
+def test_a_tool_that_is_not_shaken_moves_to_the_bit_as_one_that_cannot() -> None:
+    rng = np.random.default_rng(0)
+    still = Carrier(task_with(action__vibration=None))
+    can = Carrier(load_task("DoseSpoon"))
+    for _ in range(50):
+        linear, angular = rng.uniform(-0.2, 0.2, 3), rng.uniform(-2.0, 2.0, 3)
+        one, other = still.command(linear, angular), can.command(linear, angular, np.array([0.0, 40.0]))
+        assert np.array_equal(one.position, other.position) and np.array_equal(one.quaternion, other.quaternion)
+
+
+def test_a_vibration_is_a_sine_along_the_tool_and_dies_away() -> None:
+    """Its amplitude follows in 50 ms; the commanded pose stays without it, and ends untouched."""
+    carrier, rest, amplitude, frequency = Carrier(load_task("DoseSpoon")), np.zeros(3), 5e-4, 31.0
+    home = carrier.commanded
+    offsets = np.array([carrier.command(rest, rest, np.array([amplitude, frequency])).position - home.position
+                        for _ in range(500)])
+    assert np.array_equal(carrier.commanded.position, home.position)
+    assert np.abs(offsets[:, [0, 2]]).max() < 1e-12  # the tool's x is the world's y
+    time = 0.002 * np.arange(1, 501)
+    envelope = amplitude * (1.0 - np.exp(-time / 0.05))
+    assert offsets[:, 1] == pytest.approx(envelope * np.sin(2.0 * np.pi * frequency * time), abs=1e-9)
+    state = carrier.state()
+    poses = [carrier.command(rest, rest, np.array([0.0, frequency])) for _ in range(300)]
+    assert np.abs(poses[0].position - home.position).max() > 1e-5 and np.array_equal(poses[-1].position, home.position)
+    carrier.load(state)
+    assert np.array_equal(carrier.command(rest, rest, np.array([0.0, frequency])).position, poses[0].position)
+
+
+def test_an_action_of_eight_numbers() -> None:
+    actions = ActionScaling(load_task("DoseSpoon"))
+    linear, angular, vibration = actions.velocities(np.array([1, 0, 0, 0, -1, 0, -1, 1], np.float32))
+    assert linear[0] == 0.2 and angular[1] == -2.0 and vibration.tolist() == [0.0, 60.0]
+    assert actions.velocities(np.array([0] * 6 + [1, -1], np.float32))[2].tolist() == [5e-4, 20.0]
+    with pytest.raises(ConfigError, match=r"action\[6\] \(amplitude\) = 2.0"):
+        actions.velocities(np.array([0] * 6 + [2, 0], np.float32))
+    with pytest.raises(ConfigError, match=r"shape \(6,\); accepted: \(8,\)"):
+        actions.velocities(np.zeros(6, np.float32))
+
+
+# refusals -----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"dose__target_g": [15, 2]}, r"target_g = \(15.0, 2.0\) g; accepted: the lowest and then the highest mass"),
+    ({"dose__target_g": []}, r"dose.target_g.0: Field required"),
+    ({"dose__target_g": [0.5, 2]}, r"within 1 to 60 g"),
+    ({"dose__target_g": [5, 61]}, r"within 1 to 60 g"),
+    ({"dose__target_g": [5, float("nan")]}, r"dose.target_g.1"),
+    ({"dose__reward": {"errors": 1}}, r"unknown key 'dose.reward.errors'; valid: error, time, spill"),
+    ({"action__vibration__frequency": [20, 100]}, r"accepted: up to 62.5 Hz, 8 steps in a period"),
+    ({"action__vibration__frequency": [60, 20]}, r"the lowest and then the highest"),
+    ({"action__vibration__amplitude": 0.0}, r"action.vibration.amplitude"),
+    ({"receiver__radius": None, "receiver__height": None, "receiver__mesh": "cup.stl"}, r"receiver: accepted: an em"),
+    ({"receiver__tilt_deg": [10, 0]}, r"receiver: accepted: an empty, upright container"),
+    ({"receiver__radius": -1.0}, r"receiver.radius"),
+    ({"receiver": None, "target": {"centre": [0, 0, 0], "half": [1, 1, 1]},
+      "bounds": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose: neither receiver nor container"),
+    ({"target": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose with target; accepted"),
+    ({"success": {"delivered": 0.5}}, r"dose with success; accepted: dose.reward, dose.tolerance_percent"),
+    ({"grains": {"count": 320, "observe_every": 2}}, r"grains.observe_every = 2"),
+    ({"tool_wall": "shells"}, r"tool_wall"),
+])
+def test_what_does_not_fit_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        task_with(**changes)
+
+
+def test_more_than_the_tool_holds_is_refused_with_both_masses() -> None:
+    """42.1 g of salt, 19.4 g of flour; with the lowest fill and the lightest material of an episode."""
+    task = task_with(dose__target_g=[5, 45])
+    with pytest.raises(ConfigError, match=r"target mass of up to 45 g: the spoon holds 42.1 g of 1217 kg/m\^3"):
+        Randomization(task, load_material("salt"), choose_ranges(None, task))
+    lighter = task_with(dose__target_g=[5, 20])
+    Randomization(lighter, load_material("salt"), choose_ranges(None, lighter))
+    with pytest.raises(ConfigError, match=r"up to 20 g: the spoon holds 19.4 g of 560"):
+        Randomization(lighter, load_material("salt"), choose_ranges({"material": ("salt", "flour")}, lighter))
+    with pytest.raises(ConfigError, match=r"up to 40 g: the spoon holds 33.6 g"):
+        Randomization(lighter, load_material("salt"), choose_ranges({"fill": (0.8, 1.0), "target_mass": (0.01, 0.04)},
+                                                                    lighter))
+
+
+@pytest.mark.parametrize(("pair", "message"), [
+    ((0.01, 0.005), r"accepted: \(lowest, highest\)"), ((0.01,), r"accepted: \(lowest, highest\)"),
+    ((0.01, 0.07), r"accepted: 0.001 to 0.06"), ((0.0, 0.01), r"accepted: 0.001 to 0.06"),
+])
+def test_ranges_of_the_target_mass(pair: Any, message: str) -> None:
+    task = load_task("DoseSpoon")
+    with pytest.raises(ConfigError, match=f"target_mass.*{message}"):
+        Randomization(task, load_material("salt"), choose_ranges({"target_mass": pair}, task))
+
+
+def test_only_a_dosing_task_draws_a_mass_and_none_has_a_gradient() -> None:
+    pour = load_task("SpoonPour")
+    with pytest.raises(ConfigError, match="target_mass"):
+        Randomization(pour, load_material("salt"), {"target_mass": (0.01, 0.02)})
+    with pytest.raises(ConfigError, match="a task without a section dose"):
+        build_objective(load_task("DoseSpoon"))
+
+
+@pytest.mark.parametrize("name", DOSING)
+def test_every_bundled_material_can_be_drawn(name: str) -> None:
+    """Also the lightest one with the lowest fill: the preset wide is accepted."""
+    task = load_task(name)
+    ranges = choose_ranges("wide", task)
+    assert Randomization(task, load_material(task.material), ranges).ranges["target_mass"] == pytest.approx(
+        np.array(task.dose.target_g) * 1e-3 if task.dose else ())
