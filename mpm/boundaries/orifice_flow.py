@@ -38,7 +38,7 @@ HELD_BACK = 0.25
 """Share of the speed of release below which a particle in front of a hole blocks it."""
 TURN = 0.618034
 """By how much of a particle's mass, modulo one, the share that has to be due differs from one hole to the next: equal
-holes then take turns. The golden ratio leaves no large gaps for any number of holes."""
+holes do not pass their particles at once. The golden ratio leaves no large gaps for any number of holes."""
 DIAMETER, OPENING, DISCHARGE, AVALANCHE, VIBRATION, OUTER = range(6)
 """Columns of `OrificeFields.numbers`."""
 DUE = 3
@@ -57,8 +57,8 @@ def pass_orifices(fields: ti.template(), step: ti.template(), first, last):
 
 
 @ti.func
-def pass_hole(fields: ti.template(), holes: ti.template(), step: ti.template(), row: ti.template(), index: ti.template(),
-              h):
+def pass_hole(fields: ti.template(), holes: ti.template(), step: ti.template(), row: ti.template(),
+              index: ti.template(), h):
     """Let particles through hole h of a shell by the law, see `mpm.Orifice`."""
     R = collider_axes(step.motion, row, step.row)
     arm, axis = R @ holes.position[h], R @ holes.axis[h]
@@ -153,7 +153,8 @@ def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.temp
                 speed = ti.cast(holes.state[2 * h + 1][RECEDING], fields.real)
                 if speed > 0 and material * holes.numbers[h, OUTER] < 0:
                     R = collider_axes(step.motion, row, step.row)
-                    r = ti.cast(place, fields.real) - collider_origin(step.motion, row, step.row) - R @ holes.position[h]
+                    centre = collider_origin(step.motion, row, step.row) + R @ holes.position[h]
+                    r = ti.cast(place, fields.real) - centre
                     axis = R @ holes.axis[h]
                     if (r - r.dot(axis) * axis).norm() < patch_radius(fields, holes, h):
                         velocity += speed * axis
@@ -216,7 +217,8 @@ def carry(fields: ti.template(), P: ti.template(), holes: ti.template(), step: t
     quarter = 0.25 * fields.cell * fields.cell
     C = [read_lane(P.C[i], slot) for i in ti.static(range(9))]
     spin = quarter * ti.Vector([C[7] - C[5], C[2] - C[6], C[3] - C[1]])
-    turning = ti.cast(mass, ti.f64) * (ti.cast(moved - x, ti.f64).cross(ti.cast(v + dv, ti.f64)) - ti.cast(spin, ti.f64))
+    turning = ti.cast(moved - x, ti.f64).cross(ti.cast(v + dv, ti.f64)) - ti.cast(spin, ti.f64)
+    turning *= ti.cast(mass, ti.f64)
     for d in ti.static(range(3)):
         add(step.out, fields.rows.first_collider + index, 3 + d, turning[d])
     if ti.static(fields.mobile_place[index] >= 0):

@@ -68,6 +68,6 @@ def normals_at(shell: Shell, orifice: Orifice) -> np.ndarray:
     cosine = np.abs(np.einsum("nd,nd->n", normals, orifice.axes))
     for n in np.flatnonzero((distance > shell.thickness) | (cosine < OBLIQUE)):
         raise InvalidValue(f"Orifice: hole {n} at {orifice.positions[n].tolist()} m is {distance[n]:.2g} m from the "
-                           f"shell's mid-surface, its axis {np.degrees(np.arccos(min(cosine[n], 1.0))):.0f} deg off the "
-                           f"normal; accepted: up to {shell.thickness:.2g} m, its thickness, and 45 deg")
+                           f"shell's mid-surface, its axis {np.degrees(np.arccos(min(cosine[n], 1.0))):.0f} deg off "
+                           f"the normal; accepted: up to {shell.thickness:.2g} m, its thickness, and 45 deg")
     return normals

@@ -139,8 +139,8 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         raise InvalidValue("Solver: sleep with body_acceleration; accepted: sleep=False, or gravity alone")
     orifices = tuple((i, sum(len(o.positions) for o in c.orifices)) for i, c in enumerate(colliders) if c.orifices)
     if orifices and is_shared():
-        raise InvalidValue(f"Solver: collider {orifices[0][0]} has orifices, which a GPU does not have; accepted there: "
-                           "shells without, or mpm.init(arch=\"cpu\")")
+        raise InvalidValue(f"Solver: collider {orifices[0][0]} has orifices, which no kernel of a GPU has; accepted "
+                           "there: shells without, or mpm.init(arch=\"cpu\")")
     for place, body in enumerate(bodies):
         if orifices and body.material.state == "volume":
             raise InvalidValue(f"Solver: collider {orifices[0][0]} has orifices, and bodies[{place}] is a fluid, which "

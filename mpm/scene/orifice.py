@@ -14,7 +14,7 @@ AVALANCHE, AVALANCHE_EXPONENT = 9900.0, 6.9
 """Mean number of grains that leave a silo before it jams: AVALANCHE / (jam ratio - D / d)^AVALANCHE_EXPONENT; Zuriguel
 et al. 2005, Phys. Rev. E 71, 051303 (from memory, to be checked)."""
 EDGE = 1e-6
-"""Smallest distance of D / d from the jam ratio that is told from it."""
+"""Smallest distance of D / d from the jam ratio that differs from none."""
 
 
 @dataclass(frozen=True, eq=False)

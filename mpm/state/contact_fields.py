@@ -1,4 +1,4 @@
-"""Fields that contact needs: static colliders and shells at nodes, particles at shells, nodes at mobile colliders, holes.
+"""Fields that contact needs: static colliders, shells and their holes, nodes and particles at colliders that move.
 
 A phase fills a list in its order with one thread; several take places from a counter. Threads of a CPU do so in any
 order, but each in the order of its own part: sorted by part, a list is the same in every run. On a GPU lists whose

@@ -63,7 +63,7 @@ class GranularConfig(MaterialConfig):
     cohesion: Annotated[Quantity, Within(0.0, 1e9)]  # concrete has 1e7 Pa
     """Cohesion [Pa]."""
     grain_diameter: Annotated[Quantity, Within(1e-7, 0.1)] | None = None  # the finest powder to coarse gravel
-    """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse the material."""
+    """Diameter of a grain [m], by which small holes let grains pass; null: tools with such holes refuse it."""
     wall_friction: Annotated[Quantity, Within(0.0, 10.0)] | None = None  # dry pairs have up to 1.5 (rubber)
     """Friction coefficient on a wall, which the source names; for information: scenes say that of each wall."""
     repose_angle: Annotated[Quantity, Within(0.0, 90.0)] | None = None

@@ -84,8 +84,8 @@ class World:
         ranges = choose_ranges(randomize, self.task, mobile)
         self.randomization = Randomization(self.task, self.material, ranges, arm=mobile, sensors=self.observer.domains)
         if self.randomization.materials and tool_shape(self.task.tool).holes is not None:
-            raise ConfigError(f"randomize: material with the tool {self.task.tool_name!r}, whose holes are made for the "
-                              f"grains of one material; accepted: numbers of the material, or another tool")
+            raise ConfigError(f"randomize: material with the tool {self.task.tool_name!r}, whose holes are made for "
+                              f"the grains of one material; accepted: numbers of the material, or another tool")
         if load is not None and self.randomization.varies_grains:
             raise ConfigError(f"randomize: {', '.join(ranges)} with load; accepted with load: neither material, nor "
                               f"fill, nor surface_slope_deg")

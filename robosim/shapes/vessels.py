@@ -108,7 +108,7 @@ def make_cap_holes() -> Holes:
 
 
 def make_shaker(wall: float = WALL, around: int = 48) -> trimesh.Trimesh:
-    """Make the wall of the shaker, with a thickness [m] grown outward; of the cap's holes only the middle one is cut."""
+    """Make the wall of the shaker, with a thickness [m] grown outward; only the cap's middle hole is cut."""
     cap = [[NECK_RADIUS + wall, MOUTH + wall], [0.5 * HOLE, MOUTH + wall], [0.5 * HOLE, MOUTH]]
     return revolve(np.concatenate([make_profile(wall), cap, make_profile(0.0)[::-1]]), around)
 

@@ -59,8 +59,8 @@ def shake(solver: mpm.Solver, duration: float, amplitude: float, frequency: floa
 
 @pytest.mark.parametrize("ratio", [6.0, 20.0])
 def test_holes_pass_what_the_law_says(ratio: float) -> None:
-    """Two holes, half a second: each is within a particle of the law, the first within half of one, what has passed is below, and what has not
-    is above; a hole of a third of a cell."""
+    """Two holes, half a second: each is within a particle of the law, the first within half of one; what has passed is
+    below."""
     hole = {"diameter": 4e-3, "grain_diameter": 4e-3 / ratio}
     with filled(hole=hole, places=((-0.008, 0.0, 0.0), (0.008, 0.002, 0.0))) as solver:
         mass, rate = solver.masses()[0], law_of(solver).rate(SALT.density)

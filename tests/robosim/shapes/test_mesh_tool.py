@@ -125,7 +125,7 @@ def test_the_file_of_a_bundled_tool_is_the_tool(name: str) -> None:
     near = np.abs(theirs) < 1.5e-3
     difference = np.abs(file.head_distance(GROWN, 2e-3).distance(points) - theirs)[near]
     # of a bottle the least wall is made GROWN thick, which is 0.4 mm less than the rest
-    assert near.sum() > 500 and np.median(difference) < (4e-4 if name == "bottle" else 3e-5)
+    assert near.sum() > 500 and np.median(difference) < (4e-4 if name in ("bottle", "shaker") else 3e-5)
 
 
 def test_a_handle_has_a_mesh_and_a_mass_of_its_own(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from robosim.shapes.vessels import (
     make_profile,
 )
 
-DENSITIES = {"handle": 1200.0, "bottle": 950.0}
+DENSITIES = {"handle": 1200.0, "bottle": 950.0, "shaker": 950.0}
 """[kg/m^3]; everything else is steel."""
 
 
