@@ -148,7 +148,7 @@ def make_card(measurements: Measurements, verdict: Verdict) -> MaterialConfig:
 
 def describe(one: Finding, verdict: Verdict) -> str:
     """Return where a number of the card comes from, in a line."""
-    state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_told else \
+    state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_determined else \
         "NOT CALIBRATED, the data cannot tell it"
     return f"{state}; 90 % interval {one.low:.4g} to {one.high:.4g}"
 

@@ -1,4 +1,5 @@
 """Commands that simulate, and show what was simulated.
 
-Imports: calibration, config, conversion, envs, errors, evaluation, recordings, rehearsal, rendering, robustness, viewer, mpm.
+Imports: calibration, config, conversion, envs, errors, evaluation, recordings, rehearsal, rendering, robustness,
+viewer, mpm.
 """
