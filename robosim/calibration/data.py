@@ -225,8 +225,8 @@ def _check_unit(place: str, heap: HeapExperiment, top: float) -> None:
                           f"{heap.height:g} m high; accepted: heights up to that; is it another unit?")
     if top < max(0.02 * heap.height, heap.noise):
         raise ConfigError(f"{place}: heights reach {top:g} m with unit {heap.unit!r}, and the column was "
-                          f"{heap.height:g} m high with noise of {heap.noise:g} m; accepted: a heap above the noise; is "
-                          f"it another unit?")
+                          f"{heap.height:g} m high with noise of {heap.noise:g} m; accepted: a heap above the noise; "
+                          f"is it another unit?")
 
 
 def _check_volume(name: str, heap: HeapExperiment, rings: Rings, width: float) -> None:

@@ -1,8 +1,8 @@
 """Emulator of a simulated experiment: Gaussian processes on the principal components of its outputs.
 
 Outputs are divided by their errors first, so that all numbers here are in standard deviations of the readings; the
-numbers of the material are scaled to 0 to 1 in their ranges. Source: Higdon et al. 2008, J. Am. Stat. Assoc. 103:570. A process has a
-length scale for each number and a term of noise, which takes up what the particles' places change.
+numbers of the material are scaled to 0 to 1 in their ranges. A process has a length scale for each number and a term of
+noise, which takes up what the particles' places change. Source: Higdon et al. 2008, J. Am. Stat. Assoc. 103:570.
 """
 
 import warnings
@@ -17,8 +17,8 @@ NEGLIGIBLE = 0.1
 """Root mean square [standard deviations of the readings] of a component that is left to the noise."""
 MOST_COMPONENTS = 6
 LENGTHS = (0.05, 10.0)
-"""Bounds of length scales, in ranges of the numbers: runs are farther apart than the least; beyond ten ranges an output is
-linear."""
+"""Bounds of length scales, in ranges of the numbers: runs are farther apart than the least; beyond ten ranges an output
+is linear."""
 NOISE = (1e-6, 1.0)
 """Bounds of the noise's variance, relative to a component's."""
 

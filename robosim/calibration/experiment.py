@@ -19,9 +19,9 @@ from robosim.calibration.measurements import (
 from robosim.calibration.pour import simulate_pour
 from robosim.config.materials import number_names
 
-HEAP_ERROR = 0.1
-"""Error of a simulated height in cells, unless `model_error` says otherwise: heaps of 8 and of 16 cells on the radius
-differ by that much, root mean square over their rings."""
+HEAP_ERROR = 0.25
+"""Error of a simulated height in cells, unless `model_error` says otherwise: heaps of a column of sugar, 80 mm wide and
+60 mm high, with 8 and with 16 cells on its radius differ by 1.2 mm, root mean square over their rings."""
 POUR_ERROR = 0.01
 """Error of a simulated mass as a share of the mass in the box, unless `model_error` says otherwise."""
 

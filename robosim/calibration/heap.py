@@ -24,6 +24,8 @@ REACH = 1.5
 grid's sides. Source: J. Fluid Mech. 508:175, r = r0 (1 + 1.24 a), r0 (1 + 1.6 sqrt(a)) from a = 1.7."""
 WALL_CELLS = 2.5
 """Thickness of the lifted cylinder, outwards, in cells; the grid does not see thinner solids."""
+INSIDE = 0.999
+"""Largest distance of a particle from the axis, in radii of the column."""
 LIFT_STEP = 0.02
 """Time [s] of an advance while the cylinder rises."""
 
@@ -39,7 +41,7 @@ def simulate_heap(heap: HeapExperiment, card: MaterialConfig, floor_friction: fl
     if heap.lift_speed is not None:
         lift_cylinder(solver, heap)
     solver.advance(fall)
-    positions, volume = solver.positions(), float(np.max(solver.bodies[0].volume))  # pyright: ignore[reportArgumentType]
+    positions, volume = solver.positions(), float(np.max(solver.bodies[0].volume or 0.0))
     solver.close()
     return ring_heights(np.hypot(positions[:, 0], positions[:, 1]), volume, heap.radius / heap.cells, distances)
 
@@ -102,7 +104,10 @@ def fill_column(radius: float, height: float, cell: float, rng: np.random.Genera
     sites = np.stack(np.meshgrid(np.arange(n), np.arange(n), np.arange(layers), indexing="ij"), -1).reshape(-1, 3)
     grains = (sites[sites.sum(1) % 2 == 0] + 0.5) * (half, half, height / layers)
     grains = grains[np.hypot(grains[:, 0], grains[:, 1]) <= radius]
-    return grains + rng.uniform(-JITTER, JITTER, grains.shape) * half
+    grains += rng.uniform(-JITTER, JITTER, grains.shape) * half
+    distances = np.hypot(grains[:, 0], grains[:, 1])
+    grains[:, :2] *= np.minimum(1.0, INSIDE * radius / distances)[:, None]  # or some would lie in the cylinder's wall
+    return grains
 
 
 def ring_heights(particles: np.ndarray, volume: float, cell: float, distances: np.ndarray) -> np.ndarray:

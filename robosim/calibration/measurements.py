@@ -57,7 +57,7 @@ class HeapExperiment(Experiment):
     noise: HeightNoise
     """Standard deviation of a height [m]."""
     model_error: Annotated[float, Field(ge=0.0, le=0.1)] | None = None
-    """Standard deviation of the simulation's own error [m]. Default: a tenth of a cell."""
+    """Standard deviation of the simulation's own error [m]. Default: a quarter of a cell."""
     radius: Length
     """Of the column [m]."""
     height: Length

@@ -23,9 +23,9 @@ def make_page(title: str, verdict: Verdict, found: Search, ranges: Ranges, trial
     page.set_verdict("calibrated" if verdict.is_calibrated else "; ".join(verdict.reasons),
                      holds=verdict.is_calibrated)
     page.add_heading("Numbers")
-    page.add_table(["number", "best", "90 %, from", "to", "range, from", "to", "interval / range", "told by the data"],
+    page.add_table(["number", "best", "90 %, from", "to", "range, from", "to", "interval / range", "narrowed"],
                    [[one.name, one.best, one.low, one.high, one.least, one.most, one.width,
-                     "pass" if one.is_told else "fail"] for one in verdict.findings])
+                     "pass" if one.is_determined else "fail"] for one in verdict.findings])
     page.add_heading("Experiments")
     page.add_table(["experiment", "role", "readings", "chi square", "probability", "rms difference", "unit",
                     "explained"],

@@ -11,7 +11,13 @@ import numpy as np
 from mpm.input_files import check_form, read_json
 from mpm.progress import Progress
 from robosim.calibration.experiment import Numbers, Trial, make_trials
-from robosim.calibration.measurements import WALL_FRICTION, Measurements, load_measurements
+from robosim.calibration.measurements import (
+    WALL_FRICTION,
+    HeapExperiment,
+    Measurements,
+    PourExperiment,
+    load_measurements,
+)
 from robosim.calibration.page import make_page
 from robosim.calibration.search import Ranges, Search, search
 from robosim.calibration.verdict import Advice, Finding, Residual, Verdict, advise, judge, residual
@@ -124,7 +130,8 @@ def run_best(trials: list[Trial], ranges: Ranges, found: Search, store: Runs
 def fingerprint(measurements: Measurements) -> str:
     """Return twelve hexadecimal digits that change with experiments, data, card and code."""
     config = measurements.config.model_dump(exclude={"description", "sought"})
-    files = [Path(one.data).read_bytes().hex() for one in measurements.experiments.values() if hasattr(one, "data")]  # pyright: ignore[reportAttributeAccessIssue]
+    files = [Path(one.data).read_bytes().hex() for one in measurements.experiments.values()
+             if isinstance(one, HeapExperiment | PourExperiment)]
     text = json.dumps([config, files, measurements.card.model_dump(), code_digest("robosim.calibration.experiment")],
                       sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
@@ -148,7 +155,7 @@ def make_card(measurements: Measurements, verdict: Verdict) -> MaterialConfig:
 
 def describe(one: Finding, verdict: Verdict) -> str:
     """Return where a number of the card comes from, in a line."""
-    state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_told else \
+    state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_determined else \
         "NOT CALIBRATED, the data cannot tell it"
     return f"{state}; 90 % interval {one.low:.4g} to {one.high:.4g}"
 

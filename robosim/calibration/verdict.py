@@ -48,7 +48,7 @@ class Finding(NamedTuple):
     least: float
     """Of its range; `most` likewise."""
     most: float
-    is_told: bool
+    is_determined: bool
     """Whether the data narrow its range."""
 
     @property
@@ -87,7 +87,7 @@ def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Resi
                        f"{worst.name} differs most, by {worst.rms:.3g} {worst.unit}")
     reasons += [f"data cannot tell {one.name}: its {INTERVAL:.0%} interval, {one.low:.4g} to {one.high:.4g}, has "
                 f"{one.width:.0%} of the width that the range alone gives (accepted: up to {MOST_WIDTH:.0%})"
-                for one in findings if not one.is_told]
+                for one in findings if not one.is_determined]
     reasons += [f"held-out experiment {one.name} is not predicted: it differs by {one.rms:.3g} {one.unit}, probability "
                 f"{one.probability:.2g} (accepted: {LEAST_PROBABILITY:g} or more)" for one in checks
                 if not one.is_explained]
@@ -102,7 +102,7 @@ def make_findings(ranges: Ranges, posterior: Posterior) -> list[Finding]:
     for k, name in enumerate(ranges.names):
         low, high = intervals[k].tolist()
         one = Finding(name, float(best[k]), low, high, float(ranges.lower[k]), float(ranges.upper[k]), True)
-        findings.append(one._replace(is_told=one.width <= MOST_WIDTH))
+        findings.append(one._replace(is_determined=one.width <= MOST_WIDTH))
     return findings
 
 

@@ -19,8 +19,8 @@ def add_parser(commands: Any) -> None:
                                  description="Find the numbers of a material from heaps, poured masses, tilted or "
                                  "sheared samples, a scoop's mass and a cup's, with intervals and a check on held-out "
                                  "experiments. Exit status 0 only if the material is calibrated.")
-    parser.add_argument("measurements", metavar="FILE", help=".yaml file that names the experiments, their data and the "
-                        "numbers sought, see `robosim keys measurements`")
+    parser.add_argument("measurements", metavar="FILE", help=".yaml file that names the experiments, their data and "
+                        "the numbers sought, see `robosim keys measurements`")
     parser.add_argument("--out", type=Path, required=True, help="folder for the card, calibration.json and index.html; "
                         "runs that are finished there are not repeated")
     parser.add_number("--runs", default=RUNS, help=f"most simulations of each experiment (default: {RUNS})")
