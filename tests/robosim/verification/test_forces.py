@@ -115,7 +115,7 @@ def test_janssen_balances_every_layer() -> None:
 
 
 def test_depths_of_impact_follow_their_laws() -> None:
-    """Steel of 25.4 mm dropped by 0.1 m stops at 31.4 and 70.6 mm (validation B11), the latter also by steps in time."""
+    """Steel of 25.4 mm dropped by 0.1 m stops at 31.4 and 70.6 mm (validation B11), the latter by steps in time."""
     ratio, mu = 7860.0 / 1520.0, math.tan(math.radians(24.0))
     depth = dropped_sphere.predict(0.1, ratio, mu)
     assert depth == pytest.approx(0.0314, abs=3e-4)
@@ -168,7 +168,7 @@ def test_rough_walls_carry_a_part_of_the_fill() -> None:
 
 
 def test_a_blade_pushes_the_wedge_of_coulomb() -> None:
-    """Its force grows with the square of the depth, and acts as if 0.8 cells deeper: on 4 and 6 cells the power is less."""
+    """Its force grows with the square of a depth that is larger by up to 1.2 cells."""
     records = [plate_drag.measure(**choices) for choices in plate_drag.QUICK_SWEEP]
     assert findings(plate_drag, records)["force"].verdict == "pass", records
     ratio = records[1].readings["drag"] / records[0].readings["drag"]

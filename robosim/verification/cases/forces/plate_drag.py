@@ -31,7 +31,7 @@ CLAIMS = (Within("force", BANDS["force"]),
 BED = (0.6, 0.2)
 """Length and height [m]."""
 SPEED = 0.05
-"""[m/s]: a blade that starts at once sends off a wave of density * speed * its speed, some 2 kPa, which dies out first."""
+"""[m/s]: a blade that starts at once sends off a wave of some 2 kPa, density times both speeds, which has to fade."""
 BEGIN, END = 0.15, 0.30
 """Way of the blade [depths] over which the force is averaged."""
 
