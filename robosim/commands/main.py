@@ -17,10 +17,9 @@ from robosim.errors import RobosimError, RobotDiverged
 
 COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view",
             "convert": "runs.convert",
-             "materials": "runs.materials", "chain": "runs.chain", "tune": "runs.tune", "calibrate": "runs.calibrate",
-             "explain": "checks.explain", "report": "checks.report", "stability": "checks.stability",
-             "bench": "checks.bench", "keys": "keys",
-            "new": "new"}
+            "materials": "runs.materials", "chain": "runs.chain", "tune": "runs.tune", "calibrate": "runs.calibrate",
+            "explain": "checks.explain", "report": "checks.report", "stability": "checks.stability",
+            "bench": "checks.bench", "keys": "keys", "new": "new"}
 """Command -> the module of this package that adds it."""
 RENAMED = {"frames": "rollouts"}
 """Commands of earlier versions -> their names now."""

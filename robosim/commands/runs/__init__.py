@@ -1,5 +1,5 @@
 """Commands that simulate, and show what was simulated.
 
-Imports: calibration, config, conversion, dosing, envs, errors, evaluation, recordings, rehearsal, rendering, robustness,
-tuning, viewer, mpm.
+Imports: calibration, config, conversion, dosing, envs, errors, evaluation, recordings, rehearsal, rendering,
+robustness, tuning, viewer, mpm.
 """

@@ -42,12 +42,12 @@ class Alpha(NamedTuple):
 def read_reference(name: str) -> dict[str, Any]:
     """Read a file of configs/references. Raises ConfigError for one that holds anything else than it should."""
     path = folder("configs") / "references" / f"{name}.yaml"
-    content = read(path)
+    content: Any = read(path)
     try:
         check_form(content, FORMS[name])
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
-    return dict(content)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    return content
 
 
 def plane_alpha(beta_deg: float, gamma_deg: float, medium: str = "generic") -> Alpha:
@@ -62,7 +62,8 @@ def plane_alpha(beta_deg: float, gamma_deg: float, medium: str = "generic") -> A
 def space_alpha(beta_deg: float, gamma_deg: float, psi_deg: float = 0.0, doubtful: bool = False) -> np.ndarray:
     """Return (alpha_r, alpha_theta, alpha_z) of the theory in space, in units of `space_scale`.
 
-    The cap on the tangential part by the friction on the plate is left out. psi_deg: twist of the plate about the vertical. doubtful: take the third code's value of the two coefficients.
+    The cap on the tangential part by the friction on the plate is left out. psi_deg: twist of the plate about
+    the vertical. doubtful: take the third code's value of the two coefficients.
     """
     table = read_reference("resistive_force_3d")
     functions = {name: list(table[name]) for name in ("f1", "f2", "f3")}
