@@ -68,24 +68,26 @@ class PiNumbers(Table):
     """Tilt rate [deg/s] until something flows."""
     fastest_deg: TiltRate = 8.0
     """Largest tilt rate [deg/s] while something flows."""
-    time: Seconds = 1.5
-    """Time constant [s]: the wanted flow is the missing mass divided by it."""
-    pace: float = Field(default=1.0, ge=0.1, le=10.0)
-    """The wanted flow is at least `pace` times the missing mass divided by the time left."""
+    time: Seconds = 4.0
+    """Time constant [s]: until the first stop the wanted flow is the missing mass divided by it."""
+    pace: float = Field(default=3.0, ge=0.1, le=10.0)
+    """After that, and at least, the wanted flow is `pace` times the missing mass divided by the time left."""
+    least: Gain = 1.0
+    """Least wanted flow, in accepted errors per second."""
     proportional: Gain = 0.5
     """Share of the flow's error that is added to the wanted flow."""
-    integral: Gain = 0.5
+    integral: Gain = 1.0
     """Share of the flow's summed error that is added to the wanted flow [1/s]."""
-    pour_amplitude: PartOfWhole = 0.7
+    pour_amplitude: PartOfWhole = 0.8
     """Strongest vibration while it pours, as a share of the largest."""
     rise: float = Field(default=0.3, ge=0.0, le=10.0)
     """Rate [1/s] at which the vibration rises where nothing flows, in shares of the largest; it falls where too much
     flows."""
     resume: PartOfWhole = 0.7
     """Vibration with which it pours again after a stop, as a share of that at the stop."""
-    first: float = Field(default=0.7, ge=0.1, le=1.0)
+    first: float = Field(default=0.6, ge=0.1, le=1.0)
     """Share of the target at which the tool stops first, to learn how much still falls."""
-    next: float = Field(default=0.9, ge=0.1, le=1.0)
+    next: float = Field(default=0.7, ge=0.1, le=1.0)
     """Share of the missing mass at which it stops each time after that."""
     margin: PartOfWhole = 0.2
     """Share of the accepted error by which these stops at least aim below the target."""
@@ -93,7 +95,7 @@ class PiNumbers(Table):
     """Share of the accepted error below which a missing mass ends the dose."""
     delay: float = Field(default=0.4, ge=0.0, le=5.0)
     """Time [s] that the flow still arrives after a stop, until the first stop tells."""
-    settle: Seconds = 0.8
+    settle: Seconds = 0.6
     """Time [s] that the tool waits after a stop before the balance is believed."""
     stop_deg: TiltAngle = 6.0
     """Angle [deg] that the tool tilts back at a stop."""

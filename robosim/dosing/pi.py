@@ -23,11 +23,11 @@ AHEAD_SHARE = 0.05
 class PiDosing:
     """Controls the flow onto the balance by the tilt rate, and shakes where less flows than is wanted.
 
-    The wanted flow is the missing mass divided by a time. The tilt rate is the pour curve's tilt per mass, multiplied
-    by the wanted flow plus a proportional and an integral part of its error; the vibration is an integral of it, too.
-    The tool stops where what the balance shows, plus flow x delay, reaches the mass aimed at: at first a share of the
-    target, then a share of what is missing. What the balance shows after a stop corrects the delay, as batching scales
-    compensate for what is in flight.
+    The wanted flow is the missing mass divided by a time, which is longer after the first stop. The tilt rate is the
+    pour curve's tilt per mass, multiplied by the wanted flow plus a proportional and an integral part of its error; the
+    vibration is an integral of it, too. The tool stops where what the balance shows, plus flow x delay, reaches the
+    mass aimed at: at first a share of the target, then a share of what is missing. What the balance shows after a stop
+    corrects the delay, as batching scales compensate for what is in flight.
     """
 
     def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
@@ -47,6 +47,7 @@ class PiDosing:
         """What the balance showed as the tool began to pour, or to pour again [kg]."""
         self._flows = False
         """Whether anything has flowed yet."""
+        self._has_stopped = False
         self._resumes_at = 0.0
         """Tilt [rad] to which it turns as fast as it may after a stop."""
         self._share = 0.0
@@ -83,11 +84,13 @@ class PiDosing:
         numbers, missing = self._numbers, sight.target - sight.shown
         if sight.shown + max(flow, 0.0) * self._delay >= self._aim:
             self._phase, self._summed, self._share = "wait", 0.0, numbers.resume * self._share
-            self._resumes_at = sight.tilt - np.radians(numbers.resume_deg)
+            self._has_stopped, self._resumes_at = True, sight.tilt - np.radians(numbers.resume_deg)
             self._stop = (sight.time, sight.shown, flow, sight.tilt)
             return self._wait(sight, flow)
         left = self._duration - sight.time - self._motion.back_time(sight) - numbers.settle
-        wanted = max(missing / numbers.time, numbers.pace * missing / max(left, numbers.settle))
+        wanted = max(numbers.pace * missing / max(left, numbers.settle), numbers.least * self._accepted)
+        if not self._has_stopped:
+            wanted = max(wanted, missing / numbers.time)
         lacking = wanted - flow
         per_mass = self._curve.tilt_per_mass(max(sight.shown, 0.0), max(missing, AHEAD_SHARE * self._curve.load))
         fastest, search = np.radians(numbers.fastest_deg), np.radians(numbers.search_deg)
