@@ -101,7 +101,7 @@ def plan_film(run: RehearsalRun, camera: str, colour: str = "material", rate: in
     check_colour(colour)
     return FilmPlan(run.config, camera, sum(run.solver.particles.counts), run.grains.grain_volume,
                     tuple(run.material.colour), colour == "awake", rate, height, poster,
-                    sorted((run.waypoint_time(name), name) for name in run.plan.path.times))
+                    run.planned_passages())
 
 
 def read_state(run: RehearsalRun, marks_sleepers: bool = False) -> FilmState:

@@ -13,7 +13,7 @@ from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.mass_balance import GRAVITY
 from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.readings import Step
-from robosim.rehearsal.run import RehearsalRun
+from robosim.rehearsal.run import DOSE, RehearsalRun
 from robosim.reports.provenance import commit
 from robosim.scene.grains import container_region, is_in_tool
 from robosim.shapes import tool_shape
@@ -41,10 +41,10 @@ def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneReco
     config, motion_path = run.config, run.plan.path
     times = np.linspace(0.0, motion_path.duration, PATH_POINTS)
     commanded = np.array([motion_path.pose(t).position for t in times])
-    waypoints = [WaypointEntry(name=name, time=run.waypoint_time(name),
-                               position=three(motion_path.pose(time).position))
-                 for name, time in motion_path.times.items()
-                 if run.stage is None or time <= motion_path.times[config.dose_at]]  # the dose decides when others are
+    waypoints = [WaypointEntry(name=name, time=time,
+                               position=three(motion_path.pose(motion_path.times[place]).position))
+                 for time, name in run.planned_passages()
+                 for place in [config.dose_at if name == DOSE else name]]
     return SceneRecorder(
         path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
         curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=FRAME_RATE,

@@ -37,6 +37,8 @@ ENERGY_SAMPLE_INTERVAL = 100
 """Steps between readings of the grains' energies."""
 STATE_INTERVAL = 250
 """Steps between states stored in memory, to be written when the run diverges."""
+DOSE = "dose"
+"""Name under which films and recordings show the dose, in place of the waypoints after it."""
 CLOSING_SHARE = 0.6
 """Share of the grasp time in which the fingers close; in the rest they settle on the handle."""
 
@@ -115,6 +117,12 @@ class RehearsalRun:
         return self.stage is not None and self.stage.is_running
 
     @property
+    def expected_duration(self) -> float:
+        """Simulated time [s] that the run takes, if a dose that runs ended now."""
+        stage = self.stage
+        return self.duration + (self.time - stage.begin if stage and stage.is_running and stage.begin else 0.0)
+
+    @property
     def time(self) -> float:
         """Simulated time [s]."""
         return float(self.data.time)
@@ -134,6 +142,16 @@ class RehearsalRun:
         """Return the simulated time [s] at which a waypoint is passed."""
         time = self.config.grasp_time + self.plan.path.times[name]
         return time if self.stage is None or time < self._dose_begin else time + self.stage.duration
+
+    def planned_passages(self) -> list[tuple[float, str]]:
+        """Return times [s] and names of the waypoints that are passed at times known before the run, in order.
+
+        Those up to a dose, and the dose itself: it decides when the arm goes on.
+        """
+        passages = sorted((self.waypoint_time(name), name) for name in self.plan.path.times)
+        if self.stage is None:
+            return passages
+        return [(time, name) for time, name in passages if time < self._dose_begin] + [(self._dose_begin, DOSE)]
 
     def mass_in_cup(self) -> float:
         """Return the mass [kg] in the cup of the dose, without grains that the tool holds above it."""

@@ -211,7 +211,7 @@ def _simulate(run: RehearsalRun, film: FilmProcess | None, recorder: SceneRecord
             if film is not None:
                 film.add_due_frame()
             began = clock.perf_counter()
-            bar.total = max(bar.total, round(run.duration, 3))  # a dose makes it longer
+            bar.total = max(bar.total, round(run.expected_duration, 3))  # a dose makes it longer
             recorder.add(run.data, readings, run.plugin.wrench(run.config.tool_name))
             run.timings["record"] += clock.perf_counter() - began
             bar.update(min(run.config.host_dt, bar.total - bar.n))

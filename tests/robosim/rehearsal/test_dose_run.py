@@ -78,8 +78,8 @@ def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path, monk
     times, q, commanded = (result.curves[name] for name in ("time", "q", "commanded"))
     assert len(times) == pytest.approx(report["simulated_time_s"] / short.host_dt, abs=1)
     assert np.abs(np.diff(commanded[:, :3], axis=0)).max() < 1e-3  # no jump: 1 m/s at most
-    assert np.abs(np.diff(q, axis=0)).max() < 2e-3
-    assert q[-1] == pytest.approx(q[0], abs=2e-3)
+    assert np.abs(np.diff(q, axis=0)).max() < 3e-3  # nor of the joints
+    assert commanded[-1, :3] == pytest.approx(short.waypoints[-1].position, abs=1e-4)
     assert report["tool_tracking_error_max_m"] < BOUNDS["tool_tracking_error_max_m"].high
     assert "dose [g]" in (tmp_path / "out" / "index.html").read_text()
     with Recording(tmp_path / "out" / FILE) as recording:
