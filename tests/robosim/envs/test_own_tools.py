@@ -72,7 +72,7 @@ def test_another_tool_in_a_sub_task(folder: Path) -> None:
     info = env.step(np.zeros(env.action_space.shape, np.float32))[4]  # pyright: ignore[reportArgumentType]
     assert info["readings"]["retained"] == 1.0 and info["readings"]["spilled"] == 0.0
     env.close()
-    with pytest.raises(ConfigError, match="options: tool: unknown 'ladel'; valid: bottle, scoop, shaker, shovel, spoon"):
+    with pytest.raises(ConfigError, match="options: tool: unknown 'ladel'; valid: bottle, scoop, shaker, shovel"):
         make("SpoonTranslate", tool="ladel")
 
 
