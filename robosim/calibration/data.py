@@ -4,15 +4,16 @@ A heap is compared ring by ring about the column's axis; a ring's height is the 
 hold another volume than the column had is of another unit or scale, and is refused.
 """
 
-import csv
+import io
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib import format as npy
 
 from mpm.errors import InvalidValue
-from mpm.input_files import MAX_ARRAYS, read_bytes, read_text
+from mpm.input_files import MAX_ARRAYS, MAX_HEADER, read_bytes, read_text
 from robosim.calibration.measurements import HeapExperiment, PourExperiment
 from robosim.errors import ConfigError
 
@@ -155,12 +156,7 @@ def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
     """Return the numbers of a map in the experiment's unit."""
     try:
         if path.suffix.lower() == ".npy":
-            if path.stat().st_size > MAX_ARRAYS:
-                raise ValueError(f"has {path.stat().st_size} bytes; accepted: up to {MAX_ARRAYS}")
-            heights = np.load(path, allow_pickle=False)
-            if heights.dtype.kind not in "iuf":
-                raise ValueError(f"of type {heights.dtype}; accepted: real numbers")
-            return heights.astype(float)
+            return _read_array(read_bytes(path, MAX_ARRAYS))
         from PIL import Image
 
         read_bytes(path, MAX_ARRAYS)
@@ -174,6 +170,19 @@ def _load_map(place: str, path: Path, heap: HeapExperiment) -> np.ndarray:
         raise ConfigError(f"{place}: key 'height_per_level' is missing; accepted: the height of a grey level "
                           f"[{heap.unit}]")
     return levels * heap.height_per_level
+
+
+def _read_array(content: bytes) -> np.ndarray:
+    """Return the numbers of a .npy file; raises ValueError for other types, and for more than the file holds."""
+    file = io.BytesIO(content)
+    version = npy.read_magic(file)
+    read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, by_columns, kind = read_header(file, max_header_size=MAX_HEADER)
+    if kind.kind not in "iuf":
+        raise ValueError(f"of type {kind}; accepted: real numbers")
+    if math.prod(shape) * kind.itemsize != len(content) - file.tell():
+        raise ValueError(f"its header promises shape {shape} of {kind}, {len(content) - file.tell()} bytes follow")
+    return np.frombuffer(content[file.tell() :], kind).reshape(shape, order="F" if by_columns else "C").astype(float)
 
 
 def _read_profile(place: str, path: Path, heap: HeapExperiment) -> HeapData:
@@ -196,15 +205,15 @@ def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str 
         text = read_text(path, MAX_ARRAYS)
     except (OSError, InvalidValue) as error:
         raise ConfigError(f"{place}: cannot be read: {error}") from None
-    rows = list(csv.reader(text.splitlines()))
-    head = [cell.strip() for cell in rows[0]] if rows else []
+    rows = [[cell.strip().strip('"') for cell in line.split(",")] for line in text.splitlines()]
+    head = rows[0] if rows else []
     if any(name not in head for name in names):
         raise ConfigError(f"{place}: has columns {', '.join(head)[:200]}; accepted: {' and '.join(names)}, named in "
                           f"the first line")
     found: dict[str, list[float]] = {name: [] for name in names}
     for number, row in enumerate(rows[1:], 2):
-        for name in names:
-            cell = row[head.index(name)].strip() if head.index(name) < len(row) else ""
+        for name in names if any(row) else ():
+            cell = row[head.index(name)] if head.index(name) < len(row) else ""
             try:
                 value = float(cell) if cell or name != may_miss else math.nan
                 if not math.isfinite(value) and name != may_miss:
@@ -212,7 +221,7 @@ def _read_columns(place: str, path: Path, names: tuple[str, str], may_miss: str 
             except ValueError:
                 raise ConfigError(f"{place}: line {number}: {name} = {cell[:40]!r}; accepted: a number") from None
             found[name].append(value)
-    if len(rows) < 2:
+    if not found[names[0]]:
         raise ConfigError(f"{place}: has no line of numbers")
     return {name: np.array(values) for name, values in found.items()}
 

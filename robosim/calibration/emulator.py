@@ -6,6 +6,7 @@ noise, which takes up what the particles' places change. Source: Higdon et al. 2
 """
 
 import warnings
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve
@@ -61,7 +62,7 @@ class Emulator:
 class Process:
     """A fitted process with the inverse of its covariance: sklearn solves for each prediction, 5 x as slow for few."""
 
-    def __init__(self, fitted: GaussianProcessRegressor) -> None:
+    def __init__(self, fitted: Any) -> None:  # sklearn's kernels have no types
         self._fitted, self.noise = fitted, float(fitted.kernel_.k2.noise_level)
         self._inverse = cho_solve((fitted.L_, True), np.eye(len(fitted.L_)))
 
@@ -76,7 +77,8 @@ class Process:
 def fit_process(points: np.ndarray, values: np.ndarray) -> GaussianProcessRegressor:
     """Fit a process to values (r,) of unit variance at points (r, d) by maximum likelihood."""
     d = points.shape[1]
-    kernel = ConstantKernel(1.0, (0.05, 100.0)) * Matern(np.full(d, 0.5), LENGTHS, nu=2.5) + WhiteKernel(0.01, NOISE)
+    lengths: Any = np.full(d, 0.5)
+    kernel = ConstantKernel(1.0, (0.05, 100.0)) * Matern(lengths, LENGTHS, nu=2.5) + WhiteKernel(0.01, NOISE)
     process = GaussianProcessRegressor(kernel, n_restarts_optimizer=1, random_state=0)
     with warnings.catch_warnings():  # a length at its bound is a number that the output does not depend on
         warnings.simplefilter("ignore", ConvergenceWarning)

@@ -7,7 +7,7 @@ import pydantic
 from pydantic import Field
 
 from mpm.input_files import quote
-from robosim.config.bounds import FilePath, Friction, Length, Name, Speed, Text
+from robosim.config.bounds import FilePath, Friction, Length, Name, RangeEnd, Speed, Text
 from robosim.config.materials import MaterialConfig, load_material, number_names, overridden
 from robosim.config.settings import Setting, with_settings
 from robosim.config.table import Table, read, validate
@@ -28,7 +28,8 @@ Mass = Annotated[float, Field(ge=1e-6, le=1000.0)]
 Stress = Annotated[float, Field(ge=0.0, le=1e6)]
 TiltAngle = Annotated[float, Field(gt=0.0, lt=90.0)]
 CupVolume = Annotated[float, Field(ge=1e-7, le=1.0)]  # 0.1 ml to a cubic metre
-Readings = Annotated[int, Field(ge=4, le=32)]
+Pixel = Annotated[float, Field(ge=-1e5, le=1e5)]  # maps have up to 4 million pixels
+Cells = Annotated[int, Field(ge=4, le=32)]
 
 
 class Experiment(Table):
@@ -51,7 +52,7 @@ class HeapExperiment(Experiment):
     """Edge of a pixel [m]; required for height maps."""
     height_per_level: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
     """Height of a grey level of a .png, in `unit`; required there."""
-    centre: tuple[float, float] | None = None
+    centre: tuple[Pixel, Pixel] | None = None
     """Axis of the column in the map, row and column [pixels]; of a profile, (r, 0) in `unit`. Default: the heap's
     centroid; of a profile, r = 0."""
     noise: HeightNoise
@@ -66,7 +67,7 @@ class HeapExperiment(Experiment):
     """Friction coefficient of floor and cylinder. Default: `wall_friction`, which is then sought."""
     lift_speed: Speed | None = None
     """Of the cylinder that is lifted [m/s]. Default: it is removed at once."""
-    cells: Readings = 8
+    cells: Cells = 8
     """Cells of the grid on the column's radius."""
 
 
@@ -97,7 +98,7 @@ class PourExperiment(Experiment):
     """At which the box stops [deg]."""
     wall_friction: Friction | None = None
     """Friction coefficient of the box. Default: `wall_friction`, which is then sought."""
-    cells: Readings = 10
+    cells: Cells = 10
     """Cells of the grid on the fill's height."""
 
 
@@ -177,7 +178,7 @@ class MeasurementsConfig(Table):
     """What was measured, where and when; the card's description."""
     material: FilePath
     """Name or path of the card that all numbers not sought come from, and the law."""
-    sought: Annotated[dict[Name, tuple[float, float]], Field(min_length=1, max_length=MAX_SOUGHT)]
+    sought: Annotated[dict[Name, tuple[RangeEnd, RangeEnd]], Field(min_length=1, max_length=MAX_SOUGHT)]
     """Number -> least and largest value that it can have; angles as `friction_angle_deg`. `wall_friction` may be sought
     too."""
     experiments: Annotated[dict[Name, dict[str, Any]], Field(min_length=1, max_length=MAX_EXPERIMENTS)]

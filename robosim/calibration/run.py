@@ -83,8 +83,7 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
         fitted = [trial for trial in trials if not trial.held_out]
         is_simulated = any(not trial.is_direct for trial in fitted)
         with Progress(total=runs, desc="calibrate", unit="runs", disable=not is_simulated) as progress:
-            found = search(fitted, ranges, store.simulate, runs=runs, seed=seed,
-                           report=lambda n: progress.update(n - progress.n) and None)
+            found = search(fitted, ranges, store.simulate, runs=runs, seed=seed, report=progress.update)
         fits, checks, best = run_best(trials, ranges, found, store)
         verdict = judge(ranges, found, fits, checks)
         advice = advise(measurements, trials, ranges, found)

@@ -63,18 +63,18 @@ class Search(NamedTuple):
 
 
 def search(trials: Sequence[Trial], ranges: Ranges, run: Run, *, runs: int, seed: int = 0,
-           report: Callable[[int], None] = lambda n: None) -> Search:
+           report: Callable[[int], object] = lambda n: None) -> Search:
     """Search the ranges with at most `runs` simulations of each trial that has no closed form.
 
     run: simulates; with the same seed the search asks for the same runs in the same order, so that it can be continued.
-    report: is called after each run with the number of runs that are done.
+    report: is called after each run, with 1.
     """
     with threadpool_limits(1):  # of BLAS: on matrices of 50 x 50 its threads wait for one another
         return _search(trials, ranges, run, runs, seed, report)
 
 
 def _search(trials: Sequence[Trial], ranges: Ranges, run: Run, runs: int, seed: int,
-            report: Callable[[int], None]) -> Search:
+            report: Callable[[int], object]) -> Search:
     """Search, see above."""
     d = len(ranges.names)
     simulated = [trial for trial in trials if not trial.is_direct]
@@ -89,7 +89,7 @@ def _search(trials: Sequence[Trial], ranges: Ranges, run: Run, runs: int, seed: 
             for trial in simulated:
                 outputs[trial.name].append(run(trial, numbers, len(points)))
             points.append(point)
-            report(len(points))
+            report(1)
         done = np.array(points)
         emulators = {trial.name: Emulator(done, np.array(outputs[trial.name]) / trial.errors) for trial in simulated}
         posterior = sample_posterior(likelihood(trials, ranges, emulators), d, seed)

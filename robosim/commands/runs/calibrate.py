@@ -1,7 +1,6 @@
 """`robosim calibrate`: a material card from measurements of a laboratory."""
 
 import argparse
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +34,11 @@ def run(options: argparse.Namespace) -> int:
     if not Path(options.measurements).is_file():
         raise ConfigError(f"measurements {options.measurements}: no such file; accepted: the path of a .yaml file, see "
                           f"`robosim keys measurements`")
-    if find_spec("sklearn") is None:
-        raise ConfigError("robosim calibrate needs scikit-learn; install it with pip install 'robosim[calibrate]'")
-    from robosim.calibration.run import calibrate
+    try:
+        from robosim.calibration.run import calibrate
+    except ImportError as error:
+        raise ConfigError(f"robosim calibrate needs scikit-learn ({error}); accepted: after pip install "
+                          f"'robosim[calibrate]'") from None
 
     return calibrate(Path(options.measurements), options.out, runs=options.runs, seed=options.seed,
                      settings=tuple(options.settings))
