@@ -1,7 +1,8 @@
 """Upright blade that is drawn through sand at constant depth, with its upper edge above the surface, in plane strain.
 
-Measured: relative error of the horizontal force where it begins to slip, its power of the depth, and its power of the
-speed. Reference: Coulomb's wedge in front of a rough wall, 0.5 density gravity depth^2 K_p cos(wall's friction angle).
+Measured: relative error of the horizontal force where it begins to slip, its power of the depth a cell below its edge,
+where a shell still acts, and its power of the speed. Reference: Coulomb's wedge in front of a rough wall, 0.5 density gravity
+depth^2 K_p cos(wall's friction angle).
 """
 
 import math
@@ -32,6 +33,8 @@ BED = (0.6, 0.2)
 """Length and height [m]."""
 SPEED = 0.05
 """[m/s]: a blade that starts at once sends off a wave of some 2 kPa, density times both speeds, which has to fade."""
+REACH = 1.0
+"""Cells in front of a shell's face and edge within which it acts, so that the sand meets a deeper blade."""
 BEGIN, END = 0.15, 0.30
 """Way of the blade [depths] over which the force is averaged."""
 
@@ -52,7 +55,7 @@ def measure(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.4, 
     choices = {"depth": depth, "cell": cell, "friction": friction, "speed": speed, "friction_deg": friction_deg,
                "stiffness": stiffness, "precision": precision}
     return record_of_several([pushed.cost], NAME, choices, {"force": drag / expected - 1},
-                             {"drag": drag, "expected": expected, "immersion": depth, "velocity": speed})
+                             {"drag": drag, "expected": expected, "immersion": depth + REACH * cell, "velocity": speed})
 
 
 def predict(depth: float, friction: float, friction_deg: float = FRICTION_DEG) -> float:
