@@ -10,8 +10,8 @@ from mpm.state.sleepers import is_awake, pack_at
 from mpm.transfers.particle_grid import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
 NEAREST = 0.499
-"""Quanta by which a displacement is moved away from zero before it is truncated: it is so rounded to the nearest. With
-a half, a remainder of just that would move a particle at rest to and fro."""
+"""Quanta by which a displacement is moved away from zero before it is truncated, so that it is rounded to the nearest.
+With a half, a remainder of just that would move a particle at rest to and fro."""
 
 
 @ti.func
