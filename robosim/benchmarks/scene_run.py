@@ -17,7 +17,9 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.reports.jobs import pin_to_core
 from robosim.tasks.task import is_task, load_task
 
-FRACTIONS = ("delivered", "spilled", "retained")
+DOSED = ("poured", "spilled", "held")
+"""Masses of a dosing task, whose shares of the load are read."""
+FRACTIONS = ("delivered", "spilled", "retained", *DOSED)
 """Readings that are shares of the grains: their errors are differences, all others' are relative."""
 
 
@@ -70,9 +72,11 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
         over = terminated or truncated
     seconds = time.perf_counter() - begin
     force = float(np.mean(impulses)) / (env.action_repeat * task.step_dt)
-    weight = 9.81 * float(env.solver.masses().sum())  # the same number of grains weighs more on coarser cells
-    readings = {k: info["readings"][k] for k in FRACTIONS} | {"tool_force_over_weight": force / weight}
-    return make_result(env.solver, stopwatch, seconds, task.steps * task.step_dt, readings)
+    load = float(env.solver.masses().sum())  # the same number of grains weighs more on coarser cells
+    readings = {k: info["readings"][k] for k in FRACTIONS[:3]} if task.dose is None else \
+        {k: info["readings"][k] / load for k in DOSED}
+    return make_result(env.solver, stopwatch, seconds, env.episode.time,
+                       readings | {"tool_force_over_weight": force / (9.81 * load)})
 
 
 def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:

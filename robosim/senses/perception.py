@@ -120,7 +120,8 @@ class Perception:
         chosen = sight.grains
         if len(chosen) != len(self._observer.grains):  # more are read for privileged terms
             chosen = chosen[self._observer.grains]
-        return self._observer.read(chosen, sight.pose, sight.counts, sight.progress, sight.setting.place)
+        return self._observer.read(chosen, sight.pose, sight.counts, sight.progress, sight.setting.place,
+                                   sight.setting.target_mass)
 
     def read_info(self, sight: Sight, memory: Any) -> dict[str, Any]:
         """Return the entry `privileged` of an info, if there are such terms."""

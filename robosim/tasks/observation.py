@@ -8,6 +8,7 @@ import numpy as np
 import mpm
 from mpm.state.particles import SPEED_LIMIT
 from robosim.tasks.counting import TaskCounts, observed_grains
+from robosim.tasks.sections import LARGEST_DOSE
 from robosim.tasks.task import TaskConfig
 
 Layout = Literal["flat", "dict", "moments", "positions", "velocities", "none", "all"]
@@ -25,7 +26,7 @@ Bounds = tuple[np.ndarray, np.ndarray]
 
 
 class Observer:
-    """Builds observations of one layout.
+    """Builds observations of one layout; before the time, those of a dosing task have the mass to dose [kg], "target".
 
     flat: position and velocity (n, 6) of every `observe_every`-th grain, row by row, then tool pose and time;
     all: the same of every grain; positions, velocities: only these (n, 3); none: no grains;
@@ -45,21 +46,24 @@ class Observer:
         self.space = self._build_space()
 
     def read(self, grains: np.ndarray, pose: mpm.Pose, counts: TaskCounts, progress: float,
-             place: mpm.Pose = AT_HOME) -> Any:
+             place: mpm.Pose = AT_HOME, target: float = 0.0) -> Any:
         """Return an observation in an array of its own.
 
         grains (n, 6): position [m] and velocity [m/s] of the observed grains. pose: of the tool, its quaternion without
-        jumps of sign. progress: share of the episode that is over. place: displacement of the task's places.
+        jumps of sign. progress: share of the episode that is over. place: displacement of the task's places. target:
+        mass to dose [kg].
         """
         tool = pose.position if self.task.action.dimensions == 3 else np.concatenate(pose)
+        dose = [] if self.task.dose is None else [target]
         if self.layout == "dict":
             return {"particles": grains.copy(), "tool": tool.astype(np.float32),
+                    **({"target": np.array(dose, np.float32)} if dose else {}),
                     "time": np.array([progress], np.float32)}
         if self.layout == "moments":
             values = moments(self.task, grains, pose, counts, place)
         else:
             values = {"positions": grains[:, :3], "velocities": grains[:, 3:]}.get(self.layout, grains).ravel()
-        return np.concatenate([values, tool, [progress]], dtype=np.float32, casting="same_kind")
+        return np.concatenate([values, tool, dose, [progress]], dtype=np.float32, casting="same_kind")
 
     def _build_space(self) -> gymnasium.Space:
         """Return the observation space, and note the slices of a flat one."""
@@ -71,7 +75,10 @@ class Observer:
             parts["particles"] = (np.tile(low[chosen], n), np.tile(high[chosen], n))
         if self.layout == "moments":
             parts |= moment_bounds(self.task, self._row)
-        parts |= {"tool": tool_bounds(self.task, self._grid), "time": (np.zeros(1), np.ones(1))}
+        parts["tool"] = tool_bounds(self.task, self._grid)
+        if self.task.dose is not None:
+            parts["target"] = (np.zeros(1), np.full(1, 1e-3 * LARGEST_DOSE))
+        parts["time"] = (np.zeros(1), np.ones(1))
         if self.layout == "dict":
             spaces: dict[str, gymnasium.Space[Any]] = {name: _box(*bounds) for name, bounds in parts.items()}
             spaces["particles"] = _box(np.tile(low, (n, 1)), np.tile(high, (n, 1)))

@@ -113,7 +113,7 @@ in the box from {lower} m to {upper} m.
 
 ## Observation Space
 A `Dict` of the terms {terms}, or any others that `obs` lists; `target` is the mass to dose [kg].
-The layouts of the other tasks, such as "flat", are accepted and do not contain it.
+The layouts of the other tasks, such as "flat", are accepted, too; they have the target before the time.
 
 ## Rewards
 The reward is the sum of these terms over the steps of an action; `info["reward_terms"]` has each term, `info["tcs"]`

@@ -13,6 +13,7 @@ from gymnasium.utils.env_checker import check_env
 import robosim  # noqa: F401  (registers the environments)
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError
+from robosim.tasks.observation import Observer
 
 TERMS = [None, ["target", "scale"], ["tool", {"name": "scale", "lag": 0.0}, "height_map", "grains"], "moments"]
 STILL = np.array([0, 0, 0, 0, 0, 0, -1, 0], np.float32)
@@ -68,6 +69,17 @@ def test_a_target_is_drawn_and_observed(spoon: GrainEnv) -> None:
     draw = info["draw"] | {"numbers": {"target_mass": 0.05}}
     with pytest.raises(ConfigError, match=r"target_mass = 0.05; accepted: 0.002 to 0.015"):
         spoon.reset(options={"draw": draw})
+
+
+@pytest.mark.parametrize("layout", ["flat", "dict", "none"])
+def test_layouts_of_the_other_tasks_have_the_target(spoon: GrainEnv, layout: Any) -> None:
+    seen, info = spoon.reset(seed=4)
+    observer = Observer(spoon.task, spoon.solver, layout)
+    grains = np.zeros((len(observer.grains), 6), np.float32)
+    pose = spoon.episode.pose
+    read = observer.read(grains, pose, spoon.episode.counts, 0.0, target=info["readings"]["target_mass"])
+    target = read["target"] if layout == "dict" else read[observer.slices["target"]]
+    assert np.array_equal(target, seen["target"]) and target.dtype == np.float32
 
 
 def test_same_seed_same_bits(spoon: GrainEnv) -> None:
