@@ -99,8 +99,10 @@ class PiNumbers(Table):
     """Time [s] that the tool waits after a stop before the balance is believed."""
     stop_deg: TiltAngle = 6.0
     """Angle [deg] that the tool tilts back at a stop."""
+    return_deg: TiltRate = 8.0
+    """Tilt rate [deg/s] after a stop, on the way back to it."""
     resume_deg: TiltAngle = 2.0
-    """Angle [deg] before the tilt of a stop up to which the tool turns at `fastest_deg` afterwards."""
+    """Angle [deg] before the tilt of a stop from which on it is slow again."""
     window: Seconds = 0.3
     """Time [s] over which the flow is measured."""
 
@@ -148,9 +150,10 @@ class DosingNumbers(Table):
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "DosingNumbers":
-        if self.pi.search_deg > self.motion.fast_deg or self.pi.fastest_deg > self.motion.fast_deg:
-            raise ValueError(f"pi.search_deg = {self.pi.search_deg}, pi.fastest_deg = {self.pi.fastest_deg} with "
-                             f"motion.fast_deg = {self.motion.fast_deg} deg/s; accepted: none above it")
+        for name in ("search_deg", "fastest_deg", "return_deg"):
+            if getattr(self.pi, name) > self.motion.fast_deg:
+                raise ValueError(f"pi.{name} = {getattr(self.pi, name)} with motion.fast_deg = {self.motion.fast_deg} "
+                                 f"deg/s; accepted: up to it")
         return self
 
 

@@ -102,11 +102,12 @@ class PiDosing:
         rate = per_mass * (wanted + numbers.proportional * lacking + numbers.integral * self._summed)
         if not self._flows:  # the curve does not tell where this material begins
             rate = search
+        rate = min(rate, fastest)
         if sight.tilt < self._resumes_at:
-            rate = fastest
+            rate = np.radians(numbers.return_deg)
         change = numbers.rise * float(np.clip(lacking / wanted, -FALL, 1.0)) * self._dt
         self._share = float(np.clip(self._share + change, 0.0, numbers.pour_amplitude))
-        return self._motion.turn(sight, float(np.clip(rate, 0.0, fastest)), self._share * self._vibration.amplitude,
+        return self._motion.turn(sight, max(0.0, float(rate)), self._share * self._vibration.amplitude,
                                  self._vibration.frequency)
 
     def _wait(self, sight: DoseSight, flow: float) -> DoseCommand:

@@ -40,7 +40,7 @@ RANGES: dict[str, dict[str, Range]] = {
            "time": Range(0.5, 5.0), "pace": Range(0.5, 8.0), "least": Range(0.1, 5.0),
            "proportional": Range(0.0, 2.0, False),
            "integral": Range(0.0, 2.0, False), "pour_amplitude": Range(0.0, 1.0, False), "rise": Range(0.05, 2.0),
-           "resume": Range(0.0, 1.0, False), "resume_deg": Range(0.0, 10.0, False),
+           "resume": Range(0.0, 1.0, False), "return_deg": Range(1.0, 20.0), "resume_deg": Range(0.0, 10.0, False),
            "first": Range(0.3, 0.9, False), "next": Range(0.5, 1.0, False),
            "margin": Range(0.0, 0.6, False), "close": Range(0.2, 0.8, False),
            "delay": Range(0.1, 1.0), "settle": Range(0.4, 1.5), "stop_deg": Range(0.0, 15.0, False),

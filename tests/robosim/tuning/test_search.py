@@ -1,22 +1,19 @@
 """The search of numbers on a plain model of a tool that pours: it improves, goes on, and refuses what differs."""
 
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted
 
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import DosingNumbers, load_dosing
 from robosim.errors import ConfigError
 from robosim.tuning import search
 from robosim.tuning.trial import TrialJob
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "dosing"))
-from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted  # noqa: E402
 
 CLUMSY = DosingNumbers.model_validate({"task": "Mine", "curve": SALT, "vibration": VIBRATION,
                                        "open_loop": {"share": 1.4}})
@@ -60,7 +57,7 @@ def tune(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
         monkeypatch.setattr(search, "run_jobs", processes)
         monkeypatch.setattr(search, "load_task", lambda name: TASK)
         monkeypatch.setattr(search, "numbers_of", lambda task, name: numbers)
-        arguments = {"choices": 20, "episodes": 3} | more
+        arguments: dict[str, Any] = {"choices": 20, "episodes": 3} | more
         status = search.tune("Mine", "open_loop", tmp_path / "out", **arguments)
         return status, json.loads((tmp_path / "out" / "tune.json").read_text())
 
