@@ -105,6 +105,7 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     figures = compute_figures(run)
     names = {"scooped_mass_kg": "scooped_mass_kg", "wrist_payload_kg": "wrist_payload_kg",
              "delivered": "delivered_fraction", "spilled": "spilled_fraction"}
+    names |= {"dose_kg": "dose_kg"} if config.dose is not None else {}
     readings = {name: float(figures[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
                 if key != "wrist_payload_kg" or config.weigh_at is not None}  # a shovel does not weigh its load
     return make_result(run.solver, stopwatch, run.wall_time, run.time, readings)

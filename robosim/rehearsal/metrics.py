@@ -190,7 +190,8 @@ def _set_down_figures(run: RehearsalRun) -> dict[str, object]:
 
 def _dose_figures(run: RehearsalRun) -> dict[str, object]:
     """Return the figures of a dose; empty without one."""
-    return {} if run.stage is None else dose_figures(run.stage, run.mass_in_cup(), float(run.solver.masses()[0]))
+    stage = run.stage
+    return {} if stage is None else dose_figures(stage, run.mass_in_cup() - stage.tare, float(run.solver.masses()[0]))
 
 
 def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:

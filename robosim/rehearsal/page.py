@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 
 from robosim.recordings.reader import FILE, Recording
-from robosim.rehearsal.dosing.stage import DosingStage
+from robosim.rehearsal.dosing.stage import DoseSample, DosingStage
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.replay.comparison import replay_charts
 from robosim.rehearsal.run import RehearsalRun
@@ -108,7 +108,7 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
 
 def dose_charts(stage: DosingStage) -> list[Chart]:
     """Return the charts of a dose: masses and target, and what the controller commands."""
-    time, shown, mass, tilt, amplitude = np.array(stage.samples).reshape(-1, 5).T
+    time, shown, mass, tilt, amplitude = (stage.stack(name) for name in DoseSample._fields)
     return [Chart("dose [g]", [Curve("in the cup", time, 1e3 * mass), Curve("the balance shows", time, 1e3 * shown),
                                Curve("target", time, np.full_like(time, 1e3 * stage.target), dashed=True)]),
             Chart("tilt of the tool while it doses [deg]", [Curve("tilt", time, np.degrees(tilt))]),

@@ -11,6 +11,7 @@ from robosim.config.output import OutputFolder
 from robosim.config.table import validate
 from robosim.errors import ConfigError
 from robosim.recordings.reader import FILE as RECORDING
+from robosim.rehearsal.dosing.stage import DoseSample
 from robosim.rehearsal.film_process import FilmFailed
 from robosim.rehearsal.readings import align_signs
 from robosim.rehearsal.run import CLOSING_SHARE, RehearsalRun
@@ -51,6 +52,8 @@ class Result:
         align_signs(self.curves["commanded"], self.curves["reached"])
         self.curves |= {"grain_time": run.readings.stack_grains("time"),
                         "mass_in_tool": run.readings.stack_grains("mass_in_tool")}
+        if run.stage is not None:  # see `robosim.rehearsal.dosing.stage.DoseSample`
+            self.curves |= {f"dose_{name}": run.stage.stack(name) for name in DoseSample._fields}
         self.positions = run.solver.positions()
         """Of the grains at the end [m] (m, 3)."""
         self._motion, self._assembly = run.plan.motion, run.plan.arm.assembly

@@ -18,13 +18,13 @@ def dose_figures(stage: DosingStage, mass: float, grain_mass: float) -> dict[str
     mass: in the cup at the end of the rehearsal, less the tare [kg]. grain_mass: of a material point [kg], below which
     no error means anything.
     """
-    shown, masses = (np.array([getattr(sample, name) for sample in stage.samples]) for name in ("shown", "mass"))
+    shown, masses, tilts = (stage.stack(name) for name in ("shown", "mass", "tilt"))
     seconds = None if stage.begin is None or stage.done is None else stage.done - stage.begin
     return {
         "dose_target_kg": stage.target, "dose_kg": mass, "dose_error_kg": mass - stage.target,
         "dose_relative_error_ratio": (mass - stage.target) / stage.target,
         "dose_overshoot_kg": max(float(max(masses.max(initial=0.0), mass)) - stage.target, 0.0),
         "dose_shown_kg": float(shown[-1]) if len(shown) else None, "dose_grain_mass_kg": grain_mass,
-        "dosing_time_s": seconds, "dosing_largest_tilt_deg": float(np.degrees(max(s.tilt for s in stage.samples)))
-        if stage.samples else None, "dosing_timed_out": stage.is_late,
+        "dosing_time_s": seconds, "dosing_largest_tilt_deg": float(np.degrees(tilts.max(initial=0.0))),
+        "dosing_timed_out": stage.is_late,
     }

@@ -65,6 +65,8 @@ class DosingStage:
         self._command = DoseCommand(0.0, np.zeros(3), 0.0, 0.0, False)
         self.samples: list[DoseSample] = []
         """One for each control step, and those in which the balance settles."""
+        self.tare = 0.0
+        """Mass on the balance as it began [kg]."""
         self.begin: float | None = None
         """Simulated time [s] at which it began; None before."""
         self.done: float | None = None
@@ -84,6 +86,10 @@ class DosingStage:
         """Time [s] by which it delays the planned motion; 0 until it is over."""
         return 0.0 if self.begin is None or self.end is None else self.end - self.begin
 
+    def stack(self, name: str) -> np.ndarray:
+        """Stack the values of one field of `DoseSample` over all samples (n,)."""
+        return np.array([getattr(sample, name) for sample in self.samples])
+
     def start(self, time: float, load: float) -> None:
         """Begin at a time [s] with a load [kg] in the tool, and tare the balance.
 
@@ -91,7 +97,7 @@ class DosingStage:
         """
         check_target(self._config, load, f"holds it at waypoint {self._config.dose_at!r}")
         self.begin = time
-        self._balance, self._tare = Balance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
+        self._balance, self.tare = Balance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
         self._smoother.restart(self._q)
         self._controller.start(self.target)
 
@@ -116,7 +122,7 @@ class DosingStage:
         assert self._balance is not None and self.begin is not None
         mass, motion = self._weigh(), self.motion
         shown = self._balance.read(time, mass)
-        self.samples.append(DoseSample(time, shown, mass - self._tare, motion.tilt, motion.amplitude))
+        self.samples.append(DoseSample(time, shown, mass - self.tare, motion.tilt, motion.amplitude))
         if self.done is not None:
             return
         sight = DoseSight(time - self.begin, shown, self.target, motion.tilt, motion.lip, motion.goal)

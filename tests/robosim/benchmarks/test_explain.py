@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from robosim.benchmarks.explain import compare_settings, explain
+from robosim.benchmarks.explain import compare_settings, explain, write_scene_file
+from robosim.config.output import OutputFolder
+from robosim.config.rehearsal import load_rehearsal
 from robosim.errors import ConfigError, UnknownName
 
 
@@ -36,6 +38,14 @@ def test_a_softer_material_counts_although_a_scene_file_cannot_hold_it(
     assert explain("SpoonPour", tolerance=0.02, out=tmp_path, apply=True) == 0
     stdout = capsys.readouterr().out
     assert "cheapest within 2.0% of own setting: E x 0.25" in stdout and "written, with own setting" in stdout
+
+
+def test_a_shell_stays_one_on_coarser_cells(tmp_path: Path) -> None:
+    """A thickness in metres follows the cell, and the file of either is one that loads."""
+    for name, thickness in (("dose_spoon", "shell"), ("spoon", 0.003)):
+        cell = load_rehearsal(name).field.cell
+        written = load_rehearsal(str(write_scene_file(name, "rehearsal", {"cell": 1.5}, OutputFolder(tmp_path))))
+        assert written.collision_thickness == thickness and written.field.cell == pytest.approx(1.5 * cell)
 
 
 def test_wrong_arguments_are_refused() -> None:

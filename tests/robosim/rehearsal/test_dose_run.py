@@ -81,6 +81,8 @@ def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path, monk
     assert np.abs(np.diff(q, axis=0)).max() < 3e-3  # nor of the joints
     assert commanded[-1, :3] == pytest.approx(short.waypoints[-1].position, abs=1e-4)
     assert report["tool_tracking_error_max_m"] < BOUNDS["tool_tracking_error_max_m"].high
+    assert result.curves["dose_mass"][-1] == pytest.approx(report["dose_kg"], abs=5e-4)
+    assert len(result.curves["dose_time"]) == len(result.curves["dose_tilt"])
     assert "dose [g]" in (tmp_path / "out" / "index.html").read_text()
     with Recording(tmp_path / "out" / FILE) as recording:
         names = [curve.name for curve in recording.header.curves]
