@@ -14,9 +14,10 @@ pytest.importorskip("sklearn")
 
 from robosim.calibration import experiment, heap
 from robosim.calibration.direct import shear_strength, sliding_angle
-from robosim.calibration.measurements import HeapExperiment
+from robosim.calibration.measurements import HeapExperiment, PourExperiment
+from robosim.calibration.pour import simulate_pour
 from robosim.commands.main import main
-from robosim.config.materials import MaterialConfig, law_of, load_material
+from robosim.config.materials import MaterialConfig, law_of, load_material, overridden
 
 ANGLE, COHESION, DENSITY = 34.0, 12.0, 860.0
 
@@ -183,3 +184,28 @@ def test_the_field_s_heaps_give_back_the_numbers_that_they_were_made_with(tmp_pa
     found = figures(tmp_path)["numbers"]
     assert abs(found["friction_angle_deg"]["best"] - true["friction_angle_deg"]) < 1.0
     assert abs(found["cohesion"]["best"] / true["cohesion"] - 1) < 0.15
+
+
+def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
+    table = direct_table(sought={"wall_friction": [0.1, 1.0]})
+    table["experiments"] = {"plate": {"kind": "tilt", "depth": 0.01, "slides_on": "wall", "noise": 1.0,
+                                      "angles": [21.5, 22.4, 21.9]}}
+    assert run(tmp_path, table) == 0
+    card = load_material(str(tmp_path / "out" / "material.yaml"))
+    assert card.wall_friction.value == pytest.approx(np.tan(np.radians(21.93)), abs=0.01)  # type: ignore[attr-defined]
+    assert law_of(card) == law_of(load_material("sugar"))
+
+
+@pytest.mark.slow
+def test_the_field_pours_what_is_in_the_box_later_with_more_friction() -> None:
+    table = PourExperiment.model_validate({
+        "kind": "pour", "data": "m.csv", "unit": "g", "noise": 0.001, "length": 0.06, "depth": 0.05, "width": 0.08,
+        "fill_height": 0.04, "tilt_speed": 90.0, "end_angle": 120.0, "cells": 6})
+    times = np.linspace(0.0, 1.6, 9)
+    masses = [simulate_pour(table, overridden(load_material("sugar"), {"friction_angle_deg": phi}), 0.4, times)
+              for phi in (28.0, 40.0)]
+    for mass in masses:
+        assert mass[0] == 0.0
+        assert (np.diff(mass) >= -1e-9).all()
+        assert 0.5 * 850 * 0.06 * 0.08 * 0.04 < mass[-1] <= 850 * 0.06 * 0.08 * 0.04 * (1 + 1e-9)
+    assert masses[1][:-1].sum() < masses[0][:-1].sum()
