@@ -155,6 +155,23 @@ def test_an_interrupted_search_continues_to_the_same_result(tmp_path: Path, monk
     assert figures(tmp_path) == continued
 
 
+def test_an_experiment_that_could_be_made_is_ranked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the formula, a column ten times as low depends on cohesion ten times as much."""
+    path, _ = write_quick_heaps(tmp_path, monkeypatch)
+    table = yaml.safe_load(path.read_text())
+    heap_table = {key: value for key, value in table["experiments"]["tall"].items() if key not in ("data", "unit")}
+    del table["experiments"]["low"], table["experiments"]["middle"]
+    table["candidates"] = {"flat": {**heap_table, "height": 0.012}, "again": heap_table}
+    path.write_text(yaml.safe_dump(table))
+    assert main(["calibrate", str(path), "--runs", "16", "--out", str(tmp_path / "out")]) in (0, 1)
+    advice = {one["measurement"]: one["widths"]["cohesion"] for one in figures(tmp_path)["advice"]}
+    assert advice["flat (candidate)"] < 0.5 * advice["again (candidate)"]
+    assert advice["again (candidate)"] == pytest.approx(advice["tall once more (heap)"], abs=0.2)
+    table["candidates"] = {"cup": {"kind": "cup"}}
+    path.write_text(yaml.safe_dump(table))
+    assert main(["calibrate", str(path), "--out", str(tmp_path / "out")]) == 2
+
+
 def test_missing_measurements_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", str(tmp_path / "none.yaml"), "--out", str(tmp_path / "out")]) == 2
     assert "none.yaml: no such file; accepted: the path of a .yaml file" in capsys.readouterr().err
