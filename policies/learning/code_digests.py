@@ -3,7 +3,7 @@
 import ast
 import hashlib
 import sys
-from functools import lru_cache
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def exercised_code() -> dict[str, str]:
     return {name: digest for name in names if (digest := module_digest(name)) is not None}
 
 
-@lru_cache
+@cache
 def module_digest(name: str) -> str | None:
     """Return a digest of a module's statements, without comments and docstrings; None where there is none."""
     try:
