@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robosim.calibration import direct
-from robosim.calibration.data import make_rings, read_curve, read_heap
-from robosim.calibration.heap import simulate_heap
+from robosim.calibration.data import CURVE_POINTS, RINGS, Curve, Rings, make_rings, read_curve, read_heap
+from robosim.calibration.heap import rim, simulate_heap
 from robosim.calibration.measurements import (
     WALL_FRICTION,
     Experiment,
@@ -24,6 +24,10 @@ HEAP_ERROR = 0.25
 60 mm high, with 8 and with 16 cells on its radius differ by 1.2 mm, root mean square over their rings."""
 POUR_ERROR = 0.01
 """Error of a simulated mass as a share of the mass in the box, unless `model_error` says otherwise."""
+PIXEL = 0.002
+"""Edge of a pixel of a heap that could be measured [m], unless its `scale` says otherwise: a depth camera's at 1 m."""
+AFTER_POUR = 1.3
+"""Duration of a pour that could be made, in that of the tilting."""
 
 Numbers = dict[str, float]
 """Number of a material -> value in its unit; angles in degrees."""
@@ -62,9 +66,9 @@ def make_trials(measurements: Measurements) -> list[Trial]:
 def make_trial(measurements: Measurements, name: str, one: Experiment) -> Trial:
     """Read the data of an experiment; raises ConfigError for what cannot be used."""
     if isinstance(one, HeapExperiment):
-        return _heap_trial(measurements, name, one)
+        return _heap_trial(measurements, name, one, make_rings(name, one, read_heap(name, one)))
     if isinstance(one, PourExperiment):
-        return _pour_trial(measurements, name, one)
+        return _pour_trial(measurements, name, one, read_curve(name, one))
     given = {key: getattr(measurements.card, field).value for key, field in number_names(measurements.card).items()}
     readings = np.array(direct.readings(one))
 
@@ -80,8 +84,25 @@ def make_trial(measurements: Measurements, name: str, one: Experiment) -> Trial:
                  "normal stress [Pa]" if is_shear else "reading", unit)
 
 
-def _heap_trial(measurements: Measurements, name: str, heap: HeapExperiment) -> Trial:
-    rings = make_rings(name, heap, read_heap(name, heap))
+def make_candidates(measurements: Measurements) -> list[Trial]:
+    """Make trials of the experiments that could be made: their readings are zero."""
+    made = []
+    for name, one in measurements.candidates.items():
+        if isinstance(one, HeapExperiment):
+            half = 1.25 * rim(one.radius, one.height)
+            axis = np.arange(-half, half, one.scale or PIXEL)
+            distances = np.hypot(*np.meshgrid(axis, axis)).ravel()
+            index = (distances / (one.radius / RINGS)).astype(int)
+            counts = np.bincount(index)
+            rings = Rings(index, distances, np.bincount(index, distances) / counts, 0.0 * counts, counts)
+            made.append(_heap_trial(measurements, name, one, rings))
+        elif isinstance(one, PourExperiment):
+            times = np.linspace(0.0, AFTER_POUR * one.end_angle / one.tilt_speed, CURVE_POINTS)
+            made.append(_pour_trial(measurements, name, one, Curve(times, np.zeros(CURVE_POINTS))))
+    return made
+
+
+def _heap_trial(measurements: Measurements, name: str, heap: HeapExperiment, rings: Rings) -> Trial:
     model = HEAP_ERROR * heap.radius / heap.cells if heap.model_error is None else heap.model_error
 
     def simulate(numbers: Numbers, seed: int) -> np.ndarray:
@@ -93,8 +114,7 @@ def _heap_trial(measurements: Measurements, name: str, heap: HeapExperiment) -> 
                  heap.held_out, rings.radii, "distance from the axis [m]", "m")
 
 
-def _pour_trial(measurements: Measurements, name: str, pour: PourExperiment) -> Trial:
-    curve = read_curve(name, pour)
+def _pour_trial(measurements: Measurements, name: str, pour: PourExperiment, curve: Curve) -> Trial:
     in_box = measurements.card.density.value * pour.length * pour.width * pour.fill_height
     model = POUR_ERROR * in_box if pour.model_error is None else pour.model_error
 

@@ -18,6 +18,8 @@ WALL_FRICTION = "wall_friction"
 MAX_SOUGHT = 5
 """Numbers that are sought at a time: each doubles the runs that their emulator needs, and few data tell more."""
 MAX_EXPERIMENTS = 12
+NO_DATA = "none"
+"""File of an experiment that could be made."""
 
 # Noise is a standard deviation: below it a reading would be exact, and a single one would outweigh all others.
 HeightNoise = Annotated[float, Field(ge=1e-6, le=0.1)]
@@ -185,6 +187,10 @@ class MeasurementsConfig(Table):
     """Name -> an experiment: its `kind` (heap, pour, tilt, shear, cup, scoop), its data and geometry; see `robosim keys
     experiment.KIND`."""
 
+    candidates: Annotated[dict[Name, dict[str, Any]], Field(max_length=MAX_EXPERIMENTS)] | None = None
+    """Name -> a heap or a pour that could be made: as an experiment, without `data`. The page says how much each would
+    narrow the numbers."""
+
     FILES: ClassVar[tuple[str, ...]] = ("data",)
     """Keys of experiments that are paths."""
 
@@ -192,8 +198,9 @@ class MeasurementsConfig(Table):
 class Measurements:
     """A file of measurements, checked: the card, ranges of the numbers sought, and the experiments by name."""
 
-    def __init__(self, config: MeasurementsConfig, card: MaterialConfig, experiments: dict[str, Experiment]) -> None:
-        self.config, self.card, self.experiments = config, card, experiments
+    def __init__(self, config: MeasurementsConfig, card: MaterialConfig, experiments: dict[str, Experiment],
+                 candidates: dict[str, Experiment]) -> None:
+        self.config, self.card, self.experiments, self.candidates = config, card, experiments, candidates
 
     @property
     def sought(self) -> dict[str, tuple[float, float]]:
@@ -219,20 +226,30 @@ def load_measurements(path: Path, settings: tuple[Setting, ...] = ()) -> Measure
     experiments = {}
     for name, table in config.experiments.items():
         experiments[name] = read_experiment(path, name, table)
-    check_friction(path, config, experiments)
+    candidates = {name: read_candidate(path, name, table) for name, table in (config.candidates or {}).items()}
+    check_friction(path, config, experiments | candidates)
     if all(one.held_out for one in experiments.values()):
         raise ConfigError(f"{path}: experiments: all are held out; accepted: at least one that the fit may use")
-    return Measurements(config, card, experiments)
+    return Measurements(config, card, experiments, candidates)
 
 
-def read_experiment(path: Path, name: str, table: dict[str, Any]) -> Experiment:
+def read_candidate(path: Path, name: str, table: dict[str, Any]) -> Experiment:
+    """Validate the table of an experiment that could be made."""
+    if table.get("kind") not in ("heap", "pour") or "data" in table:
+        raise ConfigError(f"{path}: candidates.{name}: kind = {quote(table.get('kind'))}"
+                          f"{' with data' if 'data' in table else ''}; accepted: heap or pour, without data")
+    return read_experiment(path, name, {"unit": "m" if table["kind"] == "heap" else "kg", **table, "data": NO_DATA},
+                           "candidates")
+
+
+def read_experiment(path: Path, name: str, table: dict[str, Any], key: str = "experiments") -> Experiment:
     """Validate an experiment's table, with its file's path made absolute."""
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in EXPERIMENTS:
-        raise ConfigError(f"{path}: experiments.{name}.kind = {quote(kind)}; accepted: {', '.join(EXPERIMENTS)}")
+        raise ConfigError(f"{path}: {key}.{name}.kind = {quote(kind)}; accepted: {', '.join(EXPERIMENTS)}")
     located = {key: str((path.parent / value).resolve()) if key in MeasurementsConfig.FILES and isinstance(value, str)
                else value for key, value in table.items()}
-    return validate(located, Path(f"{path}: experiments.{name}"), EXPERIMENTS[kind])
+    return validate(located, Path(f"{path}: {key}.{name}"), EXPERIMENTS[kind])
 
 
 def check_sought(path: Path, config: MeasurementsConfig, card: MaterialConfig) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from mpm.input_files import check_form, read_json
 from mpm.progress import Progress
-from robosim.calibration.experiment import Numbers, Trial, make_trials
+from robosim.calibration.emulator import Emulator
+from robosim.calibration.experiment import Numbers, Trial, make_candidates, make_trials
 from robosim.calibration.measurements import (
     WALL_FRICTION,
     HeapExperiment,
@@ -33,8 +34,9 @@ FORM = {"key": str, "runs": {str: [float]}}
 """Form of the file of runs."""
 CHECK_SEED = 1_000_000
 """Seed of the runs with the best numbers: none of the search's."""
-CHECK_RUNS, HELD_OUT_RUNS = 3, 6
-"""Runs of a fitted experiment with the best numbers; of one held out, with samples of the posterior."""
+CHECK_RUNS, HELD_OUT_RUNS, CANDIDATE_RUNS = 3, 6, 16
+"""Runs of a fitted experiment with the best numbers; of one held out, and of a candidate, with samples of the
+posterior."""
 DIGITS = 12
 """Of a number in the key of a run."""
 
@@ -86,7 +88,7 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
             found = search(fitted, ranges, store.simulate, runs=runs, seed=seed, report=progress.update)
         fits, checks, best = run_best(trials, ranges, found, store)
         verdict = judge(ranges, found, fits, checks)
-        advice = advise(measurements, trials, ranges, found)
+        advice = advise(measurements, trials, ranges, found, run_candidates(measurements, ranges, found, store))
         card = make_card(measurements, verdict)
         folder.write_yaml(CARD if verdict.is_calibrated else REFUSED, card.model_dump(mode="json", exclude_none=True))
         folder.write_json("calibration.json", summarize(measurements, verdict, found, ranges, advice))
@@ -124,6 +126,17 @@ def run_best(trials: list[Trial], ranges: Ranges, found: Search, store: Runs
                 variance = found.emulators[trial.name].predict(found.posterior.best[None])[1][0] * trial.errors**2
             fits.append(residual(trial, best[trial.name], variance))
     return fits, checks, best
+
+
+def run_candidates(measurements: Measurements, ranges: Ranges, found: Search, store: Runs) -> dict[str, Emulator]:
+    """Simulate the experiments that could be made with samples of the posterior; return their emulators by name."""
+    samples = found.posterior.samples
+    chosen = samples[np.random.default_rng(CHECK_SEED).choice(len(samples), CANDIDATE_RUNS)]
+    emulators = {}
+    for trial in make_candidates(measurements):
+        outputs = [store.simulate(trial, ranges.numbers(point), CHECK_SEED + k) for k, point in enumerate(chosen)]
+        emulators[trial.name] = Emulator(chosen, np.array(outputs) / trial.errors)
+    return emulators
 
 
 def fingerprint(measurements: Measurements) -> str:

@@ -22,8 +22,9 @@ ROUND = 4
 """Runs of a round: emulators are fitted and the posterior sampled once for all of them."""
 APART = 0.02
 """Least distance of a run from earlier ones, in ranges: nearer ones tell the noise alone."""
-SETTLED = 0.05
-"""Variance of the emulators, in those of the readings, at which further runs change no interval by more than 3 %."""
+SETTLED = 0.01
+"""Variance of the emulators, in those of the readings, at which they move the best numbers by a tenth of a standard
+deviation: an emulator's error is alike over a whole experiment, so that its readings do not average it out."""
 
 Run = Callable[[Trial, Numbers, int], np.ndarray]
 """Simulates a trial, or finds what is stored of an earlier run."""

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from robosim.calibration import direct
+from robosim.calibration.emulator import Emulator
 from robosim.calibration.experiment import Trial
 from robosim.calibration.measurements import CupExperiment, Experiment, Measurements, ShearExperiment, TiltExperiment
 from robosim.calibration.posterior import INTERVAL, Posterior
@@ -128,12 +129,13 @@ class Advice(NamedTuple):
         return -float(np.log(np.maximum(list(self.widths.values()), 1e-6)).sum())
 
 
-def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, found: Search) -> list[Advice]:
+def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, found: Search,
+           possible: dict[str, Emulator]) -> list[Advice]:
     """Rank further measurements by what they would narrow most.
 
-    Candidates: each fitted experiment once more, and measurements with a closed form. Expected covariances are those of
-    a linear regression of the numbers on the predicted readings over the posterior's samples (Bayes linear; Goldstein &
-    Wooff 2007), which needs no data of the candidate.
+    Each fitted experiment once more, measurements with a closed form, and the file's candidates by their emulators.
+    Expected covariances are those of a linear regression of the numbers on the predicted readings over the posterior's
+    samples (Bayes linear; Goldstein & Wooff 2007), which needs no data of the measurement.
     """
     samples = found.posterior.samples[:: max(len(found.posterior.samples) // 400, 1)]
     advice = []
@@ -142,6 +144,10 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
             mean, _ = predict(trial, samples, ranges, found.emulators)
             advice.append(Advice(f"{trial.name} once more ({trial.kind})",
                                  expected_widths(samples, mean, np.ones(mean.shape[1]), ranges.names)))
+    for name, emulator in possible.items():
+        mean, _ = emulator.predict(samples)
+        advice.append(Advice(f"{name} (candidate)", expected_widths(samples, mean, np.ones(mean.shape[1]),
+                                                                    ranges.names)))
     card = {key: getattr(measurements.card, field).value for key, field in number_names(measurements.card).items()}
     if "friction_angle_deg" in card:
         for name, one in candidates(card["density"], "wall_friction" in ranges.names).items():

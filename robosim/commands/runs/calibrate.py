@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         from robosim.calibration.run import calibrate
     except ImportError as error:
-        raise ConfigError(f"robosim calibrate needs scikit-learn ({error}); accepted: after pip install "
+        raise ConfigError(f"a package is missing ({error}); install what the command needs with pip install "
                           f"'robosim[calibrate]'") from None
 
     return calibrate(Path(options.measurements), options.out, runs=options.runs, seed=options.seed,
