@@ -1,8 +1,8 @@
 """Upright blade that is drawn through sand at constant depth, with its upper edge above the surface, in plane strain.
 
 Measured: relative error of the horizontal force where it begins to slip, its power of the depth a cell below its edge,
-where a shell still acts, and its power of the speed. Reference: Coulomb's wedge in front of a rough wall, 0.5 density gravity
-depth^2 K_p cos(wall's friction angle).
+where a shell still acts, and its power of the speed. Reference: Coulomb's wedge in front of a rough wall, 0.5 density
+gravity depth^2 K_p cos(wall's friction angle).
 """
 
 import math
