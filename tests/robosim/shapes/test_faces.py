@@ -7,7 +7,7 @@ import trimesh
 from robosim.errors import ConfigError
 from robosim.shapes import tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape, RoundShape
-from robosim.shapes.tool import WALL
+from robosim.shapes.tool import WALL, ToolShape
 
 CUPS = [RoundShape(0.04, 0.06, 0.003), BoxShape((0.12, 0.08, 0.05), 0.003)]
 
@@ -28,8 +28,9 @@ def check_face(face: trimesh.Trimesh, solid: list[trimesh.Trimesh], wall: float)
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle"])
 def test_of_tools(name: str) -> None:
     shape = tool_shape(name)
+    assert isinstance(shape, ToolShape)
     shell = shape.head_shell()
-    check_face(shell.mesh, [shape.head(WALL)], WALL)  # pyright: ignore[reportAttributeAccessIssue]
+    check_face(shell.mesh, [shape.head(WALL)], WALL)
     assert shell.thickness == WALL and shell.behind == WALL / 2
 
 
