@@ -1,4 +1,4 @@
-"""Tables of dosing episodes: error with its spread in g, success, time and spilled mass, beside the other controllers."""
+"""Tables of dosing episodes: error and its spread in g, success, time, spilled mass, beside the other controllers."""
 
 import pytest
 
