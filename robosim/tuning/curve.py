@@ -29,7 +29,7 @@ APPROACH = 3.0
 
 def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 4.0, most_deg: float = 120.0,
                   seed: int = 0, material: str | None = None) -> int:
-    """Measure the pour curve of a task; write curve.json and the task's numbers with it as TASK.yaml into a folder.
+    """Measure the pour curve of a task; write curve.json and the task's numbers with it as numbers.yaml into a folder.
 
     episodes: over which the curve is the mean, with the seeds from `seed` on and the task's own random starts.
     rate_deg [deg/s]: of the tilt. most_deg [deg]: last tilt. Returns 0, or 1 where a simulation diverged or too little
@@ -62,7 +62,7 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
         curve = PourCurve(material=start.material, load=round(load, 6), rate_deg=rate_deg, tilts_deg=tuple(tilts),
                           masses=tuple(masses), source=provenance()["command"])
         numbers = given.model_copy(update={"curve": curve})
-        path = folder.write_yaml(f"{given.task}.yaml", numbers.model_dump(mode="json"))
+        path = folder.write_yaml("numbers.yaml", numbers.model_dump(mode="json"))
     print(f"begins at {np.degrees(curve.begin):.1f} deg, {curve.most * 1e3:.1f} of {load * 1e3:.1f} g up to "
           f"{tilts[-1]:.0f} deg\n{path}")
     return 0

@@ -21,14 +21,14 @@ from robosim.tuning.cost import summarize_doses
 from robosim.tuning.trial import TrialJob
 
 WORKER = "robosim.tuning.trial"
-FILE = "tune.json"
+FILE, NUMBERS = "tune.json", "numbers.yaml"
 SHOWN = ("cost", "success_rate", "error_g", "error_g_std", "seconds", "spilled_g")
 """Figures that are printed."""
 
 
 def tune(task: str, controller: str, out: Path, *, choices: int, episodes: int, seed: int = 0, jobs: int = 1,
          material: str | None = None, randomize: str = "nominal") -> int:
-    """Search a controller's numbers; write tune.json and the best numbers as TASK.yaml into a folder.
+    """Search a controller's numbers; write tune.json and the best numbers as numbers.yaml into a folder.
 
     The first choice are the task's own numbers. choices: in all. episodes: of each, with the seeds from `seed` on.
     jobs: processes. Choices and episodes that the folder has are not run again.
@@ -71,7 +71,7 @@ def tune(task: str, controller: str, out: Path, *, choices: int, episodes: int, 
         if rows:
             best = find_best(rows, numbers.motion.duration)
             table = drawn[best].model_dump(mode="json") | {"source": made_by["command"]}
-            folder.write_yaml(f"{numbers.task}.yaml", table)
+            folder.write_yaml(NUMBERS, table)
             print(format_search(rows, numbers.motion.duration, best))
     for k, reason in failed.items():
         print(f"failed: choice {k}: {reason}; what is finished is kept, run the same command again to continue",

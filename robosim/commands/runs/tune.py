@@ -13,7 +13,7 @@ from robosim.errors import ConfigError
 EXAMPLE = """examples:
   robosim tune DoseSpoon --curve --out out/curve
   robosim tune DoseSpoon --controller pi --jobs 2 --out out/tuned
-  robosim evaluate DoseSpoon --policy pi --set dose.controllers=out/tuned/DoseSpoon.yaml"""
+  robosim evaluate DoseSpoon --policy pi --set dose.controllers=out/tuned/numbers.yaml"""
 PRESETS = ("nominal", "wide")
 """Of what training seeds draw."""
 
@@ -35,7 +35,7 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--seed", default=0, help="random seed of the first episode (default: 0)")
     parser.add_argument("--material", help="material: " + one_of(config_names("materials")) + " (default: the task's)")
     parser.add_number("--jobs", default=1, help="choices that run at the same time (default: 1)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for tune.json or curve.json, and TASK.yaml; "
+    parser.add_argument("--out", type=Path, required=True, help="folder for tune.json or curve.json, and numbers.yaml; "
                         "what is finished there is not repeated")
     parser.add_settings("task's file", "dose.target_g=[5,20]")
     parser.set_defaults(run=run, after_interrupt="finished choices and episodes are kept; the same command continues")

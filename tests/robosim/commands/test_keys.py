@@ -55,4 +55,4 @@ def test_schema_is_json_with_every_table(kind: str, capsys: pytest.CaptureFixtur
 
 def test_an_unknown_kind_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["keys", "fork"]) == 2
-    assert "robosim keys: unknown kind 'fork'; valid: arm, gripper, material.clay," in capsys.readouterr().err
+    assert "robosim keys: unknown kind 'fork'; valid: arm, dosing, gripper, material.clay," in capsys.readouterr().err

@@ -69,7 +69,7 @@ def test_a_search_improves_on_the_given_numbers(tune: Any, tmp_path: Path, capsy
     costs = [one["figures"]["cost"] for one in stored["choices"]]
     assert status == 0 and stored["is_complete"] and len(costs) == 20
     assert stored["best"] == min(range(20), key=costs.__getitem__) and costs[stored["best"]] < 0.6 * costs[0]
-    best = load_dosing(str(tmp_path / "out" / "Mine.yaml"))
+    best = load_dosing(str(tmp_path / "out" / "numbers.yaml"))
     assert best.open_loop == DosingNumbers.model_validate(stored["choices"][stored["best"]]["numbers"]).open_loop
     assert best.open_loop.share < 1.4 and best.curve == CLUMSY.curve
     assert "(given)" in capsys.readouterr().out
