@@ -47,7 +47,10 @@ class ToolView:
         self._action, self._vibration = task.action, task.action.vibration
         self._duration = task.steps * task.step_dt
         level = task.start.pitch_deg if task.dose.level_pitch_deg is None else task.dose.level_pitch_deg
-        self._level, self._lip = np.radians(level), find_lip(task)
+        lip = tool_shape(task.tool).lip()
+        if lip is None:
+            raise ConfigError(f"tool {task.tool_name!r}: its rim is not known; accepted: spoon, scoop, bottle, shaker")
+        self._level, self._lip = np.radians(level), lip
         self._tare: float | None = None
 
     def look(self, observation: dict[str, Any]) -> DoseSight:
@@ -104,19 +107,3 @@ class DosingPolicy:
             self._controller.start(sight.target)
         self.command = self._controller.command(sight)
         return self._view.act(sight, self.command)
-
-
-def find_lip(task: TaskConfig) -> np.ndarray:
-    """Return the lip of a task's tool in the tool's frame [m] (3,): where its open rim reaches farthest along x.
-
-    Raises ConfigError for a tool whose inner face is not known.
-    """
-    face = getattr(tool_shape(task.tool), "face", None)
-    if face is None:
-        raise ConfigError(f"tool {task.tool_name!r} has no inner face, so that its lip is not known; accepted: spoon, "
-                          f"scoop, bottle")
-    mesh = face()
-    edges, counts = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
-    rim = mesh.vertices[np.unique(edges[counts == 1])]
-    middle = rim[np.abs(rim[:, 1]) <= np.abs(rim[:, 1]).min() + 1e-6]
-    return np.array(middle[np.argmax(middle[:, 0])])

@@ -3,6 +3,9 @@
 Their normals point into what they hold. All lengths are metres.
 """
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
@@ -47,3 +50,18 @@ def revolve_face(profile: ArrayLike, segments: int = 48) -> trimesh.Trimesh:
 def shell_behind(face: trimesh.Trimesh, wall: float) -> mpm.Shell:
     """Make the shell of a wall of `wall` [m] behind an inner face."""
     return mpm.Shell.from_mesh(face, wall, behind=True)
+
+
+@cache
+def find_lip(make: Callable[[], trimesh.Trimesh]) -> tuple[float, float, float] | None:
+    """Return the place [m] of the face that `make` makes over which its tool pours; None for a face without a rim.
+
+    It is the foremost of the rim, along x, in the middle of the tool, and the lowest of such places.
+    """
+    face = make()
+    edges, counts = np.unique(face.edges_sorted, axis=0, return_counts=True)
+    rim = face.vertices[np.unique(edges[counts == 1])]
+    if not len(rim):
+        return None
+    foremost = rim[rim[:, 0] > rim[:, 0].max() - 1e-6]
+    return float(foremost[0, 0]), 0.0, float(foremost[:, 2].min())

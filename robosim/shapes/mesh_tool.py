@@ -170,6 +170,10 @@ class MeshTool:
         """None: the holes of a mesh are as it has them."""
         return None
 
+    def lip(self) -> None:
+        """None: which edge of a mesh it pours over is not known."""
+        return None
+
     def orifices(self, grain_diameter: float) -> list[mpm.Orifice]:
         """Return no orifices."""
         return []

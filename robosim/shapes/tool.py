@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from robosim.errors import ConfigError
-from robosim.shapes.faces import shell_behind
+from robosim.shapes.faces import find_lip, shell_behind
 from robosim.shapes.lofts import compute_end_scale, smoothstep, space_stations, sweep
 
 Array = NDArray[np.float64]
@@ -129,6 +129,16 @@ class ToolShape:
             raise ConfigError(f"tool {self.name!r} holds nothing, so that it has no inner face for a shell; accepted: "
                               f"a wall thickness in metres")
         return shell_behind(self.face(), WALL)
+
+    def lip(self) -> Array | None:
+        """Return the place [m] (3,) where what the tool pours leaves it; None where that is not known.
+
+        It is on the rim of its inner face, or in the middle of its holes.
+        """
+        if self.holes is not None:
+            return np.mean(self.holes.positions, axis=0)
+        place = None if self.face is None else find_lip(self.face)
+        return None if place is None else np.array(place)
 
     def orifices(self, grain_diameter: float) -> list[mpm.Orifice]:
         """Return the holes of the head as orifices of its shell, for grains of a diameter [m]."""

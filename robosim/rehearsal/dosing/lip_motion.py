@@ -1,7 +1,5 @@
 """Motion of a tool about its lip: tilt, the lip's way, and a vibration on top of both."""
 
-from functools import cache
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -10,7 +8,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import DoseCommand
 from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose, waypoint_pose
-from robosim.shapes import MeshTool, ToolShape, tool_shape
+from robosim.shapes import tool_shape
 
 RESPONSE = 0.05
 """Time constant [s] with which amplitude and frequency of the vibration follow a command: a stop at full amplitude
@@ -79,7 +77,10 @@ def make_lip_motion(config: RehearsalConfig) -> LipMotion:
         raise ConfigError(f"dose.at: the tool leans by {np.degrees(lean):.1f} deg at waypoint {waypoint.name!r}, the "
                           f"cup {name!r} by {cup.tilt_deg} deg; accepted: a tool that leans by up to "
                           f"{np.degrees(LEVEL):g} deg, and a cup that stands upright")
-    lip = find_lip(tool_shape(config.tool), config.tool_name) if dose.lip is None else np.array(dose.lip)
+    lip = tool_shape(config.tool).lip() if dose.lip is None else np.array(dose.lip)
+    if lip is None:
+        raise ConfigError(f"dose.lip: missing, and the rim of the {config.tool_name} is not known; accepted: the lip's "
+                          f"place in its frame")
     motion = LipMotion(start, lip, start.apply(lip[None])[0], np.radians(dose.largest_tilt_deg), dose.vibration_axis)
     pose = container_pose(cup)
     goal = np.array([*pose.position[:2], motion.lip[2]])
@@ -95,19 +96,3 @@ def dose_cup(config: RehearsalConfig) -> str:
     """Return the name of the container that takes the dose."""
     assert config.dose is not None
     return config.dose.cup or config.sinks[0]
-
-
-@cache
-def find_lip(shape: ToolShape | MeshTool, name: str) -> np.ndarray:
-    """Return the place (3,) [m], in a tool's frame, where what it pours leaves it: the foremost of its rim, its lowest.
-
-    Raises ConfigError for a tool of one's own, and for one that holds nothing.
-    """
-    face = None if isinstance(shape, MeshTool) or shape.face is None else shape.face()
-    if face is None:
-        raise ConfigError(f"dose.lip: missing, and the rim of the {name} is not known; accepted: the lip's place in "
-                          f"its frame")
-    edges, counts = np.unique(face.edges_sorted, axis=0, return_counts=True)
-    rim = face.vertices[np.unique(edges[counts == 1])]
-    foremost = rim[rim[:, 0] > rim[:, 0].max() - 1e-6]
-    return np.array([foremost[0, 0], 0.0, foremost[:, 2].min()])

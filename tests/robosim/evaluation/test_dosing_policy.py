@@ -1,4 +1,4 @@
-"""Dosing controllers as policies: the tool's lip, and actions that carry a command out."""
+"""Dosing controllers as policies: actions that carry a command out."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -12,10 +12,9 @@ from robosim.dosing.command import DoseCommand
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs.carrier import Carrier
 from robosim.errors import ConfigError
-from robosim.evaluation.dosing_policy import TERMS, DosingPolicy, ToolView, find_lip, numbers_of
+from robosim.evaluation.dosing_policy import TERMS, DosingPolicy, ToolView, numbers_of
 from robosim.evaluation.policies import make_policy
-from robosim.shapes.sheet_tools import TROUGH_LENGTH
-from robosim.shapes.vessels import BOWL, MOUTH
+from robosim.shapes.vessels import BOWL
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.task import load_task
 
@@ -35,16 +34,6 @@ def observe(carrier: Carrier, shown: float = 0.0, time: float = 0.0) -> dict[str
     pose = carrier.commanded
     return {"tool": np.concatenate(pose), "goal": np.array(SPOON.goal) - pose.position, "time": np.array([time]),
             "scale": np.array([shown]), "target": np.array([5e-3])}
-
-
-def test_lips_of_the_bundled_tools() -> None:
-    np.testing.assert_allclose(find_lip(SPOON), [BOWL[0], 0.0, 0.0], atol=1e-9)
-    scoop = find_lip(SPOON.with_tool("scoop"))
-    assert scoop[0] == pytest.approx(TROUGH_LENGTH / 2.0) and abs(scoop[1]) < 1e-9 and scoop[2] < -0.01
-    bottle = find_lip(SPOON.with_tool("bottle"))
-    assert bottle[0] > 0.005 and bottle[2] == pytest.approx(MOUTH)
-    with pytest.raises(ConfigError, match="tool 'shovel' has no inner face"):
-        find_lip(SimpleNamespace(tool="shovel", tool_name="shovel"))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.02, -0.01, 0.015)], ids=["turns about the lip", "moves, too"])
@@ -95,11 +84,13 @@ def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
     env.observation = observe(carrier)
     action = make_policy(name, env, 0)()
     assert action.shape == (8,) and action.dtype == np.float32 and np.abs(action).max() <= 1.0
-    lip = carrier.commanded.position + carrier.commanded.matrix @ find_lip(SPOON)
+    lip = carrier.commanded.position + carrier.commanded.matrix @ [BOWL[0], 0.0, 0.0]
     assert action[:3] @ (np.array(SPOON.goal) - lip) > 0.0 and action[6] == -1.0
 
 
 def test_what_a_policy_refuses() -> None:
+    with pytest.raises(ConfigError, match="tool 'shovel': its rim is not known; accepted: spoon, scoop, bottle"):
+        DosingPolicy("pi", stub(SPOON.model_copy(update={"tool": "shovel"})))
     pour = load_task("SpoonPour")
     with pytest.raises(ConfigError, match="no section dose, or no action.vibration; accepted: dosing tasks"):
         DosingPolicy("pi", stub(pour))

@@ -5,9 +5,11 @@ import pytest
 import trimesh
 
 from robosim.errors import ConfigError
-from robosim.shapes import tool_shape
+from robosim.shapes import TOOLS, tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape, RoundShape
+from robosim.shapes.sheet_tools import TROUGH_DEPTH, TROUGH_LENGTH
 from robosim.shapes.tool import WALL, ToolShape
+from robosim.shapes.vessels import BOWL, MOUTH, NECK_RADIUS
 
 CUPS = [RoundShape(0.04, 0.06, 0.003), BoxShape((0.12, 0.08, 0.05), 0.003)]
 
@@ -42,3 +44,11 @@ def test_of_containers(cup: ContainerShape) -> None:
 def test_a_head_without_a_hollow_is_refused() -> None:
     with pytest.raises(ConfigError, match="tool 'shovel' holds nothing"):
         tool_shape("shovel").head_shell()
+
+
+def test_lips_of_the_bundled_tools() -> None:
+    assert TOOLS["spoon"].lip() == pytest.approx([BOWL[0], 0.0, 0.0])
+    assert TOOLS["scoop"].lip() == pytest.approx([0.5 * TROUGH_LENGTH, 0.0, -TROUGH_DEPTH], abs=1e-6)
+    assert TOOLS["bottle"].lip() == pytest.approx([NECK_RADIUS, 0.0, MOUTH])
+    assert TOOLS["shaker"].lip() == pytest.approx([0.0, 0.0, TOOLS["shaker"].holes.positions[0][2]])
+    assert TOOLS["shovel"].lip() is None  # it holds nothing

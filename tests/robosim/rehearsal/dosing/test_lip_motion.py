@@ -1,15 +1,11 @@
-"""The tool about its lip: what stays where it is, what is bounded, and where the lips of the tools are."""
+"""The tool about its lip: what stays where it is, and what is bounded."""
 
 import numpy as np
 import pytest
 
 from mpm import Pose
 from robosim.dosing.command import DoseCommand
-from robosim.errors import ConfigError
-from robosim.rehearsal.dosing.lip_motion import RESPONSE, LipMotion, find_lip
-from robosim.shapes import TOOLS, tool_shape
-from robosim.shapes.sheet_tools import TROUGH_DEPTH, TROUGH_LENGTH
-from robosim.shapes.vessels import BOWL, MOUTH, NECK_RADIUS
+from robosim.rehearsal.dosing.lip_motion import RESPONSE, LipMotion
 
 DT = 1e-3
 LIP = np.array([0.035, 0.0, 0.0])
@@ -58,12 +54,3 @@ def test_the_vibration_follows_its_command_within_its_time_constant() -> None:
     assert steady.max() == pytest.approx(amplitude, rel=0.05) and steady.min() == pytest.approx(-amplitude, rel=0.05)
     assert np.sum((steady[:-1] < 0.0) & (steady[1:] >= 0.0)) == 2  # two periods in 0.1 s
     assert np.abs(track[-20:]).max() < 0.01 * amplitude
-
-
-def test_lips_of_the_bundled_tools() -> None:
-    lips = {name: find_lip(TOOLS[name], name) for name in ("spoon", "scoop", "bottle")}
-    assert lips["spoon"] == pytest.approx([BOWL[0], 0.0, 0.0])
-    assert lips["scoop"] == pytest.approx([0.5 * TROUGH_LENGTH, 0.0, -TROUGH_DEPTH], abs=1e-6)
-    assert lips["bottle"] == pytest.approx([NECK_RADIUS, 0.0, MOUTH])
-    with pytest.raises(ConfigError, match="dose.lip: missing, and the rim of the shovel is not known"):
-        find_lip(tool_shape("shovel"), "shovel")
