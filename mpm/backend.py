@@ -147,6 +147,7 @@ def _call_init(wanted: Session, folder: Path) -> None:
         # taichi's own passes take 12 s on the fused kernel and gain nothing that LLVM does not do anyway (measured:
         # 16.7 s to compile and 105 ns per particle and substep with them, 4.6 s and 105 ns without)
         advanced_optimization=False,
+        unrolling_limit=64,  # it warns from 32 on: a particle that sleeps beside a shell has 34 fields
         log_level=ti.ERROR,
         offline_cache=True,
         offline_cache_file_path=str(folder),

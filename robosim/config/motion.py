@@ -15,6 +15,7 @@ from robosim.config.bounds import (
     Duration,
     FilePath,
     Name,
+    RangeEnd,
     Share,
     Speed,
     Tolerance,
@@ -123,7 +124,7 @@ class DoseConfig(Table):
     """Controller of configs/dosing."""
     controllers: FilePath
     """Name of a file of configs/dosing, or the path of a .yaml file: the controllers' numbers and the pour curve."""
-    numbers: Annotated[dict[Name, dict[Name, float]], Field(max_length=MAX_ENTRIES)] = {}  # noqa: RUF012
+    numbers: Annotated[dict[Name, dict[Name, RangeEnd]], Field(max_length=MAX_ENTRIES)] = {}  # noqa: RUF012
     """Sections of that file with keys that have other values, such as pi: {search_deg: 3}."""
     control_dt: Annotated[float, Field(ge=1e-3, le=0.5)] = 0.02
     """Time between two readings of the balance, and two commands [s]."""

@@ -42,14 +42,16 @@ def field_head(task: TaskConfig) -> Lattice | mpm.Shell:
 def head_orifices(task: TaskConfig, grain_diameter: float | None) -> list[mpm.Orifice]:
     """Return the small holes of the head of a task's tool, for grains of a diameter [m].
 
-    Raises ConfigError for a tool with holes that is not a shell in the field, or without a diameter.
+    grain_diameter: None for materials to which the law of small holes does not apply. Raises ConfigError for a tool
+    with holes and such a material, and for one that is not a shell in the field.
     """
     shape = tool_shape(task.tool)
     if task.tool_wall != "shell":
         check_holes(shape, f"tool_wall of {task.tool_wall} m")
     if shape.holes is not None and grain_diameter is None:
         raise ConfigError(f"tool {shape.name!r} with a material without grain_diameter, by which its holes let grains "
-                          f"pass; accepted: salt, sugar, sand, glass_beads, or a file with that key")
+                          f"pass, or with cohesion, by which grains arch over them; accepted: salt, sugar, sand, "
+                          f"glass_beads, or a file of one's own with that key and cohesion 0")
     return [] if grain_diameter is None else shape.orifices(grain_diameter)
 
 

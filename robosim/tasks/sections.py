@@ -16,6 +16,7 @@ from robosim.config.bounds import (
     FilePath,
     HalfSize,
     PositiveWeight,
+    RangeEnd,
     Share,
     Speed,
     Weight,
@@ -218,7 +219,7 @@ class DosingRewardConfig(Table):
 class DosingConfig(Table):
     """A mass to dose: what lies in the receiver, or without one what the tool holds."""
 
-    target_g: tuple[float, float]
+    target_g: tuple[RangeEnd, RangeEnd]
     """Lowest and highest target mass [g], within 1 to 60; each episode draws one between them, all equally likely."""
     tolerance_percent: Annotated[float, Field(ge=0.0, le=100.0)] = 2.0
     """Error [%] of the target up to which a dose is a success."""

@@ -32,7 +32,8 @@ class PointRun:
         self.held_until = np.inf
         self.config = config = plan.config
         self.plan, self.seed, self.readings, self.wall_time = plan, seed, Readings(NAMES), 0.0
-        self.duration, self.time = STEPS * config.host_dt, 0.0
+        self.duration = self.expected_duration = STEPS * config.host_dt
+        self.time = 0.0
         self.material = SimpleNamespace(model_dump=lambda mode: {})
         self.model = mujoco.MjModel.from_xml_string(SCENE)
         self.data = mujoco.MjData(self.model)
@@ -41,6 +42,9 @@ class PointRun:
 
     def waypoint_time(self, name):
         return self.plan.path.times[name]
+
+    def planned_passages(self):
+        return sorted((time, name) for name, time in self.plan.path.times.items())
 
     def run(self, after_step):
         from robosim.rehearsal.readings import EnergySample, GrainSample, Step

@@ -150,7 +150,7 @@ def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: P
     np.savez(tmp_path / "wrong.npz", actions=np.zeros((4, 6)))
     with pytest.raises(robosim.ConfigError, match=r"\(4, 6\); accepted: \(n, 3\)"):
         make_policy(str(tmp_path / "wrong.npz"), env, 0)
-    with pytest.raises(robosim.UnknownName, match="random, scripted, zero"):
+    with pytest.raises(robosim.UnknownName, match="pi, random, scripted, shaker, zero"):
         make_policy("clever", env, 0)
 
 

@@ -27,7 +27,7 @@ def make_run() -> SimpleNamespace:
                           material=SimpleNamespace(colour=(0.9, 0.9, 0.9, 1.0)), grains=SimpleNamespace(
                               grain_volume=8e-6))
     run.plan = SimpleNamespace(path=SimpleNamespace(times={"dig": 0, "lift": 0}))
-    run.waypoint_time = lambda name: {"dig": 0.0, "lift": 0.2}[name]
+    run.planned_passages = lambda: [(0.0, "dig"), (0.2, "lift")]
     run.solver = SimpleNamespace(
         awake=np.arange(60) % 2 == 0, particles=SimpleNamespace(counts=(60,)),
         positions=lambda: np.array([0.7, -0.2, 0.05 + 0.2 * run.time]) + 0.02 * grid)

@@ -50,7 +50,7 @@ def test_a_tool_may_have_a_file_of_its_own(folder: Path) -> None:
     config = load_rehearsal(str(folder / "salt.yaml"))
     assert config.tool_name == "ladle" and not isinstance(config.tool, str)
     assert Path(config.tool.mesh) == folder / "tools" / "ladle.stl"
-    for name, message in (("ladel", "tool: unknown 'ladel'; valid: bottle, scoop, shovel, spoon, or the path"),
+    for name, message in (("ladel", "tool: unknown 'ladel'; valid: bottle, scoop, shaker, shovel, spoon, or the path"),
                           ("no.yaml", "no.yaml: no such file; accepted: a .yaml file of your own, or one of bottle")):
         (folder / "salt.yaml").write_text(text.replace("tool:\n" + table, f"tool: {name}\n"))
         with pytest.raises(ConfigError, match=message):
