@@ -107,10 +107,14 @@ def make_findings(ranges: Ranges, posterior: Posterior) -> list[Finding]:
     return findings
 
 
-def residual(trial: Trial, values: np.ndarray, variance: np.ndarray | float = 0.0) -> Residual:
-    """Compare a trial with values (n,) in its unit; variance (n,): of the values, in its unit squared."""
+def residual(trial: Trial, values: np.ndarray, covariance: np.ndarray | float = 0.0) -> Residual:
+    """Compare a trial with values (n,) in its unit; covariance (n, n): of the values, in its unit squared.
+
+    Chi square is the squared Mahalanobis distance: numbers that are uncertain move all readings together.
+    """
     difference = trial.readings - values
-    square = float((difference**2 / (trial.errors**2 + variance)).sum())
+    whole = np.diag(trial.errors**2) + covariance
+    square = float(difference @ np.linalg.solve(whole, difference))
     n = len(difference)
     return Residual(trial.name, trial.held_out, square, n, float(chi2.sf(square, n)),
                     float(np.sqrt((difference**2).mean())), trial.unit)

@@ -13,6 +13,7 @@ from synthetic_heaps import write_heaps
 pytest.importorskip("sklearn")
 
 from robosim.calibration import experiment, heap
+from robosim.calibration import run as run_module
 from robosim.calibration.direct import shear_strength, sliding_angle
 from robosim.calibration.measurements import HeapExperiment, PourExperiment
 from robosim.calibration.pour import simulate_pour
@@ -125,7 +126,7 @@ def test_heaps_are_calibrated_and_finished_runs_are_not_repeated(tmp_path: Path,
     assert {one["name"]: one["held_out"] for one in first["fitted"] + first["held_out"]} == {
         "low": False, "tall": False, "middle": True}
     n = len(seeds)
-    assert n == 2 * first["runs"] + 2 * 3 + 6
+    assert n == 2 * first["runs"] + 2 * 3 + run_module.SAMPLE_RUNS
     assert main(command) == 0
     assert len(seeds) == n
     assert figures(tmp_path) == first
