@@ -177,13 +177,15 @@ def describe(one: Finding, verdict: Verdict) -> str:
     """Return where a number of the card comes from, in a line."""
     state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_determined else \
         "NOT CALIBRATED, the data cannot tell it"
+    state = ", ".join([state, *verdict.cautions])
     return f"{state}; 90 % interval {one.low:.4g} to {one.high:.4g}"
 
 
 def summarize(measurements: Measurements, verdict: Verdict, found: Search, ranges: Ranges, advice: list[Advice]
               ) -> dict[str, Any]:
     """Return all figures, for calibration.json."""
-    return {"is_calibrated": verdict.is_calibrated, "reasons": verdict.reasons,
+    return {"is_calibrated": verdict.is_calibrated, "reasons": verdict.reasons, "cautions": verdict.cautions,
+            "is_checked": bool(verdict.checks),
             "description": measurements.config.description, "material": measurements.config.material,
             "numbers": {one.name: {**one._asdict(), "interval_over_range": one.width} for one in verdict.findings},
             "correlation": {"names": list(ranges.names), "matrix": found.posterior.correlation().tolist()},
@@ -193,9 +195,11 @@ def summarize(measurements: Measurements, verdict: Verdict, found: Search, range
 
 
 def print_verdict(verdict: Verdict, advice: list[Advice]) -> None:
-    """Print the numbers to stdout, and what speaks against them to stderr."""
+    """Print the numbers and what was not shown to stdout, and what speaks against them to stderr."""
     for one in verdict.findings:
         print(f"{one.name} = {one.best:.4g}, 90 % {one.low:.4g} to {one.high:.4g}")
+    for caution in verdict.cautions:
+        print(caution)
     for reason in verdict.reasons:
         print(f"robosim calibrate: {reason}", file=sys.stderr)
     if not verdict.is_calibrated and advice:

@@ -19,6 +19,9 @@ LEAST_PROBABILITY = 0.01
 MOST_WIDTH = 0.75
 """Width of an interval over that of the same probability of its range, from which on the data cannot tell a number."""
 
+NOT_CHECKED = "not checked on a held-out experiment"
+NOT_SETTLED = "search not settled, more runs would narrow the intervals"
+
 
 class Residual(NamedTuple):
     """How far an experiment is from what the best numbers give."""
@@ -68,6 +71,8 @@ class Verdict(NamedTuple):
     probability: float
     """Of the fitted residuals together."""
     reasons: list[str]
+    cautions: list[str]
+    """What was not shown, though nothing speaks against the numbers."""
 
     @property
     def is_calibrated(self) -> bool:
@@ -92,7 +97,10 @@ def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Resi
     reasons += [f"held-out experiment {one.name} is not predicted: it differs by {one.rms:.3g} {one.unit}, probability "
                 f"{one.probability:.2g} (accepted: {LEAST_PROBABILITY:g} or more)" for one in checks
                 if not one.is_explained]
-    return Verdict(findings, fits, checks, probability, reasons)
+    cautions = [] if checks else [NOT_CHECKED]
+    if not found.is_settled:
+        cautions.append(NOT_SETTLED)
+    return Verdict(findings, fits, checks, probability, reasons, cautions)
 
 
 def make_findings(ranges: Ranges, posterior: Posterior) -> list[Finding]:

@@ -225,6 +225,22 @@ def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
     assert law_of(card) == law_of(load_material("sugar"))
 
 
+def test_what_was_not_checked_is_said_on_stdout_in_the_card_and_in_the_figures(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = direct_table()
+    assert run(tmp_path, table) == 0
+    assert "not checked" not in capsys.readouterr().out
+    assert (figures(tmp_path)["is_checked"], figures(tmp_path)["cautions"]) == (True, [])
+    del table["experiments"]["tray"]
+    assert run(tmp_path, table) == 0
+    assert "not checked on a held-out experiment" in capsys.readouterr().out
+    card = load_material(str(tmp_path / "out" / "material.yaml"))
+    assert card.density.source.startswith("calibrated, not checked on a held-out experiment; 90 % interval")
+    assert figures(tmp_path)["is_checked"] is False
+    assert figures(tmp_path)["cautions"] == ["not checked on a held-out experiment"]
+    assert "not checked on a held-out experiment" in (tmp_path / "out" / "index.html").read_text()
+
+
 @pytest.mark.slow
 def test_the_field_pours_what_is_in_the_box_later_with_more_friction() -> None:
     table = PourExperiment.model_validate({

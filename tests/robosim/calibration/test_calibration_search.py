@@ -97,6 +97,14 @@ def test_a_held_out_experiment_that_is_not_predicted_speaks_against_the_numbers(
     assert judge(RANGES, found, verdict.fits, [residual(trial._replace(held_out=True), values)]).is_calibrated
 
 
+def test_a_search_that_is_not_settled_is_said_so() -> None:
+    found, verdict = run_search(make_trial())
+    assert verdict.cautions == ["not checked on a held-out experiment"]
+    unsettled = judge(RANGES, found._replace(is_settled=False), verdict.fits, verdict.fits)
+    assert len(unsettled.cautions) == 1
+    assert unsettled.cautions[0].startswith("search not settled")
+
+
 def test_the_posterior_of_a_linear_model_is_its_normal_distribution() -> None:
     """Mean and covariance of a normal likelihood far from the ends of the range."""
     matrix = np.array([[40.0, 12.0], [12.0, 90.0]])
