@@ -254,7 +254,13 @@ def read_experiment(path: Path, name: str, table: dict[str, Any], key: str = "ex
 
 def check_sought(path: Path, config: MeasurementsConfig, card: MaterialConfig) -> None:
     """Raise ConfigError for a number that the law does not have, and for a range that is empty or not accepted."""
-    known = [*number_names(card), WALL_FRICTION]
+    known = list(number_names(card))
+    if WALL_FRICTION in type(card).model_fields:
+        known = list(dict.fromkeys([*known, WALL_FRICTION]))
+    elif WALL_FRICTION in config.sought:
+        raise ConfigError(f"{path}: sought.{WALL_FRICTION}: a card of material {quote(config.material)} has no "
+                          f"{WALL_FRICTION}; accepted: {', '.join(known)}; a heap takes floor_friction, a pour "
+                          f"wall_friction")
     for name, (least, most) in config.sought.items():
         if name not in known:
             raise UnknownName(f"number in {path}: sought", name, known)

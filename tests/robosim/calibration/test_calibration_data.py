@@ -161,6 +161,8 @@ CUP = {"kind": "cup", "masses": [0.121], "noise": 0.001, "volume": 1e-4}
 BAD_FILES: dict[str, tuple[dict[str, Any], str]] = {
     "a number": ({"sought": {"frition_angle_deg": [20, 40]}}, "unknown number in .*sought 'frition_angle_deg'; valid"),
     "a range": ({"sought": {"density": [900, 800]}}, r"sought.density = \[900, 800\]; accepted: the least value"),
+    "a wall of a fluid": ({"material": "water", "sought": {"wall_friction": [0.1, 0.9]}},
+                          r"lab.yaml: sought.wall_friction: .*'water' has no wall_friction; accepted: density, "),
     "a bound": ({"sought": {"friction_angle_deg": [20, 95]}}, "friction_angle_deg: value = 95; accepted: 0 to 89"),
     "a kind": ({"experiments": {"lab": {**CUP, "kind": "cap"}}}, "experiments.lab.kind = 'cap'; accepted: heap"),
     "a key": ({"experiments": {"lab": {**CUP, "mass": 1}}}, "experiments.lab: unknown key 'mass'; valid: held"),
