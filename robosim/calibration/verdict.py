@@ -19,6 +19,10 @@ LEAST_PROBABILITY = 0.01
 MOST_WIDTH = 0.75
 """Width of an interval over that of the same probability of its range, from which on the data cannot tell a number."""
 
+SHEAR_ERROR = 0.05
+"""Usual error of a shear cell, in the shear stress that it reads."""
+LEAST_ERROR = 1e-3
+"""[Pa] Least error of a shear stress, as in a file of measurements."""
 NOT_CHECKED = "not checked on a held-out experiment"
 NOT_SETTLED = "search not settled, more runs would narrow the intervals"
 
@@ -164,9 +168,18 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
     if "friction_angle_deg" in card:
         for name, one in candidates(card["density"], "wall_friction" in ranges.names).items():
             values = np.array([direct.predict(one, card | ranges.numbers(point)) for point in samples])
-            noise = np.full(values.shape[1], one.noise)  # pyright: ignore[reportAttributeAccessIssue]
-            advice.append(Advice(name, expected_widths(samples, values / noise, np.ones(len(noise)), ranges.names)))
+            advice.append(Advice(name, expected_widths(samples, values, usual_errors(one, values) ** 2, ranges.names)))
     return sorted(advice, key=lambda one: -one.gain)
+
+
+def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
+    """Return standard deviations (n,) of a candidate's readings, of their predicted values (s, n).
+
+    Those of a shear cell are a share of each reading's own stress.
+    """
+    if isinstance(one, ShearExperiment):
+        return np.maximum(SHEAR_ERROR * values.mean(0), LEAST_ERROR)
+    return np.full(values.shape[1], one.noise)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
@@ -178,9 +191,9 @@ def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
                                                                       depth=0.005, **common),
         "tilted tray, layer of 50 mm, 3 x, error 1 deg": TiltExperiment(kind="tilt", angles=[30.0] * 3, noise=1.0,
                                                                        depth=0.05, **common),
-        f"shear cell at {stress:.0f} and {4 * stress:.0f} Pa, error 5 %": ShearExperiment(
-            kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress], noise=0.05 * stress,
-            **common),
+        f"shear cell at {stress:.0f} and {4 * stress:.0f} Pa, error {100 * SHEAR_ERROR:.0f} %": ShearExperiment(
+            kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress],
+            noise=SHEAR_ERROR * stress, **common),
         "cup of 100 ml, 3 x, error 1 %": CupExperiment(kind="cup", masses=[density * 1e-4] * 3, noise=density * 1e-6,
                                                        volume=1e-4, **common)}
     if has_wall:
