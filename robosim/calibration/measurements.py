@@ -161,6 +161,9 @@ class ScoopExperiment(Experiment):
     """Without the scoop [kg]."""
     noise: MassNoise
     """Standard deviation of a mass, filling included [kg]."""
+    model_error: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
+    """Standard deviation of the closed form's own error [kg], common to all masses. Default: a fifth of the mass above
+    the rim with the card's numbers (assumed)."""
     volume: CupVolume
     """Of the scoop up to its rim [m^3]."""
     rim_radius: Length

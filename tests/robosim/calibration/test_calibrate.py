@@ -215,6 +215,21 @@ def test_a_column_that_stands_does_not_tell_the_friction(tmp_path: Path, capsys:
     assert "data cannot tell friction_angle_deg" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("count", [1, 50])
+def test_a_heaped_scoop_tells_no_more_than_the_error_of_its_closed_form(count: int, tmp_path: Path) -> None:
+    """However often its mass is read: with a known friction, mass / density is the volume, in error by model_error."""
+    scoop = {"kind": "scoop", "volume": 1e-4, "rim_radius": 0.03, "noise": 1e-4, "masses": [0.105] * count}
+    widths = []
+    for model_error in (0.004, None, 0.0):
+        table = direct_table(sought={"density": [500, 1300]})
+        table["experiments"] = {"scoop": scoop if model_error is None else {**scoop, "model_error": model_error}}
+        run(tmp_path, table)
+        found = figures(tmp_path)["numbers"]["density"]
+        widths.append((found["high"] - found["low"]) / (2 * 1.645 * found["best"]) * 0.105)
+    assert widths[0] == pytest.approx(np.hypot(0.004, 1e-4 / np.sqrt(count)), rel=0.15)
+    assert widths[1] > 10 * widths[2]
+
+
 def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
     table = direct_table(sought={"wall_friction": [0.1, 1.0]})
     table["experiments"] = {"plate": {"kind": "tilt", "depth": 0.01, "slides_on": "wall", "noise": 1.0,
