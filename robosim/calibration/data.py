@@ -26,9 +26,14 @@ VOLUMES = (0.6, 1.5)
 a heap in cm instead of mm has ten times, or a tenth of, the volume."""
 RINGS = 3.0
 """Rings on the column's radius: of a map of a column of 40 mm with pixels of 2 mm, the innermost has 35."""
+EDGE = 0.02
+"""Height at which a heap ends, over that of its highest ring."""
+MARGIN = 2
+"""Rings of floor that are compared beyond a heap's edge: a simulated heap may reach farther."""
 MAX_PIXELS = 4_000_000
 FALL = 4.0
-"""Standard deviations of the noise by which a mass that was poured may be less than an earlier one."""
+"""Standard deviations of the noise by which a mass that was poured may be less than an earlier one, and a ring of bare
+floor above 0."""
 CURVE_POINTS = 16
 """Readings of a curve of masses that are compared; more of one pour are not independent of each other."""
 
@@ -94,7 +99,8 @@ def make_rings(name: str, heap: HeapExperiment, data: HeapData) -> Rings:
     if last < RINGS:
         raise ConfigError(f"experiments.{name}: {heap.data}: no heights {last * width * 1e3:.0f} mm from the axis; "
                           f"accepted: readings from the axis outwards, at least every {width * 1e3:.1f} mm")
-    # a map's corners are partly covered rings; the last ones hold floor alone
+    last = min(last, find_edge(name, heap, np.bincount(index, data.heights)[:last] / counts[:last], counts[:last])
+               + MARGIN)
     used = index < last
     index, distances, heights = index[used], data.distances[used], data.heights[used]
     counts = counts[:last]
@@ -102,6 +108,20 @@ def make_rings(name: str, heap: HeapExperiment, data: HeapData) -> Rings:
     rings = Rings(index, distances, radii, means, counts)
     _check_volume(name, heap, rings, width)
     return rings
+
+
+def find_edge(name: str, heap: HeapExperiment, heights: np.ndarray, counts: np.ndarray) -> int:
+    """Return the number of rings up to the last one above the floor.
+
+    Rings of bare floor agree with any numbers: the more of them a map has, the less a misfit of the heap would count.
+    heights: (k,) means of rings [m]; counts: (k,) their readings. Raises ConfigError where no ring is above the floor.
+    """
+    floor = np.maximum(EDGE * heights.max(), FALL * heap.noise / np.sqrt(counts))
+    raised = np.flatnonzero(heights > floor)
+    if not len(raised):
+        raise ConfigError(f"experiments.{name}: {heap.data}: no ring about the axis is higher than {FALL:g} standard "
+                          f"deviations of the noise of {heap.noise:g} m; accepted: a heap above the noise")
+    return int(raised[-1]) + 1
 
 
 def read_curve(name: str, pour: PourExperiment) -> Curve:

@@ -61,7 +61,7 @@ def predict(experiment: Experiment, numbers: dict[str, float]) -> list[float]:
     if isinstance(experiment, ShearExperiment):
         return [shear_strength(stress, phi, cohesion) for stress in experiment.normal_stress]
     if isinstance(experiment, ScoopExperiment):
-        # the heap on the rim is a cone whose flank slides as a layer of a third of the rim's radius would
+        # assumed: the heap on the rim is a cone whose flank slides as a layer of a third of the rim's radius would
         angle = sliding_angle(experiment.rim_radius / 3.0, density, phi, cohesion)
         cone = math.pi * experiment.rim_radius**3 * math.tan(math.radians(min(angle, STEEPEST))) / 3.0
         return [density * (experiment.volume + cone)] * len(experiment.masses)

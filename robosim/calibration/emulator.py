@@ -47,6 +47,16 @@ class Emulator:
         means, variances = self._components(points)
         return (self._mean + means @ self._basis, variances @ self._basis**2 + self._lost)
 
+    def distribution(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return mean (n,) and covariance (n, n) of the outputs over points (m, d), the processes' own included.
+
+        A process moves all readings of an experiment together, and so do the numbers.
+        """
+        means, variances = self._components(points)
+        away = means - means.mean(0)
+        components = away.T @ away / max(len(points) - 1, 1) + np.diag(variances.mean(0))
+        return self._mean + means.mean(0) @ self._basis, self._basis.T @ components @ self._basis + np.diag(self._lost)
+
     def uncertainty(self, points: np.ndarray) -> np.ndarray:
         """Return the largest variance (m,) over the outputs at points (m, d) that more runs could remove."""
         _, variances = self._components(points)

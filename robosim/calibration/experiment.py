@@ -14,6 +14,7 @@ from robosim.calibration.measurements import (
     HeapExperiment,
     Measurements,
     PourExperiment,
+    ScoopExperiment,
     ShearExperiment,
 )
 from robosim.calibration.pour import simulate_pour
@@ -24,6 +25,9 @@ HEAP_ERROR = 0.25
 60 mm high, with 8 and with 16 cells on its radius differ by 1.2 mm, root mean square over their rings."""
 POUR_ERROR = 0.01
 """Error of a simulated mass as a share of the mass in the box, unless `model_error` says otherwise."""
+SCOOP_ERROR = 0.2
+"""Error of the mass that a scoop holds above its rim, as a share of it, unless `model_error` says otherwise. Assumed:
+that a heap slides as a layer of a third of the rim's radius has no source either."""
 PIXEL = 0.002
 """Edge of a pixel of a heap that could be measured [m], unless its `scale` says otherwise: a depth camera's at 1 m."""
 AFTER_POUR = 1.3
@@ -80,8 +84,18 @@ def make_trial(measurements: Measurements, name: str, one: Experiment) -> Trial:
     kind: str = one.kind  # pyright: ignore[reportAttributeAccessIssue]
     unit = {"tilt": "deg", "shear": "Pa"}.get(kind, "kg")
     errors = np.full(len(readings), one.noise)  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(one, ScoopExperiment):
+        # common to all n masses, so that their mean keeps all of it: n x its variance in each of them
+        errors = np.hypot(errors, np.sqrt(len(readings)) * scoop_error(one, given))
     return Trial(name, kind, readings, errors, simulate, True, one.held_out, axis,
                  "normal stress [Pa]" if is_shear else "reading", unit)
+
+
+def scoop_error(scoop: ScoopExperiment, numbers: Numbers) -> float:
+    """Return the standard deviation [kg] of the closed form of a heaped scoop; numbers: of the card."""
+    if scoop.model_error is not None:
+        return scoop.model_error
+    return SCOOP_ERROR * (direct.predict(scoop, numbers)[0] - numbers["density"] * scoop.volume)
 
 
 def make_candidates(measurements: Measurements) -> list[Trial]:

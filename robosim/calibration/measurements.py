@@ -161,6 +161,9 @@ class ScoopExperiment(Experiment):
     """Without the scoop [kg]."""
     noise: MassNoise
     """Standard deviation of a mass, filling included [kg]."""
+    model_error: Annotated[float, Field(ge=0.0, le=10.0)] | None = None
+    """Standard deviation of the closed form's own error [kg], common to all masses. Default: a fifth of the mass above
+    the rim with the card's numbers (assumed)."""
     volume: CupVolume
     """Of the scoop up to its rim [m^3]."""
     rim_radius: Length
@@ -254,7 +257,13 @@ def read_experiment(path: Path, name: str, table: dict[str, Any], key: str = "ex
 
 def check_sought(path: Path, config: MeasurementsConfig, card: MaterialConfig) -> None:
     """Raise ConfigError for a number that the law does not have, and for a range that is empty or not accepted."""
-    known = [*number_names(card), WALL_FRICTION]
+    known = list(number_names(card))
+    if WALL_FRICTION in type(card).model_fields:
+        known = list(dict.fromkeys([*known, WALL_FRICTION]))
+    elif WALL_FRICTION in config.sought:
+        raise ConfigError(f"{path}: sought.{WALL_FRICTION}: a card of material {quote(config.material)} has no "
+                          f"{WALL_FRICTION}; accepted: {', '.join(known)}; a heap takes floor_friction, a pour "
+                          f"wall_friction")
     for name, (least, most) in config.sought.items():
         if name not in known:
             raise UnknownName(f"number in {path}: sought", name, known)

@@ -34,8 +34,8 @@ FORM = {"key": str, "runs": {str: [float]}}
 """Form of the file of runs."""
 CHECK_SEED = 1_000_000
 """Seed of the runs with the best numbers: none of the search's."""
-CHECK_RUNS, HELD_OUT_RUNS, CANDIDATE_RUNS = 3, 6, 16
-"""Runs of a fitted experiment with the best numbers; of one held out, and of a candidate, with samples of the
+CHECK_RUNS, SAMPLE_RUNS = 3, 16
+"""Runs of a fitted experiment with the best numbers; of one held out and of a candidate with samples of the
 posterior."""
 DIGITS = 12
 """Of a number in the key of a run."""
@@ -104,39 +104,47 @@ def run_best(trials: list[Trial], ranges: Ranges, found: Search, store: Runs
     """Simulate every trial with the best numbers; return residuals of those fitted and held out, and their values.
 
     Means over some runs: the places of particles are a part of the errors, not of the numbers. Those held out are
-    simulated with samples of the posterior, so that its width counts among their errors.
+    predicted over the samples of the posterior, so that its covariance counts among their errors.
     """
     fits, checks, best = [], [], {}
-    rng = np.random.default_rng(CHECK_SEED)
-    samples = found.posterior.samples
     for trial in trials:
-        own = ranges.numbers(found.posterior.best)
         if trial.held_out:
-            points = [ranges.numbers(samples[k]) for k in rng.choice(len(samples), HELD_OUT_RUNS - 1)]
-            values = np.array([store.simulate(trial, one, CHECK_SEED + k) for k, one in enumerate([own, *points])])
-            best[trial.name] = values.mean(0)
-            variance = values.var(0, ddof=1) * (1 + 1 / HELD_OUT_RUNS)
-            checks.append(residual(trial, best[trial.name], variance))
+            best[trial.name], covariance = predict_held_out(trial, ranges, found, store)
+            checks.append(residual(trial, best[trial.name], covariance))
         else:
+            own = ranges.numbers(found.posterior.best)
             seeds = 1 if trial.is_direct else CHECK_RUNS
             values = np.array([store.simulate(trial, own, CHECK_SEED + k) for k in range(seeds)])
             best[trial.name] = values.mean(0)
             variance: Any = 0.0
             if trial.name in found.emulators:
                 variance = found.emulators[trial.name].predict(found.posterior.best[None])[1][0] * trial.errors**2
+                variance = np.diag(variance)
             fits.append(residual(trial, best[trial.name], variance))
     return fits, checks, best
 
 
+def predict_held_out(trial: Trial, ranges: Ranges, found: Search, store: Runs) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean (n,) and covariance (n, n) of what a trial would read, over the samples of the posterior."""
+    samples = found.posterior.samples
+    if trial.is_direct:
+        values = np.array([trial.simulate(ranges.numbers(point), 0) for point in samples])
+        return values.mean(0), np.atleast_2d(np.cov(values.T))
+    mean, covariance = emulate(trial, ranges, found, store).distribution(samples)
+    return mean * trial.errors, covariance * np.outer(trial.errors, trial.errors)
+
+
 def run_candidates(measurements: Measurements, ranges: Ranges, found: Search, store: Runs) -> dict[str, Emulator]:
     """Simulate the experiments that could be made with samples of the posterior; return their emulators by name."""
+    return {trial.name: emulate(trial, ranges, found, store) for trial in make_candidates(measurements)}
+
+
+def emulate(trial: Trial, ranges: Ranges, found: Search, store: Runs) -> Emulator:
+    """Simulate a trial with samples of the posterior; return its emulator."""
     samples = found.posterior.samples
-    chosen = samples[np.random.default_rng(CHECK_SEED).choice(len(samples), CANDIDATE_RUNS)]
-    emulators = {}
-    for trial in make_candidates(measurements):
-        outputs = [store.simulate(trial, ranges.numbers(point), CHECK_SEED + k) for k, point in enumerate(chosen)]
-        emulators[trial.name] = Emulator(chosen, np.array(outputs) / trial.errors)
-    return emulators
+    chosen = samples[np.random.default_rng(CHECK_SEED).choice(len(samples), SAMPLE_RUNS)]
+    outputs = [store.simulate(trial, ranges.numbers(point), CHECK_SEED + k) for k, point in enumerate(chosen)]
+    return Emulator(chosen, np.array(outputs) / trial.errors)
 
 
 def fingerprint(measurements: Measurements) -> str:
@@ -169,13 +177,15 @@ def describe(one: Finding, verdict: Verdict) -> str:
     """Return where a number of the card comes from, in a line."""
     state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_determined else \
         "NOT CALIBRATED, the data cannot tell it"
+    state = ", ".join([state, *verdict.cautions])
     return f"{state}; 90 % interval {one.low:.4g} to {one.high:.4g}"
 
 
 def summarize(measurements: Measurements, verdict: Verdict, found: Search, ranges: Ranges, advice: list[Advice]
               ) -> dict[str, Any]:
     """Return all figures, for calibration.json."""
-    return {"is_calibrated": verdict.is_calibrated, "reasons": verdict.reasons,
+    return {"is_calibrated": verdict.is_calibrated, "reasons": verdict.reasons, "cautions": verdict.cautions,
+            "is_checked": bool(verdict.checks),
             "description": measurements.config.description, "material": measurements.config.material,
             "numbers": {one.name: {**one._asdict(), "interval_over_range": one.width} for one in verdict.findings},
             "correlation": {"names": list(ranges.names), "matrix": found.posterior.correlation().tolist()},
@@ -185,9 +195,11 @@ def summarize(measurements: Measurements, verdict: Verdict, found: Search, range
 
 
 def print_verdict(verdict: Verdict, advice: list[Advice]) -> None:
-    """Print the numbers to stdout, and what speaks against them to stderr."""
+    """Print the numbers and what was not shown to stdout, and what speaks against them to stderr."""
     for one in verdict.findings:
         print(f"{one.name} = {one.best:.4g}, 90 % {one.low:.4g} to {one.high:.4g}")
+    for caution in verdict.cautions:
+        print(caution)
     for reason in verdict.reasons:
         print(f"robosim calibrate: {reason}", file=sys.stderr)
     if not verdict.is_calibrated and advice:

@@ -19,6 +19,13 @@ LEAST_PROBABILITY = 0.01
 MOST_WIDTH = 0.75
 """Width of an interval over that of the same probability of its range, from which on the data cannot tell a number."""
 
+SHEAR_ERROR = 0.05
+"""Usual error of a shear cell, in the shear stress that it reads."""
+LEAST_ERROR = 1e-3
+"""[Pa] Least error of a shear stress, as in a file of measurements."""
+NOT_CHECKED = "not checked on a held-out experiment"
+NOT_SETTLED = "search not settled, more runs would narrow the intervals"
+
 
 class Residual(NamedTuple):
     """How far an experiment is from what the best numbers give."""
@@ -68,6 +75,8 @@ class Verdict(NamedTuple):
     probability: float
     """Of the fitted residuals together."""
     reasons: list[str]
+    cautions: list[str]
+    """What was not shown, though nothing speaks against the numbers."""
 
     @property
     def is_calibrated(self) -> bool:
@@ -92,7 +101,10 @@ def judge(ranges: Ranges, found: Search, fits: list[Residual], checks: list[Resi
     reasons += [f"held-out experiment {one.name} is not predicted: it differs by {one.rms:.3g} {one.unit}, probability "
                 f"{one.probability:.2g} (accepted: {LEAST_PROBABILITY:g} or more)" for one in checks
                 if not one.is_explained]
-    return Verdict(findings, fits, checks, probability, reasons)
+    cautions = [] if checks else [NOT_CHECKED]
+    if not found.is_settled:
+        cautions.append(NOT_SETTLED)
+    return Verdict(findings, fits, checks, probability, reasons, cautions)
 
 
 def make_findings(ranges: Ranges, posterior: Posterior) -> list[Finding]:
@@ -107,10 +119,14 @@ def make_findings(ranges: Ranges, posterior: Posterior) -> list[Finding]:
     return findings
 
 
-def residual(trial: Trial, values: np.ndarray, variance: np.ndarray | float = 0.0) -> Residual:
-    """Compare a trial with values (n,) in its unit; variance (n,): of the values, in its unit squared."""
+def residual(trial: Trial, values: np.ndarray, covariance: np.ndarray | float = 0.0) -> Residual:
+    """Compare a trial with values (n,) in its unit; covariance (n, n): of the values, in its unit squared.
+
+    Chi square is the squared Mahalanobis distance: numbers that are uncertain move all readings together.
+    """
     difference = trial.readings - values
-    square = float((difference**2 / (trial.errors**2 + variance)).sum())
+    whole = np.diag(trial.errors**2) + covariance
+    square = float(difference @ np.linalg.solve(whole, difference))
     n = len(difference)
     return Residual(trial.name, trial.held_out, square, n, float(chi2.sf(square, n)),
                     float(np.sqrt((difference**2).mean())), trial.unit)
@@ -152,9 +168,18 @@ def advise(measurements: Measurements, trials: Sequence[Trial], ranges: Ranges, 
     if "friction_angle_deg" in card:
         for name, one in candidates(card["density"], "wall_friction" in ranges.names).items():
             values = np.array([direct.predict(one, card | ranges.numbers(point)) for point in samples])
-            noise = np.full(values.shape[1], one.noise)  # pyright: ignore[reportAttributeAccessIssue]
-            advice.append(Advice(name, expected_widths(samples, values / noise, np.ones(len(noise)), ranges.names)))
+            advice.append(Advice(name, expected_widths(samples, values, usual_errors(one, values) ** 2, ranges.names)))
     return sorted(advice, key=lambda one: -one.gain)
+
+
+def usual_errors(one: Experiment, values: np.ndarray) -> np.ndarray:
+    """Return standard deviations (n,) of a candidate's readings, of their predicted values (s, n).
+
+    Those of a shear cell are a share of each reading's own stress.
+    """
+    if isinstance(one, ShearExperiment):
+        return np.maximum(SHEAR_ERROR * values.mean(0), LEAST_ERROR)
+    return np.full(values.shape[1], one.noise)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
@@ -166,9 +191,9 @@ def candidates(density: float, has_wall: bool) -> dict[str, Experiment]:
                                                                       depth=0.005, **common),
         "tilted tray, layer of 50 mm, 3 x, error 1 deg": TiltExperiment(kind="tilt", angles=[30.0] * 3, noise=1.0,
                                                                        depth=0.05, **common),
-        f"shear cell at {stress:.0f} and {4 * stress:.0f} Pa, error 5 %": ShearExperiment(
-            kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress], noise=0.05 * stress,
-            **common),
+        f"shear cell at {stress:.0f} and {4 * stress:.0f} Pa, error {100 * SHEAR_ERROR:.0f} %": ShearExperiment(
+            kind="shear", normal_stress=[stress, 4 * stress], shear_stress=[stress, stress],
+            noise=SHEAR_ERROR * stress, **common),
         "cup of 100 ml, 3 x, error 1 %": CupExperiment(kind="cup", masses=[density * 1e-4] * 3, noise=density * 1e-6,
                                                        volume=1e-4, **common)}
     if has_wall:

@@ -13,6 +13,7 @@ from synthetic_heaps import write_heaps
 pytest.importorskip("sklearn")
 
 from robosim.calibration import experiment, heap
+from robosim.calibration import run as run_module
 from robosim.calibration.direct import shear_strength, sliding_angle
 from robosim.calibration.measurements import HeapExperiment, PourExperiment
 from robosim.calibration.pour import simulate_pour
@@ -125,7 +126,7 @@ def test_heaps_are_calibrated_and_finished_runs_are_not_repeated(tmp_path: Path,
     assert {one["name"]: one["held_out"] for one in first["fitted"] + first["held_out"]} == {
         "low": False, "tall": False, "middle": True}
     n = len(seeds)
-    assert n == 2 * first["runs"] + 2 * 3 + 6
+    assert n == 2 * first["runs"] + 2 * 3 + run_module.SAMPLE_RUNS
     assert main(command) == 0
     assert len(seeds) == n
     assert figures(tmp_path) == first
@@ -214,6 +215,21 @@ def test_a_column_that_stands_does_not_tell_the_friction(tmp_path: Path, capsys:
     assert "data cannot tell friction_angle_deg" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("count", [1, 50])
+def test_a_heaped_scoop_tells_no_more_than_the_error_of_its_closed_form(count: int, tmp_path: Path) -> None:
+    """However often its mass is read: with a known friction, mass / density is the volume, in error by model_error."""
+    scoop = {"kind": "scoop", "volume": 1e-4, "rim_radius": 0.03, "noise": 1e-4, "masses": [0.105] * count}
+    widths = []
+    for model_error in (0.004, None, 0.0):
+        table = direct_table(sought={"density": [500, 1300]})
+        table["experiments"] = {"scoop": scoop if model_error is None else {**scoop, "model_error": model_error}}
+        run(tmp_path, table)
+        found = figures(tmp_path)["numbers"]["density"]
+        widths.append((found["high"] - found["low"]) / (2 * 1.645 * found["best"]) * 0.105)
+    assert widths[0] == pytest.approx(np.hypot(0.004, 1e-4 / np.sqrt(count)), rel=0.15)
+    assert widths[1] > 10 * widths[2]
+
+
 def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
     table = direct_table(sought={"wall_friction": [0.1, 1.0]})
     table["experiments"] = {"plate": {"kind": "tilt", "depth": 0.01, "slides_on": "wall", "noise": 1.0,
@@ -222,6 +238,22 @@ def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
     card = load_material(str(tmp_path / "out" / "material.yaml"))
     assert card.wall_friction.value == pytest.approx(np.tan(np.radians(21.93)), abs=0.01)  # type: ignore[attr-defined]
     assert law_of(card) == law_of(load_material("sugar"))
+
+
+def test_what_was_not_checked_is_said_on_stdout_in_the_card_and_in_the_figures(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = direct_table()
+    assert run(tmp_path, table) == 0
+    assert "not checked" not in capsys.readouterr().out
+    assert (figures(tmp_path)["is_checked"], figures(tmp_path)["cautions"]) == (True, [])
+    del table["experiments"]["tray"]
+    assert run(tmp_path, table) == 0
+    assert "not checked on a held-out experiment" in capsys.readouterr().out
+    card = load_material(str(tmp_path / "out" / "material.yaml"))
+    assert card.density.source.startswith("calibrated, not checked on a held-out experiment; 90 % interval")
+    assert figures(tmp_path)["is_checked"] is False
+    assert figures(tmp_path)["cautions"] == ["not checked on a held-out experiment"]
+    assert "not checked on a held-out experiment" in (tmp_path / "out" / "index.html").read_text()
 
 
 @pytest.mark.slow

@@ -9,8 +9,12 @@ import pytest
 import yaml
 from PIL import Image
 
-from robosim.calibration.data import MAX_HOLES, make_rings, read_curve, read_heap
+pytest.importorskip("sklearn")
+
+from robosim.calibration.data import MARGIN, MAX_HOLES, RINGS, make_rings, read_curve, read_heap
+from robosim.calibration.experiment import Trial
 from robosim.calibration.measurements import HeapExperiment, PourExperiment, load_measurements
+from robosim.calibration.verdict import residual
 from robosim.errors import ConfigError
 
 PIXEL = 0.002
@@ -48,6 +52,26 @@ def test_a_map_becomes_rings_about_the_heap_s_centroid(tmp_path: Path) -> None:
     assert inner.sum() >= 6
     assert rings.heights[inner] == pytest.approx(PEAK * (1 - rings.radii[inner] / BASE), abs=2e-4)
     assert rings.mean(rings.distances) == pytest.approx(rings.radii)
+
+
+def test_an_empty_margin_of_a_map_does_not_change_the_verdict(tmp_path: Path) -> None:
+    """A misfit of the heap has the same probability, whatever the floor about it that the map shows."""
+    probabilities, heights = [], cone_map() + np.random.default_rng(0).normal(0.0, 0.002, (121, 131))
+    floor = np.random.default_rng(1).normal(0.0, 0.002, (421, 431))
+    floor[150:271, 150:281] = heights
+    for k, shown in enumerate((heights, floor)):
+        (tmp_path / str(k)).mkdir()
+        axis = [n / 2 for n in shown.shape]
+        heap = make_heap(save_map(tmp_path / str(k), shown), centre=[axis[0] - 0.5, axis[1] - 0.5])
+        rings = make_rings("lab", heap, read_heap("lab", heap))
+        errors = np.sqrt(heap.noise**2 / rings.counts + 0.001**2)
+        trial = Trial("lab", "heap", rings.heights, errors, lambda numbers, seed: np.empty(0), False, False,
+                      rings.radii, "r", "m")
+        misfit = np.where(rings.radii < BASE, 0.002 * (-1.0) ** np.arange(len(rings.radii)), 0.0)
+        probabilities.append(residual(trial, rings.heights + misfit).probability)
+        assert len(rings.radii) <= np.ceil(BASE / (RADIUS / RINGS)) + MARGIN
+    assert probabilities[1] == pytest.approx(probabilities[0], rel=1e-6)
+    assert probabilities[0] < 0.01
 
 
 def test_a_picture_has_the_heights_of_the_map(tmp_path: Path) -> None:
@@ -161,6 +185,8 @@ CUP = {"kind": "cup", "masses": [0.121], "noise": 0.001, "volume": 1e-4}
 BAD_FILES: dict[str, tuple[dict[str, Any], str]] = {
     "a number": ({"sought": {"frition_angle_deg": [20, 40]}}, "unknown number in .*sought 'frition_angle_deg'; valid"),
     "a range": ({"sought": {"density": [900, 800]}}, r"sought.density = \[900, 800\]; accepted: the least value"),
+    "a wall of a fluid": ({"material": "water", "sought": {"wall_friction": [0.1, 0.9]}},
+                          r"lab.yaml: sought.wall_friction: .*'water' has no wall_friction; accepted: density, "),
     "a bound": ({"sought": {"friction_angle_deg": [20, 95]}}, "friction_angle_deg: value = 95; accepted: 0 to 89"),
     "a kind": ({"experiments": {"lab": {**CUP, "kind": "cap"}}}, "experiments.lab.kind = 'cap'; accepted: heap"),
     "a key": ({"experiments": {"lab": {**CUP, "mass": 1}}}, "experiments.lab: unknown key 'mass'; valid: held"),

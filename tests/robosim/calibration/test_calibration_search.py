@@ -12,7 +12,7 @@ from robosim.calibration.emulator import Emulator
 from robosim.calibration.experiment import Numbers, Trial
 from robosim.calibration.posterior import sample_posterior
 from robosim.calibration.search import Ranges, choose, search
-from robosim.calibration.verdict import expected_widths, judge, residual
+from robosim.calibration.verdict import candidates, expected_widths, judge, residual, usual_errors
 
 RANGES = Ranges.of({"angle": (20.0, 45.0), "cohesion": (0.0, 60.0)})
 TRUE = {"angle": 33.0, "cohesion": 21.0}
@@ -97,6 +97,14 @@ def test_a_held_out_experiment_that_is_not_predicted_speaks_against_the_numbers(
     assert judge(RANGES, found, verdict.fits, [residual(trial._replace(held_out=True), values)]).is_calibrated
 
 
+def test_a_search_that_is_not_settled_is_said_so() -> None:
+    found, verdict = run_search(make_trial())
+    assert verdict.cautions == ["not checked on a held-out experiment"]
+    unsettled = judge(RANGES, found._replace(is_settled=False), verdict.fits, verdict.fits)
+    assert len(unsettled.cautions) == 1
+    assert unsettled.cautions[0].startswith("search not settled")
+
+
 def test_the_posterior_of_a_linear_model_is_its_normal_distribution() -> None:
     """Mean and covariance of a normal likelihood far from the ends of the range."""
     matrix = np.array([[40.0, 12.0], [12.0, 90.0]])
@@ -136,3 +144,11 @@ def test_an_expected_width_is_that_of_the_linear_update() -> None:
     widths = expected_widths(samples, samples[:, :1], np.ones(1), ["read", "other"])
     assert widths["read"] == pytest.approx(math.sqrt(0.5), rel=0.03)
     assert widths["other"] == pytest.approx(1.0, rel=0.01)
+
+
+def test_the_error_of_a_possible_shear_cell_is_a_share_of_each_reading() -> None:
+    cell = next(one for name, one in candidates(850.0, False).items() if name.startswith("shear cell"))
+    low, high = usual_errors(cell, np.array([[300.0, 1200.0], [340.0, 1360.0]]))
+    assert (low, high) == pytest.approx((0.05 * 320.0, 0.05 * 1280.0))
+    cup = next(one for name, one in candidates(850.0, False).items() if name.startswith("cup"))
+    assert usual_errors(cup, np.full((4, 3), 0.085)) == pytest.approx([850e-6] * 3)
