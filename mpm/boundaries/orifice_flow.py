@@ -156,7 +156,9 @@ def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.temp
                     centre = collider_origin(step.motion, row, step.row) + R @ holes.position[h]
                     r = ti.cast(place, fields.real) - centre
                     axis = R @ holes.axis[h]
-                    if (r - r.dot(axis) * axis).norm() < patch_radius(fields, holes, h):
+                    height, radius = r.dot(axis), patch_radius(fields, holes, h)
+                    # further along the axis is another wall
+                    if ti.abs(height) < radius and (r - height * axis).norm() < radius:
                         velocity += speed * axis
     return velocity
 
@@ -187,7 +189,7 @@ def find_next(fields: ti.template(), P: ti.template(), index: ti.template(), h, 
                 if distance < nearest:
                     nearest = distance
                     place = n
-            if side == outer and aside == 0.0 and height < 2.0 * read_lane(P.half, slot):
+            if side == outer and aside == 0.0 and ti.abs(height) < 2.0 * read_lane(P.half, slot):
                 v = ti.Vector([read_lane(P.v[d], slot) for d in range(3)])
                 if (v - motion).dot(axis) < HELD_BACK * speed:
                     is_blocked = 1
