@@ -190,6 +190,22 @@ def test_grains_on_the_wall_opposite_a_hole_do_not_block_it() -> None:
                                                          abs=0.51 * solver.masses()[0])
 
 
+def test_a_jam_outlasts_a_grain_that_blocks_the_hole() -> None:
+    hole = {"diameter": 6e-3, "grain_diameter": 2e-3, "blocked_ratio": 2.0}
+    with filled(hole=hole) as solver:
+        solver.advance(1.5 * SALT.density * law_of(solver).avalanche / law_of(solver).rate(SALT.density))
+        solver.advance(0.1)
+        state = solver.state()
+        grain = int(np.argmin(solver.positions()[:, 2]))
+        state["x"][grain] += START - [0.0, 0.0, 2.5e-3] - solver.positions()[grain]
+        for name in ("v", "C", "e", "vc"):
+            state[name][grain] = 0.0
+        solver.load(state)
+        solver.advance(0.2)
+        assert solver.positions()[grain, 2] < START[2] - 0.02  # it has fallen
+        assert np.array_equal(solver.state()["orifices"][0, [5, 6]], state["orifices"][0, [5, 6]])
+
+
 def test_state_checkpoint_and_a_failed_advance_keep_what_is_due() -> None:
     with filled(hole=HOLE | {"diameter": 6e-3}) as solver:
         solver.advance(0.05)
