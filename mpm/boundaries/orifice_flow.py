@@ -39,6 +39,8 @@ HELD_BACK = 0.25
 TURN = 0.618034
 """By how much of a particle's mass, modulo one, the share that has to be due differs from one hole to the next: equal
 holes do not pass their particles at once. The golden ratio leaves no large gaps for any number of holes."""
+UNCOVERED, BLOCKED = -1, -2
+"""What `find_next` returns where no particle covers a hole, and where one does that another blocks."""
 DIAMETER, OPENING, DISCHARGE, AVALANCHE, VIBRATION, OUTER = range(6)
 """Columns of `OrificeFields.numbers`."""
 DUE = 3
@@ -77,8 +79,11 @@ def pass_hole(fields: ti.template(), holes: ti.template(), step: ti.template(), 
             goes_on = 0
             speed = 4.0 / math.pi * holes.numbers[h, DISCHARGE] * ti.sqrt(pull * opening)
             n = find_next(fields, fields.particles, index, h, centre, axis, motion, speed)
-            if n >= 0:
+            if n != UNCOVERED:
                 is_covered = 1
+            if n == BLOCKED:
+                take_up(holes, h, 0.0, 0.0, 0.0, gravity.norm())
+            if n >= 0:
                 slot = fields.shells.slot[n]
                 mass = fields.shells.mass[n]
                 density = mass / read_lane(fields.particles.volume, slot)
@@ -156,21 +161,23 @@ def receding_velocity(fields: ti.template(), holes: ti.template(), step: ti.temp
                     centre = collider_origin(step.motion, row, step.row) + R @ holes.position[h]
                     r = ti.cast(place, fields.real) - centre
                     axis = R @ holes.axis[h]
-                    if (r - r.dot(axis) * axis).norm() < patch_radius(fields, holes, h):
+                    height, radius = r.dot(axis), patch_radius(fields, holes, h)
+                    # further along the axis is another wall
+                    if ti.abs(height) < radius and (r - height * axis).norm() < radius:
                         velocity += speed * axis
     return velocity
 
 
 @ti.func
 def find_next(fields: ti.template(), P: ti.template(), index: ti.template(), h, centre, axis, motion, speed):
-    """Return the place on the list of the particle nearest to a hole on its inner side; -1: none, or it is blocked.
+    """Return the place on the list of the particle nearest to a hole on its inner side, UNCOVERED or BLOCKED.
 
     centre: [m] relative to the grid's node (0, 0, 0). A particle just outside that recedes slower than a share of
     `speed` [m/s] blocks the hole. Those that cover it stay awake.
     """
     outer = ti.cast(fields.orifices.numbers[h, OUTER], ti.i32) * (index + 1)
     radius = 0.5 * fields.orifices.numbers[h, DIAMETER]
-    place = -1
+    place = UNCOVERED
     nearest = ti.cast(REACH * fields.cell, fields.real)
     is_blocked = 0
     for n in range(fields.shells.count[None]):
@@ -187,11 +194,13 @@ def find_next(fields: ti.template(), P: ti.template(), index: ti.template(), h, 
                 if distance < nearest:
                     nearest = distance
                     place = n
-            if side == outer and aside == 0.0 and height < 2.0 * read_lane(P.half, slot):
+            if side == outer and aside == 0.0 and ti.abs(height) < 2.0 * read_lane(P.half, slot):
                 v = ti.Vector([read_lane(P.v[d], slot) for d in range(3)])
                 if (v - motion).dot(axis) < HELD_BACK * speed:
                     is_blocked = 1
-    return ti.select(is_blocked > 0, -1, place)
+    if is_blocked > 0 and place >= 0:
+        place = BLOCKED
+    return place
 
 
 @ti.func

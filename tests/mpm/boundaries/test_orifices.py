@@ -43,6 +43,20 @@ def filled(pose: mpm.Pose | None = None, hole: dict[str, float] | None = None, p
                          "walls": mpm.Walls(friction=0.5)} | choices)
 
 
+def boxed(bottom: float, top: float) -> mpm.Solver:
+    """The can with a lid, 0.06 m above its floor, and in line with the hole a column at rest from `bottom` to `top` [m]
+    above the floor, as second body."""
+    box = trimesh.creation.box((2 * HALF, 2 * HALF, 2 * DEEP))
+    box.apply_translation((0, 0, DEEP))
+    hole = mpm.Orifice(np.zeros((1, 3)), np.array([0.0, 0.0, -1.0]), diameter=8e-3, grain_diameter=4e-4)
+    collider = mpm.Collider(mpm.Shell.from_mesh(box, 1.5e-3), friction=0.3, pose=turned(0.0), orifices=[hole])
+    column = mpm.sample_box((-0.006, -0.006, bottom), (0.006, 0.006, top), SPACING, np.random.default_rng(1))
+    with filled() as can_only:
+        bed = can_only.positions()
+    return filled(grid=mpm.Grid((0, 0, 0), (0.072, 0.072, 0.156), CELL), colliders=[collider],
+                  bodies=[mpm.Body(SALT, places, volume=SPACING**3) for places in (bed, START + column)])
+
+
 def law_of(solver: mpm.Solver) -> mpm.Orifice:
     """The orifice of the can."""
     return solver.colliders[0].orifices[0]
@@ -155,6 +169,41 @@ def test_a_mobile_shell_receives_the_reaction() -> None:
             # held up as a scale would, so that it does not run away from the grains
             solver.set_collider_mobility(0, W, np.concatenate([linear, angular]), centre=centre)
         assert solver.passed_mass(0)[0] > 0
+
+
+def test_the_wall_opposite_a_hole_does_not_recede() -> None:
+    """A column that touches the lid from inside falls freely, while the hole below flows."""
+    with boxed(0.045, 0.0585) as solver:
+        column = solver.positions()[:, 2] > START[2] + 0.04
+        solver.advance(2e-3)
+        assert solver.state()["orifices"][0, 7] > 2 * 9.81 * solver.time  # faster than it falls
+        assert solver.velocities()[column] == pytest.approx(np.tile([0.0, 0.0, -9.81 * solver.time],
+                                                                    (column.sum(), 1)), abs=4e-3)
+
+
+def test_grains_on_the_wall_opposite_a_hole_do_not_block_it() -> None:
+    with boxed(0.0615, 0.0705) as solver:
+        column = solver.positions()[:, 2] > START[2] + 0.06
+        solver.advance(0.2)
+        assert (solver.positions()[column, 2] > START[2] + 0.06).all()
+        assert solver.passed_mass(0)[0] == pytest.approx(law_of(solver).rate(SALT.density) * solver.time,
+                                                         abs=0.51 * solver.masses()[0])
+
+
+def test_a_jam_outlasts_a_grain_that_blocks_the_hole() -> None:
+    hole = {"diameter": 6e-3, "grain_diameter": 2e-3, "blocked_ratio": 2.0}
+    with filled(hole=hole) as solver:
+        solver.advance(1.5 * SALT.density * law_of(solver).avalanche / law_of(solver).rate(SALT.density))
+        solver.advance(0.1)
+        state = solver.state()
+        grain = int(np.argmin(solver.positions()[:, 2]))
+        state["x"][grain] += START - [0.0, 0.0, 2.5e-3] - solver.positions()[grain]
+        for name in ("v", "C", "e", "vc"):
+            state[name][grain] = 0.0
+        solver.load(state)
+        solver.advance(0.2)
+        assert solver.positions()[grain, 2] < START[2] - 0.02  # it has fallen
+        assert np.array_equal(solver.state()["orifices"][0, [5, 6]], state["orifices"][0, [5, 6]])
 
 
 def test_state_checkpoint_and_a_failed_advance_keep_what_is_due() -> None:
