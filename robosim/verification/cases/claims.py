@@ -112,6 +112,27 @@ class Rising:
 
 
 @dataclass(frozen=True)
+class Ratio:
+    """A reading changes at most by a factor between two values of a choice."""
+
+    name: str
+    along: str
+    ends: tuple[float, float]
+    """Values of the choice; the reading at the second is divided by that at the first."""
+    low: float
+    high: float
+    where: dict[str, Any] = field(default_factory=dict)
+
+    def evaluate(self, records: Sequence[Record]) -> Finding:
+        """Find the ratio of the means at both ends."""
+        first, second = ([value_of(r, self.name) for r in select(records, {**self.where, self.along: end})]
+                         for end in self.ends)
+        claim = f"ratio of {self.name}, {self.along} {self.ends[0]:g} to {self.ends[1]:g}" + _condition(self.where)
+        found = float(np.mean(second) / np.mean(first)) if first and second else None
+        return Finding(claim, found, self.low, self.high)
+
+
+@dataclass(frozen=True)
 class Power:
     """A reading grows with a power of another one: the slope of a straight line through their logarithms."""
 

@@ -7,7 +7,7 @@ import pytest
 
 from robosim.verification.analysis import pareto_front, time_to_error
 from robosim.verification.cases import NAMES, find
-from robosim.verification.cases.claims import Order, Power, Rising, Within
+from robosim.verification.cases.claims import Order, Power, Ratio, Rising, Within
 from robosim.verification.cases.record import Record
 
 
@@ -50,6 +50,14 @@ def test_orders_and_rises_are_evaluated() -> None:
     assert Rising("rms", "slip").evaluate([record(1.0, slip=0.1), record(0.5, slip=0.2)]).verdict == "fail"
 
 
+def test_a_ratio_compares_two_ends() -> None:
+    """0.02 over 0.01; a run at neither end does not count, and without one of the ends nothing is measured."""
+    runs = [record(0.01, speed=0.01), record(5.0, speed=0.05), record(0.02, speed=0.1)]
+    assert Ratio("rms", "speed", (0.01, 0.1), 0.9, 2.1).evaluate(runs).found == pytest.approx(2.0)
+    assert Ratio("rms", "speed", (0.01, 0.1), 0.9, 1.1).evaluate(runs).verdict == "fail"
+    assert Ratio("rms", "speed", (0.01, 0.1), 0.9, 1.1).evaluate(runs[:2]).verdict == "not run"
+
+
 def test_pareto_front_and_time_to_an_error() -> None:
     """By hand: 1 % is halfway, in logarithms, between 4 % in 1 s and 0.25 % in 4 s."""
     assert pareto_front([(1.0, 0.04), (2.0, 0.05), (4.0, 0.0025), (0.5, 0.5)]) == [3, 0, 2]
@@ -75,7 +83,8 @@ def test_a_whole_report_measures_every_claim(name: str) -> None:
     source, arguments = inspect.getsource(case.measure), inspect.signature(case.measure).parameters
     runs = [{key: argument.default for key, argument in arguments.items()} | choices for choices in case.SWEEP]
     for claim in case.CLAIMS:
-        ends = [{claim.resolution: end} for end in claim.ends] if isinstance(claim, Order) else [{}]
+        ends = [{claim.resolution: end} for end in claim.ends] if isinstance(claim, Order) else \
+            [{claim.along: end} for end in claim.ends] if isinstance(claim, Ratio) else [{}]
         for where in ({**claim.where, **end} for end in ends):
             matching = [choices for choices in runs if where.items() <= choices.items()]
             assert matching, f"{claim}: no run at {where}"

@@ -168,25 +168,41 @@ def test_rough_walls_carry_a_part_of_the_fill() -> None:
 
 
 def test_a_blade_pushes_the_wedge_of_coulomb() -> None:
-    """Its force grows with the square of the depth, to which a shell adds a cell."""
+    """Its force grows with the square of the depth to which a shell adds a cell; with a smaller power of its own depth,
+    the limit that the documentation states."""
     records = [plate_drag.measure(**choices) for choices in plate_drag.QUICK_SWEEP]
     assert findings(plate_drag, records)["force"].verdict == "pass", records
     ratio = records[1].readings["drag"] / records[0].readings["drag"]
-    deeper = records[1].readings["immersion"] / records[0].readings["immersion"]
-    assert math.log(ratio) / math.log(deeper) == pytest.approx(2.0, abs=0.2)
+    powers = [math.log(ratio) / math.log(records[1].readings[name] / records[0].readings[name])
+              for name in ("depth", "immersion")]
+    assert powers[1] == pytest.approx(2.0, abs=0.2), powers
+    assert 1.5 < powers[0] < plate_drag.BANDS["least exponent"], powers
+
+
+def test_a_blade_is_pushed_alike_at_two_speeds() -> None:
+    slow, fast = (plate_drag.measure(cell=0.01, speed=speed).readings["drag"] for speed in (0.01, 0.1))
+    assert fast == pytest.approx(slow, rel=plate_drag.BANDS["rate"])
 
 
 def test_a_strip_feels_the_map_of_resistive_forces() -> None:
-    """In five directions; a withdrawn strip is held less than published, the limit that the documentation states."""
-    found = findings(plate_map, [plate_map.measure(**plate_map.QUICK_SWEEP[0])])
-    assert len(found) == 2 and {finding.verdict for finding in found.values()} == {"pass"}, found
+    """In five directions. Drag over intrusion is below its range, intrusion is not straight enough in depth, and a
+    withdrawn strip is held less than published: the limits that the documentation states."""
+    record = plate_map.measure(**plate_map.QUICK_SWEEP[0])
+    found = findings(plate_map, [record])
+    verdicts = {name.partition(" at ")[0]: finding.verdict for name, finding in found.items()}
+    assert verdicts == {"rms": "pass", "scale": "pass", "drag": "fail", "straight": "fail"}, found
+    assert 0.15 < record.readings["drag"] < plate_map.BANDS["least drag"]
+    assert 0.8 < record.readings["straight"] < plate_map.BANDS["straight"]
     pull = findings(plate_pull, [plate_pull.measure(**plate_pull.QUICK_SWEEP[0])])
     assert all(0.03 < float(finding.found or 0.0) < plate_pull.BANDS["least ratio"] for finding in pull.values()), pull
 
 
 def test_a_dropped_ball_stops_at_the_depth_of_uehara() -> None:
-    found = findings(dropped_sphere, [dropped_sphere.measure(cell=0.006, drop=0.2)])
-    assert [finding.verdict for finding in found.values()] == ["pass"], found
+    """From 0.2 m; from 0.05 m it stops too early at this cell, the limit that the documentation states."""
+    high, low = (dropped_sphere.measure(cell=0.006, drop=drop) for drop in (0.2, 0.05))
+    found = findings(dropped_sphere, [high])
+    assert found["depth at cell 0.006, contact touching"].verdict == "pass", found
+    assert -0.35 < low.errors["depth"] < -dropped_sphere.BANDS["depth"]
 
 
 @pytest.mark.slow

@@ -1,8 +1,9 @@
 """Plate driven through sand in many directions: a strip in plane strain, or a square plate.
 
 Measured: rms difference of the stress per depth from resistive force theory over the directions, both in units of
-vertical intrusion; and vertical intrusion itself in units of density times gravity. Reference: the generic table of the
-theory in a plane for a strip (the theory is fitted to plates in space), and the theory in space for a square plate.
+vertical intrusion; vertical intrusion itself in units of density times gravity; the drag of an upright plate over it;
+and how straight its force is in depth. Reference: the generic table of the theory in a plane for a strip (the theory is
+fitted to plates in space), and the theory in space for a square plate.
 The readings hold the stress of every direction (beta, gamma).
 """
 
@@ -26,9 +27,10 @@ from robosim.verification.cases.record import Record, record_of_several
 NAME = "plate_map"
 SOURCE = ("resistive force theory: Li, Zhang & Goldman 2013, Science 339:1408, in a plane; Agarwal, Goldman & Kamrin "
           "2023, PNAS 120:e2214017120, in space; configs/references/resistive_force_2d.yaml, resistive_force_3d.yaml")
-BANDS = {"rms": 0.20, "least scale": 40.6, "most scale": 99.9}
+BANDS = {"rms": 0.20, "least scale": 40.6, "most scale": 99.9, "least drag": 0.2, "most drag": 0.5, "straight": 0.97}
 """rms over the directions in vertical intrusions; vertical stress over density, gravity and depth: from that of loose
-poppy seeds to that of the theory in space for a friction coefficient of tan 30 deg."""
+poppy seeds to that of the theory in space for a friction coefficient of tan 30 deg; drag over vertical intrusion; least
+R^2 of a straight line through the force of vertical intrusion in depth."""
 DIRECTIONS = {
     "few": ((0, 90), (30, 90), (90, 0), (30, 45), (-30, 0)),
     "map": tuple((beta, gamma) for gamma, beta in product((90, 45, 0, -45), (0, 30, 60, 90, -30, -60))
@@ -42,9 +44,13 @@ QUICK_SWEEP = [{"cell": 0.01, "directions": "few"}]
 MAIN_ERROR, RESOLUTION = "rms", "cell"
 CLAIMS = (Within("rms", BANDS["rms"], {"square": False}), Within("rms", BANDS["rms"], {"square": True}),
           Within("scale", BANDS["most scale"], {"square": False, "friction_deg": FRICTION_DEG}, BANDS["least scale"]),
-          Within("scale", BANDS["most scale"], {"square": True}, BANDS["least scale"]))
-DEEP, STEADY = 2.0, 0.5
-"""Depth [lengths of the plate] to which it is pushed, and share of its way after which the stress counts."""
+          Within("scale", BANDS["most scale"], {"square": True}, BANDS["least scale"]),
+          Within("drag", BANDS["most drag"], {"square": False}, BANDS["least drag"]),
+          Within("straight", 1.0, {"square": False}, BANDS["straight"]),
+          Within("straight", 1.0, {"square": True}, BANDS["straight"]))
+DEEP, STEADY, TOUCH = 2.0, 0.5, 3.0
+"""Depth [lengths of the plate] to which it is pushed, share of its way after which the stress counts, and depth [cells]
+below which the force is compared with a straight line."""
 
 
 def path_of(beta_deg: float, gamma_deg: float) -> tuple[float, float]:
@@ -67,6 +73,12 @@ def stress_per_depth(pushed: Pushed) -> Alpha:
     return Alpha(-float(x), float(up))
 
 
+def straightness(pushed: Pushed, start: float) -> float:
+    """Return R^2 of a straight line through the vertical stress in depth, below a depth [m]."""
+    counts = pushed.depths > start
+    return float(np.corrcoef(pushed.depths[counts], pushed.stresses[counts, 2])[0, 1] ** 2)
+
+
 def expected(beta_deg: float, gamma_deg: float, square: bool, doubtful: bool = False) -> Alpha:
     """Return the reference's stress per depth, in units of that of vertical intrusion."""
     if not square:
@@ -84,15 +96,18 @@ def measure(*, cell: float = 0.008, directions: str = "map", square: bool = Fals
     cell [m]; directions: "few" or "map"; square: a square plate; friction_deg: whose tangent the sand carries in simple
     shear; stiffness: Young's modulus [Pa].
     """
-    found, costs = {}, []
+    found, costs, straight = {}, [], math.nan
     for beta, gamma in DIRECTIONS[directions]:
         start, way = path_of(beta, gamma)
         pushed = push(beta_deg=beta, gamma_deg=gamma, start_depth=start, travel=way, cell=cell, square=square,
                       friction_deg=friction_deg, stiffness=stiffness, precision=precision)
         found[beta, gamma] = stress_per_depth(pushed)
+        if (beta, gamma) == (0, 90):
+            straight = straightness(pushed, TOUCH * cell)
         costs.append(pushed.cost)
     scale = found[0, 90].z
-    readings = {"scale": scale, "published_scale": space_scale(math.tan(math.radians(friction_deg)))
+    readings = {"scale": scale, "drag": found[90, 0].x / scale, "straight": straight,
+                "published_scale": space_scale(math.tan(math.radians(friction_deg)))
                 * float(space_alpha(0.0, 90.0)[2])}
     for (beta, gamma), alpha in found.items():
         readings |= {name_of("x", beta, gamma): alpha.x, name_of("z", beta, gamma): alpha.z}
