@@ -11,12 +11,15 @@ from robosim.config.resources import config_path
 from robosim.config.table import read, validate
 from robosim.envs import DOSING, TASKS
 from robosim.envs.carrier import Carrier
+from robosim.envs.world import World
 from robosim.errors import ConfigError
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.dosing import REST, DoseReward
+from robosim.tasks.field import grain_volume
+from robosim.tasks.handover import Load, task_with_load
 from robosim.tasks.objective import build_objective
 from robosim.tasks.task import TaskConfig, load_task
 
@@ -217,6 +220,19 @@ def test_more_than_the_tool_holds_is_refused_with_both_masses() -> None:
     with pytest.raises(ConfigError, match=r"up to 40 g: the spoon holds 33.6 g"):
         Randomization(lighter, load_material("salt"), choose_ranges({"fill": (0.8, 1.0), "target_mass": (0.01, 0.04)},
                                                                     lighter))
+
+
+def test_a_load_that_was_handed_over_is_weighed_with_its_own_grains() -> None:
+    """130 grains of ScoopTo, which are larger than those of DoseScoop: 34.3 g, not 17.1 g."""
+    task, volume = load_task("DoseScoop"), grain_volume(load_task("ScoopTo"))
+    load = Load("ScoopTo", task.tool, load_material("salt"), volume, np.zeros((130, 3)), None, {})
+    own = task_with_load("DoseScoop", task, load)
+    accepted = {"target_mass": (0.005, 0.025)}
+    Randomization(own, load.material, accepted, volume=volume)
+    with pytest.raises(ConfigError, match=r"the scoop holds 17.1 g"):
+        Randomization(own, load.material, accepted)
+    with pytest.raises(ConfigError, match=r"up to 40 g: the scoop holds 34.3 g of 1217"):
+        World("DoseScoop", task, load=load, randomize={"target_mass": (0.005, 0.04)})
 
 
 @pytest.mark.parametrize(("pair", "message"), [
