@@ -1,18 +1,23 @@
 """Dosing without a field: reward, success, vibration, and what is refused."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import mpm
 from robosim.config.materials import load_material
 from robosim.config.resources import config_path
 from robosim.config.table import read, validate
 from robosim.envs import DOSING, TASKS
 from robosim.envs.carrier import Carrier
+from robosim.envs.episode import Episode
 from robosim.envs.world import World
 from robosim.errors import ConfigError
+from robosim.randomization.draw import STANDARD
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.tasks.actions import ActionScaling
@@ -121,7 +126,7 @@ def test_an_episode_ends_when_the_tool_is_level_again(reward: DoseReward) -> Non
         return reward.is_over
 
     assert not hold(0.0, 2 * steps) and not hold(4.0, 10) and not hold(0.0, 2 * steps)
-    assert not hold(6.0, 1) and not hold(0.0, steps - 1) and not hold(2.5, 1) and not hold(-1.9, steps - 1)
+    assert not hold(6.0, 1) and not hold(0.0, steps - 1) and not hold(2.5, 1) and not hold(1.9, steps - 1)
     stored = reward.state()
     assert hold(0.0, 1)
     reward.load(stored)
@@ -133,13 +138,42 @@ def test_a_scoop_is_over_only_outside_its_container() -> None:
     task = load_task("ScoopTo")
     reward = DoseReward(task)
     reward.restart(0.03, GRAIN)
-    inside, level = counts(0, 0, 300)._replace(clearance=0.01), np.radians(-110.0)
+    inside, level = counts(0, 0, 300)._replace(clearance=0.01), 0.0
     for _ in range(400):
         reward.step(inside, level, False)
     assert not reward.is_over
     for _ in range(250):
         reward.step(inside._replace(clearance=0.03), level, False)
     assert reward.is_over and reward.readings(inside)["poured"] == pytest.approx(0.03) and reward.is_success(inside)
+
+
+@pytest.mark.parametrize(("name", "start"), [("DoseSpoon", 0.0), ("ScoopTo", 110.0)])
+def test_a_tilt_is_from_the_level_about_any_axis(name: str, start: float) -> None:
+    """Pitch, roll, or both; the yaw does not count."""
+    reward = DoseReward(load_task(name))
+    assert np.degrees(reward.tilt(reward.task.start.pose)) == pytest.approx(start, abs=1e-5)
+    for yaw, pitch, roll in itertools.product((0.0, 90.0, 200.0), (0.0, -1.5, 40.0), (0.0, 3.0, -90.0)):
+        R = Rotation.from_euler("ZYX", (yaw, pitch, roll), degrees=True)
+        tilt = np.arccos(np.cos(np.radians(pitch)) * np.cos(np.radians(roll)))
+        pose = mpm.Pose(np.zeros(3), R.as_quat(scalar_first=True))
+        assert reward.tilt(pose) == pytest.approx(tilt, abs=1e-7)
+
+
+def test_a_tool_on_its_side_is_not_level() -> None:
+    """Rolled by 90 deg it has no pitch; it pours, and the episode goes on until it is upright again."""
+    task = load_task("DoseSpoon")
+    episode, start = Episode(task, "truncate"), task.start.pose
+    side = Rotation.from_euler("ZYX", (task.start.yaw_deg, 0.0, 90.0), degrees=True).as_quat(scalar_first=True)
+    episode.restart(start, counts(0, 0, 320), STANDARD._replace(target_mass=0.01, grain_mass=GRAIN))
+    steps = round(REST / task.step_dt)
+    episode.begin_action(4 * steps)
+    for _ in range(2 * steps):
+        episode.add_step(counts(0, 0, 320), start._replace(quaternion=side))
+    assert episode.reward.has_tilted and not episode.reward.is_over  # pyright: ignore[reportAttributeAccessIssue]
+    assert abs(episode.tool_rotation()) < 1e-6
+    for _ in range(steps + 1):
+        episode.add_step(counts(0, 0, 320), start)
+    assert episode.reward.is_over
 
 
 # vibration ----------------------------------------------------------------------------------------------------------
