@@ -189,11 +189,10 @@ class Vibration:
 def load_mass(task: TaskConfig, density: float, volume: float) -> tuple[float, str]:
     """Return the largest mass [kg] that a dosing task can give, and what it is in words.
 
-    density: of the material [kg/m^3]. volume: of one grain [m^3].
+    density: of the material [kg/m^3]. volume: of one grain [m^3]. A tool that begins empty is filled level with its
+    rim at most; a heap above it does not count.
     """
     total = task.grains.count * volume * density
     if task.carried:
         return total, f"the {task.tool_name} holds"
-    interior = tool_shape(task.tool).interior
-    room = float(8.0 * np.prod(interior.half)) * (0.25 * math.pi if interior.round else 1.0)
-    return min(total, room * density), f"the {task.tool_name} has room for"
+    return min(total, tool_shape(task.tool).capacity * density), f"the {task.tool_name} has room for"

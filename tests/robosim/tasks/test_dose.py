@@ -22,7 +22,7 @@ from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.counting import TaskCounts
-from robosim.tasks.dosing import REST, DoseReward
+from robosim.tasks.dosing import REST, DoseReward, load_mass
 from robosim.tasks.field import grain_volume
 from robosim.tasks.handover import Load, task_with_load
 from robosim.tasks.objective import build_objective
@@ -254,6 +254,17 @@ def test_more_than_the_tool_holds_is_refused_with_both_masses() -> None:
     with pytest.raises(ConfigError, match=r"up to 40 g: the spoon holds 33.6 g"):
         Randomization(lighter, load_material("salt"), choose_ranges({"fill": (0.8, 1.0), "target_mass": (0.01, 0.04)},
                                                                     lighter))
+
+
+def test_more_than_an_empty_tool_has_room_for_is_refused_with_both_masses() -> None:
+    """The scoop's trough, an elliptic half-cylinder with a rounded back, holds 113 ml: 63.5 g of flour."""
+    task, flour = load_task("ScoopTo"), load_material("flour")
+    assert load_mass(task, 560.0, 1.0)[0] == pytest.approx(0.0635, abs=1e-4)
+    Randomization(task, flour, choose_ranges({"target_mass": (0.06, 0.06)}, task))
+    with pytest.raises(ConfigError, match=r"up to 60 g: the scoop has room for 56.7 g of 500 kg/m\^3; accepted"):
+        Randomization(task, flour, choose_ranges({"density": (500.0, 560.0)}, task))
+    few = task.model_copy(update={"grains": task.grains.model_copy(update={"count": 64})})
+    assert load_mass(few, 560.0, 1e-6)[0] == pytest.approx(64 * 560e-6)  # less than that is there
 
 
 def test_a_load_that_was_handed_over_is_weighed_with_its_own_grains() -> None:
