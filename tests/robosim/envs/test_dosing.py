@@ -133,13 +133,13 @@ def test_a_state_continues_to_the_bit(spoon: GrainEnv) -> None:
 
 
 def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
-    """Its top falls by at most 3 mm in 2 s; on a solid with a wall of 3 mm it falls by 11 mm."""
+    """Its top falls by 0.2 mm in 2 s, with room for other processors; on a solid with a wall of 3 mm by 11 mm."""
     spoon.reset(seed=0, options={"nominal": True})
     tops = [spoon.solver.positions()[:, 2].max()]
     for _ in range(100):
         spoon.step(STILL)
     tops.append(spoon.solver.positions()[:, 2].max())
-    assert -1e-4 < tops[0] - tops[1] < 3e-3
+    assert -1e-4 < tops[0] - tops[1] < 6e-4
     assert spoon.episode.counts.held == 320
     assert np.array_equal(spoon.solver.collider_pose(0).position, spoon.task.start.position)
 
