@@ -7,6 +7,7 @@ from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted
 from robosim.dosing import CONTROLLERS
 from robosim.dosing.command import accepted_error
 from robosim.dosing.controllers import make_controller
+from robosim.dosing.flow import FlowMeter
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.pour_curve import PourCurve
 from robosim.errors import ConfigError, UnknownName
@@ -44,7 +45,7 @@ def test_pi_compensates_for_what_falls_after_a_stop() -> None:
     """With a balance that lags by half a second, most of what comes after the first stop is not yet seen there."""
     plant = Plant(SALT, 0)
     plant.lag = 0.5
-    assert pour("pi", 20e-3, plant).error <= 2.0 * accepted_error(20e-3)
+    assert abs(pour("pi", 20e-3, plant).error) <= 2.0 * accepted_error(20e-3)
 
 
 @pytest.mark.parametrize("target", [5e-3, 20e-3, 60e-3])
@@ -99,3 +100,20 @@ def test_what_cannot_be_made() -> None:
         make_controller("pid", NUMBERS, SALT, 0.02)
     with pytest.raises(ConfigError, match="control_dt = 20"):
         make_controller("pi", NUMBERS, SALT, 20)
+
+
+@pytest.mark.parametrize(("name", "window", "control_dt"), [("pi", 0.3, 0.11), ("pi", 0.05, 0.02), ("shaker", 0.3, 0.2)])
+def test_a_window_with_too_few_readings_is_refused(name: str, window: float, control_dt: float) -> None:
+    """With fewer than three readings the flow would be zero, whatever flows."""
+    numbers = NUMBERS.model_copy(update={"pi": NUMBERS.pi.model_copy(update={"window": window})})
+    with pytest.raises(ConfigError, match=rf"window.* = {window} s with control_dt = {control_dt} s.*accepted: .*at "
+                                          rf"least 3 x control_dt = {3 * control_dt:g} s"):
+        make_controller(name, numbers, SALT, control_dt)
+    make_controller("open_loop", numbers, SALT, control_dt)
+
+
+def test_the_flow_of_the_shortest_accepted_window() -> None:
+    for control_dt in (0.02, 0.1):
+        meter = FlowMeter(3 * control_dt)
+        flows = [meter.add(k * control_dt, 2e-3 * k * control_dt) for k in range(10)]
+        assert flows[:2] == [0.0, 0.0] and flows[2:] == pytest.approx([2e-3] * 8)
