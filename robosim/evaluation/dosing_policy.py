@@ -1,5 +1,6 @@
 """Dosing controllers as policies: observations become sights, commands become actions."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def numbers_of(task: TaskConfig, name: str) -> DosingNumbers:
 class ToolView:
     """What of an environment's observations and actions is a dosing tool's: its lip, its tilt, its vibration.
 
-    The balance is tared at the first look. Raises ConfigError for an environment that does not observe TERMS, or whose
+    The balance is tared at the first look. The tilt is continuous from look to look, also beyond 180 deg. Raises ConfigError for an environment that does not observe TERMS, or whose
     task has no dose or no vibration.
     """
 
@@ -52,6 +53,7 @@ class ToolView:
             raise ConfigError(f"tool {task.tool_name!r}: its rim is not known; accepted: spoon, scoop, bottle, shaker")
         self._level, self._lip = np.radians(level), lip
         self._tare: float | None = None
+        self._tilt = 0.0
 
     def look(self, observation: dict[str, Any]) -> DoseSight:
         """Return what a controller sees of an observation."""
@@ -61,9 +63,11 @@ class ToolView:
         if self._tare is None:
             self._tare = shown
         self._pitch_axis, self._origin = R[:, 1], position
+        turned = float(np.arctan2(-R[2, 0], R[2, 2])) - self._level - self._tilt
+        self._tilt += math.remainder(turned, 2.0 * math.pi)
         goal = position + np.asarray(observation["goal"], float)
         return DoseSight(float(observation["time"][0]) * self._duration, shown - self._tare, target,
-                         float(np.arctan2(-R[2, 0], R[2, 2])) - self._level, position + R @ self._lip, goal)
+                         self._tilt, position + R @ self._lip, goal)
 
     def act(self, sight: DoseSight, command: DoseCommand) -> np.ndarray:
         """Return the action (8,) that moves the lip and turns about it, at most as fast as an action can.

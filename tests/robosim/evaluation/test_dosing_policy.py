@@ -78,6 +78,15 @@ def test_the_balance_is_tared_at_the_start() -> None:
     assert second.shown == pytest.approx(3e-3) and second.time == pytest.approx(0.5 * SPOON.steps * SPOON.step_dt)
 
 
+def test_the_tilt_goes_on_beyond_half_a_turn_and_back() -> None:
+    carrier, view = Carrier(SPOON), ToolView(stub())
+    tilts = [*range(0, 240, 30), *range(210, -60, -30)]
+    for tilt in tilts:
+        turned = Rotation.from_euler("ZY", (90.0, tilt), degrees=True).as_quat(scalar_first=True)
+        carrier.commanded = carrier.commanded._replace(quaternion=turned)
+        assert np.degrees(view.look(observe(carrier)).tilt) == pytest.approx(tilt, abs=1e-6)
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
     env, carrier = stub(), Carrier(SPOON)
