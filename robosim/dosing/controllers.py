@@ -17,8 +17,8 @@ def make_controller(name: str, numbers: DosingNumbers, curve: PourCurve, control
     """Make a controller, one of CONTROLLERS.
 
     curve: of the tool with its load, usually `numbers.curve`. control_dt: time between two commands [s].
-    Raises UnknownName for another name, ConfigError for a time that cannot be used, also where the window over which the
-    controller measures the flow has too few readings.
+    Raises UnknownName for another name, ConfigError for a time that cannot be used, also where the window over
+    which the controller measures the flow has too few readings.
     """
     kinds = dict(zip(CONTROLLERS, (OpenLoop, PiDosing, Shaker), strict=True))
     if name not in kinds:
@@ -28,7 +28,7 @@ def make_controller(name: str, numbers: DosingNumbers, curve: PourCurve, control
     where, window = {"pi": ("pi.window", numbers.pi.window), "shaker": ("window of the shaker", WINDOW)}.get(
         name, ("", np.inf))
     if window < LEAST_READINGS * control_dt * (1.0 - 1e-9):
-        raise ConfigError(f"{where} = {window} s with control_dt = {control_dt} s: too few readings to measure the flow; "
-                          f"accepted: a window of at least {LEAST_READINGS} x control_dt = "
+        raise ConfigError(f"{where} = {window} s with control_dt = {control_dt} s: too few readings to measure the "
+                          f"flow; accepted: a window of at least {LEAST_READINGS} x control_dt = "
                           f"{LEAST_READINGS * control_dt:g} s")
     return kinds[name](numbers, curve, control_dt)

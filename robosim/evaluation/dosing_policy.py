@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robosim.config.resources import config_names
 from robosim.dosing.command import DoseCommand, DoseSight
 from robosim.dosing.controllers import make_controller
-from robosim.dosing.numbers import DosingNumbers, load_dosing
+from robosim.dosing.numbers import DosingNumbers, check_tool, load_dosing
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError
 from robosim.shapes import tool_shape
@@ -22,21 +22,30 @@ TERMS = ("tool", "goal", "time", "scale", "target")
 def numbers_of(task: TaskConfig, name: str) -> DosingNumbers:
     """Return the numbers that a task's controllers work with; name: of the controller, for messages.
 
-    Raises ConfigError for a task without a dose, or without numbers.
+    Raises ConfigError for a task without a dose, or without numbers, and as `check_numbers`.
     """
     if task.dose is None:
         raise ConfigError(f"{name}: the task has no section dose; accepted: dosing tasks")
     if task.dose.controllers is None:
         raise ConfigError(f"{name}: the task's dose.controllers is missing; accepted: a file of configs/dosing "
                           f"({', '.join(config_names('dosing'))}), or the path of one's own")
-    return load_dosing(task.dose.controllers)
+    return check_numbers(load_dosing(task.dose.controllers), task, name)
+
+
+def check_numbers(numbers: DosingNumbers, task: TaskConfig, name: str) -> DosingNumbers:
+    """Return the numbers; raise ConfigError for those of another tool, and a dose longer than the task's episode."""
+    check_tool(numbers, task.tool_name, f"{name}: dose.controllers")
+    if numbers.motion.duration > task.steps * task.step_dt * (1.0 + 1e-9):
+        raise ConfigError(f"{name}: motion.duration = {numbers.motion.duration:g} s; accepted in this task: up "
+                          f"to its {task.steps} steps of {task.step_dt} s, {task.steps * task.step_dt:g} s")
+    return numbers
 
 
 class ToolView:
     """What of an environment's observations and actions is a dosing tool's: its lip, its tilt, its vibration.
 
-    The balance is tared at the first look. The tilt is continuous from look to look, also beyond 180 deg. Raises ConfigError for an environment that does not observe TERMS, or whose
-    task has no dose or no vibration.
+    The balance is tared at the first look. The tilt is continuous from look to look, also beyond 180 deg. Raises
+    ConfigError for an environment that does not observe TERMS, or whose task has no dose or no vibration.
     """
 
     def __init__(self, env: GrainEnv) -> None:
@@ -87,13 +96,14 @@ class ToolView:
 class DosingPolicy:
     """A controller at work in an environment that observes TERMS.
 
-    numbers: in place of those that the task names. Raises ConfigError for an environment that `ToolView` refuses, and
-    for numbers whose vibration is beyond the task's.
+    numbers: in place of those that the task names. Raises ConfigError for an environment that `ToolView` refuses, for
+    numbers whose vibration is beyond the task's, and as `check_numbers`.
     """
 
     def __init__(self, name: str, env: GrainEnv, numbers: DosingNumbers | None = None) -> None:
         self._env, self._view = env, ToolView(env)
-        numbers, vibration = numbers or numbers_of(env.task, f"policy {name!r}"), env.task.action.vibration
+        where, vibration = f"policy {name!r}", env.task.action.vibration
+        numbers = numbers_of(env.task, where) if numbers is None else check_numbers(numbers, env.task, where)
         assert vibration is not None
         low, high = vibration.frequency
         if not low <= numbers.vibration.frequency <= high or numbers.vibration.amplitude > vibration.amplitude:

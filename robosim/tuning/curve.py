@@ -78,7 +78,8 @@ def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
     vibration = config.action.vibration
     nothing = PourCurve(material=config.material, load=1e-3, rate_deg=1.0, tilts_deg=(0.0, 90.0), masses=(0.0, 1e-3),
                         source="not measured yet")
-    return DosingNumbers(task=task, curve=nothing, vibration=VibrationNumbers(
+    motion = MotionNumbers(duration=min(MotionNumbers().duration, config.steps * config.step_dt))
+    return DosingNumbers(task=task, tool=config.tool_name, curve=nothing, motion=motion, vibration=VibrationNumbers(
         amplitude=vibration.amplitude, frequency=sum(vibration.frequency) / 2.0))
 
 
@@ -111,8 +112,8 @@ def pour_slowly(env: GrainEnv, seed: int, numbers: MotionNumbers, rate_deg: floa
 def mean_curve(curves: list[list[tuple[float, float]]], most_deg: float) -> tuple[list[float], list[float]]:
     """Return tilts [deg] and the mean masses [kg] there, not falling; without the parts in which nothing is poured.
 
-    curves: tilts [deg] with the masses poured [kg], for each episode. Raises ConfigError for an episode without any, and
-    for tilts that do not rise.
+    curves: tilts [deg] with the masses poured [kg], for each episode. Raises ConfigError for an episode without any,
+    and for tilts that do not rise.
     """
     for k, points in enumerate(curves):
         if not points:

@@ -13,7 +13,7 @@ from robosim.dosing.pour_curve import PourCurve
 from robosim.errors import ConfigError, UnknownName
 
 NUMBERS = DosingNumbers.model_validate({
-    "task": "Plant", "curve": SALT, "vibration": VIBRATION,
+    "task": "Plant", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
     "pi": {"time": 2.5, "pace": 1.5, "first": 0.85, "next": 0.9, "integral": 0.3, "rise": 0.05}})
 """Chosen for the plant, which answers to a vibration as to a tilt."""
 FLOUR = shifted(SALT, 12.0, 1.5)
@@ -102,7 +102,8 @@ def test_what_cannot_be_made() -> None:
         make_controller("pi", NUMBERS, SALT, 20)
 
 
-@pytest.mark.parametrize(("name", "window", "control_dt"), [("pi", 0.3, 0.11), ("pi", 0.05, 0.02), ("shaker", 0.3, 0.2)])
+@pytest.mark.parametrize(("name", "window", "control_dt"),
+                         [("pi", 0.3, 0.11), ("pi", 0.05, 0.02), ("shaker", 0.3, 0.2)])
 def test_a_window_with_too_few_readings_is_refused(name: str, window: float, control_dt: float) -> None:
     """With fewer than three readings the flow would be zero, whatever flows."""
     numbers = NUMBERS.model_copy(update={"pi": NUMBERS.pi.model_copy(update={"window": window})})

@@ -116,3 +116,12 @@ def test_what_a_policy_refuses() -> None:
         strong = DosingNumbers.model_validate(NUMBERS.model_dump() | {"vibration": vibration})
         with pytest.raises(ConfigError, match="accepted in this task: up to 0.0005 m at 20 to 60 Hz"):
             DosingPolicy("pi", stub(), strong)
+    scoop = DosingNumbers.model_validate(NUMBERS.model_dump() | {"tool": "scoop"})
+    long = DosingNumbers.model_validate(NUMBERS.model_dump() | {"motion": {"duration": 20.1}})
+    for wrong, message in ((scoop, "for the tool 'scoop'; the tool is 'spoon'"),
+                           (long, "motion.duration = 20.1 s; accepted in this task: up to its 10000 steps")):
+        with pytest.raises(ConfigError, match=f"policy 'pi': .*{message}"):
+            DosingPolicy("pi", stub(), wrong)
+    with pytest.raises(ConfigError, match="policy 'pi': dose.controllers: numbers of DoseScoop for the tool 'scoop'"):
+        numbers_of(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update={"controllers": "DoseScoop"})}),
+                   "policy 'pi'")

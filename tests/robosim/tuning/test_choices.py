@@ -9,7 +9,7 @@ from robosim.tuning.choices import GENERATION, RANGES, Range, draw_choice
 from robosim.tuning.cost import WORST, episode_cost, summarize_doses
 
 NUMBERS = DosingNumbers.model_validate({
-    "task": "Mine", "vibration": {"amplitude": 5e-4, "frequency": 50},
+    "task": "Mine", "tool": "spoon", "vibration": {"amplitude": 5e-4, "frequency": 50},
     "curve": {"material": "salt", "load": 0.05, "rate_deg": 4, "tilts_deg": [20, 60], "masses": [0, 0.05],
               "source": "made up for tests"}})
 ROW = {"target_mass": 10e-3, "dose_error": 0.3e-3, "spilled": 0.0, "seconds": 10.0, "is_success": True, "diverged": ""}

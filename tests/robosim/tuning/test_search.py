@@ -15,7 +15,7 @@ from robosim.errors import ConfigError
 from robosim.tuning import search
 from robosim.tuning.trial import TrialJob
 
-CLUMSY = DosingNumbers.model_validate({"task": "Mine", "curve": SALT, "vibration": VIBRATION,
+CLUMSY = DosingNumbers.model_validate({"task": "Mine", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
                                        "open_loop": {"share": 1.4}})
 """An open loop that pours 40 % too much of what its curve was measured with."""
 TASK = SimpleNamespace(material="salt", model_dump=lambda **_: {"steps": 10})
