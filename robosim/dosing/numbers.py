@@ -22,6 +22,8 @@ PartOfWhole = Annotated[float, Field(ge=0.0, le=1.0)]
 
 SECTIONS = ("motion", "vibration", "open_loop", "pi", "shaker")
 """Sections of a file that are numbers, not a curve."""
+PI_RATES = ("search_deg", "fastest_deg", "return_deg")
+"""Numbers of the controller pi that are at most `motion.fast_deg`."""
 
 
 class MotionNumbers(Table):
@@ -156,7 +158,7 @@ class DosingNumbers(Table):
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "DosingNumbers":
-        for name in ("search_deg", "fastest_deg", "return_deg"):
+        for name in PI_RATES:
             if getattr(self.pi, name) > self.motion.fast_deg:
                 raise ValueError(f"pi.{name} = {getattr(self.pi, name)} with motion.fast_deg = {self.motion.fast_deg} "
                                  f"deg/s; accepted: up to it")
