@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robosim.config.resources import config_names
-from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import DosingNumbers, check_tool, load_dosing
 from robosim.envs.grain_env import GrainEnv
@@ -118,6 +118,8 @@ class DosingPolicy:
         """Return the next action (8,)."""
         sight = self._view.look(self._env.observation)
         if self.command is None:
-            self._controller.start(sight.target)
+            dose = self._env.task.dose
+            assert dose is not None
+            self._controller.start(sight.target, accepted_error(sight.target, dose.tolerance_percent, dose.tolerance_g))
         self.command = self._controller.command(sight)
         return self._view.act(sight, self.command)

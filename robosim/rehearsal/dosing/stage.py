@@ -9,7 +9,7 @@ import numpy as np
 from robosim.config.bounds import SAMPLES_PER_PERIOD
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.table import validate
-from robosim.dosing.command import DoseCommand, DoseController, DoseSight
+from robosim.dosing.command import DoseCommand, DoseController, DoseSight, accepted_error
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import SECTIONS, DosingNumbers, check_tool, load_dosing
 from robosim.errors import ConfigError, RobotDiverged
@@ -100,7 +100,7 @@ class DosingStage:
         self.begin = time
         self._balance, self.tare = Balance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
         self._smoother.restart(self._q)
-        self._controller.start(self.target)
+        self._controller.start(self.target, accepted_error(self.target))
 
     def step(self, time: float) -> JointState:
         """Return the joints' command for the step from a time [s] on; over after the step in which `end` is set.

@@ -81,7 +81,7 @@ def test_the_tool_is_not_tilted_before_the_lip_is_above_the_cup(name: str) -> No
     plant = Plant(SALT, 0)
     plant.lip = np.array([0.3, 0.0, 0.25])
     controller = make_controller(name, NUMBERS, SALT, Plant.dt)
-    controller.start(5e-3)
+    controller.start(5e-3, accepted_error(5e-3))
     while np.hypot(*plant.lip[:2]) > NUMBERS.motion.near:
         assert plant.tilt == 0.0
         plant.advance(controller.command(plant.sight(5e-3)))
@@ -93,6 +93,21 @@ def test_a_controller_begins_a_second_dose_like_the_first(name: str) -> None:
     controller = make_controller(name, NUMBERS, SALT, Plant.dt)
     first, second = (Dose(controller, Plant(SALT, 4), 10e-3) for _ in range(2))
     np.testing.assert_array_equal(first.rates, second.rates)
+
+
+def test_the_accepted_error_is_the_larger_tolerance() -> None:
+    assert accepted_error(20e-3) == pytest.approx(0.4e-3) and accepted_error(5e-3) == pytest.approx(0.3e-3)
+    assert accepted_error(20e-3, 5.0, 0.3) == pytest.approx(1e-3)
+    assert accepted_error(20e-3, 0.0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("name", ["pi", "shaker"])
+def test_a_dose_ends_as_soon_as_its_error_is_accepted(name: str) -> None:
+    """A wide tolerance takes less time than a narrow one, and one that nothing meets does not go on for ever."""
+    wide, narrow, none = (Dose(make_controller(name, NUMBERS, SALT, Plant.dt), Plant(SALT, 1), 20e-3, accepted)
+                          for accepted in (4e-3, 0.3e-3, 0.0))
+    assert abs(wide.error) <= 4e-3 and wide.seconds < narrow.seconds
+    assert none.commands[-1].done and none.seconds <= NUMBERS.motion.duration
 
 
 def test_what_cannot_be_made() -> None:

@@ -97,6 +97,20 @@ def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
     assert action[:3] @ (np.array(SPOON.goal) - lip) > 0.0 and action[6] == -1.0
 
 
+@pytest.mark.parametrize(("tolerances", "accepted"), [({}, 0.3e-3), ({"tolerance_percent": 20.0}, 1e-3),
+                                                      ({"tolerance_percent": 0.0, "tolerance_g": 0.1}, 0.1e-3)])
+def test_a_controller_is_given_the_tolerances_of_the_task(tolerances: dict[str, float], accepted: float,
+                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    assert SPOON.dose is not None
+    env = stub(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update=tolerances)}))
+    env.observation = observe(Carrier(SPOON))
+    policy, given = DosingPolicy("pi", env), []
+    start = policy._controller.start
+    monkeypatch.setattr(policy._controller, "start", lambda *mass: (given.append(mass), start(*mass)))
+    policy()
+    assert given == [pytest.approx((5e-3, accepted))]
+
+
 def test_what_a_policy_refuses() -> None:
     with pytest.raises(ConfigError, match="tool 'shovel': its rim is not known; accepted: spoon, scoop, bottle"):
         DosingPolicy("pi", stub(SPOON.model_copy(update={"tool": "shovel"})))

@@ -12,7 +12,8 @@ NUMBERS = DosingNumbers.model_validate({
     "task": "Mine", "tool": "spoon", "vibration": {"amplitude": 5e-4, "frequency": 50},
     "curve": {"material": "salt", "load": 0.05, "rate_deg": 4, "tilts_deg": [20, 60], "masses": [0, 0.05],
               "source": "made up for tests"}})
-ROW = {"target_mass": 10e-3, "dose_error": 0.3e-3, "spilled": 0.0, "seconds": 10.0, "is_success": True, "diverged": ""}
+ROW = {"target_mass": 10e-3, "accepted_error": 0.3e-3, "dose_error": 0.3e-3,
+       "spilled": 0.0, "seconds": 10.0, "is_success": True, "diverged": ""}
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -87,6 +88,13 @@ def test_the_cost_of_an_episode() -> None:
     assert episode_cost(ROW | {"dose_error": 5e-3}, 20.0) == pytest.approx(WORST + 0.25)
     worst = ROW | {"dose_error": 1.0, "spilled": 1.0, "seconds": 20.0}
     assert episode_cost(ROW | {"diverged": "it did"}, 20.0) >= episode_cost(worst, 20.0)
+
+
+def test_an_error_costs_less_where_more_is_accepted() -> None:
+    assert episode_cost(ROW | {"accepted_error": 0.6e-3}, 20.0) == pytest.approx(0.5 + 0.25)
+    exact = ROW | {"accepted_error": 0.0, "dose_error": 0.0}
+    assert episode_cost(exact, 20.0) == pytest.approx(0.25)
+    assert episode_cost(exact | {"dose_error": 1e-6}, 20.0) == pytest.approx(WORST + 0.25)
 
 
 def test_figures_of_episodes() -> None:

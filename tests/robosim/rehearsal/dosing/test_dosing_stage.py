@@ -97,8 +97,8 @@ class Restless:
     def __init__(self) -> None:
         self.sights: list[DoseSight] = []
 
-    def start(self, target: float) -> None:
-        self.target = target
+    def start(self, target: float, accepted: float) -> None:
+        self.target, self.accepted = target, accepted
 
     def command(self, sight: DoseSight) -> DoseCommand:
         self.sights.append(sight)
