@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robosim.dosing.command import DoseCommand, DoseController, DoseSight
+from robosim.dosing.command import DoseCommand, DoseController, DoseSight, accepted_error
 from robosim.dosing.pour_curve import PourCurve
 
 SALT = PourCurve(material="salt", load=0.08, rate_deg=2.0, source="made up for tests",
@@ -67,8 +67,8 @@ class Plant:
 class Dose:
     """A dose of a controller on a plant, command by command."""
 
-    def __init__(self, controller: DoseController, plant: Plant, target: float) -> None:
-        controller.start(target)
+    def __init__(self, controller: DoseController, plant: Plant, target: float, accepted: float | None = None) -> None:
+        controller.start(target, accepted_error(target) if accepted is None else accepted)
         self.commands: list[DoseCommand] = []
         while plant.time < 22.0 and not (self.commands and self.commands[-1].done):
             command = controller.command(plant.sight(target))

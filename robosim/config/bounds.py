@@ -85,3 +85,6 @@ class Within(NamedTuple):
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> dict[str, Any]:
         return {**handler(schema), "minimum": self.least, "maximum": self.most}
+
+SAMPLES_PER_PERIOD = 8
+"""Fewest steps in a period of a vibration: the tool moves in straight lines between them."""

@@ -4,10 +4,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-ACCEPTED_SHARE = 0.02
-"""Error of a dose that is accepted, as a share of its target."""
-ACCEPTED_MASS = 0.3e-3
-"""Error of a dose that is accepted in any case [kg]."""
+TOLERANCE_PERCENT, TOLERANCE_G = 2.0, 0.3
+"""Errors of a dose that are accepted, in % of its target and in g, where no task has its own."""
 
 
 class DoseSight(NamedTuple):
@@ -45,8 +43,8 @@ class DoseCommand(NamedTuple):
 class DoseController(Protocol):
     """A controller of one dose after another; it knows the balance and the tool's pose, not the grains."""
 
-    def start(self, target: float) -> None:
-        """Begin a dose of a mass [kg]; the tool is level and loaded."""
+    def start(self, target: float, accepted: float) -> None:
+        """Begin a dose of a mass [kg], of which an error [kg] is accepted; the tool is level and loaded."""
         ...
 
     def command(self, sight: DoseSight) -> DoseCommand:
@@ -54,6 +52,9 @@ class DoseController(Protocol):
         ...
 
 
-def accepted_error(target: float) -> float:
-    """Return the largest error [kg] with which a dose of a target mass [kg] is a success."""
-    return max(ACCEPTED_SHARE * target, ACCEPTED_MASS)
+def accepted_error(target: float, percent: float = TOLERANCE_PERCENT, grams: float = TOLERANCE_G) -> float:
+    """Return the largest error [kg] with which a dose of a target mass [kg] is a success.
+
+    percent, grams: tolerances in % of the target and in g, of which the larger one counts.
+    """
+    return max(0.01 * percent * target, 1e-3 * grams)

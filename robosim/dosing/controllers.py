@@ -1,12 +1,15 @@
 """Dosing controllers by name."""
 
+import numpy as np
+
 from robosim.dosing import CONTROLLERS
 from robosim.dosing.command import DoseController
+from robosim.dosing.flow import LEAST_READINGS
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.open_loop import OpenLoop
 from robosim.dosing.pi import PiDosing
 from robosim.dosing.pour_curve import PourCurve
-from robosim.dosing.shaker import Shaker
+from robosim.dosing.shaker import WINDOW, Shaker
 from robosim.errors import ConfigError, UnknownName
 
 
@@ -14,11 +17,18 @@ def make_controller(name: str, numbers: DosingNumbers, curve: PourCurve, control
     """Make a controller, one of CONTROLLERS.
 
     curve: of the tool with its load, usually `numbers.curve`. control_dt: time between two commands [s].
-    Raises UnknownName for another name, ConfigError for a time that cannot be used.
+    Raises UnknownName for another name, ConfigError for a time that cannot be used, also where the window over
+    which the controller measures the flow has too few readings.
     """
     kinds = dict(zip(CONTROLLERS, (OpenLoop, PiDosing, Shaker), strict=True))
     if name not in kinds:
         raise UnknownName("controller", name, CONTROLLERS)
     if not 1e-4 <= control_dt <= 0.5:
         raise ConfigError(f"control_dt = {control_dt} s; accepted: 0.0001 to 0.5 s")
+    where, window = {"pi": ("pi.window", numbers.pi.window), "shaker": ("window of the shaker", WINDOW)}.get(
+        name, ("", np.inf))
+    if window < LEAST_READINGS * control_dt * (1.0 - 1e-9):
+        raise ConfigError(f"{where} = {window} s with control_dt = {control_dt} s: too few readings to measure the "
+                          f"flow; accepted: a window of at least {LEAST_READINGS} x control_dt = "
+                          f"{LEAST_READINGS * control_dt:g} s")
     return kinds[name](numbers, curve, control_dt)

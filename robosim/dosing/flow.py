@@ -4,6 +4,9 @@ from collections import deque
 
 import numpy as np
 
+LEAST_READINGS = 3
+"""Readings that a flow is measured with at least."""
+
 
 class FlowMeter:
     """Slope of the balance's readings over the last `window` seconds, by least squares."""
@@ -21,7 +24,7 @@ class FlowMeter:
         self._readings.append((time, shown))
         while self._readings[0][0] < time - self._window:
             self._readings.popleft()
-        if len(self._readings) < 3:
+        if len(self._readings) < LEAST_READINGS:
             return 0.0
         t, m = np.array(self._readings).T
         t = t - t.mean()

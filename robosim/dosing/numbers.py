@@ -11,6 +11,7 @@ from robosim.config.resources import config_path
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load
 from robosim.dosing.pour_curve import PourCurve
+from robosim.errors import ConfigError
 
 # A wrist turns by up to 180 deg/s; below 0.1 deg/s a dose takes minutes.
 TiltRate = Annotated[float, Field(ge=0.1, le=180.0)]
@@ -18,6 +19,11 @@ TiltAngle = Annotated[float, Field(ge=0.0, le=90.0)]
 Seconds = Annotated[float, Field(ge=0.01, le=60.0)]
 Gain = Annotated[float, Field(ge=0.0, le=20.0)]
 PartOfWhole = Annotated[float, Field(ge=0.0, le=1.0)]
+
+SECTIONS = ("motion", "vibration", "open_loop", "pi", "shaker")
+"""Sections of a file that are numbers, not a curve."""
+PI_RATES = ("search_deg", "fastest_deg", "return_deg")
+"""Numbers of the controller pi that are at most `motion.fast_deg`."""
 
 
 class MotionNumbers(Table):
@@ -133,6 +139,8 @@ class DosingNumbers(Table):
 
     task: Name
     """Name of the task, such as DoseSpoon."""
+    tool: Name
+    """Name of the tool that the curve was measured with, such as spoon; the numbers are used with no other."""
     source: Text = "chosen by hand"
     """Command that found the controllers' numbers, or who chose them."""
     curve: PourCurve
@@ -150,7 +158,7 @@ class DosingNumbers(Table):
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "DosingNumbers":
-        for name in ("search_deg", "fastest_deg", "return_deg"):
+        for name in PI_RATES:
             if getattr(self.pi, name) > self.motion.fast_deg:
                 raise ValueError(f"pi.{name} = {getattr(self.pi, name)} with motion.fast_deg = {self.motion.fast_deg} "
                                  f"deg/s; accepted: up to it")
@@ -163,3 +171,10 @@ def load_dosing(name: str, settings: Sequence[Setting] = ()) -> DosingNumbers:
     Raises ConfigError for a file that cannot be used, UnknownName for a name that does not exist.
     """
     return load(config_path("dosing", name, "dosing numbers"), DosingNumbers, settings=settings)
+
+
+def check_tool(numbers: DosingNumbers, tool: str, where: str) -> None:
+    """Raise ConfigError for numbers of another tool; where: the key or command that names them."""
+    if numbers.tool != tool:
+        raise ConfigError(f"{where}: numbers of {numbers.task} for the tool {numbers.tool!r}; the tool is {tool!r}; "
+                          f"accepted: numbers for it, see robosim tune --curve")

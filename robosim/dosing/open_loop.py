@@ -14,10 +14,10 @@ class OpenLoop:
     def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
         self._numbers, self._curve, self._duration = numbers.open_loop, curve, numbers.motion.duration
         self._motion, self._dt = ToolMotion(numbers.motion, control_dt), control_dt
-        self.start(0.0)
+        self.start(0.0, 0.0)
 
-    def start(self, target: float) -> None:
-        """Begin a dose of a mass [kg]."""
+    def start(self, target: float, accepted: float) -> None:
+        """Begin a dose of a mass [kg], of which an error [kg] is accepted."""
         self._motion.start()
         self._tilt = self._curve.tilt(self._numbers.share * target)
         self._slow_from = min(self._tilt, max(0.0, self._curve.begin - np.radians(self._numbers.before_deg)))

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
+from robosim.dosing.command import DoseCommand, DoseSight
 from robosim.dosing.flow import FlowMeter
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
@@ -34,14 +34,14 @@ class PiDosing:
         self._numbers, self._curve, self._duration = numbers.pi, curve, numbers.motion.duration
         self._vibration, self._dt = numbers.vibration, control_dt
         self._motion, self._flow = ToolMotion(numbers.motion, control_dt), FlowMeter(numbers.pi.window)
-        self.start(0.0)
+        self.start(0.0, 0.0)
 
-    def start(self, target: float) -> None:
-        """Begin a dose of a mass [kg]."""
+    def start(self, target: float, accepted: float) -> None:
+        """Begin a dose of a mass [kg], of which an error [kg] is accepted."""
         self._motion.start()
         self._flow.start()
         self._phase: Literal["approach", "pour", "wait", "back"] = "approach"
-        self._aim, self._accepted = self._numbers.first * target, accepted_error(target)
+        self._aim, self._accepted = self._numbers.first * target, accepted
         self._delay, self._summed = self._numbers.delay, 0.0
         self._shown_before = 0.0
         """What the balance showed as the tool began to pour, or to pour again [kg]."""

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
+from robosim.dosing.command import DoseCommand, DoseSight
 from robosim.dosing.flow import FlowMeter
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
@@ -25,14 +25,14 @@ class Shaker:
         self._amplitude = numbers.shaker.amplitude * numbers.vibration.amplitude
         self._frequency, self._dt = numbers.vibration.frequency, control_dt
         self._motion, self._flow = ToolMotion(numbers.motion, control_dt), FlowMeter(WINDOW)
-        self.start(0.0)
+        self.start(0.0, 0.0)
 
-    def start(self, target: float) -> None:
-        """Begin a dose of a mass [kg]."""
+    def start(self, target: float, accepted: float) -> None:
+        """Begin a dose of a mass [kg], of which an error [kg] is accepted."""
         self._motion.start()
         self._flow.start()
         self._phase: Literal["approach", "shake", "wait", "back"] = "approach"
-        self._aim, self._enough = (1.0 - self._numbers.ahead) * target, self._numbers.margin * accepted_error(target)
+        self._aim, self._enough = (1.0 - self._numbers.ahead) * target, self._numbers.margin * accepted
         self._has_stopped, self._since = False, 0.0
 
     def command(self, sight: DoseSight) -> DoseCommand:

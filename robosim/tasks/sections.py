@@ -76,10 +76,6 @@ class StartConfig(Table):
         return mpm.Pose(np.array(self.position), rotation.as_quat(scalar_first=True))
 
 
-SAMPLES_PER_PERIOD = 8
-"""Fewest steps of `step_dt` in a period of a vibration: the tool moves in straight lines between them."""
-
-
 class VibrationConfig(Table):
     """A vibration that is added to the commanded pose of the tool: a sine along one axis of the tool's frame.
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.config.bounds import MAX_ENTRIES, FilePath, Length, Name, RangeEnd, Text, TimeStep
+from robosim.config.bounds import MAX_ENTRIES, SAMPLES_PER_PERIOD, FilePath, Length, Name, RangeEnd, Text, TimeStep
 from robosim.config.resources import config_names, config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
@@ -19,7 +19,6 @@ from robosim.config.table import Table, Vector3, load, read, validate
 from robosim.config.tool import Tool, ToolConfig, name_tool
 from robosim.errors import RobosimError
 from robosim.tasks.sections import (
-    SAMPLES_PER_PERIOD,
     ActionConfig,
     DosingConfig,
     DosingRewardConfig,

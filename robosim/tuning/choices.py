@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim.dosing.numbers import DosingNumbers
+from robosim.dosing.numbers import PI_RATES, DosingNumbers
 
 GENERATION = 6
 """Choices that are drawn around the same best one, and may run at the same time."""
@@ -23,7 +23,8 @@ class Range(NamedTuple):
 
     def place(self, value: float) -> float:
         """Return the place of a value in the range, 0 at its low end and 1 at its high end."""
-        low, high, at = np.log([self.low, self.high, value]) if self.is_log else (self.low, self.high, value)
+        ends = (self.low, self.high, max(value, self.low))  # a logarithm of a given 0 has no place
+        low, high, at = np.log(ends) if self.is_log else ends
         return float(np.clip((at - low) / (high - low), 0.0, 1.0))
 
     def value(self, place: float) -> float:
@@ -57,7 +58,8 @@ def draw_choice(controller: str, numbers: DosingNumbers, index: int, seed: int,
     """Return the numbers of the choice `index`: the first are those given, later ones lie around the best so far.
 
     costs: mean cost of each earlier choice that has one, of which those of earlier generations count; so the search is
-    the same with any number of processes. choices: the earlier choices' numbers.
+    the same with any number of processes. Rates of pi go up to `motion.fast_deg`, also where that is below their range.
+    choices: the earlier choices' numbers.
     """
     if index == 0:
         return numbers
@@ -70,5 +72,7 @@ def draw_choice(controller: str, numbers: DosingNumbers, index: int, seed: int,
     own = getattr(best, controller)
     drawn = {name: one.value(one.place(getattr(own, name)) + spread * rng.standard_normal())
              for name, one in RANGES[controller].items()}
+    if controller == "pi":
+        drawn |= {name: min(drawn[name], best.motion.fast_deg) for name in PI_RATES}
     table = best.model_dump()
     return DosingNumbers.model_validate(table | {controller: table[controller] | drawn})

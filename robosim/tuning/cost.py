@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from robosim.dosing.command import accepted_error
-
 WORST = 5.0
 """Largest cost of an error: a dose that is five times out of bounds is as bad as none."""
 TIME_WEIGHT = 0.5
@@ -20,8 +18,9 @@ def episode_cost(row: dict[str, Any], duration: float) -> float:
     """
     if row["diverged"]:
         return 2.0 * WORST + TIME_WEIGHT
-    accepted = accepted_error(row["target_mass"])
-    error, spilled = (min(abs(row[name]) / accepted, WORST) for name in ("dose_error", "spilled"))
+    accepted = row["accepted_error"]
+    error, spilled = (min(abs(row[name]) / accepted, WORST) if accepted > 0.0 else WORST * (row[name] != 0.0)
+                      for name in ("dose_error", "spilled"))
     return error + spilled + TIME_WEIGHT * min(1.0, row["seconds"] / duration)
 
 

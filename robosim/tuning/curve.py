@@ -1,6 +1,7 @@
 """Measurement of a pour curve: a slow tilt of the loaded tool above the receiver."""
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
 
     episodes: over which the curve is the mean, with the seeds from `seed` on and the task's own random starts.
     rate_deg [deg/s]: of the tilt. most_deg [deg]: last tilt. Returns 0, or 1 where a simulation diverged or too little
-    left the tool for a curve.
+    left the tool for a curve. Raises ConfigError as `mean_curve`.
     """
     config = load_task(task)
     given = given_numbers(config, task_name(task))
@@ -81,7 +82,8 @@ def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
     vibration = config.action.vibration
     nothing = PourCurve(material=config.material, load=1e-3, rate_deg=1.0, tilts_deg=(0.0, 90.0), masses=(0.0, 1e-3),
                         source="not measured yet")
-    return DosingNumbers(task=task, curve=nothing, vibration=VibrationNumbers(
+    motion = MotionNumbers(duration=min(MotionNumbers().duration, config.steps * config.step_dt))
+    return DosingNumbers(task=task, tool=config.tool_name, curve=nothing, motion=motion, vibration=VibrationNumbers(
         amplitude=vibration.amplitude, frequency=sum(vibration.frequency) / 2.0))
 
 
@@ -112,7 +114,19 @@ def pour_slowly(env: GrainEnv, seed: int, numbers: MotionNumbers, rate_deg: floa
 
 
 def mean_curve(curves: list[list[tuple[float, float]]], most_deg: float) -> tuple[list[float], list[float]]:
-    """Return tilts [deg] and the mean masses [kg] there, not falling; without the parts in which nothing is poured."""
+    """Return tilts [deg] and the mean masses [kg] there, not falling; without the parts in which nothing is poured.
+
+    curves: tilts [deg] with the masses poured [kg], for each episode. Raises ConfigError for an episode without any,
+    and for tilts that do not rise.
+    """
+    for k, points in enumerate(curves):
+        if not points:
+            raise ConfigError(f"pour curve: episode {k} has no tilt: the lip was not above the cup in time; accepted: "
+                              f"a start from which it comes there within {APPROACH:g} s")
+        for (before, _), (tilt, _) in pairwise(points):
+            if tilt <= before:
+                raise ConfigError(f"pour curve: episode {k}: a tilt of {tilt:g} deg after {before:g} deg; accepted: "
+                                  f"rising tilts, so a rate and a last tilt that the tool can follow")
     tilts = np.arange(0.0, most_deg + 1e-9, STEP_DEG)
     means = np.mean([np.interp(tilts, *np.array(points).T) for points in curves], axis=0)
     masses = np.round(np.maximum.accumulate(means) / RESOLUTION) * RESOLUTION

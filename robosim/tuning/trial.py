@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from mpm.files import write_json
 from mpm.input_files import read_json
+from robosim.dosing.command import accepted_error
 from robosim.dosing.numbers import DosingNumbers, load_dosing
 from robosim.envs.grain_env import GrainEnv
 from robosim.evaluation.dosing_policy import TERMS, DosingPolicy
@@ -44,8 +45,11 @@ def run_episode(env: GrainEnv, controller: str, numbers: DosingNumbers, seed: in
     while not over:
         _, _, terminated, truncated, info = env.step(policy())
         over = terminated or truncated
-    readings = info["readings"]
+    readings, dose = info["readings"], env.task.dose
+    assert dose is not None
+    accepted = accepted_error(readings["target_mass"], dose.tolerance_percent, dose.tolerance_g)
     return {"seed": seed, "is_success": bool(info["is_success"]), "diverged": info.get("diverged") or "",
+            "accepted_error": float(accepted),
             **{name: float(readings[name]) for name in
                ("target_mass", "poured", "dose_error", "overshoot", "seconds", "spilled")}}
 

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robosim.config.bounds import SAMPLES_PER_PERIOD
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.table import validate
-from robosim.dosing.command import DoseCommand, DoseController, DoseSight
+from robosim.dosing.command import DoseCommand, DoseController, DoseSight, accepted_error
 from robosim.dosing.controllers import make_controller
-from robosim.dosing.numbers import DosingNumbers, load_dosing
+from robosim.dosing.numbers import SECTIONS, DosingNumbers, check_tool, load_dosing
 from robosim.errors import ConfigError, RobotDiverged
 from robosim.rehearsal.dosing.balance import Balance
 from robosim.rehearsal.dosing.lip_motion import LipMotion, make_lip_motion
@@ -99,7 +100,7 @@ class DosingStage:
         self.begin = time
         self._balance, self.tare = Balance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
         self._smoother.restart(self._q)
-        self._controller.start(self.target)
+        self._controller.start(self.target, accepted_error(self.target))
 
     def step(self, time: float) -> JointState:
         """Return the joints' command for the step from a time [s] on; over after the step in which `end` is set.
@@ -147,7 +148,11 @@ class DosingStage:
 
 
 def make_dose_controller(config: RehearsalConfig) -> DoseController:
-    """Make the controller of a rehearsal's dose; raises ConfigError, UnknownName for its file and numbers."""
+    """Make the controller of a rehearsal's dose.
+
+    Raises ConfigError, UnknownName for its file and numbers, also those of another tool, and a vibration that steps of
+    `host_dt` do not resolve.
+    """
     dose = config.dose
     assert dose is not None
     steps = dose.control_dt / config.host_dt
@@ -155,11 +160,18 @@ def make_dose_controller(config: RehearsalConfig) -> DoseController:
         raise ConfigError(f"dose.control_dt = {dose.control_dt} s is {steps:.4f} steps of host_dt = {config.host_dt} "
                           f"s; accepted: a whole number")
     numbers = load_dosing(dose.controllers)
+    if unknown := set(dose.numbers) - set(SECTIONS):
+        raise ConfigError(f"dose.numbers: sections {', '.join(sorted(unknown))}; accepted: {', '.join(SECTIONS)}")
     if dose.numbers:
         given = numbers.model_dump(mode="json")
         for section, values in dose.numbers.items():
-            given[section] = {**given.get(section, {}), **values}
+            given[section] = {**given[section], **values}
         numbers = validate(given, Path("dose.numbers"), DosingNumbers)
+    check_tool(numbers, config.tool_name, "dose.controllers")
+    highest = 1.0 / (SAMPLES_PER_PERIOD * config.host_dt)
+    if numbers.vibration.frequency > highest * (1.0 + 1e-9):
+        raise ConfigError(f"dose.controllers: vibration.frequency = {numbers.vibration.frequency:g} Hz with host_dt = "
+                          f"{config.host_dt} s; accepted: up to {highest:g} Hz, {SAMPLES_PER_PERIOD} steps in a period")
     return make_controller(dose.controller, numbers, numbers.curve, dose.control_dt)
 
 

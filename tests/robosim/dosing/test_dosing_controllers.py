@@ -7,12 +7,13 @@ from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted
 from robosim.dosing import CONTROLLERS
 from robosim.dosing.command import accepted_error
 from robosim.dosing.controllers import make_controller
+from robosim.dosing.flow import FlowMeter
 from robosim.dosing.numbers import DosingNumbers
 from robosim.dosing.pour_curve import PourCurve
 from robosim.errors import ConfigError, UnknownName
 
 NUMBERS = DosingNumbers.model_validate({
-    "task": "Plant", "curve": SALT, "vibration": VIBRATION,
+    "task": "Plant", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
     "pi": {"time": 2.5, "pace": 1.5, "first": 0.85, "next": 0.9, "integral": 0.3, "rise": 0.05}})
 """Chosen for the plant, which answers to a vibration as to a tilt."""
 FLOUR = shifted(SALT, 12.0, 1.5)
@@ -44,7 +45,7 @@ def test_pi_compensates_for_what_falls_after_a_stop() -> None:
     """With a balance that lags by half a second, most of what comes after the first stop is not yet seen there."""
     plant = Plant(SALT, 0)
     plant.lag = 0.5
-    assert pour("pi", 20e-3, plant).error <= 2.0 * accepted_error(20e-3)
+    assert abs(pour("pi", 20e-3, plant).error) <= 2.0 * accepted_error(20e-3)
 
 
 @pytest.mark.parametrize("target", [5e-3, 20e-3, 60e-3])
@@ -80,7 +81,7 @@ def test_the_tool_is_not_tilted_before_the_lip_is_above_the_cup(name: str) -> No
     plant = Plant(SALT, 0)
     plant.lip = np.array([0.3, 0.0, 0.25])
     controller = make_controller(name, NUMBERS, SALT, Plant.dt)
-    controller.start(5e-3)
+    controller.start(5e-3, accepted_error(5e-3))
     while np.hypot(*plant.lip[:2]) > NUMBERS.motion.near:
         assert plant.tilt == 0.0
         plant.advance(controller.command(plant.sight(5e-3)))
@@ -94,8 +95,41 @@ def test_a_controller_begins_a_second_dose_like_the_first(name: str) -> None:
     np.testing.assert_array_equal(first.rates, second.rates)
 
 
+def test_the_accepted_error_is_the_larger_tolerance() -> None:
+    assert accepted_error(20e-3) == pytest.approx(0.4e-3) and accepted_error(5e-3) == pytest.approx(0.3e-3)
+    assert accepted_error(20e-3, 5.0, 0.3) == pytest.approx(1e-3)
+    assert accepted_error(20e-3, 0.0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("name", ["pi", "shaker"])
+def test_a_dose_ends_as_soon_as_its_error_is_accepted(name: str) -> None:
+    """A wide tolerance takes less time than a narrow one, and one that nothing meets does not go on for ever."""
+    wide, narrow, none = (Dose(make_controller(name, NUMBERS, SALT, Plant.dt), Plant(SALT, 1), 20e-3, accepted)
+                          for accepted in (4e-3, 0.3e-3, 0.0))
+    assert abs(wide.error) <= 4e-3 and wide.seconds < narrow.seconds
+    assert none.commands[-1].done and none.seconds <= NUMBERS.motion.duration
+
+
 def test_what_cannot_be_made() -> None:
     with pytest.raises(UnknownName, match="controller 'pid'; valid: open_loop, pi, shaker"):
         make_controller("pid", NUMBERS, SALT, 0.02)
     with pytest.raises(ConfigError, match="control_dt = 20"):
         make_controller("pi", NUMBERS, SALT, 20)
+
+
+@pytest.mark.parametrize(("name", "window", "control_dt"),
+                         [("pi", 0.3, 0.11), ("pi", 0.05, 0.02), ("shaker", 0.3, 0.2)])
+def test_a_window_with_too_few_readings_is_refused(name: str, window: float, control_dt: float) -> None:
+    """With fewer than three readings the flow would be zero, whatever flows."""
+    numbers = NUMBERS.model_copy(update={"pi": NUMBERS.pi.model_copy(update={"window": window})})
+    with pytest.raises(ConfigError, match=rf"window.* = {window} s with control_dt = {control_dt} s.*accepted: .*at "
+                                          rf"least 3 x control_dt = {3 * control_dt:g} s"):
+        make_controller(name, numbers, SALT, control_dt)
+    make_controller("open_loop", numbers, SALT, control_dt)
+
+
+def test_the_flow_of_the_shortest_accepted_window() -> None:
+    for control_dt in (0.02, 0.1):
+        meter = FlowMeter(3 * control_dt)
+        flows = [meter.add(k * control_dt, 2e-3 * k * control_dt) for k in range(10)]
+        assert flows[:2] == [0.0, 0.0] and flows[2:] == pytest.approx([2e-3] * 8)

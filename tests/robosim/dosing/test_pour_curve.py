@@ -46,7 +46,7 @@ def test_tilt_per_mass_is_the_mean_slope_also_at_the_end() -> None:
 ], ids=["lengths", "tilts", "masses", "load", "nothing", "bounds", "nan"])
 def test_curves_that_are_refused(tmp_path: Path, changed: dict, message: str) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text(yaml.safe_dump({"task": "Mine", "curve": CURVE | changed, "vibration": VIBRATION}))
+    path.write_text(yaml.safe_dump({"task": "Mine", "tool": "spoon", "curve": CURVE | changed, "vibration": VIBRATION}))
     with pytest.raises(ConfigError, match=f"{path.name}.*{message}"):
         load_dosing(str(path))
 
@@ -58,6 +58,6 @@ def test_curves_that_are_refused(tmp_path: Path, changed: dict, message: str) ->
 ], ids=["rates", "unknown", "bounds"])
 def test_numbers_that_are_refused(tmp_path: Path, changed: dict, message: str) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text(yaml.safe_dump({"task": "Mine", "curve": CURVE, "vibration": VIBRATION} | changed))
+    path.write_text(yaml.safe_dump({"task": "Mine", "tool": "spoon", "curve": CURVE, "vibration": VIBRATION} | changed))
     with pytest.raises(ConfigError, match=message):
         load_dosing(str(path))

@@ -79,6 +79,15 @@ def test_the_balance_is_tared_at_the_start() -> None:
     assert second.shown == pytest.approx(3e-3) and second.time == pytest.approx(0.5 * SPOON.steps * SPOON.step_dt)
 
 
+def test_the_tilt_goes_on_beyond_half_a_turn_and_back() -> None:
+    carrier, view = Carrier(SPOON), ToolView(stub())
+    tilts = [*range(0, 240, 30), *range(210, -60, -30)]
+    for tilt in tilts:
+        turned = Rotation.from_euler("ZY", (90.0, tilt), degrees=True).as_quat(scalar_first=True)
+        carrier.commanded = carrier.commanded._replace(quaternion=turned)
+        assert np.degrees(view.look(observe(carrier)).tilt) == pytest.approx(tilt, abs=1e-6)
+
+
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
     env, carrier = stub(), Carrier(SPOON)
@@ -87,6 +96,20 @@ def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
     assert action.shape == (8,) and action.dtype == np.float32 and np.abs(action).max() <= 1.0
     lip = carrier.commanded.position + carrier.commanded.matrix @ [BOWL[0], 0.0, 0.0]
     assert action[:3] @ (np.array(SPOON.goal) - lip) > 0.0 and action[6] == -1.0
+
+
+@pytest.mark.parametrize(("tolerances", "accepted"), [({}, 0.3e-3), ({"tolerance_percent": 20.0}, 1e-3),
+                                                      ({"tolerance_percent": 0.0, "tolerance_g": 0.1}, 0.1e-3)])
+def test_a_controller_is_given_the_tolerances_of_the_task(tolerances: dict[str, float], accepted: float,
+                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    assert SPOON.dose is not None
+    env = stub(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update=tolerances)}))
+    env.observation = observe(Carrier(SPOON))
+    policy, given = DosingPolicy("pi", env), []
+    start = policy._controller.start
+    monkeypatch.setattr(policy._controller, "start", lambda *mass: (given.append(mass), start(*mass)))
+    policy()
+    assert given == [pytest.approx((5e-3, accepted))]
 
 
 def test_what_a_policy_refuses() -> None:
@@ -121,3 +144,16 @@ def test_a_task_without_a_receiver_is_refused_with_what_is_accepted() -> None:
         with pytest.raises(ConfigError, match="ScoopTo: no section receiver, .*; accepted: dosing tasks that pour"):
             given_numbers(one, "ScoopTo")
     assert given_numbers(SPOON, "DoseSpoon") == NUMBERS
+
+
+def test_numbers_of_another_tool_or_a_longer_dose_are_refused() -> None:
+    assert SPOON.dose is not None
+    scoop = DosingNumbers.model_validate(NUMBERS.model_dump() | {"tool": "scoop"})
+    long = DosingNumbers.model_validate(NUMBERS.model_dump() | {"motion": {"duration": 20.1}})
+    for wrong, message in ((scoop, "for the tool 'scoop'; the tool is 'spoon'"),
+                           (long, "motion.duration = 20.1 s; accepted in this task: up to its 10000 steps")):
+        with pytest.raises(ConfigError, match=f"policy 'pi': .*{message}"):
+            DosingPolicy("pi", stub(), wrong)
+    with pytest.raises(ConfigError, match="policy 'pi': dose.controllers: numbers of DoseScoop for the tool 'scoop'"):
+        numbers_of(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update={"controllers": "DoseScoop"})}),
+                   "policy 'pi'")

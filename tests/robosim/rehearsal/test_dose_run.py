@@ -36,7 +36,7 @@ def short() -> RehearsalConfig:
 class ThereAndBack:
     """Tilts to 75 deg and back with 60 deg/s."""
 
-    def start(self, target: float) -> None:
+    def start(self, target: float, accepted: float) -> None:
         self.rate = np.radians(60.0)
 
     def command(self, sight: DoseSight) -> DoseCommand:

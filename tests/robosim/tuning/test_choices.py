@@ -9,10 +9,11 @@ from robosim.tuning.choices import GENERATION, RANGES, Range, draw_choice
 from robosim.tuning.cost import WORST, episode_cost, summarize_doses
 
 NUMBERS = DosingNumbers.model_validate({
-    "task": "Mine", "vibration": {"amplitude": 5e-4, "frequency": 50},
+    "task": "Mine", "tool": "spoon", "vibration": {"amplitude": 5e-4, "frequency": 50},
     "curve": {"material": "salt", "load": 0.05, "rate_deg": 4, "tilts_deg": [20, 60], "masses": [0, 0.05],
               "source": "made up for tests"}})
-ROW = {"target_mass": 10e-3, "dose_error": 0.3e-3, "spilled": 0.0, "seconds": 10.0, "is_success": True, "diverged": ""}
+ROW = {"target_mass": 10e-3, "accepted_error": 0.3e-3, "dose_error": 0.3e-3,
+       "spilled": 0.0, "seconds": 10.0, "is_success": True, "diverged": ""}
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -28,6 +29,22 @@ def test_places_of_a_range() -> None:
     one = Range(0.01, 100.0)
     assert one.value(0.5) == pytest.approx(1.0) and one.place(1.0) == pytest.approx(0.5)
     assert (one.value(-3.0), one.value(3.0)) == (0.01, 100.0)
+
+
+def test_values_outside_a_range_are_at_its_ends() -> None:
+    assert Range(2.0, 30.0).place(0.0) == Range(-1.0, 2.0, False).place(-5.0) == 0.0
+    assert Range(2.0, 30.0).place(31.0) == 1.0
+
+
+@pytest.mark.parametrize("fast_deg", [0.5, 3.0])
+def test_rates_of_choices_are_those_that_the_tool_may_have(fast_deg: float) -> None:
+    """Also below the ranges, and from an angle of 0, which has no logarithm."""
+    own = {"search_deg": fast_deg, "fastest_deg": fast_deg, "return_deg": fast_deg, "before_deg": 0.0}
+    slow = DosingNumbers.model_validate(NUMBERS.model_dump() | {"motion": {"fast_deg": fast_deg}, "pi": own})
+    for k in range(1, 40):
+        drawn = draw_choice("pi", slow, k, 0, {}, [slow]).pi
+        assert max(drawn.search_deg, drawn.fastest_deg, drawn.return_deg) <= fast_deg
+        assert RANGES["pi"]["before_deg"].low <= drawn.before_deg
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -71,6 +88,13 @@ def test_the_cost_of_an_episode() -> None:
     assert episode_cost(ROW | {"dose_error": 5e-3}, 20.0) == pytest.approx(WORST + 0.25)
     worst = ROW | {"dose_error": 1.0, "spilled": 1.0, "seconds": 20.0}
     assert episode_cost(ROW | {"diverged": "it did"}, 20.0) >= episode_cost(worst, 20.0)
+
+
+def test_an_error_costs_less_where_more_is_accepted() -> None:
+    assert episode_cost(ROW | {"accepted_error": 0.6e-3}, 20.0) == pytest.approx(0.5 + 0.25)
+    exact = ROW | {"accepted_error": 0.0, "dose_error": 0.0}
+    assert episode_cost(exact, 20.0) == pytest.approx(0.25)
+    assert episode_cost(exact | {"dose_error": 1e-6}, 20.0) == pytest.approx(WORST + 0.25)
 
 
 def test_figures_of_episodes() -> None:

@@ -9,13 +9,14 @@ from typing import Any
 import pytest
 from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted
 
+from robosim.dosing.command import accepted_error
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import DosingNumbers, load_dosing
 from robosim.errors import ConfigError
 from robosim.tuning import search
 from robosim.tuning.trial import TrialJob
 
-CLUMSY = DosingNumbers.model_validate({"task": "Mine", "curve": SALT, "vibration": VIBRATION,
+CLUMSY = DosingNumbers.model_validate({"task": "Mine", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
                                        "open_loop": {"share": 1.4}})
 """An open loop that pours 40 % too much of what its curve was measured with."""
 TASK = SimpleNamespace(material="salt", model_dump=lambda **_: {"steps": 10})
@@ -46,6 +47,7 @@ class Processes:
         dose = Dose(make_controller(controller, numbers, numbers.curve, Plant.dt), Plant(shifted(SALT, 0.0), seed),
                     target)
         return {"seed": seed, "is_success": abs(dose.error) < 0.3e-3, "diverged": "", "target_mass": target,
+                "accepted_error": accepted_error(target),
                 "poured": target + dose.error, "dose_error": dose.error, "overshoot": max(dose.error, 0.0),
                 "seconds": dose.seconds, "spilled": 0.0}
 

@@ -97,8 +97,8 @@ class Restless:
     def __init__(self) -> None:
         self.sights: list[DoseSight] = []
 
-    def start(self, target: float) -> None:
-        self.target = target
+    def start(self, target: float, accepted: float) -> None:
+        self.target, self.accepted = target, accepted
 
     def command(self, sight: DoseSight) -> DoseCommand:
         self.sights.append(sight)
@@ -164,6 +164,11 @@ def test_wrong_doses_are_refused(setting: str, message: str) -> None:
     ("dose.controllers=DoseFork", UnknownName, "dosing numbers 'DoseFork'"),
     ("dose.numbers={pi: {serch_deg: 3}}", ConfigError, "dose.numbers: .*pi.serch_deg"),
     ("dose.numbers={pi: {search_deg: 300}}", ConfigError, "dose.numbers: .*pi.search_deg"),
+    ("dose.numbers={task: {a: 1}, curve: {load: 1}}", ConfigError,
+     "dose.numbers: sections curve, task; accepted: motion, vibration, open_loop, pi, shaker"),
+    ("dose.numbers={vibration: {frequency: 126}}", ConfigError,
+     "vibration.frequency = 126 Hz with host_dt = 0.001 s; accepted: up to 125 Hz, 8 steps in a period"),
+    ("dose.controllers=DoseScoop", ConfigError, "numbers of DoseScoop for the tool 'scoop'; the tool is 'spoon'"),
     ("dose.control_dt=0.0015", ConfigError, "dose.control_dt = 0.0015 s is 1.5000 steps of host_dt"),
 ])
 def test_wrong_controllers_are_refused(setting: str, error: type, message: str) -> None:
