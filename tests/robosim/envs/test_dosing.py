@@ -115,6 +115,28 @@ def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -
         spoon.step(STILL)
 
 
+@pytest.mark.slow
+def test_in_a_batch_each_ends_at_its_own_time() -> None:
+    """Two tilt and come back, one 0.1 s after the other, and end 0.5 s after they are level; the third stays still."""
+    vector = gymnasium.make_vec("robosim/DoseSpoon-v0", num_envs=3, workers=1, action_repeat=25, obs=["time"])
+    vector.reset(seed=5)
+    ends = []
+    for k in range(15):
+        given = np.tile(STILL, (3, 1))
+        for e, first in ((0, 0), (1, 2)):  # 2 rad/s for 0.05 s: 5.7 deg
+            given[e, 3] = {first: -1.0, first + 1: 1.0}.get(k, 0.0)
+        seen, _, ended, cut, infos = vector.step(given)
+        assert not cut.any()
+        for e in np.flatnonzero(ended):
+            readings = {name: values[e] for name, values in infos["final_info"]["readings"].items()}
+            assert readings["seconds"] == pytest.approx(0.05 * (k + 1)) and seen["time"][e] == 0.0
+            masses = [readings[name] for name in ("poured", "spilled", "held", "elsewhere")]
+            assert sum(masses) == pytest.approx(0.04206, abs=1e-5) and min(masses) >= 0.0
+            ends.append((k, e))
+    assert ends == [(11, 0), (13, 1)]
+    vector.close()
+
+
 def test_a_state_continues_to_the_bit(spoon: GrainEnv) -> None:
     """In the middle of a vibration."""
     spoon.reset(seed=2)
