@@ -158,7 +158,8 @@ class Episode:
         self.counts, self.pose = counts, mpm.Pose(pose.position, sign * pose.quaternion)
         self.step_count += 1
         last = self.step_count == self.task.steps
-        for name, value in self.reward.step(counts, self.tool_rotation(), last).items():
+        angle = self.reward.tilt(self.pose) if isinstance(self.reward, DoseReward) else self.tool_rotation()
+        for name, value in self.reward.step(counts, angle, last).items():
             self._sums[name] += value
 
     def diverge(self, error: Exception) -> None:

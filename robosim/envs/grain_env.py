@@ -1,4 +1,4 @@
-"""The Gymnasium environment that all eight sub-tasks share."""
+"""The Gymnasium environment that all sub-tasks and dosing tasks share."""
 
 import copy
 from collections.abc import Sequence

@@ -82,7 +82,8 @@ class World:
         self.material = overridden(own, numbers or {}, "option, or number of this material,")
         self.observer = Perception(self.task, perception)
         ranges = choose_ranges(randomize, self.task, mobile)
-        self.randomization = Randomization(self.task, self.material, ranges, arm=mobile, sensors=self.observer.domains)
+        self.randomization = Randomization(self.task, self.material, ranges, arm=mobile, sensors=self.observer.domains,
+                                           volume=None if load is None else load.volume)
         if self.randomization.materials and tool_shape(self.task.tool).holes is not None:
             raise ConfigError(f"randomize: material with the tool {self.task.tool_name!r}, whose holes are made for "
                               f"the grains of one material; accepted: numbers of the material, or another tool")

@@ -41,17 +41,25 @@ def check_numbers(numbers: DosingNumbers, task: TaskConfig, name: str) -> Dosing
     return numbers
 
 
+def check_receiver(task: TaskConfig, name: str) -> None:
+    """Raise ConfigError for a task without a receiver; name: of the task, for messages."""
+    if task.receiver is None:
+        raise ConfigError(f"{name}: no section receiver, whose balance dosing controllers read; accepted: dosing tasks "
+                          f"that pour into a receiver, as DoseSpoon does")
+
+
 class ToolView:
     """What of an environment's observations and actions is a dosing tool's: its lip, its tilt, its vibration.
 
     The balance is tared at the first look. The tilt is continuous from look to look, also beyond 180 deg. Raises
-    ConfigError for an environment that does not observe TERMS, or whose task has no dose or no vibration.
+    ConfigError for an environment that does not observe TERMS, or whose task has no dose, no vibration or no receiver.
     """
 
     def __init__(self, env: GrainEnv) -> None:
         task, spaces = env.task, getattr(env.observation_space, "spaces", {})
         if task.dose is None or task.action.vibration is None:
             raise ConfigError(f"{env.TASK or 'task'}: no section dose, or no action.vibration; accepted: dosing tasks")
+        check_receiver(task, env.TASK or "task")
         if missing := [term for term in TERMS if term not in spaces]:
             raise ConfigError(f"obs: {', '.join(missing)} missing; accepted for dosing controllers: obs={list(TERMS)}")
         self._action, self._vibration = task.action, task.action.vibration

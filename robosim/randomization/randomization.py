@@ -30,13 +30,14 @@ MOUNTS, MOUNT_TURNS = [[f"mount_{axis}{unit}" for axis in "xyz"] for unit in (""
 class Randomization:
     """Ranges of what differs between the episodes of a task, and the draws from them.
 
-    arm: whether an arm carries the tool. sensors: numbers of the observation's terms that can be drawn.
+    arm: whether an arm carries the tool. sensors: numbers of the observation's terms that can be drawn. volume: of a
+    grain [m^3] that was handed over; None: the task's own.
     Raises UnknownName for a number or material that there is not, ConfigError for a pair that is no range, leaves the
     domain of the number, or needs a smaller time step than the material in the file.
     """
 
     def __init__(self, task: TaskConfig, material: MaterialConfig, ranges: Ranges, *, arm: bool = False,
-                 sensors: Domains | None = None) -> None:
+                 sensors: Domains | None = None, volume: float | None = None) -> None:
         self._task, self._sensors = task, sensors or {}
         self.materials = {label: find_material(label) for label in ranges.get(MATERIAL, ())}
         self._own = material
@@ -49,7 +50,7 @@ class Randomization:
         self.step = min(largest_step(task, law_of(one)) for one in [material, *self.materials.values()])
         """Substep [s] that every material of an episode allows."""
         self._check_step()
-        self._check_target()
+        self._check_target(volume)
 
     def _check_materials(self) -> None:
         for label, material in self.materials.items():
@@ -84,12 +85,15 @@ class Randomization:
                 raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; this has {self.step:.3g} "
                                   f"s: take a softer or a heavier material")
 
-    def _check_target(self) -> None:
-        """Raise ConfigError for a mass to dose that is more than the tool holds, in some episode."""
+    def _check_target(self, handed_over: float | None) -> None:
+        """Raise ConfigError for a mass to dose that is more than the tool holds, in some episode.
+
+        handed_over: volume of a grain [m^3] that is none of the task's own.
+        """
         for material in [self._own, *self.materials.values()] if TARGET_MASS in self.ranges else ():
             density = min(self.ranges["density"]) if "density" in self.ranges else law_of(material).density
             for fill in self.levels("fill"):
-                volume = grain_volume(filled(self._task, fill or 1.0))
+                volume = handed_over or grain_volume(filled(self._task, fill or 1.0))
                 mass, has = load_mass(self._task, density, volume)
                 if self.ranges[TARGET_MASS][1] > mass:
                     raise ConfigError(f"target mass of up to {1e3 * self.ranges[TARGET_MASS][1]:.3g} g: {has} "

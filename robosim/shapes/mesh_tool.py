@@ -166,6 +166,11 @@ class MeshTool:
                           f"a shell needs; accepted: a wall thickness in metres, or a bundled tool")
 
     @property
+    def capacity(self) -> float:
+        """Volume [m^3] that it holds level with its rim."""
+        return self.inside.volume
+
+    @property
     def holes(self) -> None:
         """None: the holes of a mesh are as it has them."""
         return None

@@ -130,6 +130,16 @@ class ToolShape:
                               f"a wall thickness in metres")
         return shell_behind(self.face(), WALL)
 
+    @property
+    def capacity(self) -> float:
+        """Volume [m^3] that it holds level with its rim: the convex hull of its inner face.
+
+        Without an inner face: the region in which grains count.
+        """
+        if self.face is not None:
+            return float(self.face().convex_hull.volume)
+        return float(8.0 * np.prod(self.interior.half)) * (0.25 * np.pi if self.interior.round else 1.0)
+
     def lip(self) -> Array | None:
         """Return the place [m] (3,) where what the tool pours leaves it; None where that is not known.
 

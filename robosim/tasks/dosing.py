@@ -40,8 +40,10 @@ class DoseReward:
         self.task, self.dose = task, task.dose
         self.terms = task.terms
         self.counted = self.observed = task.grains.count
-        own = task.start.pitch_deg
-        self._start_tilt = math.radians(own - (own if self.dose.level_pitch_deg is None else self.dose.level_pitch_deg))
+        level = task.start.pitch_deg if self.dose.level_pitch_deg is None else self.dose.level_pitch_deg
+        self._up = task.start.model_copy(update={"pitch_deg": level}).pose.matrix[2]
+        """Axis of the tool's frame that is vertical while the tool is level."""
+        self._start_tilt = self.tilt(task.start.pose)
         self.restart()
 
     def restart(self, target: float = math.inf, grain_mass: float = 0.0) -> None:
@@ -72,14 +74,18 @@ class DoseReward:
         """Whether the tool was tilted, and has been level and out of the container for REST since."""
         return self.level_steps * self.task.step_dt > REST - 1e-9
 
+    def tilt(self, pose: mpm.Pose) -> float:
+        """Return the angle [rad] between the vertical and the axis that is vertical while the tool is level."""
+        x, y, z = pose.matrix @ self._up
+        return math.atan2(math.hypot(x, y), z)
+
     def step(self, counts: TaskCounts, angle: float, last: bool) -> dict[str, float]:
         """Return the terms of one step and add them to the score.
 
-        angle [rad]: rotation of the tool about its lateral axis since the start. last: whether the episode ends here.
+        angle [rad]: `tilt` of the tool. last: whether the episode ends here.
         """
-        tilt = abs(math.remainder(angle + self._start_tilt, 2 * math.pi))
-        self.has_tilted |= tilt > TILTED
-        is_level = self.has_tilted and tilt <= LEVEL and (self.task.container is None or counts.clearance >= CLEAR)
+        self.has_tilted |= angle > TILTED
+        is_level = self.has_tilted and angle <= LEVEL and (self.task.container is None or counts.clearance >= CLEAR)
         self.steps, self.level_steps = self.steps + 1, self.level_steps + 1 if is_level else 0
         masses, weights = self.masses(counts), self.dose.reward
         self.most = max(self.most, masses.poured)
@@ -183,11 +189,10 @@ class Vibration:
 def load_mass(task: TaskConfig, density: float, volume: float) -> tuple[float, str]:
     """Return the largest mass [kg] that a dosing task can give, and what it is in words.
 
-    density: of the material [kg/m^3]. volume: of one grain [m^3].
+    density: of the material [kg/m^3]. volume: of one grain [m^3]. A tool that begins empty is filled level with its
+    rim at most; a heap above it does not count.
     """
     total = task.grains.count * volume * density
     if task.carried:
         return total, f"the {task.tool_name} holds"
-    interior = tool_shape(task.tool).interior
-    room = float(8.0 * np.prod(interior.half)) * (0.25 * math.pi if interior.round else 1.0)
-    return min(total, room * density), f"the {task.tool_name} has room for"
+    return min(total, tool_shape(task.tool).capacity * density), f"the {task.tool_name} has room for"

@@ -15,7 +15,7 @@ from robosim.dosing.pour_curve import FIRST_SHARE, PourCurve
 from robosim.envs import task_name
 from robosim.envs.grain_env import GrainEnv
 from robosim.errors import ConfigError
-from robosim.evaluation.dosing_policy import TERMS, ToolView, numbers_of
+from robosim.evaluation.dosing_policy import TERMS, ToolView, check_receiver, numbers_of
 from robosim.evaluation.suites import Start, make_environment
 from robosim.reports.provenance import provenance
 from robosim.tasks.task import TaskConfig, load_task
@@ -70,11 +70,15 @@ def measure_curve(task: str, out: Path, *, episodes: int = 3, rate_deg: float = 
 
 
 def given_numbers(config: TaskConfig, task: str) -> DosingNumbers:
-    """Return a task's numbers, or those that controllers begin with where it names none; raises ConfigError."""
-    if config.dose is not None and config.dose.controllers is not None:
-        return numbers_of(config, "pour curve")
+    """Return a task's numbers, or those that controllers begin with where it names none.
+
+    Raises ConfigError for a task that does not dose, or not into a receiver.
+    """
     if config.dose is None or config.action.vibration is None:
         raise ConfigError(f"{task}: has no dose or no action.vibration; accepted: dosing tasks")
+    check_receiver(config, task)
+    if config.dose.controllers is not None:
+        return numbers_of(config, "pour curve")
     vibration = config.action.vibration
     nothing = PourCurve(material=config.material, load=1e-3, rate_deg=1.0, tilts_deg=(0.0, 90.0), masses=(0.0, 1e-3),
                         source="not measured yet")

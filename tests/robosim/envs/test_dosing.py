@@ -115,6 +115,28 @@ def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -
         spoon.step(STILL)
 
 
+@pytest.mark.slow
+def test_in_a_batch_each_ends_at_its_own_time() -> None:
+    """Two tilt and come back, one 0.1 s after the other, and end 0.5 s after they are level; the third stays still."""
+    vector = gymnasium.make_vec("robosim/DoseSpoon-v0", num_envs=3, workers=1, action_repeat=25, obs=["time"])
+    vector.reset(seed=5)
+    ends = []
+    for k in range(15):
+        given = np.tile(STILL, (3, 1))
+        for e, first in ((0, 0), (1, 2)):  # 2 rad/s for 0.05 s: 5.7 deg
+            given[e, 3] = {first: -1.0, first + 1: 1.0}.get(k, 0.0)
+        seen, _, ended, cut, infos = vector.step(given)
+        assert not cut.any()
+        for e in np.flatnonzero(ended):
+            readings = {name: values[e] for name, values in infos["final_info"]["readings"].items()}
+            assert readings["seconds"] == pytest.approx(0.05 * (k + 1)) and seen["time"][e] == 0.0
+            masses = [readings[name] for name in ("poured", "spilled", "held", "elsewhere")]
+            assert sum(masses) == pytest.approx(0.04206, abs=1e-5) and min(masses) >= 0.0
+            ends.append((k, e))
+    assert ends == [(11, 0), (13, 1)]
+    vector.close()
+
+
 def test_a_state_continues_to_the_bit(spoon: GrainEnv) -> None:
     """In the middle of a vibration."""
     spoon.reset(seed=2)
@@ -133,13 +155,13 @@ def test_a_state_continues_to_the_bit(spoon: GrainEnv) -> None:
 
 
 def test_a_heap_in_a_still_spoon_stands(spoon: GrainEnv) -> None:
-    """Its top falls by at most 3 mm in 2 s; on a solid with a wall of 3 mm it falls by 11 mm."""
+    """Its top falls by 0.2 mm in 2 s, with room for other processors; on a solid with a wall of 3 mm by 11 mm."""
     spoon.reset(seed=0, options={"nominal": True})
     tops = [spoon.solver.positions()[:, 2].max()]
     for _ in range(100):
         spoon.step(STILL)
     tops.append(spoon.solver.positions()[:, 2].max())
-    assert -1e-4 < tops[0] - tops[1] < 3e-3
+    assert -1e-4 < tops[0] - tops[1] < 6e-4
     assert spoon.episode.counts.held == 320
     assert np.array_equal(spoon.solver.collider_pose(0).position, spoon.task.start.position)
 

@@ -98,7 +98,8 @@ def compared(vector: gymnasium.vector.VectorEnv, name: str, **options: Any) -> N
                 assert equal(mine.pop("final_obs"), observation) and equal(mine.pop("final_info"), info)
                 observation, info = alone.reset()
             assert equal(row, observation) and equal(mine, info)
-    assert sum(row[2].sum() for row in together) >= (0 if name == "DoseSpoon" else 3)
+    if name != "DoseSpoon":  # whose early ends test_dosing has
+        assert sum(row[2].sum() for row in together) >= 3
 
 
 def test_one_that_diverges_ends_alone(carried: gymnasium.vector.VectorEnv) -> None:

@@ -17,6 +17,7 @@ from robosim.evaluation.policies import make_policy
 from robosim.shapes.vessels import BOWL
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.task import load_task
+from robosim.tuning.curve import given_numbers
 
 SPOON = load_task("DoseSpoon")
 NUMBERS = numbers_of(SPOON, "pi")
@@ -139,3 +140,16 @@ def test_what_a_policy_refuses() -> None:
     with pytest.raises(ConfigError, match="policy 'pi': dose.controllers: numbers of DoseScoop for the tool 'scoop'"):
         numbers_of(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update={"controllers": "DoseScoop"})}),
                    "policy 'pi'")
+
+
+def test_a_task_without_a_receiver_is_refused_with_what_is_accepted() -> None:
+    """ScoopTo's mass is in the tool: no balance shows it; neither a controller nor a pour curve reads another one."""
+    task = load_task("ScoopTo")
+    assert task.dose is not None
+    named = task.model_copy(update={"dose": task.dose.model_copy(update={"controllers": "DoseSpoon"})})
+    for one in (task, named):
+        with pytest.raises(ConfigError, match="no section receiver, .*; accepted: dosing tasks that pour into a rec"):
+            DosingPolicy("pi", stub(one))
+        with pytest.raises(ConfigError, match="ScoopTo: no section receiver, .*; accepted: dosing tasks that pour"):
+            given_numbers(one, "ScoopTo")
+    assert given_numbers(SPOON, "DoseSpoon") == NUMBERS

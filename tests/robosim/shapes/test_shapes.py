@@ -7,6 +7,7 @@ import pytest
 from robosim.scene.models import load_spec
 from robosim.shapes import TOOLS
 from robosim.shapes.lofts import loft, revolve, sweep
+from robosim.shapes.sheet_tools import BACK, TROUGH_DEPTH, TROUGH_LENGTH, TROUGH_WIDTH
 from robosim.shapes.tool import WALL
 from robosim.shapes.vessels import (
     BODY,
@@ -56,6 +57,14 @@ def test_cavities_have_the_volume_of_their_dimensions() -> None:
     assert solid == pytest.approx(hull.sum(), rel=0.01)
     box = make_container_shell((0.2, 0.15, 0.08))
     assert box.is_watertight and box.body_count == 1
+
+
+def test_capacities_are_those_up_to_the_rim() -> None:
+    """Half an ellipsoid; half an elliptic cylinder whose back is half an ellipsoid; and a region without a face."""
+    assert TOOLS["spoon"].capacity == pytest.approx(2 / 3 * np.pi * np.prod(BOWL), rel=0.01)
+    trough = 0.25 * np.pi * TROUGH_WIDTH * TROUGH_DEPTH * (TROUGH_LENGTH - BACK / 3)
+    assert TOOLS["scoop"].capacity == pytest.approx(trough, rel=0.01)
+    assert TOOLS["shovel"].capacity == pytest.approx(0.06 * 0.08 * 0.05)
 
 
 @pytest.mark.parametrize("tool", TOOLS)

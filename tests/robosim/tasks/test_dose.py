@@ -1,22 +1,30 @@
 """Dosing without a field: reward, success, vibration, and what is refused."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import mpm
 from robosim.config.materials import load_material
 from robosim.config.resources import config_path
 from robosim.config.table import read, validate
 from robosim.envs import DOSING, TASKS
 from robosim.envs.carrier import Carrier
+from robosim.envs.episode import Episode
+from robosim.envs.world import World
 from robosim.errors import ConfigError
+from robosim.randomization.draw import STANDARD
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.counting import TaskCounts
-from robosim.tasks.dosing import REST, DoseReward
+from robosim.tasks.dosing import REST, DoseReward, load_mass
+from robosim.tasks.field import grain_volume
+from robosim.tasks.handover import Load, task_with_load
 from robosim.tasks.objective import build_objective
 from robosim.tasks.task import TaskConfig, load_task
 
@@ -118,7 +126,7 @@ def test_an_episode_ends_when_the_tool_is_level_again(reward: DoseReward) -> Non
         return reward.is_over
 
     assert not hold(0.0, 2 * steps) and not hold(4.0, 10) and not hold(0.0, 2 * steps)
-    assert not hold(6.0, 1) and not hold(0.0, steps - 1) and not hold(2.5, 1) and not hold(-1.9, steps - 1)
+    assert not hold(6.0, 1) and not hold(0.0, steps - 1) and not hold(2.5, 1) and not hold(1.9, steps - 1)
     stored = reward.state()
     assert hold(0.0, 1)
     reward.load(stored)
@@ -130,13 +138,42 @@ def test_a_scoop_is_over_only_outside_its_container() -> None:
     task = load_task("ScoopTo")
     reward = DoseReward(task)
     reward.restart(0.03, GRAIN)
-    inside, level = counts(0, 0, 300)._replace(clearance=0.01), np.radians(-110.0)
+    inside, level = counts(0, 0, 300)._replace(clearance=0.01), 0.0
     for _ in range(400):
         reward.step(inside, level, False)
     assert not reward.is_over
     for _ in range(250):
         reward.step(inside._replace(clearance=0.03), level, False)
     assert reward.is_over and reward.readings(inside)["poured"] == pytest.approx(0.03) and reward.is_success(inside)
+
+
+@pytest.mark.parametrize(("name", "start"), [("DoseSpoon", 0.0), ("ScoopTo", 110.0)])
+def test_a_tilt_is_from_the_level_about_any_axis(name: str, start: float) -> None:
+    """Pitch, roll, or both; the yaw does not count."""
+    reward = DoseReward(load_task(name))
+    assert np.degrees(reward.tilt(reward.task.start.pose)) == pytest.approx(start, abs=1e-5)
+    for yaw, pitch, roll in itertools.product((0.0, 90.0, 200.0), (0.0, -1.5, 40.0), (0.0, 3.0, -90.0)):
+        R = Rotation.from_euler("ZYX", (yaw, pitch, roll), degrees=True)
+        tilt = np.arccos(np.cos(np.radians(pitch)) * np.cos(np.radians(roll)))
+        pose = mpm.Pose(np.zeros(3), R.as_quat(scalar_first=True))
+        assert reward.tilt(pose) == pytest.approx(tilt, abs=1e-7)
+
+
+def test_a_tool_on_its_side_is_not_level() -> None:
+    """Rolled by 90 deg it has no pitch; it pours, and the episode goes on until it is upright again."""
+    task = load_task("DoseSpoon")
+    episode, start = Episode(task, "truncate"), task.start.pose
+    side = Rotation.from_euler("ZYX", (task.start.yaw_deg, 0.0, 90.0), degrees=True).as_quat(scalar_first=True)
+    episode.restart(start, counts(0, 0, 320), STANDARD._replace(target_mass=0.01, grain_mass=GRAIN))
+    steps = round(REST / task.step_dt)
+    episode.begin_action(4 * steps)
+    for _ in range(2 * steps):
+        episode.add_step(counts(0, 0, 320), start._replace(quaternion=side))
+    assert episode.reward.has_tilted and not episode.reward.is_over  # pyright: ignore[reportAttributeAccessIssue]
+    assert abs(episode.tool_rotation()) < 1e-6
+    for _ in range(steps + 1):
+        episode.add_step(counts(0, 0, 320), start)
+    assert episode.reward.is_over
 
 
 # vibration ----------------------------------------------------------------------------------------------------------
@@ -217,6 +254,30 @@ def test_more_than_the_tool_holds_is_refused_with_both_masses() -> None:
     with pytest.raises(ConfigError, match=r"up to 40 g: the spoon holds 33.6 g"):
         Randomization(lighter, load_material("salt"), choose_ranges({"fill": (0.8, 1.0), "target_mass": (0.01, 0.04)},
                                                                     lighter))
+
+
+def test_more_than_an_empty_tool_has_room_for_is_refused_with_both_masses() -> None:
+    """The scoop's trough, an elliptic half-cylinder with a rounded back, holds 113 ml: 63.5 g of flour."""
+    task, flour = load_task("ScoopTo"), load_material("flour")
+    assert load_mass(task, 560.0, 1.0)[0] == pytest.approx(0.0635, abs=1e-4)
+    Randomization(task, flour, choose_ranges({"target_mass": (0.06, 0.06)}, task))
+    with pytest.raises(ConfigError, match=r"up to 60 g: the scoop has room for 56.7 g of 500 kg/m\^3; accepted"):
+        Randomization(task, flour, choose_ranges({"density": (500.0, 560.0)}, task))
+    few = task.model_copy(update={"grains": task.grains.model_copy(update={"count": 64})})
+    assert load_mass(few, 560.0, 1e-6)[0] == pytest.approx(64 * 560e-6)  # less than that is there
+
+
+def test_a_load_that_was_handed_over_is_weighed_with_its_own_grains() -> None:
+    """130 grains of ScoopTo, which are larger than those of DoseScoop: 34.3 g, not 17.1 g."""
+    task, volume = load_task("DoseScoop"), grain_volume(load_task("ScoopTo"))
+    load = Load("ScoopTo", task.tool, load_material("salt"), volume, np.zeros((130, 3)), None, {})
+    own = task_with_load("DoseScoop", task, load)
+    accepted = {"target_mass": (0.005, 0.025)}
+    Randomization(own, load.material, accepted, volume=volume)
+    with pytest.raises(ConfigError, match=r"the scoop holds 17.1 g"):
+        Randomization(own, load.material, accepted)
+    with pytest.raises(ConfigError, match=r"up to 40 g: the scoop holds 34.3 g of 1217"):
+        World("DoseScoop", task, load=load, randomize={"target_mass": (0.005, 0.04)})
 
 
 @pytest.mark.parametrize(("pair", "message"), [
