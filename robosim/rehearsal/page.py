@@ -112,7 +112,7 @@ def dose_charts(stage: DosingStage) -> list[Chart]:
     return [Chart("dose [g]", [Curve("in the cup", time, 1e3 * mass), Curve("the balance shows", time, 1e3 * shown),
                                Curve("target", time, np.full_like(time, 1e3 * stage.target), dashed=True)]),
             Chart("tilt of the tool while it doses [deg]", [Curve("tilt", time, np.degrees(tilt))]),
-            Chart("amplitude of the vibration [mm]", [Curve("amplitude", time, 1e3 * amplitude)])]
+            Chart("commanded amplitude of the vibration [mm]", [Curve("amplitude", time, 1e3 * amplitude)])]
 
 
 def energy_curves(run: RehearsalRun) -> list[Curve]:

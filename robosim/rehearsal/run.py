@@ -105,7 +105,8 @@ class RehearsalRun:
         if config.dose is not None:
             begin = plan.path.rests[config.dose_at][1]
             self._dose_begin = begin + config.grasp_time
-            self.stage = DosingStage(config, plan.arm, plan.motion.state(begin).q, self.mass_in_cup, seed, controller)
+            self.stage = DosingStage(config, plan.arm, plan.motion.state(begin).q, self.mass_in_cup, seed, controller,
+                                     0.0 if errors is None else errors.latency)
         waypoint = config.weigh_at
         self._weighing_end = np.inf if waypoint is None else plan.path.rests[waypoint][1] + config.grasp_time
         self._grain_mass = float(self.solver.masses()[0])

@@ -6,9 +6,10 @@ from robosim.config.motion import BalanceConfig
 
 
 class Balance:
-    """Shows the mass on it less its tare; the same model as `robosim.senses.scale.ScaleTerm`, without drift.
+    """Shows the mass on it less its tare.
 
-    time [s] and mass [kg]: at which it is tared, at rest.
+    Lag, scatter and rounding are those of `robosim.senses.scale.ScaleTerm`. That one also drifts, and weighs what still
+    falls; the mass given here is that in the cup. time [s] and mass [kg]: at which it is tared, at rest.
     """
 
     def __init__(self, config: BalanceConfig, time: float, mass: float, seed: int = 0) -> None:

@@ -1,5 +1,6 @@
 """The stage of a rehearsal in which a controller doses: balance, controller, tool pose, joints, step by step."""
 
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -48,10 +49,11 @@ class DosingStage:
     one. weigh: mass [kg] on the balance, tare included. Every `control_dt` the controller sees the balance and the
     commanded tool; every dt its command moves the tool about its lip, inverse kinematics find the joints, and Ruckig
     keeps them within the limits of speed, acceleration and jerk. At the end the arm returns to the posture.
+    latency: time [s] by which the joints' commands arrive late, to the nearest dt.
     """
 
     def __init__(self, config: RehearsalConfig, arm: Arm, q: np.ndarray, weigh: Callable[[], float], seed: int = 0,
-                 controller: DoseController | None = None) -> None:
+                 controller: DoseController | None = None, latency: float = 0.0) -> None:
         assert config.dose is not None
         self._config, self._dose, self._arm, self._weigh, self._seed = config, config.dose, arm, weigh, seed
         self._controller = controller or make_dose_controller(config)
@@ -61,6 +63,7 @@ class DosingStage:
         self._dt = config.host_dt
         self._smoother = JointSmoother(arm.step_limits(), self._dt, arm)
         self._rest, self._q = q.copy(), q.copy()
+        self._sent: deque[JointState] = deque(maxlen=round(latency / self._dt) + 1)
         self._every = round(config.dose.control_dt / self._dt)
         self._count, self._balance = 0, None
         self._command = DoseCommand(0.0, np.zeros(3), 0.0, 0.0, False)
@@ -103,10 +106,15 @@ class DosingStage:
         self._controller.start(self.target, accepted_error(self.target))
 
     def step(self, time: float) -> JointState:
-        """Return the joints' command for the step from a time [s] on; over after the step in which `end` is set.
+        """Return the joints' command that arrives for the step from a time [s] on; over once `end` is set.
 
         Raises RobotDiverged where the arm cannot come back.
         """
+        self._sent.append(self._next(time))
+        return self._sent[0]
+
+    def _next(self, time: float) -> JointState:
+        """Return the joints' command that is sent."""
         assert self.begin is not None
         if self._count % self._every == 0:
             self._control(time)

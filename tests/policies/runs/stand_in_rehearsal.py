@@ -33,7 +33,7 @@ class PointRun:
         self.config = config = plan.config
         self.plan, self.seed, self.readings, self.wall_time = plan, seed, Readings(NAMES), 0.0
         self.duration = self.expected_duration = STEPS * config.host_dt
-        self.time = 0.0
+        self.time, self.stage = 0.0, None
         self.material = SimpleNamespace(model_dump=lambda mode: {})
         self.model = mujoco.MjModel.from_xml_string(SCENE)
         self.data = mujoco.MjData(self.model)

@@ -36,10 +36,12 @@ def plan() -> Plan:
 class Stage:
     """A stage with a plant in place of the grains: what the largest tilt so far has poured, without any delay."""
 
-    def __init__(self, plan: Plan, controller: object = None, most: float = 60.0, *settings: str) -> None:
+    def __init__(self, plan: Plan, controller: object = None, most: float = 60.0, *settings: str,
+                 latency: float = 0.0) -> None:
         config = plan.config.model_copy(update={"dose": configure(*settings).dose})
         self.q = plan.motion.state(plan.path.rests["over"][1]).q
-        self.stage = DosingStage(config, plan.arm, self.q, self.weigh, controller=controller)  # pyright: ignore[reportArgumentType]
+        self.stage = DosingStage(config, plan.arm, self.q, self.weigh, latency=latency,
+                                 controller=controller)  # pyright: ignore[reportArgumentType]
         self.largest, self.time = 0.0, 7.5
         self.stage.start(self.time, SALT.load)
         self.states: list[JointState] = []
@@ -116,6 +118,15 @@ def test_a_controller_that_never_ends_is_stopped(plan: Plan) -> None:
     times = np.array([sight.time for sight in controller.sights])
     assert np.diff(times) == pytest.approx(0.02, abs=1e-9) and times[0] == 0.0
     assert controller.sights[0].shown == pytest.approx(0.0, abs=5e-5)  # tared
+
+
+def test_commands_arrive_late_by_the_latency(plan: Plan) -> None:
+    settings = ("dose.time_limit=1", "dose.settle=0.2")
+    prompt, late = (Stage(plan, Restless(), 20.0, *settings, latency=latency).states for latency in (0.0, 0.0052))
+    assert len(late) == len(prompt)
+    np.testing.assert_array_equal([state.q for state in late[5:]], [state.q for state in prompt[:-5]])
+    assert all(np.array_equal(state.q, prompt[0].q) for state in late[:5])
+    assert np.abs(np.diff([state.q for state in prompt], axis=0)).max() > 1e-4
 
 
 @pytest.mark.parametrize("start", [check_config, lambda config: Stage(plan_path(config))], ids=["check", "stage"])
