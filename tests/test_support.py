@@ -12,13 +12,16 @@ import mpm
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text()
 PLACE = mpm.Pose(np.array([0.1, 0.1, 0.15]), np.array([1.0, 0.0, 0.0, 0.0]))
 BALL = mpm.Sdf.sphere(0.02)
+SPHERE_MESH = trimesh.creation.icosphere(2, 0.02)
+SPHERE, CORNER = mpm.Shell.from_mesh(SPHERE_MESH, 1e-3), SPHERE_MESH.vertices[0]
+HOLE = mpm.Orifice(CORNER[None], CORNER / np.linalg.norm(CORNER), diameter=3e-3, grain_diameter=3e-4)
 SIDES = ("periodic", "friction", "friction")
 SCENES = {
     "granular, clay, elastic, fluid materials": {},
     "walls, static colliders": {"colliders": [mpm.Collider(BALL, pose=PLACE, static=True)]},
     "colliders with a prescribed motion": {"colliders": [mpm.Collider(BALL, pose=PLACE)]},
-    "thin shells": {"colliders": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(2, 0.02), 1e-3),
-                                               pose=PLACE)]},
+    "thin shells": {"colliders": [mpm.Collider(SPHERE, pose=PLACE)]},
+    "small holes in thin shells": {"colliders": [mpm.Collider(SPHERE, pose=PLACE, orifices=[HOLE])]},
     "colliders that grains move (coupling with MuJoCo)": {"colliders": [mpm.Collider(BALL, pose=PLACE, mobile=True)]},
     "periodic sides": {"walls": mpm.Walls(lower=SIDES, upper=SIDES)},
     "acceleration per particle": {"body_acceleration": np.zeros((27, 3))},
