@@ -229,6 +229,7 @@ def test_state_checkpoint_and_a_failed_advance_keep_what_is_due() -> None:
             solver.load({name: values for name, values in state.items() if name != "orifices"})
 
 
+@pytest.mark.slow
 def test_a_batch_passes_what_a_solver_passes() -> None:
     with filled(hole=HOLE | {"diameter": 6e-3}) as solver:
         start = solver.state()

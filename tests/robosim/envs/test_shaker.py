@@ -23,6 +23,7 @@ def make_env(**options) -> GrainEnv:
     return env
 
 
+@pytest.mark.slow
 def test_the_script_shakes_salt_into_the_cup() -> None:
     """Upright it keeps all of it; turned over, what has left the holes is in the cup or falls there."""
     env = make_env(randomize={})
