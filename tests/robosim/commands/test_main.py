@@ -21,7 +21,7 @@ EVERY = sorted([*COMMANDS, "demo", "export", "gradients", "pipeline", "rollouts"
 HEAVY = {"taichi", "mujoco", "pinocchio", "torch", "matplotlib", "gymnasium", "numpy", "scipy", "pydantic", "yaml"}
 WRONG = {
     "a command": (["fork"], "'fork'.*rehearse"),
-    "a rehearsal": (["rehearse", "fork", "--out", "x"], "unknown rehearsal 'fork'; valid: bottle, dose_spoon"),
+    "a rehearsal": (["rehearse", "fork", "--out", "x"], "unknown rehearsal 'fork'; valid: bottle, dose_bottle"),
     "a material": (["chain", "spoon", "--material", "pepper", "--out", "x"], "unknown material 'pepper'; valid: clay"),
     "a camera": (["rehearse", "spoon", "--camera", "left", "--out", "x"], "unknown camera 'left'; valid: close"),
     "a task": (["evaluate", "SpoonPuor"], "unknown task 'SpoonPuor'; valid: BottlePickPour"),

@@ -9,7 +9,7 @@ from robosim.rehearsal.planning.plan import plan_motion
 from robosim.scene.field import check_field
 
 
-@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "pick_bottle", "shovel", "dose_spoon"])
+@pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "pick_bottle", "shovel", "dose_spoon", "dose_bottle"])
 def test_every_script_can_be_planned(name):
     """Within the arm's limits and joint ranges; the field accepts every bundled granular material."""
     config = load_rehearsal(name)
