@@ -1,6 +1,7 @@
-"""Flow onto a balance: the slope of what it shows over a window of time."""
+"""Mass and flow of a stream, estimated from what a balance shows with its lag."""
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,24 +9,38 @@ LEAST_READINGS = 3
 """Readings that a flow is measured with at least."""
 
 
-class FlowMeter:
-    """Slope of the balance's readings over the last `window` seconds, by least squares."""
+class Stream(NamedTuple):
+    """What lies in the cup, and what comes."""
 
-    def __init__(self, window: float) -> None:
-        self._window = window
+    mass: float
+    """Mass in the cup [kg]."""
+    flow: float
+    """Flow into it [kg/s]."""
+
+
+class FlowMeter:
+    """Line through the balance's readings of the last `window` seconds, by least squares.
+
+    Its slope is the flow. lag: time constant [s] of the balance's first-order filter: a load that grows with a flow is
+    shown by lag x flow too small.
+    """
+
+    def __init__(self, window: float, lag: float = 0.0) -> None:
+        self._window, self._lag = window, lag
         self._readings: deque[tuple[float, float]] = deque()
 
     def start(self) -> None:
         """Forget all readings."""
         self._readings.clear()
 
-    def add(self, time: float, shown: float) -> float:
-        """Add a reading [kg] at a time [s]; return the flow [kg/s], zero until there are three readings."""
+    def add(self, time: float, shown: float) -> Stream:
+        """Add a reading [kg] at a time [s]; return mass and flow, the reading and no flow until there are three."""
         self._readings.append((time, shown))
         while self._readings[0][0] < time - self._window:
             self._readings.popleft()
         if len(self._readings) < LEAST_READINGS:
-            return 0.0
+            return Stream(shown, 0.0)
         t, m = np.array(self._readings).T
-        t = t - t.mean()
-        return float(t @ m / (t @ t))
+        middle = t.mean()
+        flow = float((t - middle) @ m / ((t - middle) @ (t - middle)))
+        return Stream(float(m.mean()) + flow * (time - middle + self._lag), flow)

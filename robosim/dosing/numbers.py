@@ -31,9 +31,9 @@ class MotionNumbers(Table):
 
     duration: float = Field(default=20.0, ge=1.0, le=600.0)
     """Time [s] after which the dose is over, whatever it is."""
-    fast_deg: TiltRate = 30.0
+    fast_deg: TiltRate = 60.0
     """Tilt rate [deg/s] up to the tilt at which the controller begins, and back to level at the end."""
-    acceleration_deg: float = Field(default=150.0, ge=1.0, le=1e4)
+    acceleration_deg: float = Field(default=400.0, ge=1.0, le=1e4)
     """Largest change of the tilt rate [deg/s^2]."""
     approach_time: Seconds = 0.3
     """Time constant [s] with which the lip goes to the goal."""
@@ -66,30 +66,25 @@ class OpenLoopNumbers(Table):
 
 
 class PiNumbers(Table):
-    """PI control of the flow onto the balance, with the pour curve as feed-forward."""
+    """PI control of the flow onto the balance by the vibration, with the pour curve as feed-forward of the tilt."""
 
-    before_deg: TiltAngle = 20.0
-    """Angle [deg] before the tilt at which pouring begins, from which on the tilt is slow."""
-    search_deg: TiltRate = 4.0
-    """Tilt rate [deg/s] until something flows."""
-    fastest_deg: TiltRate = 8.0
-    """Largest tilt rate [deg/s] while something flows."""
-    time: Seconds = 4.0
+    before_deg: TiltAngle = 15.0
+    """Angle [deg] before the tilt at which pouring begins, from which on it shakes."""
+    search_deg: TiltRate = 2.0
+    """Tilt rate [deg/s] until something flows, and where the strongest vibration is not enough."""
+    fastest_deg: TiltRate = 10.0
+    """Largest tilt rate [deg/s] while it pours."""
+    time: Seconds = 3.0
     """Time constant [s]: until the first stop the wanted flow is the missing mass divided by it."""
     pace: float = Field(default=3.0, ge=0.1, le=10.0)
     """After that, and at least, the wanted flow is `pace` times the missing mass divided by the time left."""
     least: Gain = 1.0
     """Least wanted flow, in accepted errors per second."""
-    proportional: Gain = 0.5
-    """Share of the flow's error that is added to the wanted flow."""
-    integral: Gain = 1.0
-    """Share of the flow's summed error that is added to the wanted flow [1/s]."""
-    pour_amplitude: PartOfWhole = 0.8
-    """Strongest vibration while it pours, as a share of the largest."""
-    rise: float = Field(default=0.3, ge=0.0, le=10.0)
-    """Rate [1/s] at which the vibration rises where nothing flows, in shares of the largest; it falls where too much
-    flows."""
-    resume: PartOfWhole = 0.7
+    proportional: Gain = 0.05
+    """Share of the strongest vibration per relative error of the flow."""
+    integral: Gain = 0.2
+    """Rate [1/s] of that share per relative error of the flow."""
+    resume: PartOfWhole = 0.5
     """Vibration with which it pours again after a stop, as a share of that at the stop."""
     first: float = Field(default=0.6, ge=0.1, le=1.0)
     """Share of the target at which the tool stops first, to learn how much still falls."""
@@ -99,17 +94,19 @@ class PiNumbers(Table):
     """Share of the accepted error by which these stops at least aim below the target."""
     close: PartOfWhole = 0.5
     """Share of the accepted error below which a missing mass ends the dose."""
-    delay: float = Field(default=0.4, ge=0.0, le=5.0)
+    delay: float = Field(default=0.3, ge=0.0, le=5.0)
     """Time [s] that the flow still arrives after a stop, until the first stop tells."""
+    lag: float = Field(default=0.2, ge=0.0, le=10.0)
+    """Time constant [s] of the balance's filter, as its maker states it or a dropped weight shows it."""
     settle: Seconds = 0.6
     """Time [s] that the tool waits after a stop before the balance is believed."""
-    stop_deg: TiltAngle = 6.0
+    stop_deg: TiltAngle = 10.0
     """Angle [deg] that the tool tilts back at a stop."""
-    return_deg: TiltRate = 8.0
+    return_deg: TiltRate = 30.0
     """Tilt rate [deg/s] after a stop, on the way back to it."""
     resume_deg: TiltAngle = 2.0
-    """Angle [deg] before the tilt of a stop from which on it is slow again."""
-    window: Seconds = 0.3
+    """Angle [deg] before the tilt of a stop from which on it shakes again."""
+    window: Seconds = 0.2
     """Time [s] over which the flow is measured."""
 
 

@@ -37,7 +37,7 @@ class Shaker:
 
     def command(self, sight: DoseSight) -> DoseCommand:
         """Return the command until the next sight."""
-        flow, numbers = self._flow.add(sight.time, sight.shown), self._numbers
+        flow, numbers = self._flow.add(sight.time, sight.shown).flow, self._numbers
         is_enough = sight.target - sight.shown <= self._enough
         if is_enough or sight.time + self._motion.back_time(sight) >= self._duration:
             self._phase = "back"

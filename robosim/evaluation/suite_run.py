@@ -42,11 +42,11 @@ Row = dict[str, Any]
 
 
 def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episodes: int | None = None,
-                   material: str | None = None, changed: Collection[str] = ()) -> int:
+                   material: str | None = None, changed: Collection[str] = (), alone: bool = False) -> int:
     """Score a policy on a suite; print means with intervals, and write a row an episode, a summary and a picture.
 
     name: of the policy, its file, or the folder of a training run. changed: top-level keys of the task that differ on
-    purpose from what the policy was learned on. Returns 0.
+    purpose from what the policy was learned on. alone: run no other policy beside it. Returns 0.
     Raises ConfigError, UnknownName for what cannot be used, before any episode runs.
     """
     if material is not None and suite != "nominal":
@@ -56,7 +56,7 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
     check_task(found, config, changed)
     starts = plan_starts(suite, config, episodes or EPISODES, material)
     files = {label: policy_file(policy, task) for label, policy in
-             {name: found, **{other: other for other in compared(config) if other != found}}.items()
+             {name: found, **{other: other for other in compared(config) if other != found and not alone}}.items()
              if policy != "learned" or label == name or trained(task_name(task)) is not None}
     rows: list[Row] = []
     with OutputFolder(out) if out else _NoFolder() as folder:
@@ -70,9 +70,9 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
                 for k, start in members:
                     rows.append({"policy": label, "episode": k, **run_episode(env, policy, start)})
                     progress.update()
+                    rows.sort(key=lambda row: (list(files).index(row["policy"]), row["episode"]))
+                    folder.write("evaluation.csv", lambda path: write_rows(path, rows))
                 env.close()
-                rows.sort(key=lambda row: (list(files).index(row["policy"]), row["episode"]))
-                folder.write("evaluation.csv", lambda path: write_rows(path, rows))
                 folder.write_json("evaluation.json", {
                     "task": task, "policy": name, "suite": suite, "made_by": provenance(),
                     "is_complete": len(rows) == progress.total, "policies": summarize(rows)})

@@ -26,8 +26,9 @@ def add_parser(commands: Any) -> None:
                         "array `actions` or a network; with --suite also the folder of a training run (default: "
                         "scripted)"))
     parser.add_argument("--suite", choices=SUITES, help="score on a suite of held-out starts, beside the recorded "
-                        "motion, the script and no motion: the task's own starts (nominal); other places, fills, "
+                        "motion, the script and no motion, or in dosing tasks the three controllers: the task's own starts (nominal); other places, fills, "
                         "materials, frictions and errors of the robot (wide); thirteen materials (materials)")
+    parser.add_argument("--alone", action="store_true", help="with --suite: score no other policy beside it")
     parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
                         "--nominal; 50 with --suite)")
@@ -58,6 +59,8 @@ def run(options: argparse.Namespace) -> int:
         config_path("materials", options.material, "material")
     if options.suite is not None:
         return run_suite(options)
+    if options.alone:
+        raise ConfigError("--alone without --suite; accepted: with one, such as --suite wide")
     options.policy = find_network(options.policy, options.task)
     check_policy(options.policy)
     with options.settings.changed("tasks", options.task, options.out) as task:
@@ -83,7 +86,7 @@ def run_suite(options: argparse.Namespace) -> int:
         from robosim.evaluation.suite_run import evaluate_suite
 
         return evaluate_suite(task, options.policy, options.suite, options.out, episodes=options.episodes,
-                              material=options.material, changed=changed_keys(options))
+                              material=options.material, changed=changed_keys(options), alone=options.alone)
 
 
 def changed_keys(options: argparse.Namespace) -> set[str]:
