@@ -27,14 +27,14 @@ NOWHERE = -np.pi
 class PiDosing:
     """Controls the flow onto the balance by the vibration's amplitude, and stops it ahead of the target.
 
-    At a tilt at which little flows by itself, what is shaken off follows the amplitude at once and stops with it; a slide
-    does neither. So the amplitude is a PI control of the flow's relative error, and the tilt follows the pour curve with
-    the mass that has left. It tilts on faster where the strongest vibration is not enough, and back where material flows
-    without any. The wanted flow is the missing mass divided by a time, which is longer after the first stop.
+    At a tilt at which little flows by itself, what is shaken off follows the amplitude at once and stops with it; a
+    slide does neither. So the amplitude is a PI control of the flow's relative error, and the tilt follows the pour
+    curve with the mass that has left. It tilts on faster where the strongest vibration is not enough, and back where
+    material flows without any. The wanted flow is the missing mass divided by a time, longer after the first stop.
 
-    The tool stops where the mass in the cup, plus flow x delay, reaches the mass aimed at: at first a share of the target,
-    then a share of what is missing. What still arrives after a stop corrects the delay, as batching scales compensate for
-    what is in flight. Mass and flow are estimated from the balance's readings with its known lag.
+    The tool stops where the mass in the cup, plus flow x delay, reaches the mass aimed at: at first a share of the
+    target, then a share of what is missing. What still arrives after a stop corrects the delay, as batching scales
+    compensate for what is in flight. Mass and flow are estimated from the balance's readings with its known lag.
     """
 
     def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
@@ -131,7 +131,8 @@ class PiDosing:
         if sight.time - time < numbers.settle:
             return self._motion.turn_to(sight, max(LEAST_TILT, tilt - np.radians(numbers.stop_deg)))
         if abs(stream.flow) * numbers.settle >= max(NOTICED, 0.25 * self._accepted):  # it flows on by itself
-            return self._motion.turn_to(sight, max(LEAST_TILT, sight.tilt - np.radians(numbers.return_deg) * numbers.window))
+            further = np.radians(numbers.return_deg) * numbers.window
+            return self._motion.turn_to(sight, max(LEAST_TILT, sight.tilt - further))
         if then.flow > 0.0:
             learned = float(np.clip((stream.mass - then.mass) / then.flow, 0.0, LONGEST_DELAY))
             # too early a stop costs time, too late a one cannot be mended

@@ -26,8 +26,9 @@ def add_parser(commands: Any) -> None:
                         "array `actions` or a network; with --suite also the folder of a training run (default: "
                         "scripted)"))
     parser.add_argument("--suite", choices=SUITES, help="score on a suite of held-out starts, beside the recorded "
-                        "motion, the script and no motion, or in dosing tasks the three controllers: the task's own starts (nominal); other places, fills, "
-                        "materials, frictions and errors of the robot (wide); thirteen materials (materials)")
+                        "motion, the script and no motion, or in dosing tasks the three controllers: the task's own "
+                        "starts (nominal); other places, fills, materials, frictions and errors of the robot (wide); "
+                        "thirteen materials (materials)")
     parser.add_argument("--alone", action="store_true", help="with --suite: score no other policy beside it")
     parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
