@@ -14,8 +14,8 @@ from robosim.errors import ConfigError, UnknownName
 
 NUMBERS = DosingNumbers.model_validate({
     "task": "Plant", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
-    "pi": {"time": 2.5, "pace": 1.5, "first": 0.85, "next": 0.9, "integral": 0.3, "rise": 0.05}})
-"""Chosen for the plant, which answers to a vibration as to a tilt."""
+    "motion": {"acceleration_deg": 150, "fast_deg": 30}, "pi": {"before_deg": 8}})
+"""The defaults, and the angle by which the plant's strongest vibration lets its slabs come off earlier."""
 FLOUR = shifted(SALT, 12.0, 1.5)
 EARLY = shifted(SALT, -10.0)
 
@@ -128,8 +128,19 @@ def test_a_window_with_too_few_readings_is_refused(name: str, window: float, con
     make_controller("open_loop", numbers, SALT, control_dt)
 
 
+def test_a_balance_that_lags_shows_its_load_when_its_lag_is_known() -> None:
+    """Behind a first-order filter a steady flow is shown by lag x flow too small."""
+    meter, lag, flow, shown = FlowMeter(0.2, lag=0.3), 0.3, 4e-3, 0.0
+    for k in range(200):
+        shown += (flow * 0.02 * k - shown) * (1.0 - np.exp(-0.02 / lag))
+        stream = meter.add(0.02 * k, shown)
+    assert shown < flow * 0.02 * k - 0.9 * lag * flow
+    assert stream.flow == pytest.approx(flow, rel=1e-3)
+    assert stream.mass == pytest.approx(flow * 0.02 * k, abs=0.05 * lag * flow)
+
+
 def test_the_flow_of_the_shortest_accepted_window() -> None:
     for control_dt in (0.02, 0.1):
         meter = FlowMeter(3 * control_dt)
-        flows = [meter.add(k * control_dt, 2e-3 * k * control_dt) for k in range(10)]
+        flows = [meter.add(k * control_dt, 2e-3 * k * control_dt).flow for k in range(10)]
         assert flows[:2] == [0.0, 0.0] and flows[2:] == pytest.approx([2e-3] * 8)
