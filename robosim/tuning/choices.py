@@ -38,8 +38,9 @@ RANGES: dict[str, dict[str, Range]] = {
     "open_loop": {"before_deg": Range(2.0, 30.0), "search_deg": Range(1.0, 20.0), "share": Range(0.5, 1.5),
                   "hold": Range(0.1, 3.0)},
     "pi": {"before_deg": Range(5.0, 40.0), "search_deg": Range(0.5, 6.0), "fastest_deg": Range(3.0, 30.0),
-           "time": Range(1.0, 6.0), "return_deg": Range(10.0, 60.0), "pace": Range(0.5, 8.0), "least": Range(0.3, 3.0), "proportional": Range(0.0, 0.3, False),
-           "integral": Range(0.05, 1.0), "resume": Range(0.0, 1.0, False), "resume_deg": Range(0.0, 6.0, False),
+           "time": Range(1.0, 6.0), "pace": Range(0.5, 8.0), "least": Range(0.3, 3.0),
+           "proportional": Range(0.0, 0.3, False), "integral": Range(0.05, 1.0),
+           "resume": Range(0.0, 1.0, False), "resume_deg": Range(0.0, 6.0, False), "return_deg": Range(10.0, 60.0),
            "first": Range(0.3, 0.9, False), "next": Range(0.5, 1.0, False), "margin": Range(0.0, 0.6, False),
            "close": Range(0.2, 0.8, False), "delay": Range(0.1, 0.6), "settle": Range(0.4, 1.2),
            "stop_deg": Range(2.0, 20.0, False), "window": Range(0.1, 0.4)},
@@ -47,7 +48,7 @@ RANGES: dict[str, dict[str, Range]] = {
                "time": Range(0.5, 10.0), "ahead": Range(0.02, 0.5), "pulse": Range(0.04, 1.0),
                "settle": Range(0.4, 1.5), "margin": Range(0.1, 0.8, False)},
 }
-"""Controller -> its numbers with the ranges that they are searched in."""
+"""Controller -> its numbers with the ranges that they are searched in. The balance's `lag` is known, not searched."""
 
 
 def draw_choice(controller: str, numbers: DosingNumbers, index: int, seed: int,

@@ -14,8 +14,8 @@ from robosim.errors import ConfigError, UnknownName
 
 NUMBERS = DosingNumbers.model_validate({
     "task": "Plant", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
-    "motion": {"acceleration_deg": 150, "fast_deg": 30}, "pi": {"before_deg": 8}})
-"""The defaults, and the angle by which the plant's strongest vibration lets its slabs come off earlier."""
+    "pi": {"before_deg": 10, "search_deg": 4, "time": 2, "integral": 0.4, "first": 0.75}})
+"""Chosen for the plant, whose pour curve spans more tilt than a spoon's."""
 FLOUR = shifted(SALT, 12.0, 1.5)
 EARLY = shifted(SALT, -10.0)
 
@@ -27,17 +27,17 @@ def pour(name: str, target: float, plant: Plant) -> Dose:
 
 @pytest.mark.parametrize("target", [1e-3, 5e-3, 20e-3, 45e-3, 60e-3])
 @pytest.mark.parametrize("curve", [SALT, EARLY], ids=["known", "pours 10 deg earlier"])
-def test_pi_doses_within_twice_the_accepted_error(curve: PourCurve, target: float) -> None:
+def test_pi_doses_within_the_accepted_error(curve: PourCurve, target: float) -> None:
     for seed in range(3):
         dose = pour("pi", target, Plant(curve, seed))
-        assert abs(dose.error) <= 2.0 * accepted_error(target), f"seed {seed}: {dose.error * 1e3:.2f} g"
+        assert abs(dose.error) <= accepted_error(target), f"seed {seed}: {dose.error * 1e3:.2f} g"
         assert dose.commands[-1].done and dose.seconds < 20.0
 
 
 def test_pi_finds_a_material_that_begins_later_and_leaves_in_slabs() -> None:
     """Slabs have 0.5 to 1.5 g; the open loop pours nothing of it."""
     errors = [pour("pi", 20e-3, Plant(FLOUR, seed, slab=1e-3, slide=0.3)).error for seed in range(4)]
-    assert np.abs(errors).max() <= 1.5e-3
+    assert np.abs(errors).max() <= 0.75e-3
     assert pour("open_loop", 20e-3, Plant(FLOUR, 0)).error < -15e-3
 
 
@@ -45,7 +45,7 @@ def test_pi_compensates_for_what_falls_after_a_stop() -> None:
     """With a balance that lags by half a second, most of what comes after the first stop is not yet seen there."""
     plant = Plant(SALT, 0)
     plant.lag = 0.5
-    assert abs(pour("pi", 20e-3, plant).error) <= 2.0 * accepted_error(20e-3)
+    assert abs(pour("pi", 20e-3, plant).error) <= 1.1 * accepted_error(20e-3)
 
 
 @pytest.mark.parametrize("target", [5e-3, 20e-3, 60e-3])

@@ -52,7 +52,7 @@ def test_curves_that_are_refused(tmp_path: Path, changed: dict, message: str) ->
 
 
 @pytest.mark.parametrize(("changed", "message"), [
-    ({"pi": {"fastest_deg": 60}}, "pi.fastest_deg = 60.0 with motion.fast_deg = 30.0"),
+    ({"pi": {"fastest_deg": 90}}, "pi.fastest_deg = 90.0 with motion.fast_deg = 60.0"),
     ({"pi": {"gain": 1}}, "unknown key 'pi.gain'; valid: before_deg"),
     ({"shaker": {"amplitude": 2}}, "shaker.amplitude"),
 ], ids=["rates", "unknown", "bounds"])
