@@ -74,7 +74,7 @@ def predict_by_force(drop: float, density_ratio: float, mu: float, diameter: flo
     """Return the final depth [m] by the force law of Katsuragi and Durian, m a = m g - k z - m v^2 / d1."""
     law = read_reference("impact")["force_law"]
     d1 = law["d1"] * diameter * density_ratio / mu
-    k = law["k"] * mu / math.sqrt(density_ratio) * G / d1  # per mass
+    k = law["k"] * mu / math.sqrt(density_ratio) * G / diameter  # per mass
     z = np.linspace(0.0, 40 * diameter, 40001)
     fade = np.exp(-2 * z / d1)
     energy = G * drop * fade + (G * d1 / 2 + k * d1**2 / 4) * (1 - fade) - k * d1 * z / 2
