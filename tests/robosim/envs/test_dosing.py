@@ -98,7 +98,7 @@ def test_no_mass_is_lost_and_the_balance_shows_what_is_poured(spoon: GrainEnv) -
     load = 1e3 * spoon.solver.masses().sum()
     assert load == pytest.approx(42.06, abs=0.01) and info["readings"]["held"] == pytest.approx(1e-3 * load)
     assert seen["scale"][0] == 0.0
-    poured = turn(spoon, 45.0, rate=0.5, amplitude=1.0)
+    poured = turn(spoon, 45.0, rate=0.5, amplitude=-0.4)
     back = turn(spoon, 0.0)
     assert not any(step[2] for step in poured + back)
     waiting = [spoon.step(STILL)]

@@ -129,7 +129,7 @@ def test_what_a_policy_refuses() -> None:
     for changed in ({"amplitude": 0.004}, {"frequency": 200.0}):
         vibration = NUMBERS.vibration.model_copy(update=changed)
         strong = DosingNumbers.model_validate(NUMBERS.model_dump() | {"vibration": vibration})
-        with pytest.raises(ConfigError, match="accepted in this task: up to 0.0005 m at 20 to 60 Hz"):
+        with pytest.raises(ConfigError, match="accepted in this task: up to 0.001 m at 20 to 60 Hz"):
             DosingPolicy("pi", stub(), strong)
 
 
