@@ -22,7 +22,7 @@ PartOfWhole = Annotated[float, Field(ge=0.0, le=1.0)]
 
 SECTIONS = ("motion", "vibration", "open_loop", "pi", "shaker")
 """Sections of a file that are numbers, not a curve."""
-PI_RATES = ("search_deg", "fastest_deg", "return_deg")
+PI_RATES = ("search_deg", "fastest_deg")
 """Numbers of the controller pi that are at most `motion.fast_deg`."""
 
 
@@ -66,48 +66,50 @@ class OpenLoopNumbers(Table):
 
 
 class PiNumbers(Table):
-    """PI control of the flow onto the balance by the vibration, with the pour curve as feed-forward of the tilt."""
+    """PI control of the flow by the vibration, with the pour curve as feed-forward of the tilt; then single pulses."""
 
     before_deg: TiltAngle = 15.0
     """Angle [deg] before the tilt at which pouring begins, from which on it shakes."""
     search_deg: TiltRate = 2.0
-    """Tilt rate [deg/s] until something flows, and where the strongest vibration is not enough."""
+    """Tilt rate [deg/s] until something flows, and with the strongest vibration."""
+    middle: float = Field(default=0.5, ge=0.0, le=0.99)
+    """Vibration above which it tilts on, as a share of the largest."""
     fastest_deg: TiltRate = 10.0
     """Largest tilt rate [deg/s] while it pours."""
     time: Seconds = 3.0
-    """Time constant [s]: until the first stop the wanted flow is the missing mass divided by it."""
-    pace: float = Field(default=3.0, ge=0.1, le=10.0)
-    """After that, and at least, the wanted flow is `pace` times the missing mass divided by the time left."""
+    """Time constant [s]: the wanted flow is the missing mass divided by it."""
     least: Gain = 1.0
     """Least wanted flow, in accepted errors per second."""
     proportional: Gain = 0.05
     """Share of the strongest vibration per relative error of the flow."""
     integral: Gain = 0.2
     """Rate [1/s] of that share per relative error of the flow."""
-    resume: PartOfWhole = 0.5
-    """Vibration with which it pours again after a stop, as a share of that at the stop."""
-    first: float = Field(default=0.6, ge=0.1, le=1.0)
-    """Share of the target at which the tool stops first, to learn how much still falls."""
-    next: float = Field(default=0.7, ge=0.1, le=1.0)
-    """Share of the missing mass at which it stops each time after that."""
-    margin: PartOfWhole = 0.2
-    """Share of the accepted error by which these stops at least aim below the target."""
-    close: PartOfWhole = 0.5
-    """Share of the accepted error below which a missing mass ends the dose."""
+    first: float = Field(default=0.7, ge=0.1, le=1.0)
+    """Share of the target at which the flow stops."""
     delay: float = Field(default=0.3, ge=0.0, le=5.0)
-    """Time [s] that the flow still arrives after a stop, until the first stop tells."""
+    """Time [s] that the flow still arrives after a stop."""
     lag: float = Field(default=0.2, ge=0.0, le=10.0)
     """Time constant [s] of the balance's filter, as its maker states it or a dropped weight shows it."""
-    settle: Seconds = 0.6
-    """Time [s] that the tool waits after a stop before the balance is believed."""
-    stop_deg: TiltAngle = 10.0
-    """Angle [deg] that the tool tilts back at a stop."""
-    return_deg: TiltRate = 30.0
-    """Tilt rate [deg/s] after a stop, on the way back to it."""
-    resume_deg: TiltAngle = 2.0
-    """Angle [deg] before the tilt of a stop from which on it shakes again."""
     window: Seconds = 0.2
     """Time [s] over which the flow is measured."""
+    stop_deg: TiltAngle = 10.0
+    """Angle [deg] that the tool tilts back at a stop."""
+    resume_deg: TiltAngle = 2.0
+    """Angle [deg] before the tilt of a stop at which it shakes again."""
+    settle: Seconds = 0.6
+    """Time [s] that the tool waits after a stop."""
+    resume: PartOfWhole = 0.7
+    """Vibration of the first pulse, as a share of that at the stop."""
+    weakest: PartOfWhole = 0.05
+    """Vibration of the first pulse at least, as a share of the largest."""
+    pulse: Seconds = 0.12
+    """Time [s] of a pulse."""
+    pause: Seconds = 0.4
+    """Time [s] from its end to the next."""
+    next: float = Field(default=0.4, ge=0.05, le=1.0)
+    """Share of the missing mass that a pulse is to bring."""
+    close: PartOfWhole = 0.8
+    """Share of the accepted error below which a missing mass ends the dose."""
 
 
 class ShakerNumbers(Table):

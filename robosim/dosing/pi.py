@@ -12,29 +12,30 @@ from robosim.dosing.pour_curve import PourCurve
 
 NOTICED = 2e-4
 """Mass on the balance [kg] by which something flows: a few grains of salt, and 20 steps of a balance of 0.01 g."""
-LONGEST_DELAY = 1.0
-"""Longest time [s] that a flow is taken to go on after a stop; more is a slab that had not yet come off."""
 LARGEST_EXCESS = 3.0
 """Largest excess of the flow that counts, in wanted flows: the vibration falls that much faster than it rises."""
+WEAKER, STRONGER = 0.5, 1.2
+"""Least and largest factor of the vibration from one pulse to the next."""
+LEAST_PULSE = 0.4
+"""Least mass that a pulse is to bring, in accepted errors."""
 AHEAD_SHARE = 0.05
 """Share of the load over which the slope of the pour curve is taken at least."""
 LEAST_TILT = np.radians(3.0)
 """Tilt [rad] below which it does not go before the end: a tool that is level again has ended its dose."""
-NOWHERE = -np.pi
-"""Tilt [rad] to return to where there is none."""
 
 
 class PiDosing:
-    """Controls the flow onto the balance by the vibration's amplitude, and stops it ahead of the target.
+    """Doses in two stages, as batching scales do: a controlled flow up to a share of the target, then single pulses.
 
     At a tilt at which little flows by itself, what is shaken off follows the amplitude at once and stops with it; a
     slide does neither. So the amplitude is a PI control of the flow's relative error, and the tilt follows the pour
-    curve with the mass that has left. It tilts on faster where the strongest vibration is not enough, and back where
-    material flows without any. The wanted flow is the missing mass divided by a time, longer after the first stop.
+    curve with the mass that has left. It tilts on where the vibration is stronger than half (mid-ranging control), and
+    back where material flows without any. The wanted flow is the missing mass divided by a time. The first stage stops
+    where the mass in the cup, plus flow x delay, reaches its share.
 
-    The tool stops where the mass in the cup, plus flow x delay, reaches the mass aimed at: at first a share of the
-    target, then a share of what is missing. What still arrives after a stop corrects the delay, as batching scales
-    compensate for what is in flight. Mass and flow are estimated from the balance's readings with its known lag.
+    In the second stage it shakes for the time of a pulse, waits until the balance shows what came, and makes the next
+    pulse stronger or weaker, so that each brings a share of what is missing. Mass and flow are estimated from the
+    balance's readings with its known lag.
     """
 
     def __init__(self, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> None:
@@ -48,25 +49,24 @@ class PiDosing:
         """Begin a dose of a mass [kg], of which an error [kg] is accepted."""
         self._motion.start()
         self._meter.start()
-        self._phase: Literal["approach", "pour", "wait", "back"] = "approach"
-        self._aim, self._accepted = self._numbers.first * target, accepted
-        self._delay = self._numbers.delay
+        self._phase: Literal["approach", "pour", "wait", "pulse", "back"] = "approach"
+        self._accepted = accepted
         self._share = 0.0
-        """Integral part of the vibration, as a share of the largest."""
+        """Vibration, as a share of the largest: its integral part in the first stage."""
+        self._flows = False
+        self._at = 0.0
+        """Time [s] at which it stopped, or at which the pulse began."""
+        self._tilt = 0.0
+        """Tilt [rad] at which it shakes in the second stage."""
         self._before = 0.0
-        """Mass in the cup as the tool began to pour, or to pour again [kg]."""
-        self._flows, self._has_stopped = False, False
-        self._resumes_at = NOWHERE
-        """Tilt [rad] to which it turns without shaking after a stop."""
-        self._stop = (0.0, Stream(0.0, 0.0), 0.0)
-        """Time [s], stream and tilt [rad] at the last stop."""
+        """Mass in the cup before the pulse [kg]."""
 
     def command(self, sight: DoseSight) -> DoseCommand:
         """Return the command until the next sight."""
         stream = self._meter.add(sight.time, sight.shown)
         is_late = sight.time + self._motion.back_time(sight) >= self._duration
         is_enough = sight.target - sight.shown <= self._numbers.close * self._accepted
-        if is_late or (is_enough and self._phase != "wait"):
+        if is_late or is_enough:
             self._phase = "back"
         if self._phase == "approach":
             return self._approach(sight)
@@ -74,6 +74,8 @@ class PiDosing:
             return self._pour(sight, stream)
         if self._phase == "wait":
             return self._wait(sight, stream)
+        if self._phase == "pulse":
+            return self._pulse(sight, stream)
         return self._motion.level(sight)
 
     def _approach(self, sight: DoseSight) -> DoseCommand:
@@ -82,23 +84,18 @@ class PiDosing:
             return self._motion.turn(sight, 0.0)
         first = max(LEAST_TILT, self._curve.begin - np.radians(self._numbers.before_deg))
         if sight.tilt >= first - np.radians(self._numbers.search_deg) * self._dt or sight.shown > NOTICED:
-            self._phase, self._before = "pour", sight.shown
+            self._phase = "pour"
         return self._motion.turn_to(sight, first)
 
     def _pour(self, sight: DoseSight, stream: Stream) -> DoseCommand:
         """Control the flow, or stop."""
         numbers = self._numbers
-        if stream.mass + max(stream.flow, 0.0) * self._delay >= self._aim:
-            self._phase, self._share = "wait", numbers.resume * self._share
-            self._has_stopped, self._resumes_at = True, sight.tilt - np.radians(numbers.resume_deg)
-            self._stop = (sight.time, stream, sight.tilt)
-            return self._wait(sight, stream)
-        if sight.tilt < self._resumes_at:
-            return self._motion.turn(sight, np.radians(numbers.return_deg))
-        self._resumes_at = NOWHERE
-        self._flows = self._flows or stream.mass - self._before >= NOTICED
+        if stream.mass + max(stream.flow, 0.0) * numbers.delay >= numbers.first * sight.target:
+            return self._stop(sight, stream, numbers.resume * self._share)
+        self._flows = self._flows or stream.mass >= NOTICED
         missing = sight.target - stream.mass
-        lacking = self._lacking(sight, stream, missing)
+        wanted = max(missing / numbers.time, numbers.least * self._accepted)
+        lacking = float(np.clip((wanted - stream.flow) / wanted, -LARGEST_EXCESS, 1.0))
         self._share = float(np.clip(self._share + numbers.integral * lacking * self._dt, 0.0, 1.0))
         share = float(np.clip(self._share + numbers.proportional * lacking, 0.0, 1.0))
         search = np.radians(numbers.search_deg)
@@ -107,38 +104,51 @@ class PiDosing:
         else:
             ahead = max(missing, AHEAD_SHARE * self._curve.load)
             rate = self._curve.tilt_per_mass(max(stream.mass, 0.0), ahead) * max(stream.flow, 0.0)
-            if share == 1.0 or share == 0.0:
-                rate += search * lacking
+            rate += search * (lacking if share == 0.0 else self._beyond_middle(share))
         fastest = np.radians(numbers.fastest_deg)
-        if sight.tilt <= LEAST_TILT:
-            rate = max(rate, 0.0)
-        return self._motion.turn(sight, float(np.clip(rate, -fastest, fastest)), share * self._vibration.amplitude,
-                                 self._vibration.frequency)
+        rate = float(np.clip(rate, 0.0 if sight.tilt <= LEAST_TILT else -fastest, fastest))
+        return self._shake(sight, rate, share)
 
-    def _lacking(self, sight: DoseSight, stream: Stream, missing: float) -> float:
-        """Return what the flow lacks of the wanted one, as a share of it: 1 where nothing flows."""
-        numbers = self._numbers
-        left = self._duration - sight.time - self._motion.back_time(sight) - numbers.settle
-        wanted = max(numbers.pace * missing / max(left, numbers.settle), numbers.least * self._accepted)
-        if not self._has_stopped:
-            wanted = max(wanted, missing / numbers.time)
-        return float(np.clip((wanted - stream.flow) / wanted, -LARGEST_EXCESS, 1.0))
+    def _stop(self, sight: DoseSight, stream: Stream, share: float) -> DoseCommand:
+        """Stop what flows; share: vibration of the next pulse."""
+        self._phase, self._at, self._share = "wait", sight.time, share
+        self._tilt = max(LEAST_TILT, sight.tilt - np.radians(self._numbers.resume_deg))
+        return self._wait(sight, stream)
 
     def _wait(self, sight: DoseSight, stream: Stream) -> DoseCommand:
-        """Tilt back a little, wait until the balance is at rest, then learn from what still fell."""
+        """Tilt back, wait until the balance is at rest, and turn to where it shakes again."""
         numbers = self._numbers
-        time, then, tilt = self._stop
-        if sight.time - time < numbers.settle:
-            return self._motion.turn_to(sight, max(LEAST_TILT, tilt - np.radians(numbers.stop_deg)))
-        if abs(stream.flow) * numbers.settle >= max(NOTICED, 0.25 * self._accepted):  # it flows on by itself
-            further = np.radians(numbers.return_deg) * numbers.window
-            return self._motion.turn_to(sight, max(LEAST_TILT, sight.tilt - further))
-        if then.flow > 0.0:
-            learned = float(np.clip((stream.mass - then.mass) / then.flow, 0.0, LONGEST_DELAY))
-            # too early a stop costs time, too late a one cannot be mended
-            self._delay = max(learned, 0.5 * (self._delay + learned))
-        missing = sight.target - sight.shown
-        self._aim = sight.target - max(numbers.margin * self._accepted, (1.0 - numbers.next) * missing)
-        self._phase = "back" if missing <= numbers.close * self._accepted else "pour"
-        self._before = sight.shown
-        return self._motion.turn(sight, 0.0)
+        waited = sight.time - self._at
+        if waited < numbers.settle:
+            return self._motion.turn_to(sight, max(LEAST_TILT, self._tilt - np.radians(numbers.stop_deg)))
+        if sight.tilt < self._tilt - np.radians(numbers.search_deg) * self._dt:
+            return self._motion.turn_to(sight, self._tilt)
+        self._phase, self._at, self._before = "pulse", sight.time, stream.mass
+        return self._pulse(sight, stream)
+
+    def _pulse(self, sight: DoseSight, stream: Stream) -> DoseCommand:
+        """Shake for the time of a pulse, wait for the balance, learn from what came."""
+        numbers = self._numbers
+        passed = sight.time - self._at
+        if passed >= numbers.pulse + numbers.pause:
+            came = max(stream.mass - self._before, 0.0)
+            wanted = max(numbers.next * (sight.target - self._before), LEAST_PULSE * self._accepted)
+            factor = float(np.clip(np.sqrt(wanted / max(came, 1e-9)), WEAKER, STRONGER))
+            if came < wanted:
+                self._tilt += np.radians(numbers.search_deg) * passed * self._beyond_middle(self._share)
+            self._share = float(np.clip(factor * max(self._share, numbers.weakest), 0.0, 1.0))
+            self._at, self._before, passed = sight.time, stream.mass, 0.0
+        is_dangerous = stream.mass + max(stream.flow, 0.0) * numbers.delay >= sight.target
+        if is_dangerous and passed >= numbers.pulse:  # it flows on by itself
+            return self._stop(sight, stream, WEAKER * self._share)
+        rate = float(np.clip((self._tilt - sight.tilt) / (2.0 * self._dt), -0.1, 0.1))
+        return self._shake(sight, rate, self._share if passed < numbers.pulse and not is_dangerous else 0.0)
+
+    def _beyond_middle(self, share: float) -> float:
+        """Return by how much a vibration is stronger than the middle, 1 for the strongest."""
+        middle = self._numbers.middle
+        return max(0.0, (share - middle) / (1.0 - middle))
+
+    def _shake(self, sight: DoseSight, rate: float, share: float) -> DoseCommand:
+        """Turn with a rate [rad/s] and shake with a share of the strongest vibration."""
+        return self._motion.turn(sight, rate, share * self._vibration.amplitude, self._vibration.frequency)
