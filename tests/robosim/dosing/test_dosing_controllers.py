@@ -14,7 +14,7 @@ from robosim.errors import ConfigError, UnknownName
 
 NUMBERS = DosingNumbers.model_validate({
     "task": "Plant", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
-    "pi": {"before_deg": 10, "search_deg": 4, "time": 2, "integral": 0.4, "first": 0.75}})
+    "pi": {"before_deg": 10, "search_deg": 4, "time": 2, "integral": 0.4, "first": 0.85, "pulse": 0.4}})
 """Chosen for the plant, whose pour curve spans more tilt than a spoon's."""
 FLOUR = shifted(SALT, 12.0, 1.5)
 EARLY = shifted(SALT, -10.0)
@@ -35,9 +35,9 @@ def test_pi_doses_within_the_accepted_error(curve: PourCurve, target: float) -> 
 
 
 def test_pi_finds_a_material_that_begins_later_and_leaves_in_slabs() -> None:
-    """Slabs have 0.5 to 1.5 g; the open loop pours nothing of it."""
+    """Slabs have 0.5 to 1.5 g, and it is not off by more than a usual one; the open loop pours nothing of it."""
     errors = [pour("pi", 20e-3, Plant(FLOUR, seed, slab=1e-3, slide=0.3)).error for seed in range(4)]
-    assert np.abs(errors).max() <= 0.75e-3
+    assert np.abs(errors).max() <= 1e-3
     assert pour("open_loop", 20e-3, Plant(FLOUR, 0)).error < -15e-3
 
 

@@ -39,11 +39,11 @@ def test_values_outside_a_range_are_at_its_ends() -> None:
 @pytest.mark.parametrize("fast_deg", [0.5, 3.0])
 def test_rates_of_choices_are_those_that_the_tool_may_have(fast_deg: float) -> None:
     """Also below the ranges, and from an angle of 0, which has no logarithm."""
-    own = {"search_deg": fast_deg, "fastest_deg": fast_deg, "return_deg": fast_deg, "before_deg": 0.0}
+    own = {"search_deg": fast_deg, "fastest_deg": fast_deg, "before_deg": 0.0}
     slow = DosingNumbers.model_validate(NUMBERS.model_dump() | {"motion": {"fast_deg": fast_deg}, "pi": own})
     for k in range(1, 40):
         drawn = draw_choice("pi", slow, k, 0, {}, [slow]).pi
-        assert max(drawn.search_deg, drawn.fastest_deg, drawn.return_deg) <= fast_deg
+        assert max(drawn.search_deg, drawn.fastest_deg) <= fast_deg
         assert RANGES["pi"]["before_deg"].low <= drawn.before_deg
 
 
