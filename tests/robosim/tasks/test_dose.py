@@ -194,10 +194,10 @@ def test_a_vibration_is_a_sine_along_the_tool_and_dies_away() -> None:
     offsets = np.array([carrier.command(rest, rest, np.array([amplitude, frequency])).position - home.position
                         for _ in range(500)])
     assert np.array_equal(carrier.commanded.position, home.position)
-    assert np.abs(offsets[:, [0, 2]]).max() < 1e-12  # the tool's x is the world's y
+    assert np.abs(offsets[:, 1:]).max() < 1e-12  # the tool's y is the world's -x
     time = 0.002 * np.arange(1, 501)
     envelope = amplitude * (1.0 - np.exp(-time / 0.05))
-    assert offsets[:, 1] == pytest.approx(envelope * np.sin(2.0 * np.pi * frequency * time), abs=1e-9)
+    assert -offsets[:, 0] == pytest.approx(envelope * np.sin(2.0 * np.pi * frequency * time), abs=1e-9)
     state = carrier.state()
     poses = [carrier.command(rest, rest, np.array([0.0, frequency])) for _ in range(300)]
     assert np.abs(poses[0].position - home.position).max() > 1e-5 and np.array_equal(poses[-1].position, home.position)
@@ -209,7 +209,7 @@ def test_an_action_of_eight_numbers() -> None:
     actions = ActionScaling(load_task("DoseSpoon"))
     linear, angular, vibration = actions.velocities(np.array([1, 0, 0, 0, -1, 0, -1, 1], np.float32))
     assert linear[0] == 0.2 and angular[1] == -2.0 and vibration.tolist() == [0.0, 60.0]
-    assert actions.velocities(np.array([0] * 6 + [1, -1], np.float32))[2].tolist() == [5e-4, 20.0]
+    assert actions.velocities(np.array([0] * 6 + [1, -1], np.float32))[2].tolist() == [1e-3, 20.0]
     with pytest.raises(ConfigError, match=r"action\[6\] \(amplitude\) = 2.0"):
         actions.velocities(np.array([0] * 6 + [2, 0], np.float32))
     with pytest.raises(ConfigError, match=r"shape \(6,\); accepted: \(8,\)"):
