@@ -11,9 +11,6 @@ from mpm.backend import ti
 from robosim.envs.grain_env import GrainEnv
 from robosim.envs.vector import GrainVectorEnv
 
-RESET_TASKS = ("SpoonPour", "ScoopScoop", "DoseSpoon", "ShovelMove")
-"""Grains in a tool, in a container, to a mass, and on the table."""
-KINDS = ("alone", "arm", "vector")
 SEEDS, TURNS, ENVIRONMENTS = 6, 8, 4
 """Episodes that are repeated, how often, and environments of a vector environment."""
 
