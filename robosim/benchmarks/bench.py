@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from robosim.benchmarks import KINDS, RESET_TASKS
 from robosim.config.output import OutputFolder
 from robosim.envs import TASKS
 from robosim.errors import UnknownName
@@ -93,6 +94,13 @@ def measure_side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, 
             "memory of one more environment [MB]": GrainBatch(name, 1).batch.bytes_each / 1e6}
 
 
+def measure_resets(name: str, kind: str) -> dict[str, float]:
+    """Time randomized resets against nominal ones, see `robosim.benchmarks.resets`."""
+    from robosim.benchmarks import resets
+
+    return resets.measure_resets(name, kind)
+
+
 def measure_rendering() -> dict[str, float]:
     """Time pictures of a sub-task."""
     from robosim.envs.grain_env import GrainEnv
@@ -107,6 +115,8 @@ PARTS: dict[str, Callable[[], dict[str, float]]] = {
     "coupling": measure_coupling, "kinematics": measure_kinematics, "rendering": measure_rendering,
     **{name: lambda name=name: measure_environment(name) for name in TASKS}, "side_by_side": measure_side_by_side,
     **{f"arm_{name}": lambda name=name: measure_environment(name, arm=True) for name in TASKS},
+    **{f"resets_{kind}_{name}": lambda name=name, kind=kind: measure_resets(name, kind)
+       for kind in KINDS for name in RESET_TASKS},
 }
 
 

@@ -34,6 +34,8 @@ SPACING = 0.006
 """Distance [m] between grains that are put back."""
 HOLDING = 2.0
 """Time [s] for which a dosing tool has to hold its load at rest; other tools have to for as long as an episode."""
+AXES, SPREAD = np.eye(3), np.eye(6)[[0, 3, 4, 3, 1, 5, 4, 5, 2]]
+"""Rotation of no angle, and the strain's matrix, row by row (9, 6), out of xx, yy, zz, xy, xz, yz."""
 NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target", "randomize", "dose"}
 """Parts of a task that its start does not depend on."""
 
@@ -91,14 +93,12 @@ def read_start(options: dict[str, Any] | None) -> StartOptions:
 
 def rotate_grains(state: dict[str, np.ndarray], R: np.ndarray) -> dict[str, np.ndarray]:
     """Return velocities and strains of a state after a rotation R (3, 3) of all that they belong to."""
-    if np.allclose(R, np.eye(3), rtol=0.0, atol=1e-12):
+    if np.abs(R - AXES).max() <= 1e-12:
         return {}
-    both = np.kron(R, R)  # of R C R^T, row by row
+    both = (R[:, None, :, None] * R[None, :, None, :]).reshape(9, 9)  # of R C R^T, row by row
     rotated = {"v": state["v"] @ R.T, "C": state["C"] @ both.T}
     if "e" in state:
-        spread = np.zeros((9, 6))  # from xx, yy, zz, xy, xz, yz to rows
-        spread[np.arange(9), [0, 3, 4, 3, 1, 5, 4, 5, 2]] = 1.0
-        rotated["e"] = state["e"] @ (both @ spread)[[0, 4, 8, 1, 2, 5]].T
+        rotated["e"] = state["e"] @ (both @ SPREAD)[[0, 4, 8, 1, 2, 5]].T
     if "remainder" in state:
         rotated["remainder"] = state["remainder"] @ R.T
     return {name: values.astype(state[name].dtype) for name, values in rotated.items()}

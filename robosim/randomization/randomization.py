@@ -45,6 +45,8 @@ class Randomization:
         self._check_materials()
         self.ranges: dict[str, tuple[float, float]] = {
             name: self._read_range(name, pair, arm) for name, pair in ranges.items() if name != MATERIAL}
+        self._laws = {label: law_of(one) for label, one in self.materials.items()}
+        self._levels = {name: self.levels(name) for name in self.ranges if name in IN_LEVELS}
         for fill, slope in itertools.product(self.levels("fill"), self.levels("surface_slope_deg")):
             check_fill(task, fill or 1.0, slope)
         self.step = min(largest_step(task, law_of(one)) for one in [material, *self.materials.values()])
@@ -117,7 +119,7 @@ class Randomization:
 
     def draw(self, rng: np.random.Generator, *, nominal: bool, shift: Vector, turn_deg: float) -> Draw:
         """Draw an episode; nominal: the tool and the pile begin where the task says, but for shift [m] and turn."""
-        numbers = {name: float(rng.choice(self.levels(name)) if name in IN_LEVELS else rng.uniform(*pair))
+        numbers = {name: float(rng.choice(self._levels[name]) if name in IN_LEVELS else rng.uniform(*pair))
                    for name, pair in self.ranges.items()}
         tool, pile = np.array(shift), np.zeros(3)
         if not nominal:
@@ -166,7 +168,9 @@ class Randomization:
     def law(self, draw: Draw) -> Law | None:
         """Return the law of an episode; None: neither material nor one of its numbers is drawn."""
         numbers = {name: value for name, value in draw.numbers.items() if name in self._numbers}
-        return law_of(overridden(self.material(draw), numbers)) if numbers or self.materials else None
+        if not numbers:
+            return self._laws.get(draw.material)
+        return law_of(overridden(self.material(draw), numbers))
 
     def frictions(self, draw: Draw, colliders: int) -> dict[int, float]:
         """Return the friction of each collider whose friction is drawn, by its number; the tool's is 0."""

@@ -17,6 +17,8 @@ class SceneSetting:
         self._scene, self._servo, self._present = scene, servo, STANDARD
         self._containers = StillBodies(scene.model, list(task.vessels))
         self._carried = body_ids_below(scene.model, scene.wrist)
+        self._scratch = mujoco.MjData(scene.model)
+        """For MuJoCo's computation of the model's constants; to allocate one takes longer than the computation."""
         self._mass, self._inertia = scene.model.body_mass.copy(), scene.model.body_inertia.copy()
 
     def apply(self, setting: Setting, data: mujoco.MjData) -> None:
@@ -26,7 +28,7 @@ class SceneSetting:
         if setting.payload != before.payload:
             model.body_mass[self._carried] = setting.payload * self._mass[self._carried]
             model.body_inertia[self._carried] = setting.payload * self._inertia[self._carried]
-            mujoco.mj_setConst(model, mujoco.MjData(model))
+            mujoco.mj_setConst(model, self._scratch)
         if (setting.stiffness, setting.damping) != (before.stiffness, before.damping):
             self._servo.scale(setting.stiffness, setting.damping)
             self._servo.check_step(model, data, self._scene.arm_dofs)

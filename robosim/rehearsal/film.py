@@ -36,7 +36,7 @@ ASLEEP = (0.25, 0.38, 0.62, 1.0)
 SHEET_FRAMES = 9
 """Frames on the sheet."""
 FULL, EMPTYING = 0.95, 0.5
-"""Shares of the largest load from which a tool counts as full, and below which as emptying."""
+"""Shares: of the largest load, from which a tool counts as full, and of what leaves it, from which as emptying."""
 DISTANCE, AZIMUTH_DEG, ELEVATION_DEG = 0.62, 205.0, -28.0
 """Of the camera that follows the hand, from what it looks at [m], and its direction [deg]: from the
 other side of the table."""
@@ -65,6 +65,8 @@ class FilmPlan(NamedTuple):
     """Time [s] of a still in 1080p with smooth edges; None: there is none."""
     passages: list[tuple[float, str]] = []  # noqa: RUF012
     """Times [s] of the waypoints, and their names, for the captions, and the frames on the sheet."""
+    passages_after_dose: list[tuple[float, str]] = []  # noqa: RUF012
+    """The same of those after a dose, without the time that it takes."""
 
 
 class FilmState(NamedTuple):
@@ -78,6 +80,8 @@ class FilmState(NamedTuple):
     """Of the grains [m] (n, 3)."""
     asleep: np.ndarray | None = None
     """Which grains sleep (n,), where they are marked."""
+    delay: float = 0.0
+    """Time [s] by which a dose that is over has delayed the motion."""
 
 
 def find_camera(model: mujoco.MjModel, name: str) -> str:
@@ -101,13 +105,13 @@ def plan_film(run: RehearsalRun, camera: str, colour: str = "material", rate: in
     check_colour(colour)
     return FilmPlan(run.config, camera, sum(run.solver.particles.counts), run.grains.grain_volume,
                     tuple(run.material.colour), colour == "awake", rate, height, poster,
-                    run.planned_passages())
+                    run.planned_passages(), run.passages_after_dose())
 
 
 def read_state(run: RehearsalRun, marks_sleepers: bool = False) -> FilmState:
     """Return the present state of a run."""
     return FilmState(run.time, run.data.qpos.copy(), run.solver.positions().astype(np.float32),
-                     ~run.solver.awake if marks_sleepers else None)
+                     ~run.solver.awake if marks_sleepers else None, run.delay)
 
 
 class Film:
@@ -117,7 +121,7 @@ class Film:
     """
 
     def __init__(self, plan: FilmPlan, out: Path) -> None:
-        self._plan, self._out = plan, out
+        self._plan, self._out, self._passages = plan, out, list(plan.passages)
         self._model = _compile_drawn_model(plan)
         self._data, self._camera_name = mujoco.MjData(self._model), find_camera(self._model, plan.camera)
         self._renderer = SceneRenderer(self._model, plan.grains, picture_width(plan.height), even(plan.height))
@@ -132,6 +136,8 @@ class Film:
     def add(self, state: FilmState) -> None:
         """Add a frame."""
         frame = self.draw(state)
+        if state.delay > 0.0 and len(self._passages) == len(self._plan.passages):
+            self._passages += [(time + state.delay, name) for time, name in self._plan.passages_after_dose]
         if self._plan.poster is not None and self._poster is None and state.time >= self._plan.poster:
             self._poster = state
         self._writer.add(self._caption(frame, state.time))
@@ -158,7 +164,7 @@ class Film:
 
     def _caption(self, frame: np.ndarray, time: float) -> np.ndarray:
         """Return a frame with material, time and the waypoint that was passed last."""
-        passed = next((name for begin, name in reversed(self._plan.passages) if begin <= time), "grasp")
+        passed = next((name for begin, name in reversed(self._passages) if begin <= time), "grasp")
         picture = Image.fromarray(frame)
         write_caption(picture, f"{self._plan.config.material}   {time:5.2f} s   {passed}")
         return np.asarray(picture)
@@ -178,7 +184,7 @@ class Film:
         try:
             self._writer.close()
             if self._loads:
-                chosen = choose_frames(np.array(self._loads), self._plan.passages)
+                chosen = choose_frames(np.array(self._loads), self._passages)
                 frames = read_frames(self._writer.path, [index for index, _ in chosen])
                 captions = [f"{name}, {self._loads[index][0]:.1f} s" for index, name in chosen]
                 write(self._out / "frames.png", lambda path: write_contact_sheet(frames, captions, path))
@@ -225,8 +231,9 @@ def choose_frames(loads: np.ndarray, passages: list[tuple[float, str]]) -> list[
     if held.max() > 0.0:
         full = np.flatnonzero(held >= FULL * held.max())
         events[int(full[len(full) // 2])] = "full"
-        left = np.flatnonzero(held[full[-1] :] < EMPTYING * held.max())
-        if len(left):
+        least = held[full[-1] :].min()
+        left = np.flatnonzero(held[full[-1] :] < least + EMPTYING * (held.max() - least))
+        if least < FULL * held.max():
             events[int(full[-1] + left[0])] = "emptying"
     chosen |= events
     while len(chosen) > SHEET_FRAMES:

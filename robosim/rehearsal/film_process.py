@@ -28,10 +28,10 @@ PIPE_BYTES = 1 << 20
 """Room of the pipe, the most that Linux gives: a few states."""
 NO_RENDERING = 3
 """Exit status of a process that cannot draw on this machine."""
-HEADER = struct.Struct("<dqq?")
-"""What comes before a state: its time [s], the numbers of its joint positions and of its grains, and whether it says
-which of these sleep."""
-END = HEADER.pack(0.0, -1, -1, False)
+HEADER = struct.Struct("<ddqq?")
+"""What comes before a state: its time and delay [s], the numbers of its joint positions and of its grains, and whether
+it says which of these sleep."""
+END = HEADER.pack(0.0, 0.0, -1, -1, False)
 """Instead of a state's header: there are no more."""
 PATIENCE = 2.0
 """Seconds of drawing that are left from which their number is printed."""
@@ -152,27 +152,29 @@ def pack_plan(plan: FilmPlan) -> bytes:
 def unpack_plan(line: bytes) -> FilmPlan:
     """Return the plan of a line."""
     values = json.loads(line)
-    passages = [(float(time), str(text)) for time, text in values["passages"]]
-    return FilmPlan(**values | {"config": RehearsalConfig.model_validate(values["config"]), "passages": passages,
-                                "colour": tuple(values["colour"])})
+    passages = {key: [(float(time), str(text)) for time, text in values[key]]
+                for key in ("passages", "passages_after_dose")}
+    return FilmPlan(**values | passages | {"config": RehearsalConfig.model_validate(values["config"]),
+                                           "colour": tuple(values["colour"])})
 
 
 def pack_state(state: FilmState) -> bytes:
     """Return a state as a header and its numbers."""
     qpos, positions = np.asarray(state.qpos, "<f8"), np.asarray(state.positions, "<f4")
     asleep = b"" if state.asleep is None else np.asarray(state.asleep, bool).tobytes()
-    header = HEADER.pack(state.time, len(qpos), len(positions), bool(asleep))
+    header = HEADER.pack(state.time, state.delay, len(qpos), len(positions), bool(asleep))
     return header + qpos.tobytes() + positions.tobytes() + asleep
 
 
 def read_packed_state(stream: BinaryIO) -> FilmState | None:
     """Return the next state, or None where there are no more; raises EOFError where the stream ends before."""
-    time, joints, grains, marks = HEADER.unpack(_read(stream, HEADER.size))
+    time, delay, joints, grains, marks = HEADER.unpack(_read(stream, HEADER.size))
     if joints < 0:
         return None
     qpos = np.frombuffer(_read(stream, 8 * joints), "<f8")
     positions = np.frombuffer(_read(stream, 12 * grains), "<f4").reshape(-1, 3)
-    return FilmState(time, qpos, positions, np.frombuffer(_read(stream, grains), bool) if marks else None)
+    asleep = np.frombuffer(_read(stream, grains), bool) if marks else None
+    return FilmState(time, qpos, positions, asleep, delay)
 
 
 def _read(stream: BinaryIO, size: int) -> bytes:

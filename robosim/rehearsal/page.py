@@ -11,7 +11,7 @@ from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.dosing.stage import DoseSample, DosingStage
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.replay.comparison import replay_charts
-from robosim.rehearsal.run import RehearsalRun
+from robosim.rehearsal.run import DOSE, RehearsalRun
 from robosim.reports.curves import Chart, Curve, draw_charts
 from robosim.reports.page import Page
 
@@ -39,7 +39,7 @@ def make_page(run: RehearsalRun, figures: dict[str, Any], missed: list[str], fol
                        f"curves: robosim view {folder}")
         charts = make_charts(run, recording)
     page.add_heading("Curves")
-    page.add_plot(draw_charts(charts, {name: run.waypoint_time(name) for name in run.plan.path.times}),
+    page.add_plot(draw_charts(charts, make_marks(run)),
                   "Drag to zoom, double-click to come back; a click in the legend hides a curve.")
     page.add_heading("Bounds")
     page.add_table(["figure", "value", "unit", "accepted from", "to", "verdict", "margin"],
@@ -68,6 +68,12 @@ def bound_row(name: str, value: object, bound: Bound) -> list[object]:
         return [words, None, unit, low, high, "not run", None]
     margin = min(value - bound.low, bound.high - value)
     return [words, value, unit, low, high, "held" if margin >= 0 else "missed", None if np.isinf(margin) else margin]
+
+
+def make_marks(run: RehearsalRun) -> dict[str, float]:
+    """Return names and times [s] of the waypoints, and of a dose's begin."""
+    times = {name: run.waypoint_time(name) for name in run.plan.path.times}
+    return times if run.stage is None or run.stage.begin is None else {DOSE: run.stage.begin} | times
 
 
 def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
@@ -107,10 +113,11 @@ def make_charts(run: RehearsalRun, recording: Recording) -> list[Chart]:
 
 
 def dose_charts(stage: DosingStage) -> list[Chart]:
-    """Return the charts of a dose: masses and target, and what the controller commands."""
+    """Return the charts of a dose: masses and target, the balance's error, and what the controller commands."""
     time, shown, mass, tilt, amplitude = (stage.stack(name) for name in DoseSample._fields)
     return [Chart("dose [g]", [Curve("in the cup", time, 1e3 * mass), Curve("the balance shows", time, 1e3 * shown),
                                Curve("target", time, np.full_like(time, 1e3 * stage.target), dashed=True)]),
+            Chart("what the balance shows less what is in the cup [g]", [Curve("shown", time, 1e3 * (shown - mass))]),
             Chart("tilt of the tool while it doses [deg]", [Curve("tilt", time, np.degrees(tilt))]),
             Chart("commanded amplitude of the vibration [mm]", [Curve("amplitude", time, 1e3 * amplitude)])]
 

@@ -142,7 +142,12 @@ class RehearsalRun:
     def waypoint_time(self, name: str) -> float:
         """Return the simulated time [s] at which a waypoint is passed."""
         time = self.config.grasp_time + self.plan.path.times[name]
-        return time if self.stage is None or time < self._dose_begin else time + self.stage.duration
+        return time if self.stage is None or time < self._dose_begin else time + self.delay
+
+    @property
+    def delay(self) -> float:
+        """Time [s] by which a dose has delayed the planned motion; 0 until it is over, and without one."""
+        return 0.0 if self.stage is None else self.stage.duration
 
     def planned_passages(self) -> list[tuple[float, str]]:
         """Return times [s] and names of the waypoints that are passed at times known before the run, in order.
@@ -153,6 +158,13 @@ class RehearsalRun:
         if self.stage is None:
             return passages
         return [(time, name) for time, name in passages if time < self._dose_begin] + [(self._dose_begin, DOSE)]
+
+    def passages_after_dose(self) -> list[tuple[float, str]]:
+        """Return times [s] and names of the waypoints after a dose, in order, without the time that it takes."""
+        if self.stage is None:
+            return []
+        times = {name: self.config.grasp_time + time for name, time in self.plan.path.times.items()}
+        return sorted((time, name) for name, time in times.items() if time >= self._dose_begin)
 
     def mass_in_cup(self) -> float:
         """Return the mass [kg] in the cup of the dose, without grains that the tool holds above it."""

@@ -94,8 +94,9 @@ class Servo:
         M = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, M)
         inverse_inertia = np.linalg.inv(M)[np.ix_(dofs, dofs)]
-        d, k = (float(np.linalg.eigvals(inverse_inertia * gains).real.max())
-                for gains in (self._damping, self._stiffness))
+        # the eigenvalues of M^-1 diag(gains), of a symmetric matrix that is similar to it
+        roots = [np.sqrt(gains) for gains in (self._damping, self._stiffness)]
+        d, k = (float(np.linalg.eigvalsh(root[:, None] * inverse_inertia * root)[-1]) for root in roots)
         bound = (np.sqrt(d * d + 4.0 * k) - d) / k
         if model.opt.timestep >= bound:
             raise ConfigError(f"host_dt = {model.opt.timestep:g} s: the servo's stiffness and damping need steps below "

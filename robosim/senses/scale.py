@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 import mpm
+from robosim.instruments.balance import Balance
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_option
@@ -49,24 +50,14 @@ class ScaleTerm(Term):
                                                        "drift": (0.0, 1.0)}
 
     def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
-        """Return the filter's state: mass [kg], time [s]; and the balance's own numbers."""
+        """Return the balance's memory, and the numbers that are its own in this episode."""
         own = {"lag": self._lag, "repeatability": self._repeatability, "drift": self._drift}
-        return {"shown": self._mass(sight), "time": sight.time, **own, **drawn}
+        return Balance.start(sight.time, self._mass(sight)) | own | dict(drawn)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return what the balance shows (1,) and advance its filter."""
-        passed, now = sight.time - memory["time"], self._mass(sight)
-        gain = 1.0 if memory["lag"] == 0.0 else 1.0 - np.exp(-passed / memory["lag"])
-        memory |= {"shown": memory["shown"] + gain * (now - memory["shown"]), "time": sight.time}
-        shown = memory["shown"]
-        if memory["drift"] > 0.0:
-            memory.setdefault("slope", memory["drift"] * rng.standard_normal())
-            shown += memory["slope"] * sight.time
-        if memory["repeatability"] > 0.0:
-            shown += memory["repeatability"] * rng.standard_normal()
-        if self._readability > 0.0:
-            shown = self._readability * np.round(shown / self._readability)
-        return np.clip([shown], -CAPACITY, CAPACITY)
+        balance = Balance(memory["lag"], self._readability, memory["repeatability"], memory["drift"])
+        return np.clip([balance.read(memory, sight.time, self._mass(sight), rng)], -CAPACITY, CAPACITY)
 
     def _mass(self, sight: Sight) -> float:
         """Return the mass [kg] of the grains above the balance that the tool does not hold.

@@ -3,15 +3,16 @@
 Masses are in kg. What is poured is the mass in the receiver; in a task without one, the mass in the tool.
 """
 
-import copy
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 import mpm
+from robosim.dosing.command import accepted_error
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TaskCounts
+from robosim.tasks.reward import EpisodeSums
 from robosim.tasks.task import TaskConfig
 
 TARGET_MASS = "target_mass"
@@ -28,12 +29,12 @@ RESPONSE = 0.05
 """Time constant [s] with which a vibration's amplitude follows the command: a stop at once knocks grains off."""
 STILL = 1e-7
 """Amplitude [m] below which nothing vibrates."""
-SUMS = ("score", "target", "grain_mass", "error", "spilled", "steps", "has_tilted", "level_steps", "most")
-"""Attributes of a `DoseReward` that an episode's start and its steps set."""
 
 
-class DoseReward:
+class DoseReward(EpisodeSums):
     """Reward terms, readings and end of a dosing episode; methods as of `robosim.tasks.reward.Reward`."""
+
+    SUMS = ("score", "target", "grain_mass", "error", "spilled", "steps", "has_tilted", "level_steps", "most")
 
     def __init__(self, task: TaskConfig) -> None:
         assert task.dose is not None
@@ -50,24 +51,9 @@ class DoseReward:
         """Begin a new episode with a target [kg]; grain_mass: of one material point [kg]."""
         self.target, self.grain_mass = target, grain_mass
         self.score = dict.fromkeys(self.terms, 0.0)
-        """Sums of the terms over the episode."""
         self.error, self.spilled = 1.0, 0.0
         """Size of the error, up to WORST_ERROR, and spilled mass, up to 1, as shares of the target."""
         self.steps, self.has_tilted, self.level_steps, self.most = 0, self._start_tilt > TILTED, 0, 0.0
-
-    def state(self) -> dict[str, Any]:
-        """Return what the episode so far has left."""
-        return {name: copy.copy(getattr(self, name)) for name in SUMS}
-
-    def load(self, state: dict[str, Any]) -> None:
-        """Take over what `state` returned."""
-        for name, value in {name: copy.copy(state[name]) for name in SUMS}.items():
-            setattr(self, name, value)
-
-    @property
-    def tcs(self) -> float:
-        """Sum of all terms so far."""
-        return sum(self.score.values())
 
     @property
     def is_over(self) -> bool:
@@ -94,7 +80,7 @@ class DoseReward:
         values = {"error": weights.error * (self.error - error), "time": -weights.time / self.task.steps,
                   "spill": weights.spill * (self.spilled - spilled)}
         self.error, self.spilled = error, spilled
-        self._add_to_score(values)
+        self.add_to_score(values)
         return values
 
     def diverge(self, steps_left: int) -> dict[str, float]:
@@ -103,12 +89,8 @@ class DoseReward:
         worst = {"error": weights.error * (self.error - WORST_ERROR),
                  "time": -weights.time * steps_left / self.task.steps, "spill": weights.spill * (self.spilled - 1.0)}
         self.error, self.spilled = WORST_ERROR, 1.0
-        self._add_to_score(worst)
+        self.add_to_score(worst)
         return worst
-
-    def _add_to_score(self, values: dict[str, float]) -> None:
-        for name, value in values.items():
-            self.score[name] += value
 
     def masses(self, counts: TaskCounts) -> "Masses":
         """Return where the grains are, by their mass."""
@@ -134,7 +116,7 @@ class DoseReward:
 
     def is_success(self, counts: TaskCounts) -> bool:
         """Return whether the mass is right to within the larger one of the task's two tolerances."""
-        allowed = max(0.01 * self.dose.tolerance_percent * self.target, 1e-3 * self.dose.tolerance_g)
+        allowed = accepted_error(self.target, self.dose.tolerance_percent, self.dose.tolerance_g)
         return bool(abs(self.masses(counts).poured - self.target) <= allowed)
 
     def extremes(self) -> tuple[float, float]:

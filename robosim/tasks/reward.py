@@ -6,7 +6,7 @@ in `info["reward_terms"]` and in the task completion score (TCS), which leaves o
 
 import copy
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,12 +15,40 @@ from robosim.tasks.task import TaskConfig
 
 NOT_SCORED = ("distance", "contact")
 """Terms that guide learning and are no part of the task completion score."""
-SUMS = ("score", "collisions", "on_target", "poured_on_target", "turn_error")
-"""Attributes of a `Reward` that the steps of an episode change."""
 
 
-class Reward:
+class EpisodeSums:
+    """What a reward adds up over an episode, the terms of the score among it."""
+
+    SUMS: ClassVar[tuple[str, ...]] = ()
+    """Attributes that the steps of an episode change, `score` among them."""
+    score: dict[str, float]
+    """Sums over the episode of the terms that make up the score."""
+
+    def state(self) -> dict[str, Any]:
+        """Return the sums and numbers over the episode so far."""
+        return {name: copy.copy(getattr(self, name)) for name in self.SUMS}
+
+    def load(self, state: dict[str, Any]) -> None:
+        """Take over what `state` returned."""
+        for name, value in {name: copy.copy(state[name]) for name in self.SUMS}.items():
+            setattr(self, name, value)
+
+    @property
+    def tcs(self) -> float:
+        """Task completion score so far; the last step adds the terms of the end."""
+        return sum(self.score.values())
+
+    def add_to_score(self, values: dict[str, float]) -> None:
+        """Add the scored ones among the terms of a step."""
+        for name in self.score:
+            self.score[name] += values[name]
+
+
+class Reward(EpisodeSums):
     """Reward terms and score of one episode, from the counts of each step of `step_dt`."""
+
+    SUMS = ("score", "collisions", "on_target", "poured_on_target", "turn_error")
 
     def __init__(self, task: TaskConfig) -> None:
         self.task, distance = task, task.reward.distance
@@ -35,30 +63,15 @@ class Reward:
     def restart(self) -> None:
         """Begin a new episode."""
         self.score = {name: 0.0 for name in self.terms if name not in NOT_SCORED}
-        """Sums over the episode of the terms that make up the score."""
         self.collisions, self.on_target, self.poured_on_target = 0, 0, 0
         turn = self.task.reward.turn
         self.turn_error = abs(math.radians(turn.angle_deg)) if turn is not None else 0.0
         """Difference [rad] between the tool's rotation and the one that the task asks for."""
 
-    def state(self) -> dict[str, Any]:
-        """Return the sums and numbers over the episode so far."""
-        return {name: copy.copy(getattr(self, name)) for name in SUMS}
-
-    def load(self, state: dict[str, Any]) -> None:
-        """Take over what `state` returned."""
-        for name, value in {name: copy.copy(state[name]) for name in SUMS}.items():
-            setattr(self, name, value)
-
     @property
     def is_over(self) -> bool:
         """Whether the episode ends before its time: never."""
         return False
-
-    @property
-    def tcs(self) -> float:
-        """Task completion score so far; the last step adds the terms of the end."""
-        return sum(self.score.values())
 
     def step(self, counts: TaskCounts, angle: float, last: bool) -> dict[str, float]:
         """Return the terms of one step and add them to the score.
@@ -85,7 +98,7 @@ class Reward:
         if weights.turn is not None:
             self.turn_error = abs(math.remainder(angle - math.radians(weights.turn.angle_deg), 2 * math.pi))
             values["turn"] = weights.turn.scale * (weights.turn.margin - self.turn_error) if last else 0.0
-        self._add_to_score(values)
+        self.add_to_score(values)
         return values
 
     def diverge(self, steps_left: int) -> dict[str, float]:
@@ -102,13 +115,8 @@ class Reward:
         if self.task.reward.turn is not None:
             turn = self.task.reward.turn
             worst["turn"] = turn.scale * (turn.margin - math.pi)
-        self._add_to_score(worst)
+        self.add_to_score(worst)
         return worst
-
-    def _add_to_score(self, values: dict[str, float]) -> None:
-        """Add the scored terms of a step."""
-        for name in self.score:
-            self.score[name] += values[name]
 
     def _elites(self, distances: np.ndarray, on_target: np.ndarray) -> tuple[float, int]:
         """Return the summed distance [m] of the grains closest to the goal and how many of them are on the target."""

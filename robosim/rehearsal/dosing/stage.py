@@ -14,7 +14,7 @@ from robosim.dosing.command import DoseCommand, DoseController, DoseSight, accep
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import SECTIONS, DosingNumbers, check_tool, load_dosing
 from robosim.errors import ConfigError, RobotDiverged
-from robosim.rehearsal.dosing.balance import Balance
+from robosim.rehearsal.dosing.balance import TaredBalance
 from robosim.rehearsal.dosing.lip_motion import LipMotion, make_lip_motion
 from robosim.robot.inverse_kinematics import step_towards
 from robosim.robot.joint_control import JointSmoother
@@ -101,7 +101,7 @@ class DosingStage:
         """
         check_target(self._config, load, f"holds it at waypoint {self._config.dose_at!r}")
         self.begin = time
-        self._balance, self.tare = Balance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
+        self._balance, self.tare = TaredBalance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
         self._smoother.restart(self._q)
         self._controller.start(self.target, accepted_error(self.target))
 

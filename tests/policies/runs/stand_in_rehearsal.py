@@ -109,7 +109,7 @@ def make_film():
             self._renderer = SimpleNamespace(close=lambda: None)
             self._writer = Mp4Writer(out.path / "rehearsal.mp4", fps=film.FRAME_RATE)
             self._plan = SimpleNamespace(poster=None, passages=[], config=SimpleNamespace(material="salt"))
-            self._poster = None
+            self._poster, self._passages = None, []
             self._loads = []
 
         def begin(self, run, camera, colour, rate, height, poster):

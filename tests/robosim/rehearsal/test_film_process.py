@@ -23,11 +23,12 @@ def make_run() -> SimpleNamespace:
     config = place_target(load_rehearsal("spoon"))
     scene = compile_rehearsal(config)
     grid = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), -1).reshape(-1, 3)[:60]
-    run = SimpleNamespace(config=config, data=mujoco.MjData(scene.model), time=0.0,
+    run = SimpleNamespace(config=config, data=mujoco.MjData(scene.model), time=0.0, delay=0.0,
                           material=SimpleNamespace(colour=(0.9, 0.9, 0.9, 1.0)), grains=SimpleNamespace(
                               grain_volume=8e-6))
     run.plan = SimpleNamespace(path=SimpleNamespace(times={"dig": 0, "lift": 0}))
     run.planned_passages = lambda: [(0.0, "dig"), (0.2, "lift")]
+    run.passages_after_dose = lambda: [(0.25, "home")]
     run.solver = SimpleNamespace(
         awake=np.arange(60) % 2 == 0, particles=SimpleNamespace(counts=(60,)),
         positions=lambda: np.array([0.7, -0.2, 0.05 + 0.2 * run.time]) + 0.02 * grid)

@@ -1,0 +1,4 @@
+"""Measuring instruments: what they show of a true value.
+
+Imports: nothing of the project.
+"""
