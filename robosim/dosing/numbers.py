@@ -86,6 +86,8 @@ class PiNumbers(Table):
     """Rate [1/s] of that share per relative error of the flow."""
     first: float = Field(default=0.7, ge=0.1, le=1.0)
     """Share of the target at which the flow stops."""
+    left: float = Field(default=2e-3, ge=0.0, le=1.0)
+    """Mass [kg] before the target at which it stops at least: what begins to flow comes in a gush."""
     delay: float = Field(default=0.3, ge=0.0, le=5.0)
     """Time [s] that the flow still arrives after a stop."""
     lag: float = Field(default=0.2, ge=0.0, le=10.0)
@@ -100,8 +102,8 @@ class PiNumbers(Table):
     """Time [s] that the tool waits after a stop."""
     resume: PartOfWhole = 0.7
     """Vibration of the first pulse, as a share of that at the stop."""
-    weakest: PartOfWhole = 0.05
-    """Vibration of the first pulse at least, as a share of the largest."""
+    weakest: PartOfWhole = 0.1
+    """Vibration of a pulse at least, as a share of the largest."""
     pulse: Seconds = 0.12
     """Time [s] of a pulse."""
     pause: Seconds = 0.4

@@ -90,7 +90,11 @@ class PiDosing:
     def _pour(self, sight: DoseSight, stream: Stream) -> DoseCommand:
         """Control the flow, or stop."""
         numbers = self._numbers
-        if stream.mass + max(stream.flow, 0.0) * numbers.delay >= numbers.first * sight.target:
+        enough = min(numbers.first * sight.target, sight.target - numbers.left)
+        if enough <= 0.0:  # no more than pulses are to bring
+            self._phase, self._at, self._tilt = "pulse", sight.time, max(LEAST_TILT, sight.tilt)
+            return self._pulse(sight, stream)
+        if self._coming(stream) >= enough:
             return self._stop(sight, stream, numbers.resume * self._share)
         self._flows = self._flows or stream.mass >= NOTICED
         missing = sight.target - stream.mass
@@ -130,19 +134,24 @@ class PiDosing:
         """Shake for the time of a pulse, wait for the balance, learn from what came."""
         numbers = self._numbers
         passed = sight.time - self._at
+        wanted = max(numbers.next * (sight.target - self._before), LEAST_PULSE * self._accepted)
         if passed >= numbers.pulse + numbers.pause:
             came = max(stream.mass - self._before, 0.0)
-            wanted = max(numbers.next * (sight.target - self._before), LEAST_PULSE * self._accepted)
             factor = float(np.clip(np.sqrt(wanted / max(came, 1e-9)), WEAKER, STRONGER))
             if came < wanted:
                 self._tilt += np.radians(numbers.search_deg) * passed * self._beyond_middle(self._share)
             self._share = float(np.clip(factor * max(self._share, numbers.weakest), 0.0, 1.0))
             self._at, self._before, passed = sight.time, stream.mass, 0.0
-        is_dangerous = stream.mass + max(stream.flow, 0.0) * numbers.delay >= sight.target
-        if is_dangerous and passed >= numbers.pulse:  # it flows on by itself
+        coming = self._coming(stream)
+        if coming >= sight.target and passed >= numbers.pulse:  # it flows on by itself
             return self._stop(sight, stream, WEAKER * self._share)
         rate = float(np.clip((self._tilt - sight.tilt) / (2.0 * self._dt), -0.1, 0.1))
-        return self._shake(sight, rate, self._share if passed < numbers.pulse and not is_dangerous else 0.0)
+        is_over = passed >= numbers.pulse or coming >= self._before + wanted
+        return self._shake(sight, rate, 0.0 if is_over else max(self._share, numbers.weakest))
+
+    def _coming(self, stream: Stream) -> float:
+        """Return what will lie in the cup [kg] if the vibration stops now."""
+        return stream.mass + max(stream.flow, 0.0) * self._numbers.delay
 
     def _beyond_middle(self, share: float) -> float:
         """Return by how much a vibration is stronger than the middle, 1 for the strongest."""

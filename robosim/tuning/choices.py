@@ -40,6 +40,7 @@ RANGES: dict[str, dict[str, Range]] = {
     "pi": {"before_deg": Range(5.0, 40.0), "search_deg": Range(0.5, 6.0), "middle": Range(0.2, 0.9, False),
            "fastest_deg": Range(3.0, 30.0), "time": Range(1.0, 6.0), "least": Range(0.3, 3.0),
            "proportional": Range(0.0, 0.3, False), "integral": Range(0.05, 1.0), "first": Range(0.3, 0.95, False),
+           "left": Range(5e-4, 0.01),
            "delay": Range(0.1, 0.6), "window": Range(0.1, 0.4), "stop_deg": Range(2.0, 20.0, False),
            "resume_deg": Range(0.0, 6.0, False), "settle": Range(0.3, 1.2), "resume": Range(0.0, 1.0, False),
            "weakest": Range(0.01, 0.3), "pulse": Range(0.06, 0.4), "pause": Range(0.2, 1.0),
