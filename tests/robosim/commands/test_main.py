@@ -25,6 +25,7 @@ WRONG = {
     "a material": (["chain", "spoon", "--material", "pepper", "--out", "x"], "unknown material 'pepper'; valid: clay"),
     "a camera": (["rehearse", "spoon", "--camera", "left", "--out", "x"], "unknown camera 'left'; valid: close"),
     "a task": (["evaluate", "SpoonPuor"], "unknown task 'SpoonPuor'; valid: BottlePickPour"),
+    "no suite": (["evaluate", "SpoonPour", "--alone"], "--alone without --suite; accepted: with one"),
     "a policy": (["evaluate", "SpoonPour", "--policy", "best"], "unknown policy 'best'; valid: learned"),
     "a scene": (["explain", "SpoonPuor"], "unknown scene 'SpoonPuor'; valid: .*spoon"),
     "a case": (["report", "vortx", "--out", "x"], "unknown case 'vortx'; valid: .*vortex"),

@@ -130,6 +130,17 @@ def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: py
     assert "scripted" in capsys.readouterr().out
 
 
+def test_a_policy_alone_has_the_figures_that_it_has_beside_others(tmp_path: Path,
+                                                                   capsys: pytest.CaptureFixture) -> None:
+    rows = {}
+    for alone in (False, True):
+        assert evaluate_suite("SpoonTranslate", "zero", "nominal", tmp_path, episodes=1, alone=alone) == 0
+        with (tmp_path / "evaluation.csv").open() as file:
+            rows[alone] = list(csv.DictReader(file))
+    assert rows[True] == rows[False][:1] and {row["policy"] for row in rows[False]} > {"zero"}
+    assert "scripted" not in capsys.readouterr().out.splitlines()[-1]
+
+
 def test_an_interval_covers_the_mean_about_as_often_as_it_says() -> None:
     rng, hits = np.random.default_rng(0), 0
     for _ in range(200):
