@@ -10,7 +10,7 @@ from mpm.materials.material import Material
 from mpm.materials.stable_step import check_step, material_bound
 from mpm.observers.diagnostics import Momentum
 from mpm.observers.readings import Readings
-from mpm.scene.body import half_edge, with_volume
+from mpm.scene.body import half_edge, with_material, with_volume
 from mpm.scene.collider import Collider
 from mpm.scene.validation import check_finite
 from mpm.stepping.sleep_thresholds import sleep_limits
@@ -45,7 +45,7 @@ class Adjustable(Readings):
         self.check_material(index, material)
         old = self.bodies[index].material
         self.fields.parameters.set_law(index, material)
-        self.bodies[index] = replace(self.bodies[index], material=material)
+        self.bodies[index] = with_material(self.bodies[index], material)
         self.bound = min(material_bound(self.grid.cell, body.material) for body in self.bodies)
         self._momentum = None if material.density != old.density else self._momentum
         if material != old:

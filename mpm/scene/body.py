@@ -1,6 +1,8 @@
 """Bodies: particles of one material."""
 
-from dataclasses import dataclass, replace
+import copy
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +50,22 @@ def with_volume(body: Body, volume: float) -> Body:
     """Return a body with particles of another volume [m^3]; raise InvalidValue for one with several volumes."""
     if np.size(body.volume) != 1:
         raise InvalidValue("set_volume: the body's particles have volumes of their own; accepted: one with one volume")
-    return replace(body, volume=float(volume))
+    if not 0.0 < volume < np.inf:
+        raise InvalidValue(f"set_volume: volume = {volume}; accepted: the positive volume of a particle [m^3]")
+    return _changed(body, volume=float(volume))
+
+
+def with_material(body: Body, material: Material) -> Body:
+    """Return a body of another material; raise InvalidValue for an incomplete law."""
+    check_material(material)
+    return _changed(body, material=material)
+
+
+def _changed(body: Body, **values: Any) -> Body:
+    """Return a body with other values; its arrays, checked before, are not checked again: resets do this often."""
+    other = copy.copy(body)
+    other.__dict__.update(values)
+    return other
 
 
 def half_edge(volume: float) -> float:
