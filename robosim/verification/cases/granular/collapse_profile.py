@@ -6,7 +6,8 @@ the column's volume determine the shape of the profile that is drawn (`deposit.c
 measurement. The run-out is taken where the deposit is 1 % of the column's radius thick; a second error takes the radius
 that holds 99 % of the particles.
 
-Three laws: sand denser than critical (`dense_sand`), Drucker-Prager and mu(I). No number of them comes from a collapse.
+Three laws: sand denser than critical (`dense_sand`), Drucker-Prager and mu(I). Their parameters are not fitted to any
+collapse.
 """
 
 import math
@@ -62,13 +63,13 @@ HELD = 0.99
 
 def make_law(law: str, E: float, relative_density: float) -> mpm.DruckerPrager | DenseSand:
     """Return a law; those without dilation carry tan 30 deg in simple shear, when they flow slowly."""
-    common = {"E": E, "nu": NU, "density": DENSITY}
     if law == "dense":
-        return dense_sand(relative_density, **common)
+        return dense_sand(relative_density, E=E, nu=NU, density=DENSITY)
+    angle = ANGLES_DEG["compression"]
     if law == "drucker_prager":
-        return mpm.DruckerPrager(**common, friction_angle_deg=ANGLES_DEG["compression"])
+        return mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=angle)
     if law == "mu_i":
-        return mpm.MuIRheology(**common, friction_angle_deg=ANGLES_DEG["compression"], limit_angle_deg=LIMIT_DEG,
+        return mpm.MuIRheology(E=E, nu=NU, density=DENSITY, friction_angle_deg=angle, limit_angle_deg=LIMIT_DEG,
                                grain_diameter=GRAIN_DIAMETER, grain_density=GRAIN_DENSITY)
     raise UnknownName("law", law, LAWS)
 
@@ -129,6 +130,6 @@ def compare(records: list[Record]) -> list[Comparison]:
         comparisons.append(Comparison(
             title=f"deposit of a column of {a:g} radii", x="radius, in column radii", y="depth, in column radii",
             measured=series, line=list(zip(line, closed_depths(line, top, end, math.pi * a))),
-            uncertainty=BANDS["height"], is_relative=True,
+            uncertainty=BANDS["height"], is_relative=True, is_joined=True,
             source=f"{SOURCE}; its shape: from rim, height and the column's volume"))
     return comparisons

@@ -1,5 +1,7 @@
 """Sand that is denser than in its critical state: friction above the critical one, which falls as it dilates."""
 
+# pyright: reportInvalidTypeForm=false
+# annotations of Taichi functions are objects
 import math
 from dataclasses import dataclass
 
@@ -49,20 +51,16 @@ class DenseSand(Hencky):
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """(mu, lam, strain slope, I1 I2 / I3, excess at the start, dilation, room, shear ratio) of the critical state.
-
-        The excess is relative to the critical slope.
-        """
+        """(mu, lam, shear ratio in the critical state, its excess at the start, dilation, room, bulk modulus / 2 mu)."""
         ratio = shear_ratio(self.friction_angle_deg)
-        slope = math.sqrt(2.0) * (self.lam + 2.0 / 3.0 * self.mu) / (2.0 * self.mu) * ratio
-        return (self.mu, self.lam, slope, invariant_ratio(self.friction_angle_deg),
-                shear_ratio(self.peak_angle_deg) / ratio - 1.0, self.dilation, self.room, ratio)
+        return (self.mu, self.lam, ratio, shear_ratio(self.peak_angle_deg) - ratio, self.dilation, self.room,
+                (self.lam + 2.0 / 3.0 * self.mu) / (2.0 * self.mu))
 
     @staticmethod
     @ti.func
     def return_mapping(h: ti.template(), vc: ti.template(), p: ti.template(), dt):
         """Return (h, vc): the deviator scaled onto the surface, the volume grown by dilation; vc [1]: whole growth."""
-        dilated = ti.min(vc, p[6])
+        dilated = ti.min(vc, p[5])
         trace = h[0] + h[1] + h[2] + (vc - dilated)
         mean = (h[0] + h[1] + h[2]) / 3.0
         d = [once(h[0] - mean), once(h[1] - mean), once(h[2] - mean), h[3], h[4], h[5]]
@@ -72,12 +70,13 @@ class DenseSand(Hencky):
         det = (u[0] * (u[1] * u[2] - u[5] * u[5]) - u[3] * (u[3] * u[2] - u[5] * u[4])
                + u[4] * (u[3] * u[5] - u[1] * u[4]))
         j = ti.min(ti.max(-2.8284271247 * det, -LARGEST_J3), LARGEST_J3)
-        k, y = p[3] + 0.0 * norm, p[7] + 0.0 * norm
+        left = 1.0 - dilated / p[5]
+        y = p[2] + p[3] * left + 0.0 * norm  # the shear ratio of the present density, from which the root is sought
+        k = (9.0 - 3.0 * y * y) / (1.0 - y * y)
         for _ in ti.static(range(NEWTON_STEPS)):
             y = y - (k * j * y * y * y - (k - 3.0) * y * y + k - 9.0) / ((3.0 * k * j * y - 2.0 * (k - 3.0)) * y)
-        left = 1.0 - dilated / p[6]
-        slope = p[2] * (1.0 + p[4] * left) * y / p[7]
-        growth = 1.4142135624 * p[5] * left  # per plastic strain
+        slope = 1.4142135624 * p[6] * y
+        growth = 1.4142135624 * p[4] * left  # per plastic strain
         press = ti.max(-trace, 0.0)
         # the pressure that dilation adds in this substep raises what the surface allows
         allowed = ti.select(press > 0.0, slope * (press + growth * norm) / (1.0 + slope * growth), 0.0 * norm)
@@ -87,12 +86,6 @@ class DenseSand(Hencky):
         third = (ti.min(trace, 0.0) - grown) / 3.0
         whole = ti.min(dilated + grown + ti.max(trace, 0.0), MAX_VOLUME_CORRECTION)
         return [once(scale * d[i] + (third if ti.static(i < 3) else 0.0)) for i in range(6)], whole
-
-
-def invariant_ratio(angle_deg: float) -> float:
-    """Return I1 I2 / I3 of the principal stresses on the surface, from the angle [deg] of triaxial compression."""
-    square = math.sin(math.radians(angle_deg)) ** 2
-    return (9.0 - square) / (1.0 - square)
 
 
 def shear_ratio(angle_deg: float) -> float:
