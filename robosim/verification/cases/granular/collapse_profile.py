@@ -119,11 +119,10 @@ def compare(records: list[Record]) -> list[Comparison]:
     for a in sorted({float(record.choices["a"] or 0.0) for record in records}):
         end, top = rim(a) / RADIUS, crest(a) / RADIUS
         line = np.linspace(0.0, end, 60)
-        usual = next(record for record in records if record.choices["a"] == a).choices
         series = {}
         for record in (r for r in records if r.choices["a"] == a):
-            varied = [f"{key} {record.choices[key]}" for key in ("relative_density", "floor", "E", "strides", "per_cell")
-                      if record.choices[key] != usual[key]]
+            varied = [f"{key} {record.choices[key]}" for key in _USUAL
+                      if key != "law" and record.choices[key] != _USUAL[key]]
             label = ", ".join([str(record.choices["law"]), f"{record.choices['cells']} cells", *varied])
             series[label] = [(float(name.removeprefix("depth at ")), depth, label)
                              for name, depth in record.readings.items() if name.startswith("depth at ")]

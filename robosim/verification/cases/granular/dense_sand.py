@@ -51,7 +51,7 @@ class DenseSand(Hencky):
 
     @property
     def parameters(self) -> tuple[float, ...]:
-        """(mu, lam, shear ratio in the critical state, its excess at the start, dilation, room, bulk modulus / 2 mu)."""
+        """(mu, lam, critical shear ratio, its excess at the start, dilation, room, bulk modulus / (2 mu))."""
         ratio = shear_ratio(self.friction_angle_deg)
         return (self.mu, self.lam, ratio, shear_ratio(self.peak_angle_deg) - ratio, self.dilation, self.room,
                 (self.lam + 2.0 / 3.0 * self.mu) / (2.0 * self.mu))
