@@ -1,8 +1,8 @@
 """Deposits of collapsed round columns of sand: depth over radius, for columns of 0.5 to 4 radii.
 
 Measured: relative errors of run-out and height, the volume between the profile and the reference's over the column's,
-the mean compression, creep and the rms velocity at the end. Reference: the fits of Lube et al. (2004); their rim, height and
-the column's volume determine the shape of the profile that is drawn (`deposit.closed_depths`), which is no
+the mean compression, creep and the rms velocity at the end. Reference: the fits of Lube et al. (2004); their rim, their
+height and the column's volume determine the shape of the profile that is drawn (`deposit.closed_depths`), which is no
 measurement. The run-out is taken where the deposit is 1 % of the column's radius thick; a second error takes the radius
 that holds 99 % of the particles.
 
