@@ -37,10 +37,11 @@ BANDS = {"run-out": 0.08, "run-out, a = 4": 0.10, "height": 0.15, "compression":
          "drift": 1e-3}
 """Relative errors of run-out and height; mean compression by the weight; rms displacement of the last tenth of the run
 over its time, and rms velocity at the end, to which elastic vibration adds [m/s]."""
-SHORT, FINE, COARSE = (0.5, 1.0, 2.0), 24, 12
-"""Columns that are claimed in full, height over radius; cells per radius of the claims, and of the coarsest run."""
+SHORT, COARSE, FINE, FINEST = (0.5, 1.0, 2.0), 12, 24, 32
+"""Columns that are claimed in full, height over radius; cells per radius of the coarsest run, of the claims, and of the
+finest run, which shows whether an error has passed zero."""
 SWEEP = [*({"a": a, "cells": n} for a in SHORT for n in (COARSE, 16, FINE)), {"a": 4.0, "cells": COARSE},
-         {"a": 4.0, "cells": 16}, {"a": 1.0, "cells": 32},
+         {"a": 4.0, "cells": 16}, {"a": 1.0, "cells": FINEST},
          *({"a": a, "cells": n, "law": law} for law in ("drucker_prager", "mu_i")
            for a, n in ((0.5, 16), (1.0, COARSE), (1.0, 16), (1.0, FINE), (2.0, 16))),
          *({"a": 1.0, "cells": 16, **choice} for choice in (
@@ -54,6 +55,7 @@ CLAIMS = (*(Within(name, BANDS[name], {**_USUAL, "a": a, "cells": FINE})
             for a in SHORT for name in ("run-out", "height")),
           *(Order(name, "cells", (COARSE, FINE), 0.0, {**_USUAL, "a": a})
             for a in SHORT for name in ("run-out", "height")),
+          *(Order(name, "cells", (FINE, FINEST), 0.0, {**_USUAL, "a": 1.0}) for name in ("run-out", "height")),
           Within("run-out", BANDS["run-out, a = 4"], {**_USUAL, "a": 4.0, "cells": 16}),
           *(Within(name, BANDS[name], _USUAL) for name in ("compression", "creep", "drift")))
 LIMIT_DEG, GRAIN_DIAMETER, GRAIN_DENSITY = 38.2, 5e-4, 2600.0
