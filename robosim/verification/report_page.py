@@ -69,7 +69,7 @@ def draw_comparison(comparison: Comparison) -> str:
             places = [(x, y) for x, y, _ in points if math.isfinite(x) and math.isfinite(y)]
             tooltips = [f"{text}\n{x:.4g}, {y:.4g}" for x, y, text in points if math.isfinite(x) and math.isfinite(y)]
             if places:
-                plot.add_series(places, tooltips, label, joined=not is_measured)
+                plot.add_series(places, tooltips, label, joined=not is_measured or comparison.is_joined)
     if comparison.line:
         plot.add_line(comparison.line, comparison.uncertainty, is_relative=comparison.is_relative)
     return plot.html()

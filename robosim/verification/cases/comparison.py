@@ -31,3 +31,5 @@ class Comparison:
     """Corners (x, y) of the reference's line."""
     is_relative: bool = False
     is_logarithmic: bool = False
+    is_joined: bool = False
+    """Whether lines join the measured points, too."""

@@ -1,4 +1,4 @@
 """Cases of granular matter.
 
-Imports: scene, verification, mpm.
+Imports: errors, scene, verification, mpm.
 """
