@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.scene.features import Contact
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
@@ -39,10 +40,10 @@ BLOCK = """
 
 
 def measure(*, bed: str = "elastic", coupling: str = "mobility", cell: float = 0.01, offset_cells: float = 0.0,
-            precision: str = "f32", mass: float = MASS) -> Record:
+            precision: str = "f32", mass: float = MASS, contact: Contact = "near") -> Record:
     """Run the case; return the errors of reaction, drift and, on an elastic bed, settlement.
 
-    cell [m]; offset_cells: of the bed's top from a plane of nodes; mass [kg].
+    cell [m]; offset_cells: of the bed's top from a plane of nodes; mass [kg]. contact: see `mpm.Solver`.
     """
     height = SIDE + offset_cells * cell
     elastic = bed == "elastic"
@@ -54,7 +55,7 @@ def measure(*, bed: str = "elastic", coupling: str = "mobility", cell: float = 0
     width = SIDE + 2 * margin
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (width, width, 0.2), cell), precision=precision, walls=mpm.Walls.all("slip"),
-        bodies=[mpm.Body(law, positions, volume=SIDE**2 * height / len(positions))],
+        bodies=[mpm.Body(law, positions, volume=SIDE**2 * height / len(positions))], contact=contact,
         # an elastic bed bears the block alone, not itself: what settles is the block's doing
         body_acceleration=np.tile([0.0, 0.0, G], (len(positions), 1)) if elastic else None)
     half = SIDE / 2 + 2 * cell if elastic else 0.3 * SIDE
@@ -79,6 +80,7 @@ def measure(*, bed: str = "elastic", coupling: str = "mobility", cell: float = 0
     if elastic:
         sunk = height + 0.02 - np.mean(places, axis=0)[2]
         errors["settlement"] = sunk / (weight * height / (E * SIDE**2)) - 1
-    choices = {"bed": bed, "coupling": coupling, "cell": cell, "offset_cells": offset_cells, "precision": precision}
+    choices = {"bed": bed, "coupling": coupling, "cell": cell, "offset_cells": offset_cells, "contact": contact,
+               "precision": precision}
     return timed.record(NAME, choices, errors, ripple=float(np.std(forces) / weight),
                         sunk_mm=float(1e3 * (height + 0.02 - places[-1][2])))

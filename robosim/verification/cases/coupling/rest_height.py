@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.scene.features import Contact
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
@@ -48,7 +49,7 @@ BODY = """
 
 
 def measure(*, bed: str = "sand", shape: str = "ball", mass: float = 1e-3, cell: float = 0.008,
-            offset_cells: float = 0.0, contact: str = "touching", precision: str = "f32") -> Record:
+            offset_cells: float = 0.0, contact: Contact = "touching", precision: str = "f32") -> Record:
     """Run the case; return the gap between body and bed [cells].
 
     bed: "sand" or "elastic". shape: "ball" or "box". mass [kg]; cell [m]; offset_cells: of the bed's top from a plane
@@ -61,7 +62,7 @@ def measure(*, bed: str = "sand", shape: str = "ball", mass: float = 1e-3, cell:
     solver = mpm.Solver(
         grid=mpm.Grid((0.0, 0.0, 0.0), (WIDTH, WIDTH, top + 0.06), cell), precision=precision, gravity=(0.0, 0.0, -G),
         bodies=[mpm.Body(law, positions, volume=WIDTH**2 * top / len(positions))], walls=mpm.Walls.all("stick"),
-        contact=contact,  # pyright: ignore[reportArgumentType]
+        contact=contact,
         # an elastic bed bears the body alone, not itself
         body_acceleration=np.tile([0.0, 0.0, G], (len(positions), 1)) if is_elastic else None)
     below = RADIUS if is_ball else HALF[2]

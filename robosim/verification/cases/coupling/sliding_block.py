@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.scene.features import Contact
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
@@ -61,7 +62,7 @@ BLOCK = """
 
 
 def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, friction: float = 0.3, cell: float = 0.008,
-            coupling: str = "mobility", offset_cells: float = 0.0, contact: str = "touching",
+            coupling: str = "mobility", offset_cells: float = 0.0, contact: Contact = "touching",
             incline_deg: float = INCLINE_DEG, precision: str = "f32") -> Record:
     """Run the case; return the error of the acceleration, or with incline_deg 0 the drag.
 
@@ -79,7 +80,7 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
     solver = mpm.Solver(
         grid=mpm.Grid((0.0, 0.0, 0.0), (*BED[:2], top + 0.1), cell), precision=precision, gravity=tuple(gravity),
         bodies=[mpm.Body(law, positions, volume=BED[0] * BED[1] * top / len(positions))], walls=mpm.Walls.all("stick"),
-        contact=contact,  # pyright: ignore[reportArgumentType]
+        contact=contact,
         # an elastic bed bears the block alone, not itself
         body_acceleration=np.tile(-gravity, (len(positions), 1)) if elastic else None)
     height = top + HEIGHT / 2 + (1.5 * cell if start == "lowered" else 0.0)
@@ -116,6 +117,6 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
 
 
 def _gap(place: np.ndarray, grains: np.ndarray, half: float, cell: float) -> float:
-    """Return the distance [cells] between the block and the bed under it, whose topmost grains (n, 3) end at half [m]."""
+    """Return the cells between the block and the bed under it, whose topmost grains (n, 3) reach half [m] higher."""
     is_below = (np.abs(grains[:, :2] - place[:2]) < SIDE / 2 - 2 * cell).all(1)
     return float((place[2] - HEIGHT / 2 - grains[is_below, 2].mean() - half) / cell)
