@@ -113,7 +113,8 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
                "offset_cells": offset_cells, "contact": contact, "incline_deg": incline_deg, "precision": precision}
     errors = {"drag": (exact - acceleration) / G} if incline_deg == 0.0 else {"acceleration": acceleration / exact - 1}
     errors["gap"] = np.mean(gaps)
-    return timed.record(NAME, choices, errors, tangential_share=float(-along / normal))
+    return timed.record(NAME, choices, errors, tangential_share=float(-along / normal),
+                        pitch_deg=math.degrees(2.0 * math.asin(data.qpos[5])))
 
 
 def _gap(place: np.ndarray, grains: np.ndarray, half: float, cell: float) -> float:
