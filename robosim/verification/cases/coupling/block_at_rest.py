@@ -17,12 +17,14 @@ NAME = "block_at_rest"
 SOURCE = "statics: reaction m g; settlement of a bar of Poisson's ratio 0: m g L / (E A)"
 BANDS = {"reaction": 0.01, "settlement": 0.05, "drift": 1e-4}
 """Relative errors of the mean reaction over half a second and of the settlement; drift along the bed [m/s]."""
-SWEEP = [{"bed": b, "coupling": c, "offset_cells": o} for b in ("elastic", "sand") for c in ("mobility", "lagged")
-         for o in (0.0, 0.5)]
+SWEEP = [*({"bed": b, "coupling": c, "offset_cells": o} for b in ("elastic", "sand") for c in ("mobility", "lagged")
+           for o in (0.0, 0.5)),
+         *({"bed": b, "contact": "touching"} for b in ("elastic", "sand"))]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"bed": "elastic", "coupling": "mobility", "offset_cells": 0.0}]
 MAIN_ERROR, RESOLUTION = "reaction", None
-CLAIMS = tuple(Within(name, bound, {"coupling": "mobility"}) for name, bound in BANDS.items())
+CLAIMS = tuple(Within(name, bound, {"coupling": "mobility", "contact": c}) for c in ("near", "touching")
+               for name, bound in BANDS.items())
 E, SIDE, MASS, G = 1e5, 0.1, 1.0, 9.81
 HOST_STEP = 0.002
 
