@@ -340,10 +340,8 @@ def test_what_is_light_lies_on_the_bed(choices: dict) -> None:
 
 
 @pytest.mark.slow
-def test_touching_contact_keeps_thrust_payload_and_reaction() -> None:
-    """A solid that stops only what touches it is still carried by water, carries grains and rests on its weight."""
-    fixed = floating_cube.measure(cell=0.008, offset_cells=0.5, fixed=True, contact="touching")
-    assert abs(fixed.errors["thrust"]) <= floating_cube.BANDS["thrust"]
+def test_touching_contact_keeps_payload_and_reaction() -> None:
+    """A solid that stops only what touches it still carries grains and rests on its weight."""
     load = carried_load.measure(contact="touching")
     assert all(load.errors[name] <= bound for name, bound in carried_load.BANDS.items()), load.errors
     assert load.readings["left"] == 0.0

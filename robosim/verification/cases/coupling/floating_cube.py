@@ -17,7 +17,9 @@ NAME = "floating_cube"
 SOURCE = "Archimedes: draught / side = density / density of water"
 BANDS = {"cells": 0.5, "share": 0.02, "thrust": 0.03}
 """Accepted error of the draught: half a cell plus a share of it; of the thrust on a fixed immersed cube, relative."""
-SWEEP = [{"cell": c, "offset_cells": o, "fixed": f} for c in (0.01, 0.008) for o in (0.0, 0.5) for f in (False, True)]
+SWEEP = [*({"cell": c, "offset_cells": o, "fixed": f} for c in (0.01, 0.008) for o in (0.0, 0.5)
+           for f in (False, True)),
+         *({"cell": 0.008, "offset_cells": o, "fixed": True, "contact": "touching"} for o in (0.0, 0.5))]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"cell": 0.008, "offset_cells": 0.5, "fixed": True}]
 MAIN_ERROR, RESOLUTION = "draught", "cell"
