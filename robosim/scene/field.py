@@ -56,7 +56,7 @@ def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: in
         bodies=[mpm.Body(law, positions, volume=volume,
                          stress=mpm.geostatic_stress(positions, volume, law))], colliders=colliders,
         walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, transfer_interval=field.transfer_interval,
-        sleep=field.sleep if field.sleep is not None else not is_shared(),
+        sleep=field.sleep if field.sleep is not None else not is_shared(), contact=field.contact,
     )
     return GrainField(solver, 0, volume)
 

@@ -144,4 +144,4 @@ def build_solver(task: TaskConfig, law: Law, *, mobile: bool = False, positions:
         return mpm.Solver(grid=field.grid, bodies=[body],
                           colliders=colliders, walls=mpm.Walls(friction=field.floor_friction),
                           dt=dt or requested_step(task, law), transfer_interval=field.transfer_interval,
-                          sleep=field.sleep or False)
+                          sleep=field.sleep or False, contact=field.contact)

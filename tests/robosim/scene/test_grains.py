@@ -1,11 +1,14 @@
 """Initial positions of the grains, and the checks of what can be filled."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import mpm
 from robosim.config.materials import Law, law_of, load_material
 from robosim.config.rehearsal import load_rehearsal
+from robosim.config.table import validate
 from robosim.errors import ConfigError
 from robosim.scene.field import build_field, build_tool_sdf, check_field
 from robosim.scene.frames import container_pose
@@ -58,6 +61,20 @@ def test_no_sub_task_begins_with_grains_in_a_solid(name: str) -> None:
     task = load_task(name)
     with build_solver(task, salt()) as solver:
         assert len(solver.positions()) == task.grains.count
+
+
+@pytest.mark.parametrize("given", [{}, {"contact": "touching"}])
+def test_a_file_sets_the_contact_of_rehearsals_and_sub_tasks(given: dict) -> None:
+    """The key reaches the solver; where it is left at the default, a file's digest is what it was without the key."""
+    pose, contact = mpm.Pose(np.array([0.7, 0.1, 0.25]), np.array([1.0, 0.0, 0.0, 0.0])), given.get("contact", "near")
+    config, task = (validate(file.model_dump() | {"field": file.field.model_dump() | given}, Path("test"), type(file))
+                    for file in (load_rehearsal("spoon"), load_task("SpoonScoop")))
+    for field in (config.field, task.field):
+        assert field.contact == contact
+        assert ("contact" in field.model_dump(mode="json")) == (contact == "touching")
+    with build_field(config, salt(), pose).solver as solver, build_solver(task, salt()) as other:
+        assert solver.contact == other.contact == contact
+        assert solver.features.touching == other.features.touching == (contact == "touching")
 
 
 def test_a_container_is_filled_up_to_its_rounded_edges() -> None:

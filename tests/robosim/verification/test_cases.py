@@ -22,6 +22,7 @@ from robosim.verification.cases.coupling import (
     carried_load,
     closed_system,
     floating_cube,
+    rest_height,
     shell_leak,
     sliding_block,
 )
@@ -306,7 +307,7 @@ def test_block_rests_on_its_weight(bed: str, offset: float) -> None:
     *(pytest.param(choices, marks=pytest.mark.slow) for choices in (
         {"bed": "elastic"}, {"bed": "elastic", "friction": 0.0}, {"bed": "sand", "friction": 0.0},
         {"bed": "sand", "mass": 5.0}, {"bed": "elastic", "mass": 5.0},
-        {"bed": "sand", "mass": 1e-3, "start": "lowered"},
+        {"bed": "sand", "mass": 1e-3, "start": "lowered"}, {"bed": "sand", "mass": 5.0, "start": "lowered"},
         {"bed": "sand", "start": "lowered", "cell": 0.005}, {"bed": "elastic", "start": "lowered", "cell": 0.005},
         {"bed": "sand", "offset_cells": 0.6}, {"bed": "sand", "coupling": "lagged"}))])
 def test_block_slides_by_coulombs_law(choices: dict) -> None:
@@ -316,6 +317,36 @@ def test_block_slides_by_coulombs_law(choices: dict) -> None:
     assert abs(errors["acceleration"]) <= sliding_block.BANDS[kind], errors
     if choices.get("start") == "lowered":
         assert abs(errors["gap"]) <= sliding_block.BANDS["gap"], errors
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("choices", [{"mass": 5.0}, {"start": "lowered"}, {"mass": 5.0, "cell": 0.005}])
+def test_sand_does_not_drag_a_level_block_without_friction(choices: dict) -> None:
+    errors = sliding_block.measure(**sliding_block.LEVEL, **choices).errors
+    assert abs(errors["drag"]) <= sliding_block.BANDS["drag"], errors
+    assert "acceleration" not in errors
+
+
+@pytest.mark.parametrize("choices", [
+    {"shape": "ball", "mass": 2e-4},
+    *(pytest.param(choices, marks=pytest.mark.slow) for choices in (
+        {"shape": "box"}, {"shape": "box", "bed": "elastic", "cell": 0.005}, {"shape": "ball", "offset_cells": 0.6},
+        {"shape": "ball", "mass": 2e-4, "cell": 0.004}))])
+def test_what_is_light_lies_on_the_bed(choices: dict) -> None:
+    """With the default contact it would float half a cell above it or more."""
+    record = rest_height.measure(**choices)
+    assert abs(record.errors["gap"]) <= rest_height.BANDS["gap"], record.errors
+    assert abs(record.readings["rise_mm"]) < 0.02
+
+
+@pytest.mark.slow
+def test_touching_contact_keeps_payload_and_reaction() -> None:
+    """A solid that stops only what touches it still carries grains and rests on its weight."""
+    load = carried_load.measure(contact="touching")
+    assert all(load.errors[name] <= bound for name, bound in carried_load.BANDS.items()), load.errors
+    assert load.readings["left"] == 0.0
+    rest = block_at_rest.measure(contact="touching")
+    assert all(abs(rest.errors[name]) <= block_at_rest.BANDS[name] for name in ("reaction", "drift")), rest.errors
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.scene.features import Contact
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
@@ -39,17 +40,18 @@ BLOCK = """
 
 
 def measure(*, cell: float = 0.005, mass: float = 0.5, offset_cells: float = 0.0, courant: float = 0.5,
-            precision: str = "f32", host_step: float = 5e-4, coupling: str = "mobility") -> Record:
+            precision: str = "f32", host_step: float = 5e-4, coupling: str = "mobility",
+            contact: Contact = "near") -> Record:
     """Run the case; return the errors of the block's speed.
 
-    cell [m]; mass [kg]; offset_cells: of the bar's end from a plane of nodes; host_step [s].
+    cell [m]; mass [kg]; offset_cells: of the bar's end from a plane of nodes; host_step [s]. contact: see `mpm.Solver`.
     """
     c = np.sqrt(E / DENSITY)
     end = 0.1 + offset_cells * cell
     positions = mpm.sample_box((end, 0, 0), (end + LENGTH, SIDE, SIDE), cell / 2)
     bar = mpm.Body(mpm.Elastic(E=E, nu=0.0, density=DENSITY), positions, volume=LENGTH * SIDE**2 / len(positions))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (end + LENGTH + 0.05, SIDE, SIDE), cell), bodies=[bar],
-                        gravity=(0, 0, 0), walls=mpm.Walls.all("roller"), precision=precision,
+                        gravity=(0, 0, 0), walls=mpm.Walls.all("roller"), precision=precision, contact=contact,
                         dt=_dividing_step(cell / c * courant, host_step))
     model = mujoco.MjModel.from_xml_string(BLOCK.format(mass=mass, host_step=host_step, x=end - 0.05, y=SIDE / 2))
     data = mujoco.MjData(model)
@@ -63,7 +65,7 @@ def measure(*, cell: float = 0.005, mass: float = 0.5, offset_cells: float = 0.0
         speeds.append(data.qvel[0] / SPEED)
     difference = np.array(speeds) - np.exp(-Z * np.array(times) / mass)
     choices = {"cell": cell, "mass": mass, "offset_cells": offset_cells, "courant": courant, "precision": precision,
-               "host_step": host_step, "coupling": coupling}
+               "host_step": host_step, "coupling": coupling, "contact": contact}
     return timed.record(NAME, choices, {"speed": np.abs(difference).max(), "rms": np.sqrt(np.mean(difference**2))},
                         speed_at_10_ms=float(np.interp(0.01, times, speeds)), fastest=float(np.abs(speeds).max()))
 

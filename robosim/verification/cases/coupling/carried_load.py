@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.scene.features import Contact
 from robosim.config.materials import law_of, load_material
 from robosim.coupling.plugin import GranularPlugin
 from robosim.scene.field import build_tool_sdf
@@ -45,17 +46,17 @@ GANTRY = """
 
 
 def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 0.005, thickness: float = 0.0025,
-            coupling: str = "mobility") -> Record:
+            coupling: str = "mobility", contact: Contact = "near") -> Record:
     """Run the case; return the errors of the load, at rest and accelerated.
 
-    acceleration [m/s^2]; cell, thickness [m].
+    acceleration [m/s^2]; cell, thickness [m]. contact: see `mpm.Solver`.
     """
     model = mujoco.MjModel.from_xml_string(GANTRY.format(host_step=HOST_STEP, mass=SPOON_MASS))
     data = mujoco.MjData(model)
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], cell / 2)
     inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
     body = mpm.Body(law_of(load_material(material)), inside + [0.08, 0.06, 0.08], volume=(cell / 2) ** 3)
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body],
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body], contact=contact,
                         colliders=[mpm.Collider(build_tool_sdf("spoon", thickness), friction=0.1)])
     plugin = GranularPlugin(model, data, solver, bodies={"spoon": 0}, coupling=coupling)  # pyright: ignore[reportArgumentType]
     mass, timed, errors = float(solver.masses().sum()), TimedSolver(solver), {}
@@ -71,6 +72,7 @@ def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 
         measured = np.mean(forces, axis=0) - SPOON_MASS * (np.array([a, 0.0, 0.0]) - gravity)
         errors[name] = np.linalg.norm(measured - expected) / np.linalg.norm(expected)
     local = solver.positions() - data.body("spoon").xpos
-    choices = {"material": material, "acceleration": acceleration, "cell": cell, "coupling": coupling}
+    choices = {"material": material, "acceleration": acceleration, "cell": cell, "coupling": coupling,
+               "contact": contact}
     return timed.record(NAME, choices, errors, mass=mass, speed=float(data.qvel[0]), left=float(np.mean(
         ((local / (BOWL + 0.004)) ** 2).sum(1) > 1.0)))

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.scene.features import Contact
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
@@ -16,7 +17,9 @@ NAME = "floating_cube"
 SOURCE = "Archimedes: draught / side = density / density of water"
 BANDS = {"cells": 0.5, "share": 0.02, "thrust": 0.03}
 """Accepted error of the draught: half a cell plus a share of it; of the thrust on a fixed immersed cube, relative."""
-SWEEP = [{"cell": c, "offset_cells": o, "fixed": f} for c in (0.01, 0.008) for o in (0.0, 0.5) for f in (False, True)]
+SWEEP = [*({"cell": c, "offset_cells": o, "fixed": f} for c in (0.01, 0.008) for o in (0.0, 0.5)
+           for f in (False, True)),
+         *({"cell": 0.008, "offset_cells": o, "fixed": True, "contact": "touching"} for o in (0.0, 0.5))]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"cell": 0.008, "offset_cells": 0.5, "fixed": True}]
 MAIN_ERROR, RESOLUTION = "draught", "cell"
@@ -40,10 +43,10 @@ CUBE = """
 
 
 def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: float = 0.0, fixed: bool = False,
-            duration: float = 1.2, precision: str = "f32") -> Record:
+            duration: float = 1.2, contact: Contact = "near", precision: str = "f32") -> Record:
     """Run the case; return the error of the draught, or with `fixed` of the thrust on an immersed cube.
 
-    cell [m]; duration [s]; offset_cells: of the cube's middle from a node along x.
+    cell [m]; duration [s]; offset_cells: of the cube's middle from a node along x. contact: see `mpm.Solver`.
     """
     middle = WIDTH / 2 + offset_cells * cell
     # on a layer of the grains' lattice: what is cut out is the cube's volume
@@ -54,7 +57,8 @@ def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: flo
     positions = positions[offset > SIDE / 2]
     water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, DEPTH + SIDE), cell), precision=precision,
-                        bodies=[mpm.Body(water, positions, volume=volume)], walls=mpm.Walls.all("slip"))
+                        bodies=[mpm.Body(water, positions, volume=volume)], walls=mpm.Walls.all("slip"),
+                        contact=contact)
     state = solver.state()
     state["j"][:, 0] = -DENSITY * G * (DEPTH - positions[:, 2]) / water.bulk_modulus
     solver.load(state)
@@ -81,7 +85,7 @@ def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: flo
     thrust = np.mean(thrusts) / (DENSITY * G * SIDE**3) - 1
     error = np.mean(draughts) / SIDE - density_ratio
     choices = {"density_ratio": density_ratio, "cell": cell, "offset_cells": offset_cells, "fixed": fixed,
-               "precision": precision}
+               "contact": contact, "precision": precision}
     top = np.percentile(solver.positions()[np.abs(solver.positions()[:, 0] - middle) > 0.07, 2], 99)
     errors = {"thrust": thrust} if fixed else {"draught": error, "weight": thrust + 1 - density_ratio}
     return timed.record(NAME, choices, errors, accepted=BANDS["cells"] * cell / SIDE + BANDS["share"] * density_ratio,

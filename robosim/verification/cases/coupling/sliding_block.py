@@ -1,7 +1,8 @@
-"""Rigid block that slides down an incline of sand or of elastic material.
+"""Rigid block that slides down an incline of sand or of elastic material, or along a level bed without friction.
 
-Measured: the relative error of its acceleration, and how far it sits above the bed. Reference: Coulomb's law,
-g (sin - mu cos). It is laid flush, or lowered from above. While it lies on the bed, nothing meets its sides.
+Measured: the relative error of its acceleration, on a level bed its drag over its weight, and how far it sits above the
+bed. Reference: Coulomb's law, g (sin - mu cos). It is laid flush, or lowered from above. While it lies on the bed,
+nothing meets its sides.
 """
 
 import math
@@ -10,35 +11,42 @@ import mujoco
 import numpy as np
 
 import mpm
+from mpm.scene.features import Contact
 from robosim.coupling.plugin import GranularPlugin
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "sliding_block"
 SOURCE = "Coulomb's law: a = g (sin - mu cos)"
-BANDS = {"acceleration": 0.05, "frictionless": 0.03, "gap": 0.15}
-"""Relative error of the acceleration with friction and without, and cells between block and bed where it slides."""
-BEDS = ("elastic", "sand")
-SWEEP = [*({"bed": b, "start": s, "cell": c} for b in BEDS for s in ("flush", "lowered")
-           for c in (0.008, 0.005, 0.004)),
-         *({"bed": b, "mass": m} for b in BEDS for m in (0.001, 0.1, 5.0)),
-         *({"bed": b, "friction": 0.0} for b in BEDS), *({"bed": b, "coupling": "lagged"} for b in BEDS),
-         *({"bed": b, "contact": "near"} for b in BEDS),
+BANDS = {"acceleration": 0.05, "frictionless": 0.03, "drag": 0.03, "gap": 0.15}
+"""Relative error of the acceleration with friction and without; drag of a level block without friction over its weight;
+and cells between block and bed, which gives way under a heavy one."""
+BEDS, STARTS, CELLS, MASSES = ("elastic", "sand"), ("flush", "lowered"), (0.008, 0.005, 0.004), (0.1, 0.25, 2.5, 5.0)
+"""Cells [m], masses [kg]."""
+LEVEL = {"bed": "sand", "incline_deg": 0.0, "friction": 0.0}
+SWEEP = [*({"bed": b, "start": s, "cell": c, "mass": m} for b in BEDS for s in STARTS for c in CELLS for m in MASSES),
+         *({"bed": b, "start": s, "cell": c, "friction": 0.0} for b in BEDS for s in STARTS for c in CELLS),
+         *({**LEVEL, "start": s, "cell": c, "mass": m} for s in STARTS for c in CELLS for m in (0.25, 5.0)),
+         *({"bed": b, "mass": 0.001, "start": s} for b in BEDS for s in STARTS),
+         *({"bed": b, "coupling": "lagged"} for b in BEDS), *({"bed": b, "contact": "near"} for b in BEDS),
          {"bed": "sand", "offset_cells": 0.3}, {"bed": "sand", "offset_cells": 0.6}]
 """Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"bed": "sand", "start": "lowered"}, {"bed": "elastic", "friction": 0.0}]
-MAIN_ERROR, RESOLUTION = "acceleration", None
-CLAIMS = (Within("acceleration", BANDS["acceleration"], {"contact": "touching"}),
-          Within("acceleration", BANDS["frictionless"], {"contact": "touching", "friction": 0.0}),
-          Within("gap", BANDS["gap"], {"contact": "touching", "start": "lowered"}))
+QUICK_SWEEP = [{"bed": "sand", "start": "lowered"}, {"bed": "elastic", "friction": 0.0}, {**LEVEL, "start": "lowered"}]
+MAIN_ERROR, RESOLUTION = "acceleration", "cell"
+TOUCHING = {"contact": "touching"}
+CLAIMS = (*(Within("acceleration", BANDS["acceleration"], {**TOUCHING, "bed": b, "start": s, "cell": c})
+            for b in BEDS for s in STARTS for c in CELLS),
+          Within("acceleration", BANDS["frictionless"], {**TOUCHING, "friction": 0.0}),
+          Within("drag", BANDS["drag"], TOUCHING),
+          *(Within("gap", BANDS["gap"], {**TOUCHING, "start": "lowered", "cell": c}) for c in CELLS))
 INCLINE_DEG, G = 27.0, 9.81
 BED = (0.32, 0.16, 0.032)
 SIDE, HEIGHT = 0.096, 0.03
 """Of the block [m], which is so large that sand bears 5 kg."""
 HOST_STEP, HELD, SLID = 0.002, 0.15, 0.2
 """[s]: of MuJoCo; how long the block is kept from sliding; and how long it slides."""
-START = 0.08
-"""Where the block's middle lies at first [m]."""
+START, SPEED = 0.08, 0.2
+"""Where the block's middle lies at first [m], and how fast it begins to slide on a level bed [m/s]."""
 
 BLOCK = """
 <mujoco>
@@ -54,14 +62,15 @@ BLOCK = """
 
 
 def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, friction: float = 0.3, cell: float = 0.008,
-            coupling: str = "mobility", offset_cells: float = 0.0, contact: str = "touching",
-            precision: str = "f32") -> Record:
-    """Run the case; return the error of the acceleration.
+            coupling: str = "mobility", offset_cells: float = 0.0, contact: Contact = "touching",
+            incline_deg: float = INCLINE_DEG, precision: str = "f32") -> Record:
+    """Run the case; return the error of the acceleration, or with incline_deg 0 the drag.
 
     bed: "sand" or "elastic". start: "flush" on the bed, or "lowered" from 1.5 cells above it. mass [kg]; cell [m];
-    offset_cells: of the bed's top from a plane of nodes. contact: see `mpm.Solver`.
+    offset_cells: of the bed's top from a plane of nodes. contact: see `mpm.Solver`. incline_deg: the block slides down
+    by itself, or with 0 begins with `SPEED`; the drag is then over its weight, less that of its friction.
     """
-    angle = math.radians(INCLINE_DEG)
+    angle = math.radians(incline_deg)
     gravity = np.array([G * math.sin(angle), 0.0, -G * math.cos(angle)])
     top = BED[2] + offset_cells * cell
     positions = mpm.sample_box((0.0, 0.0, 0.0), (*BED[:2], top), cell / 2)
@@ -71,7 +80,7 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
     solver = mpm.Solver(
         grid=mpm.Grid((0.0, 0.0, 0.0), (*BED[:2], top + 0.1), cell), precision=precision, gravity=tuple(gravity),
         bodies=[mpm.Body(law, positions, volume=BED[0] * BED[1] * top / len(positions))], walls=mpm.Walls.all("stick"),
-        contact=contact,  # pyright: ignore[reportArgumentType]
+        contact=contact,
         # an elastic bed bears the block alone, not itself
         body_acceleration=np.tile(-gravity, (len(positions), 1)) if elastic else None)
     height = top + HEIGHT / 2 + (1.5 * cell if start == "lowered" else 0.0)
@@ -80,7 +89,8 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
         half_height=HEIGHT / 2, mass=mass, friction=friction))
     data = mujoco.MjData(model)
     plugin = GranularPlugin(model, data, solver, bodies={"block": None}, coupling=coupling)  # pyright: ignore[reportArgumentType]
-    timed, speeds, heights, shares = TimedSolver(solver), [], [], []
+    timed, speeds, gaps, shares, is_released = TimedSolver(solver), [], [], [], False
+    is_top = positions[:, 2] > top - 0.5 * cell
     for step in range(round((HELD + SLID) / HOST_STEP)):
         if step * HOST_STEP < HELD:
             data.qvel[[0, 3, 4, 5]] = 0.0
@@ -89,15 +99,25 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
                 state["v"] *= 0.8
                 solver.load(state)
                 data.qvel *= 0.8
+        elif incline_deg == 0.0 and not is_released:
+            data.qvel[0], is_released = SPEED, True
         timed.run(plugin.step)
         if (step - 10) * HOST_STEP > HELD:
             speeds.append(data.qvel[0])
-            heights.append(data.qpos[2])
+            gaps.append(_gap(data.qpos, solver.positions()[is_top], top - positions[:, 2].max(), cell))
             shares.append(plugin.wrench("block").force)
     acceleration = np.polyfit(HOST_STEP * np.arange(len(speeds)), speeds, 1)[0]
     exact = G * (math.sin(angle) - friction * math.cos(angle))
     along, _, normal = np.mean(shares, axis=0)
     choices = {"bed": bed, "start": start, "mass": mass, "friction": friction, "cell": cell, "coupling": coupling,
-               "offset_cells": offset_cells, "contact": contact, "precision": precision}
-    errors = {"acceleration": acceleration / exact - 1, "gap": (np.mean(heights) - HEIGHT / 2 - top) / cell}
-    return timed.record(NAME, choices, errors, tangential_share=float(-along / normal))
+               "offset_cells": offset_cells, "contact": contact, "incline_deg": incline_deg, "precision": precision}
+    errors = {"drag": (exact - acceleration) / G} if incline_deg == 0.0 else {"acceleration": acceleration / exact - 1}
+    errors["gap"] = np.mean(gaps)
+    return timed.record(NAME, choices, errors, tangential_share=float(-along / normal),
+                        pitch_deg=math.degrees(2.0 * math.asin(data.qpos[5])))
+
+
+def _gap(place: np.ndarray, grains: np.ndarray, half: float, cell: float) -> float:
+    """Return the cells between the block and the bed under it, whose topmost grains (n, 3) reach half [m] higher."""
+    is_below = (np.abs(grains[:, :2] - place[:2]) < SIDE / 2 - 2 * cell).all(1)
+    return float((place[2] - HEIGHT / 2 - grains[is_below, 2].mean() - half) / cell)
