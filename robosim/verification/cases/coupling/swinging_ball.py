@@ -21,10 +21,13 @@ from robosim.verification.cases.record import Record, TimedSolver
 NAME = "swinging_ball"
 SOURCE = ("added mass of a sphere between walls by its image dipoles: 1/2 in unbounded water (Lamb, Hydrodynamics, 1932);"
           " thrust of the displaced water (Archimedes)")
+HOST_STEP = 1e-3
 BANDS = {"damping": 0.08, "frequency": 0.03, "thrust": 0.03}
 """Largest damping ratio, and relative errors of frequency and thrust. Real water would damp this ball by 0.01, see
 `boundary_layer_damping`; the simulated one is inviscid and slides along ball and walls: 0."""
-SWEEP = [{"ball": "pendulum"}, {"ball": "solid"}, {"ball": "shell"}]
+SWEEP = [{"ball": "pendulum"}, {"ball": "pendulum", "volume_rate": "cell"},
+         {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": HOST_STEP},
+         *({"ball": ball, "volume_rate": rate} for ball in ("solid", "shell") for rate in ("particle", "cell"))]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"ball": "solid"}]
 MAIN_ERROR, RESOLUTION = "thrust", None
@@ -38,7 +41,8 @@ RELEASE = 0.04
 """Angle [rad] from which the pendulum starts: 4 mm, a fifth of the radius."""
 THICKNESS = 1e-3
 """Of the shell [m]."""
-HOST_STEP, SETTLING = 1e-3, 0.1
+SETTLING = 0.1
+"""Time [s] for which the water comes to rest."""
 
 PENDULUM = """
 <mujoco>
@@ -84,10 +88,11 @@ def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 
 
 
 def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: float = 0.005,
-            transfer_interval: float | None = None, precision: str = "f32") -> Record:
+            volume_rate: Literal["particle", "cell"] = "particle", transfer_interval: float | None = None,
+            precision: str = "f32") -> Record:
     """Run the case; return the errors of damping and frequency, or of the thrust of a ball that is held.
 
-    cell [m]; transfer_interval: see `mpm.Solver` [s].
+    cell [m]; volume_rate: see `mpm.NewtonianFluid`; transfer_interval: see `mpm.Solver` [s].
     """
     middle = np.full(3, WIDTH / 2)
     if ball == "pendulum":
@@ -97,7 +102,7 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     positions = positions[np.linalg.norm(positions - middle, axis=1) > RADIUS]
     displaced = 4 / 3 * np.pi * RADIUS**3
     volume = (WIDTH**3 - displaced) / len(positions)
-    water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY)
+    water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
     pose = mpm.Pose(middle, mpm.Pose.identity().quaternion)
     held = {"pendulum": [], "solid": [mpm.Collider(mpm.Sdf.sphere(RADIUS), friction=0.0, pose=pose)],
             "shell": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2),
@@ -108,7 +113,7 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     state = solver.state()
     state["j"][:, 0] = -DENSITY * G * (WIDTH - positions[:, 2]) / water.bulk_modulus
     solver.load(state)
-    choices = {"ball": ball, "cell": cell, "transfer_interval": transfer_interval, "precision": precision}
+    choices = {"ball": ball, "cell": cell, "volume_rate": volume_rate, "transfer_interval": transfer_interval, "precision": precision}
     timed = TimedSolver(solver)
     if ball == "pendulum":
         errors, readings = _swing(timed, displaced)
