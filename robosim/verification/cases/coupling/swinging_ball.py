@@ -19,8 +19,8 @@ from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
 
 NAME = "swinging_ball"
-SOURCE = ("added mass of a sphere between walls by its image dipoles: 1/2 in unbounded water (Lamb, Hydrodynamics, 1932);"
-          " thrust of the displaced water (Archimedes)")
+SOURCE = ("added mass of a sphere between walls by its image dipoles: 1/2 in unbounded water (Lamb, Hydrodynamics); "
+          "thrust of the displaced water (Archimedes)")
 HOST_STEP = 1e-3
 BANDS = {"damping": 0.08, "frequency": 0.03, "thrust": 0.03}
 """Largest damping ratio, and relative errors of frequency and thrust. Real water would damp this ball by 0.01, see
@@ -113,7 +113,8 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     state = solver.state()
     state["j"][:, 0] = -DENSITY * G * (WIDTH - positions[:, 2]) / water.bulk_modulus
     solver.load(state)
-    choices = {"ball": ball, "cell": cell, "volume_rate": volume_rate, "transfer_interval": transfer_interval, "precision": precision}
+    choices = {"ball": ball, "cell": cell, "volume_rate": volume_rate, "transfer_interval": transfer_interval,
+               "precision": precision}
     timed = TimedSolver(solver)
     if ball == "pendulum":
         errors, readings = _swing(timed, displaced)

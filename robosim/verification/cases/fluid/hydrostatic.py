@@ -29,7 +29,8 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water",
             volume_rate: Literal["particle", "cell"] = "particle") -> Record:
     """Run the case; return the errors of gradient, base pressure and height.
 
-    material: "water", or "sand" with a friction angle of zero, which must behave the same. volume_rate: see `mpm.NewtonianFluid`.
+    material: "water", or "sand" with a friction angle of zero, which must behave the same. volume_rate: see
+    `mpm.NewtonianFluid`.
     """
     cell = DEPTH / cells
     positions = mpm.sample_box((0, 0, 0), (4 * cell, 4 * cell, DEPTH), cell / 2)
