@@ -128,9 +128,9 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
                 body_acceleration: bool, strides: bool, sleep: bool = False, contact: Contact = "near") -> Features:
     """Derive the features of a scene.
 
-    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations; for one with orifices on a GPU,
-    and with a fluid; for fluids of several `volume_rate`, and with sleeping for one of "cell"; UnknownName for a contact
-    that is not in CONTACTS.
+    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations; for one with orifices on a
+    GPU, and with a fluid; for fluids of several `volume_rate`, and with sleeping for one of "cell"; UnknownName for a
+    contact that is not in CONTACTS.
     """
     if contact not in CONTACTS:
         raise UnknownName("contact", contact, CONTACTS)
