@@ -56,6 +56,9 @@ class Adjustable(Readings):
         accepted = type(self.bodies[index].material)
         if type(material) is not accepted:
             raise InvalidValue(f"set_material: {type(material).__name__}; accepted: {accepted.__name__}")
+        rates = [getattr(law, "volume_rate", "") for law in (material, self.bodies[index].material)]
+        if rates[0] != rates[1]:
+            raise InvalidValue(f"set_material: volume_rate = {rates[0]!r}; accepted: {rates[1]!r}, that of the scene")
         check_step(self.dt, self.grid.cell, [material])
 
     def set_volume(self, index: int, volume: float) -> None:

@@ -2,17 +2,20 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from mpm.backend import once, ti
-from mpm.errors import InvalidValue
+from mpm.errors import InvalidValue, UnknownName
 from mpm.materials.elasticity import check_range
 
+RATES = ("particle", "cell")
+"""Accepted values of `NewtonianFluid.volume_rate`."""
 
 @dataclass(frozen=True, kw_only=True)
 class NewtonianFluid:
     """Newtonian fluid: tau = bulk_modulus (J - 1) J I + 2 viscosity J dev(D), D the rate of deformation [1/s].
 
-    Raises InvalidValue for arguments out of range.
+    Raises InvalidValue for arguments out of range, UnknownName for a volume_rate that is not in RATES.
     """
 
     bulk_modulus: float
@@ -23,6 +26,8 @@ class NewtonianFluid:
     """Dynamic viscosity [Pa s]."""
     tension: bool = True
     """Whether expanded fluid pulls; False: no pressure where J > 1, so that drops part freely."""
+    volume_rate: Literal["particle", "cell"] = "particle"
+    """Rate of volume that J follows: the particle's own, or the mean of the particles in its cell."""
 
     state = "volume"
     plastic = False
@@ -34,6 +39,8 @@ class NewtonianFluid:
         check_range("NewtonianFluid", "viscosity [Pa s]", self.viscosity, 0.0, math.inf)
         if not isinstance(self.tension, bool):
             raise InvalidValue(f"NewtonianFluid: tension = {self.tension!r}; accepted: True or False")
+        if self.volume_rate not in RATES:
+            raise UnknownName("volume_rate", self.volume_rate, RATES)
 
     @property
     def mu(self) -> float:

@@ -54,6 +54,8 @@ class Features:
     """Solids stop only material that touches one of their faces."""
     orifices: tuple[tuple[int, int], ...]
     """Index of a shell with small holes, and how many it has."""
+    cell_rates: bool
+    """The volume of fluids changes by the mean rate of a cell."""
 
     serial: bool
     """Whether one thread advances the scene; otherwise several threads or a GPU."""
@@ -126,8 +128,9 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
                 body_acceleration: bool, strides: bool, sleep: bool = False, contact: Contact = "near") -> Features:
     """Derive the features of a scene.
 
-    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations, and for one with orifices on a
-    GPU, and with a fluid; UnknownName for a contact that is not in CONTACTS.
+    Raises InvalidValue for a scene with sleeping on a GPU, and with body accelerations; for one with orifices on a
+    GPU, and with a fluid; for fluids of several `volume_rate`, and with sleeping for one of "cell"; UnknownName for a
+    contact that is not in CONTACTS.
     """
     if contact not in CONTACTS:
         raise UnknownName("contact", contact, CONTACTS)
@@ -157,5 +160,20 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
         mobile=mobile,
         static_colliders=tuple(i for i, c in enumerate(colliders) if c.static and not thin[i]),
         sleep=sleep, touching=contact == "touching" and any(not t for t in thin),
-        orifices=orifices,
+        orifices=orifices, cell_rates=_has_cell_rates(bodies, sleep),
     )
+
+
+def _has_cell_rates(bodies: list[Body], sleep: bool) -> bool:
+    """Return whether the fluids' volume changes by the mean rate of a cell; raises InvalidValue, see `features_of`."""
+    rates = {place: getattr(body.material, "volume_rate", "particle") for place, body in enumerate(bodies)
+             if body.material.state == "volume"}
+    for place, rate in rates.items():
+        if rate != next(iter(rates.values())):
+            raise InvalidValue(f"Solver: bodies[{place}] is a fluid with volume_rate = {rate!r}, and bodies"
+                               f"[{next(iter(rates))}] one with {next(iter(rates.values()))!r}; accepted: the same for "
+                               "all fluids of a scene")
+        if rate == "cell" and sleep:
+            raise InvalidValue(f"Solver: sleep, and bodies[{place}] is a fluid with volume_rate = 'cell'; accepted: "
+                               "sleep=False, or volume_rate='particle'")
+    return "cell" in rates.values()

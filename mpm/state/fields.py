@@ -44,6 +44,8 @@ class Fields:
     mobile_nodes: MobileContact | None
     penetrating: PenetratingParticles | None
     sleepers: Sleepers | None
+    cell_rates: Any
+    """Sums of the particles in the cell that begins at a node: rate of volume [m^3/s] and volume [m^3]."""
     scatter_target: Any
     """Node field that particles scatter to: that of `grid`, or `parts` arrays, one after the other along x."""
     parts: int
@@ -156,6 +158,7 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
         wall_conditions=tuple(conditions_of(walls)), colliders=tuple(ready),
         static_contact=StaticContact(grid, precision) if features.static_colliders else None, shells=shells,
         orifices=OrificeFields(features) if features.orifices else None,
+        cell_rates=ti.Vector.field(2, real_type(precision), nodes.nodes.shape) if features.cell_rates else None,
         mobile_nodes=mobile, penetrating=penetrating, sleepers=sleepers,
         parameters=Parameters(len(bodies), len(colliders), precision),
         stamps=Stamps(), scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),

@@ -19,6 +19,7 @@ from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
 from mpm.state.fields import Fields
 from mpm.stepping.sleep_look import activate_sides
 from mpm.stepping.sleep_shares import add_sleepers, settle_with_sleepers
+from mpm.transfers.cell_rates import clear_rates, sum_rates
 from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
 from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list
 
@@ -84,6 +85,7 @@ def _lists_later(fields: Fields) -> bool:
     return not fields.grid.lists
 
 
+CELL_RATES = 'a fluid with volume_rate="cell"'
 ORDER = (
     Phase("start mobile colliders", "once", start_mobile_colliders, lambda f: bool(f.features.mobile),
           "a mobile collider"),
@@ -102,6 +104,8 @@ ORDER = (
     Phase("label particles", "packs", label_particles, lambda f: bool(f.features.shells), "a shell"),
     Phase("list particles", "packs in order", list_particles, lambda f: bool(f.features.shells), "a shell"),
     Phase("start nodes", "blocks", start_nodes, lambda f: not f.parts, "every scene"),
+    Phase("clear rates of cells", "blocks", clear_rates, lambda f: f.features.cell_rates, CELL_RATES),
+    Phase("sum rates of cells", "packs in order", sum_rates, lambda f: f.features.cell_rates, CELL_RATES),
     Phase("scatter", "packs", scatter_packs, _always, "every scene"),
     Phase("scatter across shells", "listed", scatter_across_shells, lambda f: bool(f.features.shells), "a shell"),
     Phase("add parts", "blocks", add_parts, lambda f: f.parts > 0, "several threads"),

@@ -10,6 +10,7 @@ from mpm.state.ledger import GRAVITY_ROW, add
 from mpm.state.nodes import clear, first_nodes, velocities_to_momenta
 from mpm.state.packs import LANES
 from mpm.state.sleepers import is_awake, pack_at, packs_of_body, sleeping_lanes
+from mpm.transfers.cell_rates import with_mean_rate
 from mpm.transfers.particle_grid import SingleLayer, lane_weights, scatter, weights
 
 
@@ -42,7 +43,7 @@ def scatter_body(fields: ti.template(), P: ti.template(), step: ti.template(), l
         q = pack_at(fields, place)
         C = [once(P.C[i][q]) for i in range(9)]
         before = [once(field[q]) for field in P.kept_strain]
-        tau = update_stress(fields, P, law, q, step.dt, C, p)
+        tau = update_stress(fields, P, law, q, step.dt, with_mean_rate(fields, P, law, q, C), p)
         keep_strain_of_sleepers(fields, P, q, before)
         volume = P.volume[q]
         mass = density * volume

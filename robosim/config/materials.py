@@ -108,6 +108,8 @@ class FluidConfig(MaterialConfig):
     """Dynamic viscosity [Pa s]."""
     tension: bool = True
     """Whether expanded fluid pulls; false: it has no pressure where its volume is larger than at first."""
+    volume_rate: Literal["particle", "cell"] = "particle"
+    """Rate of volume that a particle follows: its own, or the mean of its cell."""
 
 
 class ClayConfig(MaterialConfig):
@@ -180,7 +182,7 @@ def law_of(config: MaterialConfig) -> Law:
     """The law of a material."""
     values = {name: getattr(config, key).value for name, key in number_names(config).items()}
     if isinstance(config, FluidConfig):
-        return mpm.NewtonianFluid(tension=config.tension, **values)
+        return mpm.NewtonianFluid(tension=config.tension, volume_rate=config.volume_rate, **values)
     if isinstance(config, ClayConfig):
         return mpm.VonMises(**values)
     return (mpm.MuIRheology if isinstance(config, MuIConfig) else mpm.DruckerPrager)(**values)

@@ -25,7 +25,7 @@ SUBJECTS = {
     "sleeping": "granular", "lock_gate": "fluid",
     "shell_leak": "coupling", "closed_system": "coupling", "bar_impact": "coupling", "floating_cube": "coupling",
     "block_at_rest": "coupling", "sliding_block": "coupling", "rest_height": "coupling", "carried_load": "coupling",
-    "added_mass": "coupling", "driven_wheel": "coupling",
+    "added_mass": "coupling", "swinging_ball": "coupling", "driven_wheel": "coupling",
     "plate_map": "forces", "plate_pull": "forces", "plate_drag": "forces", "retaining_wall": "forces",
     "silo_load": "forces", "dropped_sphere": "forces",
     "sleeping_scenes": "scenes",

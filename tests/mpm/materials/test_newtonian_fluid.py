@@ -124,3 +124,71 @@ def test_what_is_no_tension_is_refused() -> None:
     with pytest.raises(mpm.InvalidValue, match=r"tension=False\) has a tension of 1e\+03 Pa; accepted: -pressure"):
         mpm.Body(fluid, place, volume=1e-6, stress=1e3 * np.eye(3)[None])
     mpm.Body(fluid, place, volume=1e-6, stress=-1e3 * np.eye(3)[None])
+
+
+def rated(volume_rate: str, positions: np.ndarray, **options) -> mpm.Solver:
+    """Fluid at positions [m] (n, 3) in a room without gravity, whose volume follows a rate."""
+    fluid = mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0, volume_rate=volume_rate)  # pyright: ignore[reportArgumentType]
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL), gravity=(0, 0, 0), precision="f64",
+                      bodies=[mpm.Body(fluid, positions, volume=(CELL / 2) ** 3)], **options)
+
+
+def test_a_cell_has_one_rate_of_volume() -> None:
+    """The mean of its particles' own rates, weighted by volume: the volume of all fluid changes as without."""
+    positions = mpm.sample_box((0.16, 0.16, 0.16), (0.24, 0.24, 0.24), CELL / 2, np.random.default_rng(0))[:-3]
+    rates = np.random.default_rng(1).uniform(-1.0, 1.0, (len(positions), 9))
+    ends = {}
+    for volume_rate in ("particle", "cell"):
+        solver = rated(volume_rate, positions)
+        state = solver.state()
+        state["C"][:] = rates
+        solver.load(state)
+        solver.advance(solver.dt)
+        ends[volume_rate] = np.sinh(np.log1p(solver.state()["j"][:, 0])) / solver.dt
+        solver.close()
+    trace = rates[:, [0, 4, 8]].sum(1)
+    assert ends["particle"] == pytest.approx(trace, abs=1e-9)
+    cells = np.unique(np.floor(positions / CELL).astype(int), axis=0, return_inverse=True)[1].ravel()
+    mean = np.bincount(cells, trace) / np.bincount(cells)
+    assert ends["cell"] == pytest.approx(mean[cells], abs=1e-9)
+    assert ends["cell"].sum() == pytest.approx(ends["particle"].sum(), abs=1e-8)
+
+
+def test_a_fluid_with_the_rate_of_its_cell_shears_freely() -> None:
+    """A flow without compression on average over a cell costs little energy; by particles it is resisted."""
+    positions = mpm.sample_box((0, 0, 0), (0.4, 0.08, 0.4), CELL / 2)
+    kept = {}
+    for volume_rate in ("particle", "cell"):
+        fluid = mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0, volume_rate=volume_rate)
+        wave = np.pi / 0.1  # four vortices a side, five cells each
+        x, z = positions[:, 0], positions[:, 2]
+        velocities = 0.01 * np.stack([np.sin(wave * x) * np.cos(wave * z), 0 * x, -np.cos(wave * x) * np.sin(wave * z)],
+                                     1)
+        solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.08, 0.4), CELL), gravity=(0, 0, 0), precision="f64",
+                            walls=mpm.Walls.all("roller"), transfer_interval=0.02,
+                            bodies=[mpm.Body(fluid, positions, velocities, volume=(CELL / 2) ** 3)])
+        before = solver.energy().kinetic
+        for _ in range(5):
+            solver.advance(0.02)
+        kept[volume_rate] = solver.energy().kinetic / before
+        solver.close()
+    assert kept["cell"] > 0.65, kept
+    assert kept["particle"] < 0.5, kept
+
+
+def test_rates_of_volume_that_cannot_be_are_refused() -> None:
+    """A word, two rates in a scene, sleeping, and a change in a scene that stands."""
+    with pytest.raises(mpm.UnknownName, match=r"volume_rate 'grid'.*particle"):
+        mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0, volume_rate="grid")  # pyright: ignore[reportArgumentType]
+    place = np.full((1, 3), 0.2)
+    own, mean = (mpm.NewtonianFluid(bulk_modulus=BULK, density=1000.0, volume_rate=r) for r in ("particle", "cell"))
+    grid = mpm.Grid((0, 0, 0), (0.4, 0.4, 0.4), CELL)
+    with pytest.raises(mpm.InvalidValue, match=r"bodies\[1\] is a fluid with volume_rate = 'cell', and bodies\[0\]"):
+        mpm.Solver(grid=grid, bodies=[mpm.Body(own, place, volume=1e-6), mpm.Body(mean, place - 0.1, volume=1e-6)])
+    with pytest.raises(mpm.InvalidValue, match=r"sleep, and bodies\[0\] is a fluid with volume_rate = 'cell'"):
+        mpm.Solver(grid=grid, bodies=[mpm.Body(mean, place, volume=1e-6)], sleep=True)
+    solver = mpm.Solver(grid=grid, bodies=[mpm.Body(mean, place, volume=1e-6)])
+    with pytest.raises(mpm.InvalidValue, match=r"set_material: volume_rate = 'particle'; accepted: 'cell'"):
+        solver.set_material(0, own)
+    with pytest.raises(mpm.InvalidValue, match=r'Rollout: the scene has a fluid with volume_rate="cell", which is not'):
+        mpm.Rollout(solver, n_steps=1, step_dt=1e-3)

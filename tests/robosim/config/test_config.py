@@ -54,6 +54,20 @@ def test_a_fluid_may_be_without_tension(tmp_path: Path) -> None:
         load_material(str(path))
 
 
+def test_a_fluid_may_follow_the_rate_of_its_cell(tmp_path: Path) -> None:
+    """The key reaches the law; another word is refused with file and key."""
+    path = tmp_path / "swing.yaml"
+    text = config_path("materials", "water", "material").read_text()
+    for line, expected in (("", "particle"), ("volume_rate: cell\n", "cell")):
+        path.write_text(text + line)
+        law = law_of(load_material(str(path)))
+        assert isinstance(law, mpm.NewtonianFluid)
+        assert law.volume_rate == expected
+    path.write_text(text + "volume_rate: node\n")
+    with pytest.raises(ConfigError, match=r"swing\.yaml: .*volume_rate"):
+        load_material(str(path))
+
+
 def test_unknown_rehearsal_material_and_camera(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     out = str(tmp_path / "out")
     for arguments, words in (

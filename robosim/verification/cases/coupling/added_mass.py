@@ -4,6 +4,8 @@ Measured: relative error of the frequency, which the water's added mass lowers. 
 radius a in a hollow sphere of radius b carries C = (b^3 + 2 a^3) / (2 (b^3 - a^3)) of the displaced mass.
 """
 
+from typing import Literal
+
 import mujoco
 import numpy as np
 import trimesh
@@ -65,11 +67,12 @@ def swing(x: np.ndarray, step: float) -> tuple[float, float]:
 
 
 def measure(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2.0, swings: float = 2.0,
-            precision: str = "f32") -> Record:
+            precision: str = "f32", volume_rate: Literal["particle", "cell"] = "particle",
+            transfer_interval: float | None = None) -> Record:
     """Run the case; return the error of the frequency.
 
     cell [m]; mass_ratio: of ball to displaced water; radii: radius of the hollow over the ball's; swings: periods that
-    are computed.
+    are computed; volume_rate, transfer_interval: see `mpm.NewtonianFluid` and `mpm.Solver`.
     """
     outer = radii * RADIUS
     reach = np.ceil(outer / cell + 3) * cell
@@ -78,10 +81,11 @@ def measure(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2.0,
     # grains stay half their size off a face; placed nearer, they would put the water under pressure from the start
     positions = positions[(distance < outer - cell / 4) & (distance > RADIUS + cell / 4)]
     volume = 4 / 3 * np.pi * (outer**3 - RADIUS**3) / len(positions)
-    water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY)
+    water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
     vessel = mpm.Collider(mpm.Sdf.from_mesh(hollow(outer, 2.5 * cell), spacing=cell / 4), friction=0.0, static=True)
     solver = mpm.Solver(grid=mpm.Grid((-reach,) * 3, (reach,) * 3, cell), precision=precision, colliders=[vessel],
-                        bodies=[mpm.Body(water, positions, volume=volume)], gravity=(0, 0, 0))
+                        bodies=[mpm.Body(water, positions, volume=volume)], gravity=(0, 0, 0),
+                        transfer_interval=transfer_interval)
     displaced = DENSITY * 4 / 3 * np.pi * RADIUS**3
     model = mujoco.MjModel.from_xml_string(BALL.format(host_step=HOST_STEP, stiffness=STIFFNESS, radius=RADIUS,
                                                        mass=mass_ratio * displaced))
@@ -95,6 +99,7 @@ def measure(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2.0,
         timed.run(plugin.step)
         places.append(float(data.qpos[0]))
     frequency, damping = swing(np.array(places), HOST_STEP)
-    choices = {"cell": cell, "mass_ratio": mass_ratio, "radii": radii, "precision": precision}
+    choices = {"cell": cell, "mass_ratio": mass_ratio, "radii": radii, "precision": precision,
+               "volume_rate": volume_rate, "transfer_interval": transfer_interval}
     return timed.record(NAME, choices, {"frequency": frequency / expected - 1}, damping_ratio=damping,
                         frequency_in_vacuum=float(np.sqrt(STIFFNESS / (mass_ratio * displaced)) / expected))

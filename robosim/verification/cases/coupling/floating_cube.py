@@ -4,6 +4,8 @@ Measured: error of the draught in sides, and with a fixed cube the relative erro
 principle, draught / side = density / density of water.
 """
 
+from typing import Literal
+
 import mujoco
 import numpy as np
 
@@ -43,10 +45,12 @@ CUBE = """
 
 
 def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: float = 0.0, fixed: bool = False,
-            duration: float = 1.2, contact: Contact = "near", precision: str = "f32") -> Record:
+            duration: float = 1.2, contact: Contact = "near", precision: str = "f32",
+            volume_rate: Literal["particle", "cell"] = "particle") -> Record:
     """Run the case; return the error of the draught, or with `fixed` of the thrust on an immersed cube.
 
-    cell [m]; duration [s]; offset_cells: of the cube's middle from a node along x. contact: see `mpm.Solver`.
+    cell [m]; duration [s]; offset_cells: of the cube's middle from a node along x. contact: see `mpm.Solver`;
+    volume_rate: see `mpm.NewtonianFluid`.
     """
     middle = WIDTH / 2 + offset_cells * cell
     # on a layer of the grains' lattice: what is cut out is the cube's volume
@@ -55,7 +59,7 @@ def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: flo
     volume = WIDTH**2 * DEPTH / len(positions)
     offset = np.abs(positions - [middle, WIDTH / 2, bottom + SIDE / 2]).max(1)
     positions = positions[offset > SIDE / 2]
-    water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY)
+    water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, DEPTH + SIDE), cell), precision=precision,
                         bodies=[mpm.Body(water, positions, volume=volume)], walls=mpm.Walls.all("slip"),
                         contact=contact)
@@ -85,7 +89,7 @@ def measure(*, density_ratio: float = 0.8, cell: float = 0.01, offset_cells: flo
     thrust = np.mean(thrusts) / (DENSITY * G * SIDE**3) - 1
     error = np.mean(draughts) / SIDE - density_ratio
     choices = {"density_ratio": density_ratio, "cell": cell, "offset_cells": offset_cells, "fixed": fixed,
-               "contact": contact, "precision": precision}
+               "contact": contact, "precision": precision, "volume_rate": volume_rate}
     top = np.percentile(solver.positions()[np.abs(solver.positions()[:, 0] - middle) > 0.07, 2], 99)
     errors = {"thrust": thrust} if fixed else {"draught": error, "weight": thrust + 1 - density_ratio}
     return timed.record(NAME, choices, errors, accepted=BANDS["cells"] * cell / SIDE + BANDS["share"] * density_ratio,

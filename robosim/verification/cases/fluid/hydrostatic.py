@@ -4,6 +4,8 @@ Measured: relative errors of the pressure gradient, of the pressure at the base 
 Z in material depth Z, and the height that the compression by this pressure leaves.
 """
 
+from typing import Literal
+
 import numpy as np
 
 import mpm
@@ -23,15 +25,17 @@ CLAIMS = tuple(Within(name, bound, {"cells": 20}) for name, bound in BANDS.items
 DEPTH, BULK, DENSITY, G, HEIGHT = 0.1, 1e5, 1000.0, 9.81, 0.0995095
 
 
-def measure(*, cells: int = 20, precision: str = "f32", material: str = "water") -> Record:
+def measure(*, cells: int = 20, precision: str = "f32", material: str = "water",
+            volume_rate: Literal["particle", "cell"] = "particle") -> Record:
     """Run the case; return the errors of gradient, base pressure and height.
 
-    material: "water", or "sand" with a friction angle of zero, which must behave the same.
+    material: "water", or "sand" with a friction angle of zero, which must behave the same. volume_rate: see
+    `mpm.NewtonianFluid`.
     """
     cell = DEPTH / cells
     positions = mpm.sample_box((0, 0, 0), (4 * cell, 4 * cell, DEPTH), cell / 2)
     depth = DEPTH - positions[:, 2]
-    law = mpm.NewtonianFluid(bulk_modulus=BULK, density=DENSITY, viscosity=0.001)
+    law = mpm.NewtonianFluid(bulk_modulus=BULK, density=DENSITY, viscosity=0.001, volume_rate=volume_rate)
     if material == "sand":
         law = mpm.DruckerPrager(E=3e5 * (1 - 2 * 0.3), nu=0.3, density=DENSITY, friction_angle_deg=0.0)
     rollers = mpm.Walls.all("roller")
@@ -49,4 +53,5 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water")
     base = surface + gradient * DEPTH
     errors = {"gradient": gradient / (DENSITY * G) - 1, "base": base / (DENSITY * G * DEPTH) - 1,
               "height": (solver.positions()[top, 2] + depth[top]).mean() / HEIGHT - 1}
-    return timed.record(NAME, {"cells": cells, "precision": precision, "material": material}, errors)
+    return timed.record(NAME, {"cells": cells, "precision": precision, "material": material,
+                               "volume_rate": volume_rate}, errors)
