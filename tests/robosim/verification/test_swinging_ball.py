@@ -34,7 +34,8 @@ def test_frequency_and_damping_of_a_known_swing(damping: float) -> None:
     frequency, step = 6.9, 1e-3
     damped = frequency * np.sqrt(1 - damping**2)
     t = np.arange(800) * step
-    x = 0.04 * np.exp(-damping * frequency * t) * (np.cos(damped * t) + damping * frequency / damped * np.sin(damped * t))
+    swing = np.cos(damped * t) + damping * frequency / damped * np.sin(damped * t)
+    x = 0.04 * np.exp(-damping * frequency * t) * swing
     found = half_swing(x, step)
     assert found == pytest.approx((frequency, damping), rel=1e-3, abs=1e-4)
 
