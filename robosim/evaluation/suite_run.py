@@ -46,7 +46,7 @@ def evaluate_suite(task: str, name: str, suite: str, out: Path | None, *, episod
     """Score a policy on a suite; print means with intervals, and write a row an episode, a summary and a picture.
 
     name: of the policy, its file, or the folder of a training run. changed: top-level keys of the task that differ on
-    purpose from what the policy was learned on. alone: run no other policy beside it. Returns 0.
+    purpose from what the policy was learned on. alone: run no other policy. Returns 0.
     Raises ConfigError, UnknownName for what cannot be used, before any episode runs.
     """
     if material is not None and suite != "nominal":

@@ -29,7 +29,7 @@ def add_parser(commands: Any) -> None:
                         "motion, the script and no motion, or in dosing tasks the three controllers: the task's own "
                         "starts (nominal); other places, fills, materials, frictions and errors of the robot (wide); "
                         "thirteen materials (materials)")
-    parser.add_argument("--alone", action="store_true", help="with --suite: score no other policy beside it")
+    parser.add_argument("--alone", action="store_true", help="with --suite: score no other policy")
     parser.add_number("--episodes",
                         help="number of episodes, with seeds from --seed on (default: 5; 1 with "
                         "--nominal; 50 with --suite)")

@@ -107,7 +107,7 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     held = {"pendulum": [], "solid": [mpm.Collider(mpm.Sdf.sphere(RADIUS), friction=0.0, pose=pose)],
             "shell": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2),
                                                        THICKNESS), friction=0.0, pose=pose)]}
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH,) * 3, cell), walls=mpm.Walls.all("roller"),
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, WIDTH), cell), walls=mpm.Walls.all("roller"),
                         precision=precision, colliders=held[ball], transfer_interval=transfer_interval,
                         bodies=[mpm.Body(water, positions, volume=volume)])
     state = solver.state()
