@@ -67,7 +67,8 @@ def test_every_task_passes_with_every_combination(task: str, arm: bool):
                  for key, space in env.observation_space.spaces.items()}
         assert all(np.isfinite(row).all() for row in (*rows, *others))
         constant = [key for key, values in parts.items() if np.ptp(values, axis=0).max() == 0.0]
-        assert not constant or (not env.task.carried and set(constant) <= {"wrist", "height_map"}), constant
+        # a bed that the tool has not reached yet is at rest, and all that shows it is the same
+        assert not constant or (not env.task.carried and set(constant) <= {"wrist", "height_map", "grains"}), constant
         env.close()
 
 
