@@ -49,6 +49,7 @@ def test_a_run_is_the_same_however_often_its_policy_is_evaluated(tmp_path):
     assert (tmp_path / "often" / "best_policy.npz").is_file()
 
 
+@pytest.mark.slow
 def test_a_resumed_run_has_the_evaluations_of_a_whole_one(tmp_path):
     whole = run(tmp_path / "whole", evaluate_every=2, checkpoint_every=1, starts="nominal")
     part = run(tmp_path / "part", episodes=3, evaluate_every=2, checkpoint_every=1, starts="nominal")

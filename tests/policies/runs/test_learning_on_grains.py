@@ -41,6 +41,7 @@ def chance_of_delivery(env) -> float:
     return float(np.exp(-1.5 * (distance / step) ** 2 / decisions).sum())
 
 
+@pytest.mark.slow
 def test_a_policy_learns_to_carry_grains(tmp_path):
     """After twenty episodes it has delivered more than half of them in an evaluation, where no motion delivers none.
 

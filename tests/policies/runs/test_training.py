@@ -27,7 +27,7 @@ def make_preset(**changes) -> Preset:
 
 @pytest.mark.parametrize(("learner", "decay", "actor"), [
     pytest.param("SAC", 1.0, None, marks=pytest.mark.slow), pytest.param("SAC", 0.1, None, marks=pytest.mark.slow),
-    ("SAC", 1.0, Actor(imitation=0.1, imitation_growth=10)),
+    pytest.param("SAC", 1.0, Actor(imitation=0.1, imitation_growth=10), marks=pytest.mark.slow),
     ("PPO", 1.0, None)])
 def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay, actor):
     """Interrupted after three of four episodes, with a checkpoint after two; continued with other random states.
