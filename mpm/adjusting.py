@@ -1,6 +1,5 @@
 """What can be set in a scene that stands: numbers that kernels read, so that nothing is compiled again."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from mpm.materials.stable_step import check_step, material_bound
 from mpm.observers.diagnostics import Momentum
 from mpm.observers.readings import Readings
 from mpm.scene.body import half_edge, with_material, with_volume
-from mpm.scene.collider import Collider
+from mpm.scene.collider import Collider, with_friction
 from mpm.scene.validation import check_finite
 from mpm.stepping.sleep_thresholds import sleep_limits
 
@@ -35,7 +34,7 @@ class Adjustable(Readings):
     def set_friction(self, index: int, friction: float) -> None:
         """Set the friction coefficient of a collider, without recompilation."""
         self.paths.pose(index)
-        changed = replace(self.colliders[index], friction=friction)
+        changed = with_friction(self.colliders[index], friction)
         self.fields.parameters.set_friction(index, friction)
         self.colliders[index] = changed
         self.wake()
@@ -67,11 +66,7 @@ class Adjustable(Readings):
         Particles stay where they are. Raises InvalidValue.
         """
         changed = with_volume(self.bodies[index], volume)
-        particles, first = self.particles, sum(self.particles.counts[:index])
-        fields = [field for field in (particles.volume, particles.half) if field is not None]
-        values = particles.read(fields) if len(self.bodies) > 1 else np.empty((particles.counts[0], len(fields)))
-        values[first : first + particles.counts[index]] = (volume, half_edge(volume))[: len(fields)]
-        particles.write(fields, values, padding=0.0)
+        self.particles.volumes.set(index, volume, half_edge(volume))
         self.bodies[index] = changed
         self._momentum = None
         self.wake()

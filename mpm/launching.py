@@ -54,9 +54,12 @@ class Launch:
     """One compiled version of a kernel with the arguments that it was given last."""
 
     def __init__(self, compiled: Any) -> None:
-        self._compiled, self._context = compiled, compiled.make_launch_context()
+        self._context = compiled.make_launch_context()
         self._arrays: dict[int, np.ndarray] = {}
         self._numbers: dict[int, Any] = {}
+        program = present_program()
+        self._code = program.compile_kernel(program.config(), program.get_device_caps(), compiled)
+        """Machine code, which the program keeps: to look it up again takes longer than a short launch."""
 
     def set_array(self, place: int, array: np.ndarray) -> None:
         """Set an array argument; it is held until the next one takes its place."""
@@ -75,6 +78,4 @@ class Launch:
 
     def start(self) -> None:
         """Launch; returns when the kernel is done."""
-        program = present_program()
-        program.launch_kernel(program.compile_kernel(program.config(), program.get_device_caps(), self._compiled),
-                              self._context)
+        present_program().launch_kernel(self._code, self._context)

@@ -13,6 +13,7 @@ from mpm.observers.counter_kernel import (
     COUNTED,
     COUNTER_ROWS,
     DISTANCE,
+    FRAME_NUMBERS,
     LATCHING,
     NEWLY_EXITED,
     CounterKernel,
@@ -84,7 +85,7 @@ class RegionCounter:
         self._point, self.frame = np.asarray(point, float), Pose.identity()
         own = [region.row, bounds.row, inner.row, solver.grid.origin, weights, self.frame_numbers(self.frame)]
         self.kernel.fill(np.concatenate(own), roles, points)
-        self._out = np.zeros((COUNTER_ROWS, 6))
+        self._out, self._frame_numbers = np.zeros((COUNTER_ROWS, 6)), np.zeros(FRAME_NUMBERS)
         self.slots = self.particles.index[counted]
         """Rows of the per-particle values of a launch that belong to the counted particles."""
         self.per_particle_shape = (len(roles) if per_particle else 1, 2)
@@ -98,7 +99,8 @@ class RegionCounter:
         """
         self._set_state_aside()
         self.frame = check_pose("RegionCounter.place", frame)
-        self.kernel.write_frame(self.frame_numbers(self.frame))
+        self._frame_numbers[:] = self.frame_numbers(self.frame)
+        self.kernel.write_frame(self._frame_numbers)
 
     def frame_numbers(self, frame: Pose) -> np.ndarray:
         """Return what the kernel reads of a frame: the point there, position [m] and rotation, row by row (15,)."""

@@ -1,15 +1,13 @@
 """Bodies: particles of one material."""
 
-import copy
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from mpm.errors import InvalidValue
 from mpm.materials.material import Material, check_material
 from mpm.scene.initial_stress import check_stress
-from mpm.scene.validation import check_finite, read_real
+from mpm.scene.validation import check_finite, read_real, with_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +50,12 @@ def with_volume(body: Body, volume: float) -> Body:
         raise InvalidValue("set_volume: the body's particles have volumes of their own; accepted: one with one volume")
     if not 0.0 < volume < np.inf:
         raise InvalidValue(f"set_volume: volume = {volume}; accepted: the positive volume of a particle [m^3]")
-    return _changed(body, volume=float(volume))
+    return with_values(body, volume=float(volume))
 
 
 def with_material(body: Body, material: Material) -> Body:
-    """Return a body of another material; raise InvalidValue for an incomplete law."""
-    check_material(material)
-    return _changed(body, material=material)
-
-
-def _changed(body: Body, **values: Any) -> Body:
-    """Return a body with other values; its arrays, checked before, are not checked again: resets do this often."""
-    other = copy.copy(body)
-    other.__dict__.update(values)
-    return other
+    """Return a body with other numbers of its law: a material of the same class, whose members are checked already."""
+    return with_values(body, material=material)
 
 
 def half_edge(volume: float) -> float:

@@ -11,7 +11,7 @@ from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.geometry.shape import Shape
 from mpm.geometry.shell import Shell
 from mpm.scene.orifice import Orifice
-from mpm.scene.validation import describe
+from mpm.scene.validation import describe, with_values
 
 OBLIQUE = 0.7
 """Cosine of the largest angle between a hole's axis and the shell's normal."""
@@ -43,8 +43,7 @@ class Collider:
             raise InvalidValue(f"Collider: sdf = {describe(self.sdf)}; accepted: a solid, such as "
                                f"mpm.Sdf.from_mesh(mesh), or a shell, mpm.Shell.from_mesh(mesh, thickness)")
         check_pose("Collider", self.pose)
-        if not self.friction >= 0:
-            raise InvalidValue(f"Collider: friction = {self.friction}; accepted: 0 or more")
+        check_friction(self.friction)
         if self.static and self.mobile:
             raise InvalidValue("Collider: static = True and mobile = True; accepted: one of them at most")
         if self.static and isinstance(self.sdf, Shell):
@@ -56,6 +55,18 @@ class Collider:
             if not isinstance(self.sdf, Shell):
                 raise InvalidValue(f"Collider: orifices in a {type(self.sdf).__name__}; accepted: in a mpm.Shell")
             normals_at(self.sdf, orifice)
+
+
+def with_friction(collider: Collider, friction: float) -> Collider:
+    """Return a collider with another friction; raise InvalidValue for a negative one."""
+    check_friction(friction)
+    return with_values(collider, friction=friction)
+
+
+def check_friction(friction: float) -> None:
+    """Raise InvalidValue for a negative friction."""
+    if not friction >= 0:
+        raise InvalidValue(f"Collider: friction = {friction}; accepted: 0 or more")
 
 
 def normals_at(shell: Shell, orifice: Orifice) -> np.ndarray:

@@ -1,10 +1,13 @@
-"""Checks of arrays that a user gives."""
+"""Checks of what a user gives, and copies of what is checked."""
 
 from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mpm.errors import InvalidValue
+
+T = TypeVar("T")
 
 
 def describe(given: object) -> str:
@@ -50,3 +53,10 @@ def read_array(state: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...
     if array.shape != shape:
         raise InvalidValue(f"load: {name} has shape {array.shape}; the scene has {shape}")
     return array
+
+
+def with_values(checked: T, **values: Any) -> T:
+    """Return a copy of a dataclass with other values, without its checks: resets do this often, and arrays are long."""
+    other = object.__new__(type(checked))
+    other.__dict__.update(checked.__dict__, **values)
+    return other

@@ -36,8 +36,9 @@ class Parameters:
         """Parameters of each body's law."""
         self.law_index = ti.field(ti.i32, n_bodies)
         """Place of each body's law among the scene's laws."""
-        self._launch_laws = Launcher(self, Parameters._write_laws)
+        self._write = Launcher(self, Parameters._write_numbers)
         self._laws, self._densities = np.zeros((n_bodies, PARAMETERS), dtype), np.zeros(n_bodies, dtype)
+        self._frictions = np.zeros(max(n_colliders, 1), dtype)
         self.densities = ti.field(real, n_bodies)
         """[kg/m^3] of each body."""
         self.frictions = ti.field(real, max(n_colliders, 1))
@@ -58,10 +59,10 @@ class Parameters:
         """Write the numbers of a scene."""
         put(self.law_index, np.array(law_indices(bodies), np.int32))
         self._laws[:] = 0.0
+        self._frictions[:] = [c.friction for c in colliders] or [0.0]
         for index, body in enumerate(bodies):
             self.set_law(index, body.material)
         dtype = self._laws.dtype
-        put(self.frictions, np.array([c.friction for c in colliders] or [0.0], dtype))
         thickness = [getattr(c.sdf, "thickness", 0.0) for c in colliders] or [0.0]
         put(self.half_thickness, 0.5 * np.array(thickness, dtype))
         put(self.gravity, np.array(gravity, dtype))
@@ -73,16 +74,24 @@ class Parameters:
         check_owner()
         self._laws[index, : len(material.parameters)] = material.parameters
         self._densities[index] = material.density
-        later(lambda: self._launch_laws(self._laws, self._densities))
+        self._launch()
+
+    def set_friction(self, index: int, friction: float) -> None:
+        """Write the Coulomb coefficient of a collider."""
+        check_owner()
+        self._frictions[index] = friction
+        self._launch()
+
+    def _launch(self) -> None:
+        later(lambda: self._write(self._laws, self._densities, self._frictions))
 
     @ti.kernel
-    def _write_laws(self, laws: ti.types.ndarray(), densities: ti.types.ndarray()):
+    def _write_numbers(self, laws: ti.types.ndarray(), densities: ti.types.ndarray(), frictions: ti.types.ndarray()):
         ti.loop_config(serialize=True)
         for body in range(densities.shape[0]):
             for i in ti.static(range(PARAMETERS)):
                 self.law[body, i] = laws[body, i]
             self.densities[body] = densities[body]
-
-    def set_friction(self, index: int, friction: float) -> None:
-        """Write the Coulomb coefficient of a collider."""
-        self.frictions[index] = friction
+        ti.loop_config(serialize=True)
+        for index in range(frictions.shape[0]):
+            self.frictions[index] = frictions[index]

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from mpm.backend import put, real_type, ti
+from mpm.backend import is_shared, put, real_type, ti
+from mpm.launching import Launcher
 from mpm.scene.body import Body
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
@@ -24,7 +25,7 @@ class ParticleFields:
 
     def __init__(self, counts: tuple[int, ...], features: Features) -> None:
         real = real_type(features.precision)
-        self.counts = list(counts)
+        self.counts, self.dtype = list(counts), np.float64 if features.precision == "f64" else np.float32
         packs = [-(-count // LANES) for count in self.counts]
         ends = np.cumsum(packs)
         self.ranges = [(int(end - n), int(end)) for n, end in zip(packs, ends)]
@@ -79,9 +80,9 @@ class ParticleFields:
         """Initial volume V0 [m^3]; zero in padding lanes."""
         self.half = pack_field() if features.moving_solids or features.shells else None
         """Half the edge of a particle's cube [m]; zero in padding lanes."""
+        self.volumes = VolumeWriter(self)
         self.index = np.zeros(sum(counts), int)
         """Slot of each particle, in the order in which the bodies gave them."""
-        self._dtype = np.float64 if features.precision == "f64" else np.float32
         state = [field for named in self.named_fields().values() for field in named]
         self.state_fields = state
         """All fields of the state, in the order of `named_fields`: x, v and C first."""
@@ -89,7 +90,7 @@ class ParticleFields:
         strain = [*self.e, *(field for field in (self.j, self.vc) if field is not None)]
         self.kept_strain = strain if features.sleep else []
         """Fields that the constitutive update changes, and that lanes which sleep keep."""
-        self._all = Packs([*state, *others], self.pack_count, self._dtype)
+        self._all = Packs([*state, *others], self.pack_count, self.dtype)
 
     def fill(self, bodies: list[Body], grid: Grid) -> None:
         """Put the particles where their bodies have them, with no strain."""
@@ -139,7 +140,7 @@ class ParticleFields:
 
         padding: what padding lanes hold, or None: they repeat the last particle of their body.
         """
-        packed = np.zeros((self.n_lanes, values.shape[1]), self._dtype)
+        packed = np.zeros((self.n_lanes, values.shape[1]), self.dtype)
         packed[self.index] = values
         for count, (begin, end) in zip(self.counts, self.ranges):
             used = begin * LANES + count
@@ -176,3 +177,33 @@ class ParticleFields:
             if field is not None:
                 named[name] = [field]
         return named
+
+
+@ti.data_oriented
+class VolumeWriter:
+    """Gives all particles of a body another initial volume; padding lanes stay empty."""
+
+    def __init__(self, particles: ParticleFields) -> None:
+        self._volume, self._half, self._ranges = particles.volume, particles.half, particles.ranges
+        self.has_half, self.on_gpu = particles.half is not None, is_shared()
+        self._numbers = np.zeros(2, particles.dtype)
+        self._launch = Launcher(self, VolumeWriter._write)
+
+    def set(self, body: int, volume: float, half: float) -> None:
+        """Set volume [m^3] and half edge [m] of each of a body's particles."""
+        self._numbers[:] = volume, half
+        self._launch(*self._ranges[body], self._numbers)
+
+    @ti.kernel
+    def _write(self, begin: ti.i32, end: ti.i32, numbers: ti.types.ndarray()):
+        ti.loop_config(serialize=not self.on_gpu)
+        for q in range(begin, end):
+            self.write_pack(q, numbers[0], numbers[1])
+
+    @ti.func
+    def write_pack(self, q, volume, half):
+        """Set volume and half edge of one pack."""
+        filled = ti.cast(self._volume[q] > 0.0, self._volume.dtype)  # one or zero in each lane
+        self._volume[q] = filled * ti.cast(volume, self._volume.dtype)
+        if ti.static(self.has_half):
+            self._half[q] = filled * ti.cast(half, self._volume.dtype)

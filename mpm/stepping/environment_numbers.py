@@ -91,9 +91,7 @@ class NumbersKernel:
 
     def __init__(self, fields: Fields, counter: CounterKernel | None, n_colliders: int) -> None:
         self.parameters, self.counter, self.n_colliders = fields.parameters, counter, n_colliders
-        self.volume, self.half, self.ranges = (getattr(fields.particles, name)
-                                               for name in ("volume", "half", "range_table"))
-        self.has_half = self.half is not None
+        self.volumes, self.ranges = fields.particles.volumes, fields.particles.range_table
         self.has_counter = counter is not None
 
     @ti.func
@@ -118,10 +116,7 @@ class NumbersKernel:
 
     @ti.func
     def write_volume(self, body, volume, half):
-        """Set the volume of a body's particles; padding lanes stay empty."""
+        """Set the volume of a body's particles."""
         begin, end, _ = self.ranges[body]
         for q in range(begin, end):
-            filled = ti.cast(self.volume[q] > 0.0, self.volume.dtype)  # one or zero in each lane
-            self.volume[q] = filled * ti.cast(volume, self.volume.dtype)
-            if ti.static(self.has_half):
-                self.half[q] = filled * ti.cast(half, self.volume.dtype)
+            self.volumes.write_pack(q, volume, half)

@@ -19,6 +19,8 @@ from robosim.reports.jobs import pin_to_core, run_jobs
 from robosim.reports.provenance import provenance
 
 REPEATS = 5
+RESETS = "resets_"
+"""How the names of parts begin that time resets."""
 
 
 def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
@@ -115,13 +117,15 @@ PARTS: dict[str, Callable[[], dict[str, float]]] = {
     "coupling": measure_coupling, "kinematics": measure_kinematics, "rendering": measure_rendering,
     **{name: lambda name=name: measure_environment(name) for name in TASKS}, "side_by_side": measure_side_by_side,
     **{f"arm_{name}": lambda name=name: measure_environment(name, arm=True) for name in TASKS},
-    **{f"resets_{kind}_{name}": lambda name=name, kind=kind: measure_resets(name, kind)
+    **{f"{RESETS}{kind}_{name}": lambda name=name, kind=kind: measure_resets(name, kind)
        for kind in KINDS for name in RESET_TASKS},
 }
+DEFAULT_PARTS = [name for name in PARTS if not name.startswith(RESETS)]
+"""What is measured where no part is named; the twelve parts of resets are asked for by name."""
 
 
 def bench(parts: list[str], out: Path | None) -> int:
-    """Measure parts, all when the list is empty; print the figures and write bench.json.
+    """Measure parts, DEFAULT_PARTS when the list is empty; print the figures and write bench.json.
 
     Returns 0, or 1 where a part could not be measured. Raises UnknownName for a part that does not exist.
     """
@@ -130,7 +134,7 @@ def bench(parts: list[str], out: Path | None) -> int:
             also = "field by itself" if part != "field" else "field is measured by itself, without other parts"
             raise UnknownName("part", part, PARTS, also)
     folder = OutputFolder(out) if out else None
-    names, figures, failures = parts or list(PARTS), {}, {}
+    names, figures, failures = parts or DEFAULT_PARTS, {}, {}
     result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
     for index, measured, reason in run_jobs([("robosim.benchmarks.bench", (name,)) for name in names], 1):
         figures |= measured or {}

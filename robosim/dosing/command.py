@@ -1,11 +1,14 @@
 """What a dosing controller sees and what it commands."""
 
+import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 TOLERANCE_PERCENT, TOLERANCE_G = 2.0, 0.3
 """Errors of a dose that are accepted, in % of its target and in g, where no task has its own."""
+LEVEL = math.radians(2.0)
+"""Tilt [rad] up to which a task counts a tool as level again, which ends its dose."""
 
 
 class DoseSight(NamedTuple):

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.dosing.command import LEVEL, DoseCommand, DoseSight
 from robosim.dosing.numbers import MotionNumbers
 
-LEVEL = np.radians(1.0)
-"""Tilt [rad] up to which the tool is level."""
+BACK = 0.5 * LEVEL
+"""Tilt [rad] up to which the tool is back at the end, well within what a task counts as level."""
 
 
 class ToolMotion:
@@ -32,13 +32,14 @@ class ToolMotion:
         """Return the time [s] that it takes to tilt back to level, with the acceleration at both ends."""
         return abs(sight.tilt) / self._fast + 2.0 * self._fast / np.radians(self._numbers.acceleration_deg)
 
-    def turn_to(self, sight: DoseSight, tilt: float, amplitude: float = 0.0, frequency: float = 0.0) -> DoseCommand:
-        """Turn fast to a tilt [rad] and stop there."""
+    def turn_to(self, sight: DoseSight, tilt: float, amplitude: float = 0.0, frequency: float = 0.0,
+                fastest: float = np.inf) -> DoseCommand:
+        """Turn to a tilt [rad] and stop there, fast or at most with a rate [rad/s]; shake as `turn` does."""
         rest = tilt - sight.tilt
         # the rate from which the remaining angle is enough to brake, one interval later
         braking = np.sqrt(2.0 * np.radians(self._numbers.acceleration_deg) * abs(rest))
-        return self.turn(sight, float(np.sign(rest) * min(self._fast, braking, abs(rest) / (2.0 * self._dt))),
-                         amplitude, frequency)
+        rate = min(self._fast, fastest, braking, abs(rest) / (2.0 * self._dt))
+        return self.turn(sight, float(np.sign(rest) * rate), amplitude, frequency)
 
     def turn(self, sight: DoseSight, rate: float, amplitude: float = 0.0, frequency: float = 0.0) -> DoseCommand:
         """Turn with a rate [rad/s], or the nearest that can be reached; shake with an amplitude [m] and frequency."""
@@ -52,4 +53,4 @@ class ToolMotion:
 
     def level(self, sight: DoseSight) -> DoseCommand:
         """Turn back to level; the command is done once it is."""
-        return self.turn_to(sight, 0.0)._replace(done=sight.tilt <= LEVEL)
+        return self.turn_to(sight, 0.0)._replace(done=sight.tilt <= BACK)

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.dosing.command import LEVEL, DoseCommand, DoseSight
 from robosim.dosing.flow import FlowMeter, Stream
 from robosim.dosing.motion import ToolMotion
 from robosim.dosing.numbers import DosingNumbers
@@ -20,8 +20,10 @@ LEAST_PULSE = 0.4
 """Least mass that a pulse is to bring, in accepted errors."""
 AHEAD_SHARE = 0.05
 """Share of the load over which the slope of the pour curve is taken at least."""
-LEAST_TILT = np.radians(3.0)
+LEAST_TILT = 1.5 * LEVEL
 """Tilt [rad] below which it does not go before the end: a tool that is level again has ended its dose."""
+PULSE_RATE = 0.1
+"""Largest tilt rate [rad/s] during pulses, which only follow their tilt."""
 
 
 class PiDosing:
@@ -141,13 +143,16 @@ class PiDosing:
             if came < wanted:
                 self._tilt += np.radians(numbers.search_deg) * passed * self._beyond_middle(self._share)
             self._share = float(np.clip(factor * max(self._share, numbers.weakest), 0.0, 1.0))
+            # `wanted` stays the last pulse's for this one command: a new pulse so begins to shake also where what still
+            # flows makes up its own, smaller wanted mass. The measured doses were made so; its own changes them
             self._at, self._before, passed = sight.time, stream.mass, 0.0
         coming = self._coming(stream)
         if coming >= sight.target and passed >= numbers.pulse:  # it flows on by itself
             return self._stop(sight, stream, WEAKER * self._share)
-        rate = float(np.clip((self._tilt - sight.tilt) / (2.0 * self._dt), -0.1, 0.1))
         is_over = passed >= numbers.pulse or coming >= self._before + wanted
-        return self._shake(sight, rate, 0.0 if is_over else max(self._share, numbers.weakest))
+        share = 0.0 if is_over else max(self._share, numbers.weakest)
+        return self._motion.turn_to(sight, self._tilt, share * self._vibration.amplitude, self._vibration.frequency,
+                                    PULSE_RATE)
 
     def _coming(self, stream: Stream) -> float:
         """Return what will lie in the cup [kg] if the vibration stops now."""

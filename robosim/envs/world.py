@@ -196,7 +196,9 @@ class World:
             state["x"] = state["x"] + np.array(draw.pile)
             if setting.place is not HOME and self.task.container is not None:
                 state |= rotate_grains(state, setting.place.matrix)
-                state["x"] = setting.place.apply(state["x"] + origin) - origin
+                state["x"] += origin
+                state["x"] = setting.place.apply(state["x"])
+                state["x"] -= origin
         state["poses"] = state["poses"].copy()
         state["poses"][TOOL] = np.concatenate(tool)
         if setting.place is not HOME:

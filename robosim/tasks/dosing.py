@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 import mpm
-from robosim.dosing.command import accepted_error
+from robosim.dosing.command import LEVEL, accepted_error
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.reward import EpisodeSums
@@ -17,8 +17,8 @@ from robosim.tasks.task import TaskConfig
 
 TARGET_MASS = "target_mass"
 """Name of the mass to dose among the numbers that an episode draws."""
-TILTED, LEVEL = math.radians(5.0), math.radians(2.0)
-"""Tilt [rad] from which a tool counts as tilted, and up to which as level again."""
+TILTED = math.radians(5.0)
+"""Tilt [rad] from which a tool counts as tilted."""
 REST = 0.5
 """Time [s] for which a tool is level until the episode ends: what has left it falls into the receiver meanwhile."""
 CLEAR = 0.02

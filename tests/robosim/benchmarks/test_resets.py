@@ -5,12 +5,17 @@ import pytest
 from robosim.benchmarks import KINDS
 from robosim.benchmarks.resets import measure_resets
 
+BAR, REACHED = 1.2, 1.15
+"""Ratio of a randomized reset to a nominal one that is wanted, and that of SpoonPour alone; with the arm it is 1.21."""
+BOUND = 1.2 * REACHED
+"""A regression by a quarter exceeds it. Measured ratios differ by a few percent, as times are of the processor."""
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_randomized_reset_compiles_nothing_and_costs_little_more(kind: str) -> None:
-    """The bound leaves room for other processes; `robosim bench` gives the figure."""
-    milliseconds, ratio, compiled = measure_resets("SpoonPour", kind, seeds=2, turns=6).values()
+    """Six episodes, six times each, after one that settles their starts; `robosim bench` gives the figures."""
+    milliseconds, ratio, compiled = measure_resets("SpoonPour", kind, turns=6).values()
     assert compiled == 0
     assert 0.0 < milliseconds < 100.0
-    assert 0.5 < ratio < 2.0
+    assert ratio < BOUND, f"{kind}: {ratio:.2f}; wanted: at most {BAR}"
