@@ -13,6 +13,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from mpm.geometry.shell import SHELL_FACE
 from robosim.coupling.plugin import GranularPlugin
 from robosim.scene.settle import settle
 from robosim.verification.cases.claims import Within
@@ -27,7 +28,8 @@ BANDS = {"damping": 0.08, "frequency": 0.03, "thrust": 0.03}
 `boundary_layer_damping`; the simulated one is inviscid and slides along ball and walls: 0."""
 SWEEP = [{"ball": "pendulum"}, {"ball": "pendulum", "volume_rate": "cell"},
          {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": HOST_STEP},
-         *({"ball": ball, "volume_rate": rate} for ball in ("solid", "shell") for rate in ("particle", "cell"))]
+         *({"ball": ball, "volume_rate": rate} for ball in ("solid", "shell") for rate in ("particle", "cell")),
+         *({"ball": "shell", "volume_rate": rate, "face_cells": 0.51} for rate in ("particle", "cell"))]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"ball": "solid"}]
 MAIN_ERROR, RESOLUTION = "thrust", None
@@ -89,10 +91,11 @@ def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 
 
 def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: float = 0.005,
             volume_rate: Literal["particle", "cell"] = "particle", transfer_interval: float | None = None,
-            precision: str = "f32") -> Record:
+            face_cells: float = SHELL_FACE, precision: str = "f32") -> Record:
     """Run the case; return the errors of damping and frequency, or of the thrust of a ball that is held.
 
     cell [m]; volume_rate: see `mpm.NewtonianFluid`; transfer_interval: see `mpm.Solver` [s].
+    face_cells: of the shell, see `mpm.Shell.from_mesh`.
     """
     middle = np.full(3, WIDTH / 2)
     if ball == "pendulum":
@@ -106,7 +109,7 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     pose = mpm.Pose(middle, mpm.Pose.identity().quaternion)
     held = {"pendulum": [], "solid": [mpm.Collider(mpm.Sdf.sphere(RADIUS), friction=0.0, pose=pose)],
             "shell": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2),
-                                                       THICKNESS), friction=0.0, pose=pose)]}
+                                                       THICKNESS, face_cells=face_cells), friction=0.0, pose=pose)]}
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, WIDTH), cell), walls=mpm.Walls.all("roller"),
                         precision=precision, colliders=held[ball], transfer_interval=transfer_interval,
                         bodies=[mpm.Body(water, positions, volume=volume)])
@@ -114,7 +117,7 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     state["j"][:, 0] = -DENSITY * G * (WIDTH - positions[:, 2]) / water.bulk_modulus
     solver.load(state)
     choices = {"ball": ball, "cell": cell, "volume_rate": volume_rate, "transfer_interval": transfer_interval,
-               "precision": precision}
+               "precision": precision} | ({"face_cells": face_cells} if ball == "shell" else {})
     timed = TimedSolver(solver)
     if ball == "pendulum":
         errors, readings = _swing(timed, displaced)
