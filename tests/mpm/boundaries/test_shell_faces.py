@@ -12,7 +12,7 @@ NAMED = mpm.Shell.from_mesh(trimesh.creation.icosphere(1, 0.03), 1e-3, face_cell
 
 
 def held(face_cells: float, velocity: float) -> np.ndarray:
-    """Let water flow past a closed shell for half a substep; return how far from it [cells] the changed particles are."""
+    """Let water flow past a closed shell; return the distances from it [cells] of the particles that it changes."""
     positions = mpm.sample_box((0, 0, 0), (SIDE,) * 3, CELL / 2)
     positions = positions[np.linalg.norm(positions - SIDE / 2, axis=1) > 0.03]
     ball = mpm.Shell.from_mesh(trimesh.creation.icosphere(3, 0.0295), 1e-3, face_cells=face_cells)
