@@ -8,7 +8,6 @@ from mpm.adjoint.side_layers import layers_of, side_of
 from mpm.backend import once, ti
 from mpm.boundaries.coulomb import collider_axes, collider_origin, surface_velocity
 from mpm.boundaries.shell_transfer import SHELL_RECOVERY, WATCHED, lever_after
-from mpm.geometry.shell import SHELL_FACE
 from mpm.state.ledger import position
 from mpm.state.nodes import stencil
 from mpm.state.packs import LANES
@@ -28,7 +27,8 @@ def collide_with_shell_back(a: ti.template(), step: ti.template(), I, J, v, corn
         own = I[0] < a.fields.grid.width
         material = ti.cast(1 if (side > 0) == own else -1, a.fields.real)
         for row, index in ti.static(a.fields.features.shell_rows):
-            face = a.fields.parameters.half_thickness[index] + SHELL_FACE * a.fields.cell
+            face = a.fields.parameters.half_thickness[index] \
+                + a.fields.colliders[index].sdf.face_cells * a.fields.cell
             if ti.abs(side) == index + 1 and material * gap[3] < face:
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
                 place = ti.cast(position(J, corner, a.fields.cell), a.fields.real)

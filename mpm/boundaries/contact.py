@@ -5,7 +5,6 @@ from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surf
 from mpm.boundaries.facing import GRID_NODES, is_at_edge, touched_face, touches_static
 from mpm.boundaries.mobile_contact import list_node, reduce_by_compliance
 from mpm.boundaries.orifice_flow import receding_velocity
-from mpm.geometry.shell import SHELL_FACE
 from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import mark_place
 from mpm.state.contact_fields import rank_of, sort_by_part, take_place
@@ -197,7 +196,8 @@ def collide_with_shell(fields: ti.template(), step: ti.template(), I, J, v, mass
         own = I[0] < fields.grid.width
         material = ti.cast(1 if (side > 0) == own else -1, fields.real)
         for row, index in ti.static(fields.features.shell_rows):
-            face = fields.parameters.half_thickness[index] + SHELL_FACE * fields.cell
+            face = fields.parameters.half_thickness[index] \
+                + fields.colliders[index].sdf.face_cells * fields.cell
             if ti.abs(side) == index + 1 and material * gap[3] < face:
                 normal = material * ti.Vector([gap[0], gap[1], gap[2]])
                 receding = 0.0 * normal

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from mpm.geometry.shell import SHELL_FACE
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
 
@@ -54,10 +55,11 @@ def displacement(t: float) -> np.ndarray:
 
 
 def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0, grains: int = 5000,
-            precision: str = "f32", until: float = END) -> Record:
+            precision: str = "f32", until: float = END, face_cells: float = SHELL_FACE) -> Record:
     """Run the case; return the crossings and the unaccounted momentum.
 
-    cell, thickness [m]; offset: of the spoon, in cells; grains: about how many; until [s].
+    cell, thickness [m]; offset: of the spoon, in cells; grains: about how many; until [s];
+    face_cells: see `mpm.Shell.from_mesh`.
     """
     volume = 2.0 / 3.0 * np.pi * np.prod(AXES - thickness)
     spacing = (0.78 * volume / grains) ** (1 / 3)
@@ -66,7 +68,8 @@ def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0
     start = np.array([0.09, 0.08, 0.06]) + offset * cell * np.array([0.37, 0.61, 1.0])
     upright = mpm.Pose.identity().quaternion
     sand = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
-    spoon = mpm.Collider(mpm.Shell.from_mesh(bowl(), thickness), friction=0.3, pose=mpm.Pose(start, upright))
+    spoon = mpm.Collider(mpm.Shell.from_mesh(bowl(), thickness, face_cells=face_cells), friction=0.3,
+                         pose=mpm.Pose(start, upright))
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.25, 0.16, 0.2), cell), colliders=[spoon], precision=precision,
                         bodies=[mpm.Body(sand, fill + start, volume=spacing**3)])
     timed = TimedSolver(solver)
@@ -87,7 +90,8 @@ def measure(*, cell: float = 0.005, thickness: float = 1e-3, offset: float = 0.0
             weight.append(-impulse[2] / HOST_DT)
     unaccounted = solver.momentum().linear - before - impulse_sum
     level = np.linalg.norm(local / AXES, axis=1)
-    choices = {"cell": cell, "thickness": thickness, "offset": offset, "precision": precision}
+    choices = {"cell": cell, "thickness": thickness, "offset": offset, "precision": precision,
+               "face_cells": face_cells}
     return timed.record(
         NAME, choices, {"crossed": crossed, "momentum": np.abs(unaccounted).max() / exchanged},
         weight_error=np.mean(weight) / (9.81 * solver.masses().sum()) - 1 if weight else 0.0,

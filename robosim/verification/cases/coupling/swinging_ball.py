@@ -13,6 +13,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from mpm.geometry.shell import SHELL_FACE
 from robosim.coupling.plugin import GranularPlugin
 from robosim.scene.settle import settle
 from robosim.verification.cases.claims import Within
@@ -27,7 +28,9 @@ BANDS = {"damping": 0.08, "frequency": 0.03, "thrust": 0.03}
 `boundary_layer_damping`; the simulated one is inviscid and slides along ball and walls: 0."""
 SWEEP = [{"ball": "pendulum"}, {"ball": "pendulum", "volume_rate": "cell"},
          {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": HOST_STEP},
-         *({"ball": ball, "volume_rate": rate} for ball in ("solid", "shell") for rate in ("particle", "cell"))]
+         {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": 4 * HOST_STEP, "host_step": 4 * HOST_STEP},
+         *({"ball": ball, "volume_rate": rate} for ball in ("solid", "shell") for rate in ("particle", "cell")),
+         *({"ball": "shell", "volume_rate": rate, "face_cells": 0.51} for rate in ("particle", "cell"))]
 """Choices of the runs in a whole report."""
 QUICK_SWEEP = [{"ball": "solid"}]
 MAIN_ERROR, RESOLUTION = "thrust", None
@@ -89,10 +92,12 @@ def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 
 
 def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: float = 0.005,
             volume_rate: Literal["particle", "cell"] = "particle", transfer_interval: float | None = None,
-            precision: str = "f32") -> Record:
+            face_cells: float = SHELL_FACE, host_step: float = HOST_STEP, precision: str = "f32") -> Record:
     """Run the case; return the errors of damping and frequency, or of the thrust of a ball that is held.
 
     cell [m]; volume_rate: see `mpm.NewtonianFluid`; transfer_interval: see `mpm.Solver` [s].
+    face_cells: of the shell, see `mpm.Shell.from_mesh`. host_step: of the pendulum's MuJoCo model [s]; a stride is not
+    longer, as it ends with an advance.
     """
     middle = np.full(3, WIDTH / 2)
     if ball == "pendulum":
@@ -106,7 +111,7 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     pose = mpm.Pose(middle, mpm.Pose.identity().quaternion)
     held = {"pendulum": [], "solid": [mpm.Collider(mpm.Sdf.sphere(RADIUS), friction=0.0, pose=pose)],
             "shell": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2),
-                                                       THICKNESS), friction=0.0, pose=pose)]}
+                                                       THICKNESS, face_cells=face_cells), friction=0.0, pose=pose)]}
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, WIDTH), cell), walls=mpm.Walls.all("roller"),
                         precision=precision, colliders=held[ball], transfer_interval=transfer_interval,
                         bodies=[mpm.Body(water, positions, volume=volume)])
@@ -114,10 +119,10 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     state["j"][:, 0] = -DENSITY * G * (WIDTH - positions[:, 2]) / water.bulk_modulus
     solver.load(state)
     choices = {"ball": ball, "cell": cell, "volume_rate": volume_rate, "transfer_interval": transfer_interval,
-               "precision": precision}
+               "host_step": host_step, "precision": precision} | ({"face_cells": face_cells} if ball == "shell" else {})
     timed = TimedSolver(solver)
     if ball == "pendulum":
-        errors, readings = _swing(timed, displaced)
+        errors, readings = _swing(timed, displaced, host_step)
     else:
         timed.settle(SETTLING)
         impulses = []
@@ -130,14 +135,14 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     return timed.record(NAME, choices, errors, **readings)
 
 
-def _swing(timed: TimedSolver, displaced: float) -> tuple[dict[str, float], dict[str, float]]:
+def _swing(timed: TimedSolver, displaced: float, host_step: float) -> tuple[dict[str, float], dict[str, float]]:
     """Release a pendulum that displaces so much water [m^3], until it has swung to the other side.
 
-    Return the errors of damping and frequency, and readings.
+    host_step: of MuJoCo [s]. Return the errors of damping and frequency, and readings.
     """
     mass = DENSITY_RATIO * DENSITY * displaced
     model = mujoco.MjModel.from_xml_string(PENDULUM.format(
-        host_step=HOST_STEP, x=WIDTH / 2, top=WIDTH / 2 + LENGTH, length=LENGTH, radius=RADIUS, mass=mass))
+        host_step=host_step, x=WIDTH / 2, top=WIDTH / 2 + LENGTH, length=LENGTH, radius=RADIUS, mass=mass))
     data = mujoco.MjData(model)
     data.qpos[0] = RELEASE
     carried = mass + added_mass(RADIUS, WIDTH) * DENSITY * displaced
@@ -146,15 +151,15 @@ def _swing(timed: TimedSolver, displaced: float) -> tuple[dict[str, float], dict
     expected = np.sqrt(stiffness / inertia)
     plugin = GranularPlugin(model, data, timed.solver, bodies={"ball": None})
     model.dof_armature[0] = 1e9  # held while the water comes to rest
-    settle(timed.solver, lambda window: [timed.run(plugin.step) for _ in range(round(window / HOST_STEP))],
-           SETTLING, 2e-3)
+    settle(timed.solver, lambda window: [timed.run(plugin.step) for _ in range(round(window / host_step))],
+           SETTLING, max(2e-3, host_step))
     model.dof_armature[0] = 0.0
     data.qvel[0] = 0.0
     angles = [float(data.qpos[0])]
-    for _ in range(round(0.75 * 2 * np.pi / expected / HOST_STEP)):
+    for _ in range(round(0.75 * 2 * np.pi / expected / host_step)):
         timed.run(plugin.step)
         angles.append(float(data.qpos[0]))
-    frequency, damping = half_swing(np.array(angles), HOST_STEP)
+    frequency, damping = half_swing(np.array(angles), host_step)
     return {"damping": damping, "frequency": frequency / expected - 1}, {
         "expected": float(expected), "added_mass": added_mass(RADIUS, WIDTH),
         "added_mass_found": float((stiffness / frequency**2 - 0.4 * mass * RADIUS**2) / LENGTH**2 - mass)

@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 import mpm
+from mpm.geometry.shell import SHELL_FACE
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.record import Record, TimedSolver
 
@@ -35,10 +36,11 @@ def plate(height: float, width: float) -> trimesh.Trimesh:
 
 
 def measure(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: float = 0.4, precision: str = "f32",
-            duration: float = 2.0, offset_cells: float = 0.0) -> Record:
+            duration: float = 2.0, offset_cells: float = 0.0, face_cells: float = SHELL_FACE) -> Record:
     """Run the case; return the errors of thrust and torque, and the share that crossed the plate.
 
-    cell [m]; duration [s]; offset_cells: distance of the plate from a plane of nodes.
+    cell [m]; duration [s]; offset_cells: distance of the plate from a plane of nodes; face_cells:
+    see `mpm.Shell.from_mesh`.
     """
     half, middle = 0.5 * thickness_cells * cell, CHAMBER + offset_cells * cell
     left = mpm.sample_box((0, 0, 0), (middle - half, WIDTH, DEEP), cell / 2)
@@ -49,7 +51,8 @@ def measure(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: float
         np.full(len(right), (2 * CHAMBER - middle - half) * WIDTH * SHALLOW / len(right))])
     positions = np.concatenate([left, right])
     surface = np.concatenate([np.full(len(left), DEEP), np.full(len(right), SHALLOW)])
-    gate = mpm.Collider(mpm.Shell.from_mesh(plate(DEEP + 0.05, 2 * WIDTH), thickness_cells * cell), friction=0.0,
+    gate = mpm.Collider(mpm.Shell.from_mesh(plate(DEEP + 0.05, 2 * WIDTH), thickness_cells * cell,
+                                                  face_cells=face_cells), friction=0.0,
                         pose=mpm.Pose(np.array([middle, WIDTH / 2, 0.0]), mpm.Pose.identity().quaternion))
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (2 * CHAMBER, WIDTH, DEEP + 4 * cell), cell), colliders=[gate], precision=precision,
@@ -74,6 +77,6 @@ def measure(*, cell: float = 0.005, thickness_cells: float = 0.3, courant: float
     errors = {"force": np.mean(force[late:]) / thrust - 1, "torque": np.mean(torque[late:]) / moment - 1,
               "crossed": crossed}
     choices = {"cell": cell, "thickness_cells": thickness_cells, "courant": courant, "precision": precision,
-               "offset_cells": offset_cells, "duration": duration}
+               "offset_cells": offset_cells, "duration": duration, "face_cells": face_cells}
     return timed.record(NAME, choices, errors, force_newton=float(np.mean(force[late:])),
                         force_ripple=float(np.std(force[late:]) / thrust))

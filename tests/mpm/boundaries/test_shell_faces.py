@@ -1,0 +1,52 @@
+"""Nodes that a shell's face holds: fewer of them displace less of a fluid."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import mpm
+from mpm.geometry.shell import SHELL_FACE
+
+CELL, SIDE = 0.01, 0.12
+NAMED = mpm.Shell.from_mesh(trimesh.creation.icosphere(1, 0.03), 1e-3, face_cells=SHELL_FACE)
+
+
+def impulse_of_flow(face_cells: float) -> np.ndarray:
+    """Let water flow past a closed shell for a substep; return its impulse [N s] (3,) on the shell."""
+    positions = mpm.sample_box((0, 0, 0), (SIDE,) * 3, CELL / 2)
+    positions = positions[np.linalg.norm(positions - SIDE / 2, axis=1) > 0.03]
+    ball = mpm.Shell.from_mesh(trimesh.creation.icosphere(3, 0.0295), 1e-3, face_cells=face_cells)
+    pose = mpm.Pose(np.full(3, SIDE / 2), np.array([1.0, 0.0, 0.0, 0.0]))
+    water = mpm.NewtonianFluid(bulk_modulus=1e4, density=1000.0)
+    with mpm.Solver(grid=mpm.Grid((0, 0, 0), (SIDE, SIDE, SIDE), CELL), gravity=(0, 0, 0), precision="f64",
+                    bodies=[mpm.Body(water, positions, volume=(CELL / 2) ** 3)],
+                    colliders=[mpm.Collider(ball, friction=0.0, pose=pose)]) as solver:
+        state = solver.state()
+        state["v"][:, 0] = 0.01
+        solver.load(state)
+        before = solver.momentum().linear
+        solver.advance(0.5 * solver.dt)
+        change = solver.momentum().linear - before
+        assert np.allclose(change, solver.ledger[:3, :3].sum(0), rtol=0, atol=1e-9 * np.linalg.norm(before))
+        return solver.collider_impulse(0).force
+
+
+def test_a_face_holds_the_nodes_in_front_of_it() -> None:
+    """A face of half a cell stops less water than one of a whole cell; what the shell receives, the water has lost."""
+    whole, half = impulse_of_flow(SHELL_FACE), impulse_of_flow(0.51)
+    assert 0 < half[0] < 0.9 * whole[0]
+    assert np.abs(half[1:]).max() < 0.05 * half[0]  # the mesh is not quite symmetric
+
+
+def test_the_usual_face_is_the_default() -> None:
+    """A shell that names it shares kernels with one that does not, one with another face shares none."""
+    mesh = trimesh.creation.icosphere(1, 0.03)
+    assert mpm.Shell.from_mesh(mesh, 1e-3).signature() == NAMED.signature()
+    assert mpm.Shell.from_mesh(mesh, 1e-3, face_cells=0.51).signature() != NAMED.signature()
+
+
+@pytest.mark.parametrize("face_cells", [0.3, 1.5, float("nan")])
+def test_faces_out_of_range(face_cells: float) -> None:
+    """Below half a cell a fluid is not held; beyond the usual face, what wakes grains would not see it."""
+    with pytest.raises(mpm.InvalidValue, match=r"face_cells = .*; accepted: 0\.5 to 1\.01"):
+        mpm.Shell.from_mesh(trimesh.creation.icosphere(1, 0.03), 1e-3, face_cells=face_cells)
