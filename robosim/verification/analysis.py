@@ -15,7 +15,7 @@ TARGET_ERROR = 0.01
 """Error whose run time is reported."""
 UNITS = {
     "heap": {"change": "deg", "excess": "deg"}, "block_at_rest": {"drift": "m/s"}, "column_collapse": {"drift": "m/s"},
-    "collapse_profile": {"creep": "m/s", "drift": "m/s"},
+    "collapse_profile": {name + when: "m/s" for name in ("creep", "drift") for when in ("", ", woken", ", settled")},
     "sliding_block": {"gap": "cells"}, "rest_height": {"gap": "cells"},
     "shell_leak": {"crossed": "particles"}, "jerk_limits": {"end": "rad"},
     "ik_poses": {"mean_ms": "ms", "p95_ms": "ms"},

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,31 @@ class Order:
             return Finding(claim, None, self.least, np.inf)
         order = np.log(errors[0][0] / errors[1][0]) / abs(np.log(self.ends[1] / self.ends[0]))
         return Finding(claim, float(order), self.least, np.inf)
+
+
+@dataclass(frozen=True)
+class Approach:
+    """An error falls with every refinement and keeps its sign: one that passes zero has not converged, and fails.
+
+    resolution: name of the choice that sets it. values: its values, from coarse to fine.
+    """
+
+    name: str
+    resolution: str
+    values: tuple[float, ...]
+    where: dict[str, Any] = field(default_factory=dict)
+
+    def evaluate(self, records: Sequence[Record]) -> Finding:
+        """Find the ratio of an error to that of the next coarser run which is furthest from the range 0 to 1."""
+        errors = [[value_of(r, self.name) for r in select(records, {**self.where, self.resolution: value})]
+                  for value in self.values]
+        claim = f"ratio of successive {self.name}, {self.resolution} " \
+                + ", ".join(f"{value:g}" for value in self.values) + _condition(self.where)
+        if not all(errors):
+            return Finding(claim, None, 0.0, 1.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = [float(np.divide(fine, coarse)) for pair in pairwise(errors) for coarse, fine in product(*pair)]
+        return Finding(claim, max(ratios, key=lambda q: np.inf if np.isnan(q) else max(q - 1.0, -q)), 0.0, 1.0)
 
 
 @dataclass(frozen=True)

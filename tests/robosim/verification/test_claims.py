@@ -7,7 +7,7 @@ import pytest
 
 from robosim.verification.analysis import pareto_front, time_to_error
 from robosim.verification.cases import NAMES, find
-from robosim.verification.cases.claims import Order, Power, Ratio, Rising, Within
+from robosim.verification.cases.claims import Approach, Order, Power, Ratio, Rising, Within
 from robosim.verification.cases.record import Record
 
 
@@ -50,6 +50,24 @@ def test_orders_and_rises_are_evaluated() -> None:
     assert Rising("rms", "slip").evaluate([record(1.0, slip=0.1), record(0.5, slip=0.2)]).verdict == "fail"
 
 
+def test_an_approach_keeps_its_sign_and_falls_at_every_refinement() -> None:
+    """An error that passes zero fails, though its magnitude falls; so does one that rises between two runs."""
+    def found(*errors: float) -> tuple[float | None, str]:
+        claim = Approach("rms", "cells", (12, 16, 24))
+        finding = claim.evaluate([record(error, cells=n) for error, n in zip(errors, (12, 16, 24))])
+        return finding.found, finding.verdict
+
+    assert found(-0.08, -0.04, -0.02) == (pytest.approx(0.5), "pass")
+    assert found(-0.08, -0.04, 0.02) == (pytest.approx(-0.5), "fail")
+    assert found(-0.08, 0.02, 0.01) == (pytest.approx(-0.25), "fail")
+    assert found(0.08, 0.1, 0.05) == (pytest.approx(1.25), "fail")
+    assert found(-0.08, -0.04) == (None, "not run")
+    assert found(0.0, 0.0, 0.0)[1] == found(0.0, 0.1, 0.05)[1] == "fail"
+    both = [record(0.4, cells=10, E=1.0), record(0.1, cells=10, E=2.0), record(0.2, cells=20, E=1.0)]
+    assert Approach("rms", "cells", (10, 20)).evaluate(both).verdict == "fail"
+    assert Approach("rms", "cells", (10, 20), {"E": 1.0}).evaluate(both).verdict == "pass"
+
+
 def test_a_ratio_compares_two_ends() -> None:
     """0.02 over 0.01; a run at neither end does not count, and without one of the ends nothing is measured."""
     runs = [record(0.01, speed=0.01), record(5.0, speed=0.05), record(0.02, speed=0.1)]
@@ -84,7 +102,8 @@ def test_a_whole_report_measures_every_claim(name: str) -> None:
     runs = [{key: argument.default for key, argument in arguments.items()} | choices for choices in case.SWEEP]
     for claim in case.CLAIMS:
         ends = [{claim.resolution: end} for end in claim.ends] if isinstance(claim, Order) else \
-            [{claim.along: end} for end in claim.ends] if isinstance(claim, Ratio) else [{}]
+            [{claim.along: end} for end in claim.ends] if isinstance(claim, Ratio) else \
+            [{claim.resolution: value} for value in claim.values] if isinstance(claim, Approach) else [{}]
         for where in ({**claim.where, **end} for end in ends):
             matching = [choices for choices in runs if where.items() <= choices.items()]
             assert matching, f"{claim}: no run at {where}"

@@ -1,5 +1,6 @@
 """Profiles of deposits: the analysis of analytic heaps, the law of dense sand, and a coarse column."""
 
+import inspect
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import mpm
 from robosim.errors import UnknownName
+from robosim.verification.cases.claims import Within
 from robosim.verification.cases.granular import collapse_profile
 from robosim.verification.cases.granular.dense_sand import DenseSand, dense_sand, shear_ratio
 from robosim.verification.cases.granular.deposit import (
@@ -21,7 +23,7 @@ from robosim.verification.cases.granular.deposit import (
 )
 from robosim.verification.cases.granular.element_path import stress
 from robosim.verification.cases.granular.return_mapping import CELL, DT, deform
-from robosim.verification.cases.record import TimedSolver
+from robosim.verification.cases.record import Record, TimedSolver
 
 
 # analysis ------------------------------------------------------------------------------------------------------------
@@ -119,6 +121,25 @@ def test_dense_sand_flows_on_its_surface_and_dilates_to_the_critical_state(path:
     assert shear_ratio(33.0) == pytest.approx(math.tan(math.radians(31.2)), abs=0.01)
 
 
+# claims --------------------------------------------------------------------------------------------------------------
+def test_an_error_that_passes_zero_fails_and_sleep_does_not_hide_vibration() -> None:
+    """A run-out that goes from -9 to +0.4 % has not converged; what moves once it is woken is not at rest."""
+    arguments = inspect.signature(collapse_profile.measure).parameters
+    usual = {name: argument.default for name, argument in arguments.items()}
+
+    def verdicts(name: str, *runs: tuple[int, dict[str, float]]) -> set[str]:
+        records = [Record(case="collapse_profile", choices={**usual, "cells": n}, particles=1, steps=1, seconds=1.0,
+                          compile_seconds=0.0, errors=errors) for n, errors in runs]
+        claims = [c for c in collapse_profile.CLAIMS if c.name == name and not (
+            isinstance(c, Within) and "cells" in c.where)]
+        return {claim.evaluate(records).verdict for claim in claims} - {"not run"}
+
+    assert verdicts("run-out", *((n, {"run-out": e}) for n, e in ((12, -0.09), (16, -0.05), (24, 0.004)))) == {"fail"}
+    assert verdicts("run-out", *((n, {"run-out": e}) for n, e in ((12, -0.09), (16, -0.05), (24, -0.03)))) == {"pass"}
+    assert verdicts("drift", (24, {"drift": 0.0})) == {"pass"}
+    assert verdicts("drift, woken", (24, {"drift, woken": 2e-3})) == {"fail"}
+
+
 # a column ------------------------------------------------------------------------------------------------------------
 def test_a_coarse_column_keeps_its_volume_and_is_drawn() -> None:
     """At 8 cells per radius the deposit is short and low; its volume is that of the column and what it dilated."""
@@ -129,7 +150,11 @@ def test_a_coarse_column_keeps_its_volume_and_is_drawn() -> None:
     room = math.expm1(dense_sand(0.7, E=1e5, nu=0.3, density=1600.0).room)
     assert 0.3 * room < record.readings["expansion"] < room
     assert -0.35 < record.errors["run-out"] < 0 and -0.25 < record.errors["height"] < 0, record.errors
-    assert all(record.errors[name] < collapse_profile.BANDS[name] for name in ("compression", "creep")), record.errors
+    assert record.errors["compression"] < collapse_profile.BANDS["compression"]
+    assert record.readings["awake"] == record.errors["drift"] == 0
+    for name in ("creep, woken", "drift, woken", "creep, settled", "drift, settled"):
+        assert 0 < record.errors[name] < collapse_profile.BANDS[name.partition(",")[0]], record.errors
+    assert record.errors["drift, settled"] < record.errors["drift, woken"] and record.readings["settlement"] < 1e-3
     comparison, = collapse_profile.compare([record])
     (label, points), = comparison.measured.items()
     assert "8 cells" in label and len(points) == len(depths)
