@@ -14,7 +14,7 @@ import numpy as np
 
 from robosim.verification.cases.claims import Within
 from robosim.verification.cases.comparison import Comparison
-from robosim.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, SIDE, E, G, Pushed, push
+from robosim.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, SIDE, E, G, Pushed, make_sand, push
 from robosim.verification.cases.forces.resistive_force import (
     Alpha,
     plane_alpha,
@@ -96,11 +96,11 @@ def measure(*, cell: float = 0.008, directions: str = "map", square: bool = Fals
     cell [m]; directions: "few" or "map"; square: a square plate; friction_deg: whose tangent the sand carries in simple
     shear; stiffness: Young's modulus [Pa].
     """
-    found, costs, straight = {}, [], math.nan
+    sand, found, costs, straight = make_sand(friction_deg, stiffness), {}, [], math.nan
     for beta, gamma in DIRECTIONS[directions]:
         start, way = path_of(beta, gamma)
-        pushed = push(beta_deg=beta, gamma_deg=gamma, start_depth=start, travel=way, cell=cell, square=square,
-                      friction_deg=friction_deg, stiffness=stiffness, precision=precision)
+        pushed = push(sand, beta_deg=beta, gamma_deg=gamma, start_depth=start, travel=way, cell=cell, square=square,
+                      precision=precision)
         found[beta, gamma] = stress_per_depth(pushed)
         if (beta, gamma) == (0, 90):
             straight = straightness(pushed, TOUCH * cell)
