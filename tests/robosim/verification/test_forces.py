@@ -10,7 +10,7 @@ import mpm
 from robosim.config.resources import folder
 from robosim.errors import ConfigError, UnknownName
 from robosim.verification.cases import SUBJECTS, expand
-from robosim.verification.cases.claims import Finding
+from robosim.verification.cases.claims import Finding, Power
 from robosim.verification.cases.comparison import Comparison
 from robosim.verification.cases.dense_sand import DenseSand, shear_ratio
 from robosim.verification.cases.forces import (
@@ -234,6 +234,15 @@ def test_a_dropped_ball_stops_at_the_depth_of_uehara() -> None:
     found = findings(dropped_sphere, [high])
     assert found["depth at cell 0.006, contact touching"].verdict == "pass", found
     assert -0.35 < low.errors["depth"] < -dropped_sphere.BANDS["depth"]
+
+
+@pytest.mark.slow
+def test_force_of_a_strip_grows_less_than_its_area() -> None:
+    """At equal depths, the limit that the documentation states; one direction has no map to compare."""
+    runs = [plate_map.measure(cell=0.008, directions="down", side=side) for side in plate_map.SIDES]
+    power = next(claim for claim in plate_map.CLAIMS if isinstance(claim, Power)).evaluate(runs)
+    assert 0.8 < float(power.found or 0.0) < plate_map.BANDS["least power"]
+    assert not runs[0].errors and "drag" not in runs[0].readings
 
 
 @pytest.mark.slow
