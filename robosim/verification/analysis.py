@@ -16,6 +16,7 @@ TARGET_ERROR = 0.01
 UNITS = {
     "heap": {"change": "deg", "excess": "deg"}, "block_at_rest": {"drift": "m/s"}, "column_collapse": {"drift": "m/s"},
     "collapse_profile": {name + when: "m/s" for name in ("creep", "drift") for when in ("", ", woken", ", settled")},
+    "rotating_drum": {"slope": "deg", "slope by mass": "deg", "change": "deg"},
     "sliding_block": {"gap": "cells"}, "rest_height": {"gap": "cells"},
     "shell_leak": {"crossed": "particles"}, "jerk_limits": {"end": "rad"},
     "ik_poses": {"mean_ms": "ms", "p95_ms": "ms"},

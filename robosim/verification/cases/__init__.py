@@ -20,7 +20,7 @@ SUBJECTS = {
     "spin": "continuum", "elastic_energy": "continuum", "uniaxial": "continuum", "column_weight": "continuum",
     "hydrostatic": "fluid", "dam_break": "fluid", "return_mapping": "granular", "element_path": "granular",
     "slope": "granular", "heap": "granular", "column_collapse": "granular", "collapse_profile": "granular",
-    "orifice": "granular",
+    "orifice": "granular", "rotating_drum": "granular",
     "chute_flow": "granular", "small_hole": "granular",
     "sleeping": "granular", "lock_gate": "fluid",
     "shell_leak": "coupling", "closed_system": "coupling", "bar_impact": "coupling", "floating_cube": "coupling",

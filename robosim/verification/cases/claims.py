@@ -178,3 +178,23 @@ class Power:
             return Finding(claim, None, self.low, self.high)
         x, y = np.log(np.array(rows)).T
         return Finding(claim, float(np.polyfit(x, y, 1)[0]), self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Slope:
+    """A reading rises along another one by so much per unit: the slope of a straight line through the runs."""
+
+    name: str
+    by: str
+    low: float
+    high: float
+    where: dict[str, Any] = field(default_factory=dict)
+
+    def evaluate(self, records: Sequence[Record]) -> Finding:
+        """Find the slope."""
+        rows = [(value_of(record, self.by), value_of(record, self.name)) for record in select(records, self.where)]
+        claim = f"slope of {self.name} over {self.by}" + _condition(self.where)
+        if len({row[0] for row in rows}) < 2:
+            return Finding(claim, None, self.low, self.high)
+        x, y = np.array(rows).T
+        return Finding(claim, float(np.polyfit(x, y, 1)[0]), self.low, self.high)

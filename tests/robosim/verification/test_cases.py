@@ -1,5 +1,7 @@
 """Cases with independent reference solutions, at the choices for which their bands hold."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,7 @@ from robosim.verification.cases.granular import (
     heap,
     orifice,
     return_mapping,
+    rotating_drum,
     sleeping,
     slope,
 )
@@ -113,10 +116,56 @@ def test_a_heap_stands_up_to_its_limit_slope(beyond: float) -> None:
 
 
 @pytest.mark.slow
-def test_sand_leaves_a_slot_at_a_constant_rate() -> None:
-    records = [orifice.measure(orifice_cells=d) for d in (9, 13)]
-    findings = [claim.evaluate(records) for claim in orifice.CLAIMS]
-    assert [f.verdict for f in findings if f.found is not None] == ["pass"] * 3, findings
+@pytest.mark.parametrize(("law", "claims"), [("drucker_prager", 3), ("mu_i", 5)])
+def test_sand_leaves_a_slot_at_a_constant_rate(law: str, claims: int) -> None:
+    """Its prefactor is held to a tenth with the law of the reference, to three with any other.
+
+    The power of the width less one cell is at the edge of its range with that law, the limit that the documentation
+    states.
+    """
+    records = [orifice.measure(orifice_cells=d, law=law) for d in (9, 13)]
+    findings = [f for f in (claim.evaluate(records) for claim in orifice.CLAIMS) if f.found is not None]
+    for finding in findings:
+        by_power = finding.claim.startswith("power") and law == "mu_i"
+        assert finding.verdict == "pass" or (by_power and 1.35 < float(finding.found or 0.0) < 1.4), finding
+    assert len(findings) == claims
+
+
+def test_laws_of_the_slot_have_the_friction_of_the_reference() -> None:
+    """Ratio of shear stress to pressure in slow simple shear: tan 30 deg, and 0.32 of the mu(I) continuum."""
+    ratios = [3.0 / math.sqrt(2.0) * orifice.make_sand(law, 1e5).alpha for law in orifice.LAWS]
+    assert ratios == pytest.approx([math.tan(math.radians(30.0)), 0.32, 0.32], abs=1e-4)
+    with pytest.raises(UnknownName, match="mu_i"):
+        orifice.make_sand("honey", 1e5)
+
+
+def test_sand_flows_down_a_turning_drum_at_the_angle_of_simple_shear() -> None:
+    """It loses some percent of its volume, the limit that the documentation states."""
+    records = [rotating_drum.measure(**choices) for choices in rotating_drum.QUICK_SWEEP]
+    found = {f.claim: f for f in (claim.evaluate(records) for claim in rotating_drum.CLAIMS) if f.found is not None}
+    assert {name: f.verdict for name, f in found.items()} == {
+        "slope at froude 0.004": "pass", "slope by mass at froude 0.004": "pass", "change": "pass", "torque": "pass",
+        "volume": "fail", "outside": "pass"}, found
+    assert -0.06 < float(found["volume"].found or 0.0) < -rotating_drum.BANDS["volume"]
+    assert abs(records[0].readings["inclination"] - records[1].readings["inclination"]) < 2.0
+
+
+def test_a_slope_of_a_drum_is_found_from_its_grains() -> None:
+    """Grains below a plane through a drum, at three slopes and two levels; and the level for a share of the circle."""
+    rng = np.random.default_rng(0)
+    for degrees, level in ((10.0, 0.0), (30.0, 0.0), (35.0, -0.3)):
+        tilt, x = math.radians(degrees), rng.uniform(-0.1, 0.1, (200000, 3))
+        below = x[:, 2] * math.cos(tilt) + x[:, 0] * math.sin(tilt) < level * 0.1
+        x = x[below & (np.hypot(x[:, 0], x[:, 2]) < 0.1)]
+        angle, height = rotating_drum.surface_line(x, 0.005)
+        assert angle == pytest.approx(degrees, abs=0.5) and height == pytest.approx(0.1 * level + 0.00125, abs=5e-4)
+        assert rotating_drum.centre_slope(x) == pytest.approx(degrees, abs=0.5)
+    for share in (0.2, 0.5, 0.8):
+        level = rotating_drum.level_of(share)
+        assert rotating_drum.share_of(level) == pytest.approx(share)
+        strips = np.linspace(-1.0, level, 200001)
+        chords = 2.0 * np.sqrt(np.clip(1.0 - strips**2, 0.0, None))
+        assert np.trapezoid(chords, strips) / math.pi == pytest.approx(share, abs=1e-5)
 
 
 @pytest.mark.slow

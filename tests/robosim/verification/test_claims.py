@@ -7,7 +7,7 @@ import pytest
 
 from robosim.verification.analysis import pareto_front, time_to_error
 from robosim.verification.cases import NAMES, find
-from robosim.verification.cases.claims import Approach, Order, Power, Ratio, Rising, Within
+from robosim.verification.cases.claims import Approach, Order, Power, Ratio, Rising, Slope, Within
 from robosim.verification.cases.record import Record
 
 
@@ -24,6 +24,15 @@ def test_a_power_is_fitted_to_all_runs() -> None:
     assert Power("y", "x", 1.4, 1.6).evaluate(records).verdict == "pass"
     assert Power("y", "x", 1.6, 2.0).evaluate(records).verdict == "fail"
     assert Power("y", "x", 1.4, 1.6).evaluate(records[:1]).verdict == "not run"
+
+
+def test_a_slope_is_fitted_to_all_runs() -> None:
+    """y = 3 x - 1 rises by 3 per x; one run, or several of one x, do not measure it."""
+    records = [Record(case="bar", choices={}, particles=1, steps=1, seconds=1.0, compile_seconds=0.0, errors={},
+                      readings={"x": x, "y": 3.0 * x - 1.0}) for x in (0.5, 1.0, 4.0)]
+    assert Slope("y", "x", 2.9, 3.1).evaluate(records).found == pytest.approx(3.0)
+    assert [Slope("y", "x", low, 9.0).evaluate(records).verdict for low in (2.9, 3.1)] == ["pass", "fail"]
+    assert Slope("y", "x", 2.9, 3.1).evaluate([records[0], records[0]]).verdict == "not run"
 
 
 def test_a_range_without_a_lower_end_checks_every_run() -> None:

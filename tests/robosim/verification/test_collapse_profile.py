@@ -9,8 +9,8 @@ import pytest
 import mpm
 from robosim.errors import UnknownName
 from robosim.verification.cases.claims import Within
+from robosim.verification.cases.dense_sand import DenseSand, dense_sand, shear_ratio
 from robosim.verification.cases.granular import collapse_profile
-from robosim.verification.cases.granular.dense_sand import DenseSand, dense_sand, shear_ratio
 from robosim.verification.cases.granular.deposit import (
     THIN,
     Profile,

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mpm
 from robosim.config.resources import folder
 from robosim.errors import ConfigError, UnknownName
 from robosim.verification.cases import SUBJECTS, expand
-from robosim.verification.cases.claims import Finding
+from robosim.verification.cases.claims import Finding, Power
 from robosim.verification.cases.comparison import Comparison
+from robosim.verification.cases.dense_sand import DenseSand, shear_ratio
 from robosim.verification.cases.forces import (
     dropped_sphere,
     plate_drag,
@@ -21,6 +23,7 @@ from robosim.verification.cases.forces import (
     silo_load,
 )
 from robosim.verification.cases.forces.earth_pressure import coulomb_passive, rankine
+from robosim.verification.cases.forces.plate_bed import LAWS, make_sand
 from robosim.verification.cases.forces.resistive_force import plane_alpha, read_reference, space_alpha, space_scale
 from robosim.verification.cases.record import Record
 from robosim.verification.report_page import draw_comparison
@@ -112,6 +115,31 @@ def test_janssen_balances_every_layer() -> None:
     balance = 1500.0 * 9.81 - 2 * 0.3 * 0.5 / 0.1 * silo_load.janssen(z, 0.1, 0.3, 0.5)
     assert slope == pytest.approx(balance, rel=1e-6)
     assert silo_load.janssen(0.2, 0.1, 1e-9, 0.5) == pytest.approx(1500.0 * 9.81 * 0.2, rel=1e-6)
+
+
+def test_lifted_block_weighs_its_volume() -> None:
+    """Layers of the block whose sides lean outward: a strip of width 1 + 2 s, a square with rounded corners."""
+    lean = math.tan(math.asin(math.tan(math.radians(30.0))))
+    for depth in (0.5, 2.0, 4.0):
+        offset = lean * (np.arange(20000) + 0.5) / 20000 * depth
+        for square, area in ((False, 1 + 2 * offset), (True, 1 + 4 * offset + math.pi * offset**2)):
+            found = plate_pull.lifting_bound(np.array([depth]), 30.0, square)
+            assert found == pytest.approx([area.mean()], rel=1e-6), (depth, square)
+
+
+def test_laws_of_plates_carry_the_same_friction() -> None:
+    """In simple shear, dense sand in its critical state; there is no dense sand with cohesion."""
+    for degrees in (25.0, 30.0):
+        ratio = math.tan(math.radians(degrees))
+        dense, loose = make_sand(degrees, law="dense"), make_sand(degrees, cohesion=50.0)
+        assert isinstance(dense, DenseSand) and isinstance(loose, mpm.DruckerPrager)
+        assert shear_ratio(dense.friction_angle_deg) == pytest.approx(ratio)
+        assert 3.0 / math.sqrt(2.0) * loose.alpha == pytest.approx(ratio)
+        assert (dense.dilation > 0.1, loose.cohesion) == (True, 50.0)
+    with pytest.raises(UnknownName, match="drucker_prager"):
+        make_sand(law="clay")
+    with pytest.raises(mpm.InvalidValue, match=r"50 Pa.*accepted: 0"):
+        make_sand(law="dense", cohesion=50.0)
 
 
 def test_depths_of_impact_follow_their_laws() -> None:
@@ -206,6 +234,24 @@ def test_a_dropped_ball_stops_at_the_depth_of_uehara() -> None:
     found = findings(dropped_sphere, [high])
     assert found["depth at cell 0.006, contact touching"].verdict == "pass", found
     assert -0.35 < low.errors["depth"] < -dropped_sphere.BANDS["depth"]
+
+
+@pytest.mark.slow
+def test_force_of_a_strip_grows_less_than_its_area() -> None:
+    """At equal depths, the limit that the documentation states; one direction has no map to compare."""
+    runs = [plate_map.measure(cell=0.008, directions="down", side=side) for side in plate_map.SIDES]
+    power = next(claim for claim in plate_map.CLAIMS if isinstance(claim, Power)).evaluate(runs)
+    assert 0.8 < float(power.found or 0.0) < plate_map.BANDS["least power"]
+    assert not runs[0].errors and "drag" not in runs[0].readings
+
+
+@pytest.mark.slow
+def test_dilation_does_not_raise_the_share_of_withdrawal() -> None:
+    """It doubles the force of intrusion, and adds little to that of withdrawal."""
+    plain, dense = (plate_pull.measure(cell=0.01, law=law) for law in LAWS)
+    assert dense.readings["intrusion"] > 1.5 * plain.readings["intrusion"]
+    assert plain.readings["withdrawal"] < dense.readings["withdrawal"] < 1.3 * plain.readings["withdrawal"]
+    assert dense.errors["ratio"] < plain.errors["ratio"]
 
 
 @pytest.mark.slow

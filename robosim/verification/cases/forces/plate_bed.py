@@ -11,6 +11,8 @@ import numpy as np
 import trimesh
 
 import mpm
+from robosim.errors import UnknownName
+from robosim.verification.cases.dense_sand import DenseSand, critical_angle, dense_sand
 from robosim.verification.cases.record import Cost, TimedSolver
 
 SIDE = 0.04
@@ -18,6 +20,8 @@ SIDE = 0.04
 DENSITY, NU, G, E = 1500.0, 0.3, 9.81, 1e6
 FRICTION_DEG, PLATE_FRICTION = 30.0, 0.4
 """Friction angle [deg] whose tangent the sand carries in simple shear, and friction coefficient on the plate."""
+LAWS = ("drucker_prager", "dense")
+"""Sand that flows at constant volume, and sand that is denser than critical and dilates (`cases.dense_sand`)."""
 SPEED = 0.2
 """[m/s]: the pressure of inertia, density * speed^2, is some 0.1 % of the pressure on the plate."""
 WINDOW = 5e-3
@@ -38,10 +42,24 @@ class Pushed(NamedTuple):
     """(n, 3) force on the plate per area [Pa]."""
 
 
-def make_sand(friction_deg: float = FRICTION_DEG, stiffness: float = E) -> mpm.DruckerPrager:
-    """Make sand that carries tan(friction_deg) in simple shear; stiffness: Young's modulus [Pa]."""
-    angle = math.degrees(math.asin(math.tan(math.radians(friction_deg))))
-    return mpm.DruckerPrager(E=stiffness, nu=NU, density=DENSITY, friction_angle_deg=angle, cone="plane_strain")
+def make_sand(friction_deg: float = FRICTION_DEG, stiffness: float = E, law: str = "drucker_prager",
+              cohesion: float = 0.0, relative_density: float = 0.7) -> mpm.DruckerPrager | DenseSand:
+    """Make sand that carries tan(friction_deg) in simple shear, dense sand once it has dilated.
+
+    stiffness: Young's modulus [Pa]; law: one of LAWS; cohesion [Pa]: of drucker_prager alone; relative_density: of
+    dense sand alone. Raises UnknownName for another law, InvalidValue for dense sand with cohesion.
+    """
+    ratio = math.tan(math.radians(friction_deg))
+    if law not in LAWS:
+        raise UnknownName("law", law, LAWS)
+    if law == "dense":
+        if cohesion > 0:
+            raise mpm.InvalidValue(f"make_sand: cohesion = {cohesion:g} Pa of law 'dense'; accepted: 0, or the law "
+                                   f"'drucker_prager'")
+        return dense_sand(relative_density, E=stiffness, nu=NU, density=DENSITY,
+                          critical_angle_deg=critical_angle(ratio))
+    return mpm.DruckerPrager(E=stiffness, nu=NU, density=DENSITY, cohesion=cohesion, cone="plane_strain",
+                             friction_angle_deg=math.degrees(math.asin(ratio)))
 
 
 def plate_mesh(length: float, width: float) -> trimesh.Trimesh:
@@ -56,22 +74,22 @@ def attitude(beta_deg: float) -> np.ndarray:
     return np.array([math.cos(half), 0.0, math.sin(half), 0.0])
 
 
-def push(*, beta_deg: float, gamma_deg: float, start_depth: float, travel: float, cell: float, square: bool = False,
-         friction_deg: float = FRICTION_DEG, stiffness: float = E, courant: float = 0.5, precision: str = "f32",
-         speed: float = SPEED, side: float = SIDE, plate_friction: float = PLATE_FRICTION,
+def push(sand: mpm.DruckerPrager | DenseSand, *, beta_deg: float, gamma_deg: float, start_depth: float, travel: float,
+         cell: float, square: bool = False, courant: float = 0.5, precision: str = "f32", speed: float = SPEED,
+         side: float = SIDE, plate_friction: float = PLATE_FRICTION,
          bed: tuple[float, float, float] | None = None) -> Pushed:
     """Drive a plate through a bed; return the stresses that it met.
 
-    start_depth: [m] of its centre; negative above the surface. travel: [m]; cell: [m]. square: a plate as wide as it is
-    long, of which one half is computed; otherwise a strip in plane strain, of which one cell is. side: length of the
-    plate [m]. bed: length, half width and height [m]; None: in proportion to the plate. Others: see the constants.
+    sand: see `make_sand`. start_depth: [m] of the plate's centre; negative above the surface. travel: [m]; cell: [m].
+    square: a plate as wide as it is long, of which one half is computed; otherwise a strip in plane strain, of which
+    one cell is. side: length of the plate [m]. bed: length, half width and height [m]; None: in proportion to the
+    plate. Others: see the constants.
     """
     gamma = math.radians(gamma_deg)
     course = np.array([math.cos(gamma), 0.0, -math.sin(gamma)])
     room = bed or [part * side for part in (SQUARE_BED if square else STRIP_BED)]
     length, half, height = (_whole(part, cell) for part in room)
     width = half if square else cell
-    sand = make_sand(friction_deg, stiffness)
     positions = mpm.sample_box((0, 0, 0), (length, width, height), cell / 2)
     volume = length * width * height / len(positions)
     begin = np.array([0.5 * (length - travel * course[0]), 0.0 if square else width / 2, height - start_depth])

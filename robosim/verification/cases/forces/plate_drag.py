@@ -12,7 +12,7 @@ import numpy as np
 from robosim.verification.cases.claims import Power, Ratio, Within
 from robosim.verification.cases.comparison import Comparison
 from robosim.verification.cases.forces.earth_pressure import coulomb_passive
-from robosim.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, E, G, push
+from robosim.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, E, G, make_sand, push
 from robosim.verification.cases.record import Record, record_of_several
 
 NAME = "plate_drag"
@@ -46,9 +46,9 @@ def measure(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.4, 
     depth, cell [m]; friction: on the blade; speed [m/s]; friction_deg: whose tangent the sand carries in simple shear;
     stiffness: Young's modulus [Pa].
     """
-    pushed = push(beta_deg=90.0, gamma_deg=0.0, start_depth=0.0, travel=END * depth, cell=cell, side=2 * depth,
-                  bed=(BED[0], 0.0, BED[1]), plate_friction=friction, speed=speed, friction_deg=friction_deg,
-                  stiffness=stiffness, precision=precision)
+    pushed = push(make_sand(friction_deg, stiffness), beta_deg=90.0, gamma_deg=0.0, start_depth=0.0,
+                  travel=END * depth, cell=cell, side=2 * depth, bed=(BED[0], 0.0, BED[1]), plate_friction=friction,
+                  speed=speed, precision=precision)
     slips = pushed.travels > BEGIN * depth
     drag = -float(np.mean(pushed.stresses[slips, 0])) * 2 * depth
     expected = predict(depth, friction, friction_deg)

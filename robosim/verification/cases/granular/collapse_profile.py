@@ -25,8 +25,8 @@ from robosim.errors import UnknownName
 from robosim.scene.settle import settle
 from robosim.verification.cases.claims import Approach, Within
 from robosim.verification.cases.comparison import Comparison
+from robosim.verification.cases.dense_sand import DenseSand, dense_sand
 from robosim.verification.cases.granular.column_collapse import ANGLES_DEG, DENSITY, NU, RADIUS, G, crest, fill, rim
-from robosim.verification.cases.granular.dense_sand import DenseSand, dense_sand
 from robosim.verification.cases.granular.deposit import (
     closed_depths,
     find_rim,

@@ -94,6 +94,11 @@ def shear_ratio(angle_deg: float) -> float:
     return 2.0 * sine / math.sqrt(3.0 + sine**2)
 
 
+def critical_angle(ratio: float) -> float:
+    """Return the angle [deg] of triaxial compression, from the ratio of shear stress to pressure in simple shear."""
+    return math.degrees(math.asin(math.sqrt(3.0) * ratio / math.sqrt(4.0 - ratio**2)))
+
+
 def dense_sand(relative_density: float, *, E: float, nu: float, density: float,
                critical_angle_deg: float = 33.0) -> DenseSand:
     """Return the sand of a relative density in (0.1, 1], at stresses of some kPa, by Bolton's relations.
