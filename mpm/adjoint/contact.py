@@ -84,7 +84,7 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
 @ti.func
 def material_normal_back(a: ti.template(), k, I, normal, normal_bar):
     """Add the adjoints of the masses about node I by which `touched_face` has found the normal of its material."""
-    _here, above, below = masses_about(a.fields, a.nodes, k, I)
+    _here, above, below = masses_about(a.fields, a.nodes, k, I, a.fields.grid.stamp[I // BLOCK])
     slope_bar = (normal_bar - normal * normal.dot(normal_bar)) / (above - below).norm(1e-30)
     for d in ti.static(range(3)):
         e = ti.Vector([int(c == d) for c in range(3)])
