@@ -5,7 +5,7 @@ from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.contact import FACE, SOLID_RECOVERY
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import is_at_edge, masses_about, touched_face, touches_static
+from mpm.boundaries.facing import deciding_node, is_at_edge, touched_face, touches_static
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
@@ -84,13 +84,13 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
 @ti.func
 def material_normal_back(a: ti.template(), k, I, normal, normal_bar):
     """Add the adjoints of the masses about node I by which `touched_face` has found the normal of its material."""
-    _here, above, below = masses_about(a.fields, a.nodes, k, I, a.fields.grid.stamp[I // BLOCK])
+    J, _here, above, below = deciding_node(a.fields, a.nodes, k, I)
     slope_bar = (normal_bar - normal * normal.dot(normal_bar)) / (above - below).norm(1e-30)
     for d in ti.static(range(3)):
         e = ti.Vector([int(c == d) for c in range(3)])
         if above[d] != below[d]:  # else a wall mirrors the one, or neither is there
-            a.nodes.bars[I + e][3] += slope_bar[d]
-            a.nodes.bars[I - e][3] -= slope_bar[d]
+            a.nodes.bars[J + e][3] += slope_bar[d]
+            a.nodes.bars[J - e][3] -= slope_bar[d]
 
 
 @ti.func

@@ -21,9 +21,9 @@ BEGINS = ((0.0, 1.5, -12.5), (0.04, 1.0, -3.125), (0.2, 0.5, -1.613), (0.51, 0.0
 """Mass of a node relative to that of the next one along the normal, cells from the node to where material begins, and
 their slope up to the next share: by the B-splines of a half space that is filled from there on."""
 FEW = 0.2
-"""Mass of a node relative to that of the next one along the normal, below which the next one tells where material
-begins. Such a node is more than half a cell away, and has mass from few particles: from their places, half a cell apart,
-follows where they begin to 0.15 cells only."""
+"""Mass of a node relative to that of the next one with the most, below which that one decides. Such a node is half a
+cell or more away from the material, and has mass from few particles: from that of its own, half a cell apart, it would
+follow to 0.3 cells only where they begin."""
 SHARP = 0.85
 """Depth at a small distance behind the closest place of a solid, relative to that distance, below which this place lies
 on an edge. It is 1 behind a face and 0.7 behind a right angle."""
@@ -90,39 +90,38 @@ def masses_about(fields: ti.template(), nodes: ti.template(), k, I, stamp):
 
 
 @ti.func
-def grows_along(normal, above, below):
-    """Return whether the mass of nodes grows along a normal as in front of a face."""
-    along = ti.abs(normal).dot(above + below)
-    return normal.dot(above - below) > FACING * ti.max(along, (above + below).max())
+def deciding_node(fields: ti.template(), nodes: ti.template(), k, I):
+    """Return the node by whose masses it is decided whether the material of node I touches, and these masses.
+
+    It is node I itself, or where this has only a `FEW` of it the next node with the most.
+    """
+    stamp = fields.grid.stamp[I // BLOCK]
+    J = I
+    here, above, below = masses_about(fields, nodes, k, I, stamp)
+    most = ti.max(above.max(), below.max())
+    if here < FEW * most:
+        e = 0 * I
+        for d in ti.static(range(3)):
+            if ti.max(above[d], below[d]) == most:
+                e = ti.Vector([int(c == d) for c in range(3)]) * ti.select(above[d] == most, 1, -1)
+        if node_mass(fields, nodes, k, I + e, stamp) < 0:  # beyond a wall
+            e = -e
+        J = I + e
+        here, above, below = masses_about(fields, nodes, k, J, stamp)
+    return J, here, above, below
 
 
 @ti.func
-def share_of_next(normal, here, above, below):
-    """Return the mass of a node relative to that of the next one along a normal."""
-    front = here
+def material_along(normal, reach, here, above, below):
+    """Return whether the mass of nodes grows along a normal as in front of a face, and the cells to where it begins.
+
+    reach: cells along the normal to the node that has the masses.
+    """
+    along, front = ti.abs(normal).dot(above + below), here
     for d in ti.static(range(3)):
         front += ti.abs(normal[d]) * ((above[d] if normal[d] > 0 else below[d]) - here)
-    return here / ti.max(front, 1e-30)
-
-
-@ti.func
-def is_within_gap(fields: ti.template(), nodes: ti.template(), k, I, normal, cells, here, above, below):
-    """Return whether the material of node I, which grows along a normal, begins at most `GAP` beyond a face.
-
-    cells: from the node to the face, against the normal.
-    """
-    share = share_of_next(normal, here, above, below)
-    begins = cells + distance_to_material(share)
-    if share < FEW and cells + 0.5 < GAP:
-        e = 0 * I
-        reach = ti.cast(0.0, fields.real)
-        for d in ti.static(range(3)):
-            if ti.abs(normal[d]) > reach:
-                reach = ti.abs(normal[d])
-                e = ti.Vector([int(c == d) for c in range(3)]) * ti.select(normal[d] > 0, 1, -1)
-        next_, next_above, next_below = masses_about(fields, nodes, k, I + e, fields.grid.stamp[I // BLOCK])
-        begins = cells + reach + distance_to_material(share_of_next(normal, next_, next_above, next_below))
-    return begins <= GAP
+    is_facing = normal.dot(above - below) > FACING * ti.max(along, (above + below).max())
+    return is_facing, reach + distance_to_material(here / ti.max(front, 1e-30))
 
 
 @ti.func
@@ -131,11 +130,9 @@ def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, ph
 
     nodes, k: see `node_mass`.
     """
-    here, above, below = masses_about(fields, nodes, k, I, fields.grid.stamp[I // BLOCK])
-    touches = grows_along(normal, above, below)
-    if touches:
-        touches = is_within_gap(fields, nodes, k, I, normal, phi / fields.cell, here, above, below)
-    return touches
+    J, here, above, below = deciding_node(fields, nodes, k, I)
+    is_facing, cells = material_along(normal, normal.dot(ti.cast(J - I, fields.real)), here, above, below)
+    return is_facing and phi + cells * fields.cell < GAP * fields.cell
 
 
 @ti.func
@@ -146,20 +143,23 @@ def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.te
     `node_mass`. Inside a solid the closest face can be one without material: then the face that the material's own
     surface looks from decides.
     """
-    here, above, below = masses_about(fields, nodes, k, I, fields.grid.stamp[I // BLOCK])
+    J, here, above, below = deciding_node(fields, nodes, k, I)
+    step = ti.cast(J - I, fields.real)
     normal = R @ n_t
-    cells = phi / fields.cell
-    touches = grows_along(normal, above, below)
-    if not touches and phi < 0:
+    is_facing, cells = material_along(normal, normal.dot(step), here, above, below)
+    if not is_facing and phi < 0:
         normal = (above - below) / (above - below).norm(1e-30)
+        is_facing, cells = material_along(normal, normal.dot(step), here, above, below)
         _n, beyond = solid.at(y + fields.cell * (R.transpose() @ normal))
-        cells = beyond / fields.cell - 1.0  # the face lies where this way leaves the solid
-        touches = beyond > 0 and grows_along(normal, above, below)
+        cells += beyond / fields.cell - 1.0  # the face lies where this way leaves the solid
+        is_facing = is_facing and beyond > 0
     else:
-        touches = touches and not is_at_edge(solid, y, n_t, phi, fields.cell)
-    if touches:
-        touches = is_within_gap(fields, nodes, k, I, normal, cells, here, above, below)
-    return normal if touches else 0.0 * normal
+        cells += phi / fields.cell
+        is_facing = is_facing and not is_at_edge(solid, y, n_t, phi, fields.cell)
+    result = normal
+    if not is_facing or cells > GAP:
+        result = 0.0 * normal
+    return result
 
 
 @ti.func
