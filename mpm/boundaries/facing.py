@@ -144,18 +144,21 @@ def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.te
     surface looks from decides.
     """
     J, here, above, below = deciding_node(fields, nodes, k, I)
-    step = ti.cast(J - I, fields.real)
-    normal = R @ n_t
-    is_facing, cells = material_along(normal, normal.dot(step), here, above, below)
-    if not is_facing and phi < 0:
+    z, n_z, phi_z = y, n_t, phi
+    if (J != I).any():
+        z = y + fields.cell * (R.transpose() @ ti.cast(J - I, fields.real))
+        n_z, phi_z = solid.at(z)
+    normal = R @ n_z
+    is_facing, cells = material_along(normal, 0.0, here, above, below)
+    if not is_facing and phi_z < 0:
         normal = (above - below) / (above - below).norm(1e-30)
-        is_facing, cells = material_along(normal, normal.dot(step), here, above, below)
-        _n, beyond = solid.at(y + fields.cell * (R.transpose() @ normal))
+        is_facing, cells = material_along(normal, 0.0, here, above, below)
+        _n, beyond = solid.at(z + fields.cell * (R.transpose() @ normal))
         cells += beyond / fields.cell - 1.0  # the face lies where this way leaves the solid
         is_facing = is_facing and beyond > 0
     else:
-        cells += phi / fields.cell
-        is_facing = is_facing and not is_at_edge(solid, y, n_t, phi, fields.cell)
+        cells += phi_z / fields.cell
+        is_facing = is_facing and not is_at_edge(solid, z, n_z, phi_z, fields.cell)
     result = normal
     if not is_facing or cells > GAP:
         result = 0.0 * normal
