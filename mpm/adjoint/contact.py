@@ -1,6 +1,6 @@
 """Adjoint of contact, of nodes and of particles that have entered the tool, to the motion of the tool."""
 
-from mpm.adjoint.coulomb import coulomb_back, surface_back
+from mpm.adjoint.coulomb import coulomb_back, normal_back, surface_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.contact import FACE, SOLID_RECOVERY
@@ -61,18 +61,24 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
             if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
                 n_t, phi = a.fields.colliders[index].sdf.at(y)
                 normal, touches = R @ n_t, phi < ti.static(FACE * a.fields.cell)
+                way, n_there = 0.0 * y, n_t
                 if ti.static(a.fields.features.touching):  # noqa: SIM102  (decided when compiling)
                     if touches:
-                        normal = touched_face(a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y,
-                                              n_t, phi)
+                        normal, way, n_there = touched_face(a.fields, a.nodes, step.place, I,
+                                                            a.fields.colliders[index].sdf, R, y, n_t, phi)
                         touches = normal.norm_sqr() > 0
                 if touches:
                     v_bar, surface_bar, normal_bar = coulomb_back(
                         v, surface_velocity(step.motion, 0, step.row, r), normal,
                         a.fields.parameters.frictions[index], v_bar)
-                    if (normal != R @ n_t).any():  # the material's, which the tool does not turn
-                        material_normal_back(a, step.place, I, normal, normal_bar)
-                        normal_bar = 0.0 * normal_bar
+                    if ti.static(a.fields.features.touching):
+                        if (normal != R @ n_there).any():  # the material's, which the tool does not turn
+                            material_normal_back(a, step.place, I, normal, normal_bar)
+                            normal_bar = 0.0 * normal_bar
+                        elif way.norm_sqr() > 0:  # the tool's at another node
+                            normal_back(a.fields, index, step.motion_bar, step.row, R, r + R @ way, y + way, n_there,
+                                        normal_bar)
+                            normal_bar = 0.0 * normal_bar
                     surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_t, surface_bar,
                                  normal_bar, 0.0 * phi)
     if owner > 0:
