@@ -2,8 +2,8 @@
 
 Measured: the relative error of its acceleration, on a level bed its drag over its weight, and how far it sits above the
 bed. Reference: Coulomb's law, g (sin - mu cos), for a block that lies along the incline. A heavy one tips forward by a
-degree or more, as the bed gives way at its front, and slides on a steeper face: the error `on_face` is that for the face
-as it lies. The block is laid flush, or lowered from above. While it lies on the bed, nothing meets its sides.
+degree or more, as the bed gives way at its front, and slides on a steeper face: the error `on_face` is that for the
+face as it lies. The block is laid flush, or lowered from above. While it lies on the bed, nothing meets its sides.
 """
 
 import math
