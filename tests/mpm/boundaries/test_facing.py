@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import mpm
+from mpm.scene.features import Contact
 
 CELL, SPEED = 0.01, 0.1
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def impulse(contact: str, place: float, gap: float, *, static: bool) -> np.ndarray:
+def impulse(contact: Contact, place: float, gap: float, *, static: bool) -> np.ndarray:
     """Return the impulse [N s] (3,) of the first substep on a plate above a bar that rises.
 
     place: of the bar's end above a plane of nodes, gap: of the plate above it [cells].
