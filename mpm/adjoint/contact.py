@@ -1,11 +1,11 @@
 """Adjoint of contact, of nodes and of particles that have entered the tool, to the motion of the tool."""
 
-from mpm.adjoint.coulomb import coulomb_back, surface_back
+from mpm.adjoint.coulomb import coulomb_back, normal_back, surface_back
 from mpm.adjoint.shell_contact import collide_with_shell_back
 from mpm.backend import once, ti
 from mpm.boundaries.contact import FACE, SOLID_RECOVERY
 from mpm.boundaries.coulomb import collider_axes, collider_origin, coulomb, surface_velocity
-from mpm.boundaries.facing import is_at_edge, masses_about, touched_face, touches_static
+from mpm.boundaries.facing import deciding_node, is_at_edge, touched_face, touches_static
 from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
@@ -61,18 +61,24 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
             if not a.fields.colliders[index].sdf.is_beyond(y, FACE * a.fields.cell):
                 n_t, phi = a.fields.colliders[index].sdf.at(y)
                 normal, touches = R @ n_t, phi < ti.static(FACE * a.fields.cell)
+                way, n_there = 0.0 * y, n_t
                 if ti.static(a.fields.features.touching):  # noqa: SIM102  (decided when compiling)
                     if touches:
-                        normal = touched_face(a.fields, a.nodes, step.place, I, a.fields.colliders[index].sdf, R, y,
-                                              n_t, phi)
+                        normal, way, n_there = touched_face(a.fields, a.nodes, step.place, I,
+                                                            a.fields.colliders[index].sdf, R, y, n_t, phi)
                         touches = normal.norm_sqr() > 0
                 if touches:
                     v_bar, surface_bar, normal_bar = coulomb_back(
                         v, surface_velocity(step.motion, 0, step.row, r), normal,
                         a.fields.parameters.frictions[index], v_bar)
-                    if (normal != R @ n_t).any():  # the material's, which the tool does not turn
-                        material_normal_back(a, step.place, I, normal, normal_bar)
-                        normal_bar = 0.0 * normal_bar
+                    if ti.static(a.fields.features.touching):
+                        if (normal != R @ n_there).any():  # the material's, which the tool does not turn
+                            material_normal_back(a, step.place, I, normal, normal_bar)
+                            normal_bar = 0.0 * normal_bar
+                        elif way.norm_sqr() > 0:  # the tool's at another node
+                            normal_back(a.fields, index, step.motion_bar, step.row, R, r + R @ way, y + way, n_there,
+                                        normal_bar)
+                            normal_bar = 0.0 * normal_bar
                     surface_back(a.fields, index, step.motion, step.motion_bar, step.row, R, r, y, n_t, surface_bar,
                                  normal_bar, 0.0 * phi)
     if owner > 0:
@@ -84,13 +90,13 @@ def collide_back(a: ti.template(), step: ti.template(), I, before, corner, bar):
 @ti.func
 def material_normal_back(a: ti.template(), k, I, normal, normal_bar):
     """Add the adjoints of the masses about node I by which `touched_face` has found the normal of its material."""
-    _here, above, below = masses_about(a.fields, a.nodes, k, I)
+    J, _here, above, below = deciding_node(a.fields, a.nodes, k, I)
     slope_bar = (normal_bar - normal * normal.dot(normal_bar)) / (above - below).norm(1e-30)
     for d in ti.static(range(3)):
         e = ti.Vector([int(c == d) for c in range(3)])
         if above[d] != below[d]:  # else a wall mirrors the one, or neither is there
-            a.nodes.bars[I + e][3] += slope_bar[d]
-            a.nodes.bars[I - e][3] -= slope_bar[d]
+            a.nodes.bars[J + e][3] += slope_bar[d]
+            a.nodes.bars[J - e][3] -= slope_bar[d]
 
 
 @ti.func

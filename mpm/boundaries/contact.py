@@ -148,7 +148,8 @@ def collide(fields: ti.template(), step: ti.template(), places: ti.template(), a
                 touches = phi < ti.static(FACE * fields.cell)
                 if touches:
                     if ti.static(fields.features.touching):
-                        normal = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y, normal, phi)
+                        normal, _way, _n = touched_face(fields, GRID_NODES, 0, I, fields.colliders[index].sdf, R, y,
+                                                        normal, phi)
                         touches = normal.norm_sqr() > 0
                     else:
                         normal = R @ normal

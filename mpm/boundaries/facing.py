@@ -3,7 +3,8 @@
 A node carries the mass of all particles within 1.5 cells. Beside a block that lies flush on a bed, nodes at the level
 of the bed's surface carry the bed's mass: were it stopped at the block's side, the bed would hold the block like a lip.
 What a node holds touches a face where the mass of nodes grows along the face's normal, as it does in front of a wall,
-and where it begins at the face. Beyond a sharp edge nothing is touched: a face holds what is in front of it.
+and where it begins at the face. Beyond a sharp edge nothing is touched: a face holds what is in front of it. A node
+with little mass follows the next one with the most.
 """
 
 from mpm.backend import ti
@@ -20,6 +21,10 @@ particles, a block would otherwise come to rest half a cell above a bed, and a l
 BEGINS = ((0.0, 1.5, -12.5), (0.04, 1.0, -3.125), (0.2, 0.5, -1.613), (0.51, 0.0, -1.53))
 """Mass of a node relative to that of the next one along the normal, cells from the node to where material begins, and
 their slope up to the next share: by the B-splines of a half space that is filled from there on."""
+FEW = 0.2
+"""Mass of a node relative to that of the next one with the most, up to which it touches the face that this one touches.
+Such a node lies half a cell or more away from the material. Its mass comes from few particles, half a cell apart, and
+tells to 0.3 cells only where they begin; that of a larger one tells to 0.05 cells."""
 SHARP = 0.85
 """Depth at a small distance behind the closest place of a solid, relative to that distance, below which this place lies
 on an edge. It is 1 behind a face and 0.7 behind a right angle."""
@@ -68,9 +73,11 @@ def node_mass(fields: ti.template(), nodes: ti.template(), k, I, stamp):
 
 
 @ti.func
-def masses_about(fields: ti.template(), nodes: ti.template(), k, I):
-    """Return the masses [kg] of node I, and of the next nodes above and below it along each axis (3,)."""
-    stamp = fields.grid.stamp[I // BLOCK]
+def masses_about(fields: ti.template(), nodes: ti.template(), k, I, stamp):
+    """Return the masses [kg] of node I, and of the next nodes above and below it along each axis (3,).
+
+    stamp: of the substep, which the block of a node with mass has.
+    """
     here = node_mass(fields, nodes, k, I, stamp)
     above, below = ti.Vector.zero(fields.real, 3), ti.Vector.zero(fields.real, 3)
     for d in ti.static(range(3)):
@@ -81,6 +88,25 @@ def masses_about(fields: ti.template(), nodes: ti.template(), k, I):
         if below[d] < 0:
             below[d] = above[d]
     return here, above, below
+
+
+@ti.func
+def deciding_node(fields: ti.template(), nodes: ti.template(), k, I):
+    """Return the node that tells which face the material of node I touches, and the masses there, see `FEW`."""
+    stamp = fields.grid.stamp[I // BLOCK]
+    J = I
+    here, above, below = masses_about(fields, nodes, k, I, stamp)
+    most = ti.max(above.max(), below.max())
+    if here < FEW * most:
+        e = 0 * I
+        for d in ti.static(range(3)):
+            if ti.max(above[d], below[d]) == most:
+                e = ti.Vector([int(c == d) for c in range(3)]) * ti.select(above[d] == most, 1, -1)
+        if node_mass(fields, nodes, k, I + e, stamp) < 0:  # beyond a wall, which mirrors the other one
+            e = -e
+        J = I + e
+        here, above, below = masses_about(fields, nodes, k, J, stamp)
+    return J, here, above, below
 
 
 @ti.func
@@ -100,8 +126,9 @@ def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, ph
 
     nodes, k: see `node_mass`.
     """
-    here, above, below = masses_about(fields, nodes, k, I)
+    J, here, above, below = deciding_node(fields, nodes, k, I)
     is_facing, cells = material_along(normal, here, above, below)
+    cells += normal.dot(ti.cast(J - I, fields.real))
     return is_facing and phi + cells * fields.cell < GAP * fields.cell
 
 
@@ -111,24 +138,29 @@ def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.te
 
     R: axes of the solid; y, n_t, phi: the node, the normal and the distance [m] there in its frame. nodes, k: see
     `node_mass`. Inside a solid the closest face can be one without material: then the face that the material's own
-    surface looks from decides.
+    surface looks from decides. Returns as well the vector [m] in the solid's frame to the node that decides, and the
+    solid's normal there.
     """
-    here, above, below = masses_about(fields, nodes, k, I)
-    normal = R @ n_t
+    J, here, above, below = deciding_node(fields, nodes, k, I)
+    way, n_there, distance = 0.0 * y, n_t, phi
+    if (J != I).any():
+        way = fields.cell * (R.transpose() @ ti.cast(J - I, fields.real))
+        n_there, distance = solid.at(y + way)
+    normal = R @ n_there
     is_facing, cells = material_along(normal, here, above, below)
-    if not is_facing and phi < 0:
+    if not is_facing and distance < 0:
         normal = (above - below) / (above - below).norm(1e-30)
         is_facing, cells = material_along(normal, here, above, below)
-        _n, beyond = solid.at(y + fields.cell * (R.transpose() @ normal))
+        _n, beyond = solid.at(y + way + fields.cell * (R.transpose() @ normal))
         cells += beyond / fields.cell - 1.0  # the face lies where this way leaves the solid
         is_facing = is_facing and beyond > 0
     else:
-        cells += phi / fields.cell
-        is_facing = is_facing and not is_at_edge(solid, y, n_t, phi, fields.cell)
+        cells += distance / fields.cell
+        is_facing = is_facing and not is_at_edge(solid, y + way, n_there, distance, fields.cell)
     result = normal
     if not is_facing or cells > GAP:
         result = 0.0 * normal
-    return result
+    return result, way, n_there
 
 
 @ti.func
