@@ -89,7 +89,7 @@ def test_a_state_has_the_remainder() -> None:
     double.close()
 
 
-@pytest.mark.parametrize("interval", [0.0, 5 * DT])
+@pytest.mark.parametrize("interval", [pytest.param(0.0, marks=pytest.mark.slow), 5 * DT])
 def test_rollouts_move_as_the_solver(interval: float) -> None:
     """The forward sweeps, and those that a gradient repeats, end where the solver does, far below a quantum."""
     solver, begin = slow_block(transfer_interval=interval)

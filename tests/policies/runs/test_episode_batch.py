@@ -32,7 +32,7 @@ def make_training(out, preset: Preset, n: int = 2, **options) -> Training:
                     evaluate_every=100, **options)
 
 
-@pytest.mark.parametrize("starts", ["nominal", "random"])
+@pytest.mark.parametrize("starts", [pytest.param("nominal", marks=pytest.mark.slow), "random"])
 def test_each_episode_is_that_of_one_environment(tmp_path, starts):
     """Start, return and score of every row, when its actions are played alone from its start; in the order of the run's
     episodes, and as many as were asked for, which three environments do not divide."""
@@ -52,7 +52,8 @@ def test_each_episode_is_that_of_one_environment(tmp_path, starts):
     assert len({round(episode.row["return"], 9) for episode in recorded}) > 1
 
 
-@pytest.mark.parametrize("actor", [pytest.param(None, marks=pytest.mark.slow), Actor(imitation=0.1)])
+@pytest.mark.slow
+@pytest.mark.parametrize("actor", [None, Actor(imitation=0.1)])
 def test_an_interrupted_run_of_a_batch_continues_to_the_same_bits(tmp_path, actor):
     """Interrupted after four of six episodes of two environments; continued with other global random states."""
     preset = make_preset(actor=actor)

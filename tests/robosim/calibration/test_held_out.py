@@ -40,7 +40,8 @@ def rejected_share(count: int, store: Any, *, is_direct: bool, offset: float = 0
     return rejected / count
 
 
-@pytest.mark.parametrize(("is_direct", "count"), [(True, 400), (False, 60)], ids=["closed form", "emulated"])
+@pytest.mark.parametrize(("is_direct", "count"), [
+    (True, 400), pytest.param(False, 60, marks=pytest.mark.slow)], ids=["closed form", "emulated"])
 def test_correct_calibrations_are_rejected_as_seldom_as_the_bound_says(is_direct: bool, count: int, tmp_path: Path
                                                                        ) -> None:
     """At most as many as the binomial distribution exceeds with a probability of about 1 %."""

@@ -198,6 +198,7 @@ def test_rough_walls_carry_a_part_of_the_fill() -> None:
     assert [finding.verdict for finding in found.values()] == ["pass"] * 3, found
 
 
+@pytest.mark.slow
 def test_a_blade_pushes_the_wedge_of_coulomb() -> None:
     """Its force grows with the square of the depth to which a shell adds a cell; with a smaller power of its own depth,
     the limit that the documentation states."""
@@ -210,11 +211,13 @@ def test_a_blade_pushes_the_wedge_of_coulomb() -> None:
     assert 1.5 < powers[0] < plate_drag.BANDS["least exponent"], powers
 
 
+@pytest.mark.slow
 def test_a_blade_is_pushed_alike_at_two_speeds() -> None:
     slow, fast = (plate_drag.measure(cell=0.01, speed=speed).readings["drag"] for speed in (0.01, 0.1))
     assert fast == pytest.approx(slow, rel=plate_drag.BANDS["rate"])
 
 
+@pytest.mark.slow
 def test_a_strip_feels_the_map_of_resistive_forces() -> None:
     """In five directions. Drag over intrusion is below its range, intrusion is not straight enough in depth, and a
     withdrawn strip is held less than published: the limits that the documentation states."""

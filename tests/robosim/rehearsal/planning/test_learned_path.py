@@ -86,6 +86,7 @@ def compute_gap(config: RehearsalConfig, pose: mpm.Pose) -> float:
     return float(build_real_tool_sdf(tool_shape(config.tool)).distance(pose.inverse().apply(points)).min())
 
 
+@pytest.mark.slow
 def test_the_path_is_shifted_away_from_containers(chained, tmp_path):
     """A spoon goes down to the floor of the container and up again.
 
