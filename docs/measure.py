@@ -19,7 +19,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE)]
 
 from generators.results.measured import DATA  # noqa: E402
 
-from robosim.reports.provenance import code_digest, provenance  # noqa: E402
+from robosim.base.provenance import code_digest, provenance  # noqa: E402
 
 IMAGES = HERE / "images"
 POSTERS = {"spoon": 8.95, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}
@@ -178,7 +178,8 @@ def bench(out: Path) -> dict[str, Any]:
     words = ["bench", "coupling", "kinematics", "SpoonPour", "ShovelMove", "arm_SpoonPour"]
     command(words, out)
     data = json.loads((out / "bench.json").read_text())
-    return {**data, "made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.benchmarks.bench")}
+    return {**data, "made_by": made_by([*words, "--out", "out/bench"]),
+            "code": code_digest("robosim.studies.benchmarks.bench")}
 
 
 def bench_field(out: Path) -> dict[str, Any]:
@@ -187,7 +188,7 @@ def bench_field(out: Path) -> dict[str, Any]:
     command(words, out)
     lines = json.loads((out / "bench_field.json").read_text())
     rows = [[line["scene"], line["grains"], line["threads"], line["arch"], line.get("ns")] for line in lines]
-    return {"made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.benchmarks.field"),
+    return {"made_by": made_by([*words, "--out", "out/bench"]), "code": code_digest("robosim.studies.benchmarks.field"),
             "head": ["scene", "particles", "threads", "device", "ns per particle and substep"], "rows": rows}
 
 

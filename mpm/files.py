@@ -1,18 +1,10 @@
 """Atomic writing: under its name a file is always whole, whatever ends the process, and a failure keeps the old one."""
 
-import contextlib
-import json
 import os
-import re
+import reprlib
 import secrets
-import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-
-TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}\.part(\.\w+)?")
-"""Names of files and folders that are not finished."""
-STATUS = "status.json"
-"""File of a folder of results that says how far the work has come."""
 
 
 def temporary_path(path: Path) -> Path:
@@ -35,74 +27,12 @@ def write(path: Path, writer: Callable[[Path], object]) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text as `write` does."""
-    write(path, lambda temporary: temporary.write_text(text))
-
-
-def write_json(path: Path, value: object) -> None:
-    """Write indented JSON. Raises ValueError for numbers that JSON does not have (NaN, infinity)."""
-    write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
-
-
-def append(path: Path, data: bytes) -> None:
-    """Append to a file and flush it to the disk; after a failure the file is as long as before."""
-    size = path.stat().st_size if path.is_file() else 0
+def quote(value: object) -> str:
+    """Return a value as messages show it: shortened, and without a failure for integers of thousands of digits."""
+    short = reprlib.Repr()
+    short.maxstring = short.maxother = 200
+    short.maxlist = short.maxtuple = short.maxdict = 12
     try:
-        with path.open("ab") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.truncate(path, size)
-        raise
-
-
-def write_status(folder: Path, state: str, **more: object) -> None:
-    """Write status.json: "running", "finished", "interrupted" or "failed", this process's id, and more.
-
-    A status that cannot be written is removed, because the earlier one no longer holds; then raises OSError.
-    """
-    path = folder / STATUS
-    try:
-        write_json(path, {"state": state, "process": os.getpid(), **more})
-    except OSError:
-        path.unlink(missing_ok=True)
-        raise
-
-
-@contextlib.contextmanager
-def keep_status(folder: Path) -> Iterator[None]:
-    """Keep status.json of a folder while work is done there: "running", then how the work ended, with the reason."""
-    try:
-        write_status(folder, "running")
-        yield
-        write_status(folder, "finished")
-    except BaseException as error:
-        with contextlib.suppress(OSError):  # the error that ended the work is the one to report
-            write_status(folder, end_state(error), reason=describe_end(error))
-        raise
-
-
-def end_state(error: BaseException) -> str:
-    """Return the state of work that an exception ended."""
-    return "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
-
-
-def describe_end(error: BaseException) -> str:
-    """Return why work ended, in a line; the argument of a KeyboardInterrupt is the signal's name."""
-    if isinstance(error, KeyboardInterrupt):
-        return f"stopped by {error.args[0] if error.args else 'Ctrl-C'}"
-    return f"{type(error).__name__}: {error}"
-
-
-def remove_temporary(folder: Path) -> None:
-    """Remove what killed processes left unfinished in a folder; only for the process that holds the folder's lock."""
-    for path in folder.iterdir():
-        if TEMPORARY.fullmatch(path.name):
-            if path.is_dir():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                with contextlib.suppress(OSError):  # a file that another user left stays
-                    path.unlink()
+        return short.repr(value)
+    except ValueError:  # Python refuses to write integers of more than 4300 digits
+        return f"a value of type {type(value).__name__} that is too long to show"

@@ -11,9 +11,7 @@ from robosim.envs import register_with_gymnasium
 from robosim.rendering.opengl import choose_graphics
 
 if TYPE_CHECKING:
-    from robosim.config.rehearsal import RehearsalConfig
-    from robosim.coupling.plugin import GranularPlugin
-    from robosim.errors import (
+    from robosim.base.errors import (
         BodyLeftGrid,
         ConfigError,
         RobosimError,
@@ -21,6 +19,8 @@ if TYPE_CHECKING:
         UnknownName,
         UnreachableWaypoint,
     )
+    from robosim.config.rehearsal import RehearsalConfig
+    from robosim.coupling.plugin import GranularPlugin
     from robosim.rehearsal.rehearsal import Rehearsal
     from robosim.rehearsal.result import Result
     from robosim.rendering.video import Mp4Writer
@@ -33,7 +33,7 @@ __all__ = ["BodyLeftGrid", "ConfigError", "Container", "GrainRenderer", "Granula
 MODULES = {
     "robosim.config.rehearsal": ("RehearsalConfig",),
     "robosim.coupling.plugin": ("GranularPlugin",),
-    "robosim.errors": ("BodyLeftGrid", "ConfigError", "RobosimError", "RobotDiverged", "UnknownName",
+    "robosim.base.errors": ("BodyLeftGrid", "ConfigError", "RobosimError", "RobotDiverged", "UnknownName",
                        "UnreachableWaypoint"),
     "robosim.rehearsal.rehearsal": ("Rehearsal",),
     "robosim.rehearsal.result": ("Result",),

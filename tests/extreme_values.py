@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 import mpm
-from robosim.errors import RobosimError
+from robosim.base.errors import RobosimError
 
 MEMORY = 2 * 2**30
 """Bytes that handling one input may add to the address space."""

@@ -26,22 +26,22 @@ from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
 from policies.runs.pipeline_table import format_rows
 from policies.runs.run_folder import RunFolder
 from policies.runs.sweep_file import SweepRun
-from robosim.benchmarks.explain import compare_settings, print_comparison, read_known
-from robosim.benchmarks.explain_page import format_parts
-from robosim.benchmarks.scene_run import FRACTIONS
 from robosim.config.materials import load_material
 from robosim.envs.start import _read_state
-from robosim.evaluation.materials import read_episodes
-from robosim.evaluation.policies import make_policy, training_options
 from robosim.rehearsal.planning.bundled_motions import load_motion
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
+from robosim.studies.benchmarks.explain import compare_settings, print_comparison, read_known
+from robosim.studies.benchmarks.explain_page import format_parts
+from robosim.studies.benchmarks.scene_run import FRACTIONS
+from robosim.studies.evaluation.materials import read_episodes
+from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.studies.verification.report import read_json, read_peers
+from robosim.studies.verification.report_page import add_comparison, draw_peers
+from robosim.studies.verification.runs import read_runs
+from robosim.studies.verification.stability_report import make_page as make_stability_page
+from robosim.studies.verification.stability_report import read_results
 from robosim.tasks.task import load_task
-from robosim.verification.report import read_json, read_peers
-from robosim.verification.report_page import add_comparison, draw_peers
-from robosim.verification.runs import read_runs
-from robosim.verification.stability_report import make_page as make_stability_page
-from robosim.verification.stability_report import read_results
 
 TASK = load_task("SpoonTranslate")
 STEPS = -(-TASK.steps // 10)

@@ -17,11 +17,11 @@ from policies.learning import preset_files
 from policies.learning.preset_files import load_preset
 from policies.learning.presets import Preset
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
+from robosim.base.resources import folder
 from robosim.commands.keys import KINDS, schema_class
 from robosim.config.arm import ArmConfig
 from robosim.config.materials import law_of, load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.config.resources import folder
 from robosim.config.settings import read_setting, with_settings
 from robosim.config.table import load, validate
 from robosim.rehearsal.planning.waypoint_path import WaypointPath

@@ -1,4 +1,4 @@
 """Shapes of colliders as signed distances, regions that count grains, and rigid motion.
 
-Imports: backend, cache_folder, errors, files, input_files.
+Imports: array_files, backend, cache_folder, errors, files.
 """

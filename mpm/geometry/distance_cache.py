@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from mpm.array_files import read_arrays
 from mpm.cache_folder import user_cache_folder, writable_folder
 from mpm.errors import InvalidValue
 from mpm.files import write
 from mpm.geometry import mesh_distance
-from mpm.input_files import read_arrays
 
 VARIABLE = "MPM_CACHE"
 """Variable of the environment that names the folder."""

@@ -1,6 +1,6 @@
 """Demonstrations: making them by gradient or by CMA-ES, reading, scoring and exporting them.
 
-Imports: learning.
+Imports: learning, robosim, mpm.
 """
 
 METHODS = ("descent", "cmaes")

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 import mpm
+from mpm.array_files import read_arrays
 from mpm.files import temporary_path
-from mpm.input_files import read_arrays
 from policies.demonstrations import RATE
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations

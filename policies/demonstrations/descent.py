@@ -12,8 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 import mpm
-from mpm.input_files import MAX_NUMBER
 from policies.demonstrations.spline_search import sample_spline
+from robosim.base.input_files import MAX_NUMBER
 
 DECAY, DECAY_SQUARES, SMALL = 0.9, 0.95, 1e-12
 FAILURES, SHRINK, GROW, LEAST = 4, 0.7, 1.1, 0.1

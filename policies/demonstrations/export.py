@@ -12,11 +12,12 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 import mpm
-from mpm.files import write, write_json
-from mpm.progress import Progress
+from mpm.files import write
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.learning.bundled import is_task_file
 from policies.learning.environments import Transition, make_environment, run_episode
+from robosim.base.files import write_json
+from robosim.base.progress import Progress
 
 MINARI_VERSION = "0.5.3"
 """Of the format: Minari opens the datasets of the versions that it knows."""

@@ -8,12 +8,12 @@ import numpy as np
 
 import mpm
 from mpm.files import write
-from mpm.progress import Progress
 from policies.demonstrations.descent import Descent
 from policies.demonstrations.motion_loss import MotionLoss
 from policies.demonstrations.request import DemonstrationRequest, load_stored
 from policies.demonstrations.spline_search import SplineSearch
 from policies.learning.environments import score_motion
+from robosim.base.progress import Progress
 
 CHANGE, PATIENCE = 0.05, 5
 """A loss has settled when it has changed by less than this fraction in more than so many iterations."""

@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 
 import mpm
-from mpm.files import write, write_json
-from mpm.progress import Progress
+from mpm.files import write
 from policies.demonstrations import TASKS
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.request import load_stored, surrogate_material
 from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import fingerprint, make_environment
 from policies.learning.files import worker_pool, working_in
+from robosim.base.files import write_json
+from robosim.base.progress import Progress
 
 ACTION_REPEAT = 10
 SURROGATE = "fluid or clay"

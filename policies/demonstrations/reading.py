@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import mpm
-from mpm.input_files import StoredArrays, read_arrays
+from mpm.array_files import StoredArrays, read_arrays
 
 MAX_REPEAT = 10_000
 """Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mpm
-from mpm.input_files import StoredArrays, read_arrays
+from mpm.array_files import StoredArrays, read_arrays
 from policies.learning.environments import fingerprint, make_environment
 
 CLAY = "clay"

@@ -6,12 +6,13 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from mpm.files import write, write_json
-from mpm.input_files import read_arrays
+from mpm.array_files import read_arrays
+from mpm.files import write
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import DemonstrationGenerator
 from policies.demonstrations.request import DemonstrationRequest
 from policies.learning.environments import score_motion
+from robosim.base.files import write_json
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402  (the backend must be chosen first)

@@ -9,7 +9,6 @@ import numpy as np
 import torch
 
 from mpm.geometry.rigid_motion import Pose
-from mpm.progress import Progress
 from mpm.rollout.tool_twists import integrate_twists
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.dynamics.graph_network import (
@@ -24,6 +23,7 @@ from policies.dynamics.graph_network import (
 )
 from policies.dynamics.rollout_files import Rollouts
 from policies.learning.presets import GraphSizes
+from robosim.base.progress import Progress
 
 TEST_EVERY = 10
 """One rollout in so many belongs to the test set."""

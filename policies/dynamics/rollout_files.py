@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mpm
-from mpm.files import write_json
-from mpm.input_files import MAX_STATE, read_arrays, read_json, read_text
+from mpm.array_files import MAX_STATE, read_arrays
 from policies.learning.environments import fingerprint
+from robosim.base.files import write_json
+from robosim.base.input_files import read_json, read_text
 
 
 class Rollouts(NamedTuple):

@@ -8,12 +8,12 @@ import numpy as np
 
 import mpm
 from mpm.files import write
-from mpm.progress import Progress
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
 from policies.learning.environments import continue_episode, make_environment
 from policies.learning.files import worker_pool, working_in
+from robosim.base.progress import Progress
 
 KNOTS, SPREAD = 8, 0.4
 """Of the random smooth motion that is added to the script: knots, and standard deviation of its actions."""

@@ -1,4 +1,4 @@
 """What a run of learning is set up from: presets, task names, environments, episodes, files, worker processes.
 
-Imports: nothing of the project.
+Imports: robosim, mpm.
 """

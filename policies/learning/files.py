@@ -16,7 +16,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 import mpm
-from mpm.files import keep_status, remove_temporary
+from robosim.base.files import keep_status, remove_temporary
 
 LOCK_NAME = ".lock"
 LOG_END = 2**16

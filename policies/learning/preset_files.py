@@ -9,9 +9,10 @@ import pydantic
 import yaml
 
 import mpm
-from mpm.input_files import StrictComposer, quote, read_text
+from mpm.files import quote
 from policies.learning.bundled import check_method
 from policies.learning.presets import OFF_POLICY, Preset
+from robosim.base.input_files import StrictComposer, read_text
 
 Model = TypeVar("Model", bound=pydantic.BaseModel)
 Change = Callable[[dict[str, Any]], dict[str, Any]]

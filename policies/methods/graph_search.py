@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mpm.files import write, write_json
+from mpm.files import write
 from mpm.geometry.rigid_motion import rotation_matrix
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import FAILED
@@ -21,6 +21,7 @@ from policies.learning.environments import play
 from policies.methods.evolution import make_search, to_motion
 from policies.runs import checkpoint
 from policies.runs.training import Training
+from robosim.base.files import write_json
 
 
 def plan(training: Training) -> None:

@@ -1,4 +1,4 @@
 """Tables of runs, with published numbers for comparison.
 
-Imports: learning.
+Imports: learning, robosim, mpm.
 """

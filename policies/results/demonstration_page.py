@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from mpm.files import write_text
-from mpm.input_files import read_arrays, read_json
+from mpm.array_files import read_arrays
+from robosim.base.files import write_text
+from robosim.base.input_files import read_json
 
 MOST_FILMS = 4
 """Films that are put into the page; the others stay files."""

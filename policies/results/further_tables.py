@@ -5,9 +5,9 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from mpm.input_files import check_form, read_json
 from policies.results.page import TextTable
 from policies.results.summary import Summaries
+from robosim.base.input_files import check_form, read_json
 
 MATERIAL_COLUMNS = ("task", "material", "score", "td_mm", "delivered")
 """Columns that are taken from materials.json."""

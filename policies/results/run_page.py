@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from mpm.files import write_text
-from mpm.input_files import read_json, read_text
+from robosim.base.files import write_text
+from robosim.base.input_files import read_json, read_text
 
 MAX_ROWS_BYTES = 200_000_000
 AVERAGED = 10

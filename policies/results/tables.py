@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from mpm.files import write, write_json, write_text
-from mpm.input_files import check_form, read_json
+from mpm.files import write
 from policies.learning.bundled import configs_folder
 from policies.learning.files import digest
 from policies.learning.preset_files import migrate_manifest, read_yaml
@@ -17,6 +16,8 @@ from policies.results.replays import replay
 from policies.results.rows import COLUMNS, OPTIONAL, ROW, is_same_run, make_row, pack_rows, unpack_rows
 from policies.results.staleness import find_stale, report_stale
 from policies.results.summary import summarise_runs
+from robosim.base.files import write_json, write_text
+from robosim.base.input_files import check_form, read_json
 
 PUBLISHED = "arxiv_2406_09178.yaml"
 

@@ -15,8 +15,8 @@ import numpy as np
 import torch
 
 import mpm
+from mpm.array_files import BROKEN
 from mpm.files import write
-from mpm.input_files import BROKEN
 
 MAX_CHECKPOINT = 16 * 2**30
 """Bytes of a checkpoint: a replay buffer of 1 million observations of 1700 numbers, twice."""

@@ -12,7 +12,7 @@ from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAt
 from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
 from tensorboard.summary.writer.record_writer import RecordWriter
 
-from mpm.files import append
+from robosim.base.files import append
 
 PENDING = ("name_to_value", "name_to_count", "name_to_excluded")
 """Attributes of a logger with the values that it has not written."""

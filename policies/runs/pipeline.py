@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from mpm.files import write, write_json
-from mpm.input_files import read_json
-from mpm.progress import Progress
+from mpm.files import write
 from policies.learning.bundled import check_installed, configs_folder
 from policies.learning.files import is_locked, read_last_line, working_in
 from policies.learning.preset_files import load_preset, read_yaml
 from policies.runs.pipeline_table import collect_rows, format_rows
+from robosim.base.files import write_json
+from robosim.base.input_files import read_json
+from robosim.base.progress import Progress
 
 DEMO_ARGUMENTS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate", "0.03"),
                   "ScoopScoop": ("--from", "script", "--rate", "0.01"),

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from mpm import input_files
-from mpm.input_files import check_form
 from policies.results.page import align_columns
+from robosim.base import input_files
+from robosim.base.input_files import check_form
 
 ARM_COLUMNS = ("scooped_mass_kg", "delivered_fraction", "spilled_fraction")
 RESULT = dict.fromkeys(("grains", "delivered", "rotation_deg", "rotation_relative_error"), (float, None, ...))

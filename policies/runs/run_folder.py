@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 import mpm
-from mpm.files import write, write_json, write_status
-from mpm.input_files import differing_entries, read_json
+from mpm.files import write
 from policies.learning.files import lock_folder
 from policies.learning.preset_files import migrate_manifest
 from policies.runs.episodes import Episode
+from robosim.base.files import write_json, write_status
+from robosim.base.input_files import differing_entries, read_json
 
 IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_repeat", "n_envs", "fingerprint",
             "demonstrations", "commit")

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from mpm.files import keep_status, write_json
-from mpm.progress import Progress
 from policies.learning.files import is_locked, read_last_line
 from policies.learning.preset_files import Change
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
+from robosim.base.files import keep_status, write_json
+from robosim.base.progress import Progress
 
 GRACE = 30.0
 """Time [s] that a run has to end after an interrupt."""

@@ -10,10 +10,10 @@ import pydantic
 from pydantic import ConfigDict, Field
 
 import mpm
-from mpm.input_files import read_json
 from policies.learning.bundled import bundled_names, is_task_file, is_unknown_task
 from policies.learning.preset_files import Change, change_keys, load_model, load_preset, migrate_preset
 from policies.learning.presets import Episodes, Preset
+from robosim.base.input_files import read_json
 
 Short = Annotated[str, Field(max_length=4096)]
 """A name, an argument or a path; Linux takes paths of up to 4096 characters."""

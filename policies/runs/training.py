@@ -13,9 +13,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 import mpm
-from mpm.files import describe_end, end_state
-from mpm.input_files import read_arrays
-from mpm.progress import Progress
+from mpm.array_files import read_arrays
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
@@ -42,6 +40,8 @@ from policies.runs.episodes import Episode, Episodes
 from policies.runs.evaluations import EVALUATE_EVERY, Evaluations
 from policies.runs.event_log import EventLog
 from policies.runs.run_folder import RunFolder, current_commit
+from robosim.base.files import describe_end, end_state
+from robosim.base.progress import Progress
 
 CHECKPOINT_EVERY = 10
 """Episodes between checkpoints on the disk, if no other number is given."""

@@ -10,8 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
+from robosim.base.errors import ConfigError
 from robosim.config.settings import Setting, read_setting, with_settings
-from robosim.errors import ConfigError
 
 
 class Number(NamedTuple):
@@ -88,8 +88,8 @@ class Settings(tuple[Setting, ...]):
         if not self:
             yield name
             return
-        from robosim.config.output import OutputFolder
-        from robosim.config.resources import config_path, locate_paths
+        from robosim.base.output_folder import OutputFolder
+        from robosim.base.resources import config_path, locate_paths
         from robosim.config.table import read
 
         source = config_path(kind, name, kind[:-1])
@@ -164,11 +164,11 @@ class CommandParser(argparse.ArgumentParser):
 
         source: of the cluster's numbers, for the help.
         """
-        from robosim.clusters import LAUNCHERS
+        from robosim.studies.clusters import LAUNCHERS
 
         def make_launcher(name: str) -> Any:
             """Return what runs commands elsewhere, or None."""
-            from robosim.clusters.launchers import make_launcher as make
+            from robosim.studies.clusters.launchers import make_launcher as make
 
             return make(name)
 
@@ -181,7 +181,7 @@ class CommandParser(argparse.ArgumentParser):
 
         def make_runner(options: argparse.Namespace) -> Any:
             """Return what runs jobs elsewhere, or None."""
-            from robosim.clusters.json_jobs import make_json_jobs
+            from robosim.studies.clusters.json_jobs import make_json_jobs
 
             return make_json_jobs(options.launch, options.launch_file, options.out)
 

@@ -5,8 +5,8 @@ import json
 from importlib import import_module
 from typing import Any
 
+from robosim.base.errors import UnknownName
 from robosim.commands.arguments import one_of
-from robosim.errors import UnknownName
 
 EXAMPLE = """examples:
   robosim keys rehearsal
@@ -18,8 +18,8 @@ KINDS = {
     "material.granular": "robosim.config.materials:GranularConfig",
     "material.mu_i": "robosim.config.materials:MuIConfig",
     "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",
-    "measurements": "robosim.calibration.measurements:MeasurementsConfig",
-    **{f"experiment.{kind}": f"robosim.calibration.measurements:{kind.capitalize()}Experiment"
+    "measurements": "robosim.studies.calibration.measurements:MeasurementsConfig",
+    **{f"experiment.{kind}": f"robosim.studies.calibration.measurements:{kind.capitalize()}Experiment"
        for kind in ("heap", "pour", "tilt", "shear", "cup", "scoop")},
 }
 """Kind of file -> module and class of its schema."""
@@ -44,8 +44,8 @@ def run(options: argparse.Namespace) -> int:
     if options.schema:
         print(json.dumps(schema, indent=2))
         return 0
+    from robosim.base.output_folder import aligned
     from robosim.commands.description import keys_of
-    from robosim.config.output import aligned
 
     rows = [list(key) for key in keys_of(schema, schema)]
     print(schema["description"], aligned([["key", "accepts", "default", "meaning"], *rows]), sep="\n\n")

@@ -11,9 +11,9 @@ from importlib.metadata import entry_points, version
 from typing import Any
 
 import mpm
-from mpm.files import describe_end
+from robosim.base.errors import RobosimError, RobotDiverged
+from robosim.base.files import describe_end
 from robosim.commands.arguments import CommandParser
-from robosim.errors import RobosimError, RobotDiverged
 
 COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view",
             "convert": "runs.convert",

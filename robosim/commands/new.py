@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mpm.files import write_text
-from robosim.config.resources import config_names, config_path, locate_paths, part_names
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
+from robosim.base.files import write_text
+from robosim.base.resources import config_names, config_path, locate_paths, part_names
 
 EXAMPLE = """examples:
   robosim new rehearsal lab --from spoon

@@ -1,4 +1,4 @@
 """Configuration files: schema, loader, resources, and output that is written atomically.
 
-Imports: errors, mpm.
+Imports: base, mpm.
 """

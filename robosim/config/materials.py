@@ -5,10 +5,10 @@ from typing import Annotated, ClassVar, Literal
 import pydantic
 
 import mpm
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import config_path
 from robosim.config.bounds import Intensity, Text, Within
-from robosim.config.resources import config_path
 from robosim.config.table import Quantity, Table, load, read
-from robosim.errors import ConfigError, UnknownName
 
 __all__ = ["MaterialConfig", "grain_diameter_of", "law_of", "load_material", "overridden"]
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field
 
+from robosim.base.resources import config_path
 from robosim.config.arm import ArmConfig, ArmServo, BasePose, Grip, GripperConfig
 from robosim.config.bounds import (
     MAX_ENTRIES,
@@ -25,7 +26,6 @@ from robosim.config.motion import (
     PickConfig,
     WaypointConfig,
 )
-from robosim.config.resources import config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, ObstacleConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load

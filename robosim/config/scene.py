@@ -7,6 +7,8 @@ import pydantic
 from pydantic import Field
 
 import mpm
+from robosim.base.errors import ConfigError
+from robosim.base.resources import container_names
 from robosim.config.bounds import (
     MAX_NODES,
     Angle,
@@ -19,9 +21,7 @@ from robosim.config.bounds import (
     Name,
     TimeStep,
 )
-from robosim.config.resources import container_names
 from robosim.config.table import Table, Vector3
-from robosim.errors import ConfigError
 
 
 class RegionConfig(Table):

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 
 MAX_KEYS = 20
 """Keys of a setting's path: as deep as files are read."""
@@ -49,7 +49,7 @@ def parse_yaml(text: str) -> Any:
     import yaml  # here, so that `--help` does without
 
     from mpm.errors import InvalidValue
-    from mpm.input_files import StrictComposer
+    from robosim.base.input_files import StrictComposer
 
     class Loader(StrictComposer, yaml.SafeLoader):
         pass

@@ -10,11 +10,12 @@ from typing import Any, ClassVar, TypeVar
 import pydantic
 from pydantic import BaseModel, ConfigDict
 
-from mpm.input_files import quote, read_text
+from mpm.files import quote
+from robosim.base.errors import ConfigError
+from robosim.base.input_files import read_text
+from robosim.base.resources import locate_paths
 from robosim.config.bounds import Coordinate, Name, Text
-from robosim.config.resources import locate_paths
 from robosim.config.settings import Setting, parse_yaml, with_settings
-from robosim.errors import ConfigError
 
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 """Along x, y and z."""

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import pydantic
 from pydantic import Field
 
+from robosim.base.resources import tool_names
 from robosim.config.bounds import FilePath, Intensity, Length
-from robosim.config.resources import tool_names
 from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3, load
 

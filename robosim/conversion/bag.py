@@ -11,12 +11,12 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from mpm.files import temporary_path
-from mpm.input_files import read_text
-from mpm.progress import Progress
+from robosim.base.errors import ConfigError
+from robosim.base.input_files import read_text
+from robosim.base.progress import Progress
 from robosim.config.settings import parse_yaml
 from robosim.conversion import messages
 from robosim.conversion.messages import STORE
-from robosim.errors import ConfigError
 from robosim.recordings.reader import Recording, find_recording
 
 WORLD = "world"

@@ -8,7 +8,7 @@ import trimesh
 from trimesh.visual import ColorVisuals
 
 from mpm.files import write
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.recordings.reader import Recording
 from robosim.rendering.body_shapes import export_glb
 

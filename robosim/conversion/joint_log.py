@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpm.input_files import read_text
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
+from robosim.base.input_files import read_text
 
 AXES = ("fx_N", "fy_N", "fz_N", "tx_Nm", "ty_Nm", "tz_Nm")
 WRENCHES = {"wrist": "world", "sensor": "sensor"}

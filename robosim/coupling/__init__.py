@@ -1,4 +1,4 @@
 """Two-way coupling of a MuJoCo scene and a granular field.
 
-Imports: errors, recordings, scene, mpm.
+Imports: base, recordings, scene, mpm.
 """

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.coupling.geom_colliders import make_collider
-from robosim.errors import ConfigError, UnknownName
 from robosim.scene.frames import body_pose
 
 

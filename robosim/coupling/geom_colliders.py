@@ -6,7 +6,7 @@ import trimesh
 
 import mpm
 from mpm.geometry.shape import Shape
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.scene.frames import body_pose
 
 MESH_CELLS = 0.2

@@ -7,8 +7,8 @@ import numpy as np
 
 import mpm
 from mpm.geometry.rigid_motion import quaternion_of, relative_rotation
+from robosim.base.errors import RobotDiverged
 from robosim.coupling.trial_step import TrialStep
-from robosim.errors import RobotDiverged
 
 PROBE = 0.01
 """Probing impulse as a share of the body's weight times the step: small enough that sticking contacts stick."""

@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.base.errors import BodyLeftGrid, ConfigError, RobotDiverged, UnknownName
 from robosim.coupling.coupled_bodies import CoupledBodies, check_bodies
 from robosim.coupling.ledger import Impulse, Ledger, close_ledger, empty_ledger, ledger_from_rows, ledger_to_rows
 from robosim.coupling.reach import Reach
 from robosim.coupling.schemes import ExplicitScheme, MobilityScheme
 from robosim.coupling.trial_step import TrialStep
-from robosim.errors import BodyLeftGrid, ConfigError, RobotDiverged, UnknownName
 
 if TYPE_CHECKING:
     from robosim.recordings.live import LiveView

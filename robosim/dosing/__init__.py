@@ -1,6 +1,6 @@
 """Dosing: controllers that pour a target mass from a tool onto a balance, and the numbers that they are run with.
 
-Imports: config, errors.
+Imports: base, config.
 """
 
 CONTROLLERS = ("open_loop", "pi", "shaker")

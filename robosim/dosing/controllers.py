@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.dosing import CONTROLLERS
 from robosim.dosing.command import DoseController
 from robosim.dosing.flow import LEAST_READINGS
@@ -10,7 +11,6 @@ from robosim.dosing.open_loop import OpenLoop
 from robosim.dosing.pi import PiDosing
 from robosim.dosing.pour_curve import PourCurve
 from robosim.dosing.shaker import WINDOW, Shaker
-from robosim.errors import ConfigError, UnknownName
 
 
 def make_controller(name: str, numbers: DosingNumbers, curve: PourCurve, control_dt: float) -> DoseController:

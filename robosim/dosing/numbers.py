@@ -6,12 +6,12 @@ from typing import Annotated
 import pydantic
 from pydantic import Field
 
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_path
 from robosim.config.bounds import Name, Text
-from robosim.config.resources import config_path
 from robosim.config.settings import Setting
 from robosim.config.table import Table, load
 from robosim.dosing.pour_curve import PourCurve
-from robosim.errors import ConfigError
 
 # A wrist turns by up to 180 deg/s; below 0.1 deg/s a dose takes minutes.
 TiltRate = Annotated[float, Field(ge=0.1, le=180.0)]

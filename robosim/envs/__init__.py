@@ -1,6 +1,6 @@
 """Gymnasium environments of the sub-tasks, of dosing and of task files; `import robosim` registers them.
 
-Imports: config, coupling, errors, randomization, rendering, robot, scene, senses, shapes, tasks, mpm.
+Imports: base, config, coupling, randomization, rendering, robot, scene, senses, shapes, tasks, mpm.
 """
 
 import sys
@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from robosim.errors import UnknownName
+from robosim.base.errors import UnknownName
 
 if TYPE_CHECKING:
     import gymnasium

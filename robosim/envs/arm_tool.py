@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.config.arm import Grip
 from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
-from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.randomization.draw import STANDARD, Setting
 from robosim.randomization.scene_setting import SceneSetting
 from robosim.robot.assembly import GRIP_TURNS_DEG, add_torque_sensors, add_wrist_sensor, assemble

@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode
 import mpm
 from mpm.backend import check_owner
 from mpm.observers.region_counter import MAX_READINGS
+from robosim.base.errors import ConfigError
 from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import ORIGIN, Carrier
 from robosim.envs.episode import Episode, Horizon, check_horizon
 from robosim.envs.start import DEFAULT_START, StartOptions, read_start
 from robosim.envs.world import Memory, Setters, World, check_options
-from robosim.errors import ConfigError
 from robosim.randomization.ranges import Ranges
 from robosim.senses.perception import PerceptionOptions, Terms
 from robosim.senses.senses import TermOptions

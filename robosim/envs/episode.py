@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 import mpm
-from robosim.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.randomization.draw import STANDARD, Setting
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.dosing import DoseReward

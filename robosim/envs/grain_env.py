@@ -9,6 +9,7 @@ import numpy as np
 
 import mpm
 from mpm.backend import check_owner
+from robosim.base.errors import ConfigError, RobotDiverged, UnknownName, UnreachableWaypoint
 from robosim.config.arm import Grip
 from robosim.config.tool import ToolConfig
 from robosim.envs import task_name
@@ -16,7 +17,6 @@ from robosim.envs.carrier import Carrier, KinematicTool
 from robosim.envs.episode import Episode, HasCopies, HasEpisodeLength, Horizon, check_horizon, check_open
 from robosim.envs.start import StartOptions, read_start
 from robosim.envs.world import NO_GRAINS, Memory, World
-from robosim.errors import ConfigError, RobotDiverged, UnknownName, UnreachableWaypoint
 from robosim.randomization.draw import Draw, Setting
 from robosim.randomization.ranges import Ranges
 from robosim.randomization.variants import placed

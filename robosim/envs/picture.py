@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.base.errors import ConfigError
 from robosim.config.materials import MaterialConfig
-from robosim.errors import ConfigError
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec

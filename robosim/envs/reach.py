@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm import Pose
+from robosim.base.errors import UnreachableWaypoint
 from robosim.envs.arm_tool import IIWA, find_hold
-from robosim.errors import UnreachableWaypoint
 from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import Arm

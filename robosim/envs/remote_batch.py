@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import mpm
 from mpm.backend import numerics
+from robosim.base.errors import ConfigError, RobosimError
 from robosim.envs.batch import EnvBatch, GrainBatch
-from robosim.errors import ConfigError, RobosimError
 
 Batch = GrainBatch | EnvBatch
 

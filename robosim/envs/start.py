@@ -12,12 +12,12 @@ import numpy as np
 import platformdirs
 
 import mpm
+from mpm.array_files import MAX_STATE, read_arrays
 from mpm.cache_folder import writable_folder
 from mpm.files import write
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.input_files import MAX_STATE, read_arrays
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.materials import MaterialConfig
-from robosim.errors import ConfigError, UnknownName
 from robosim.scene.settle import settle
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL

@@ -19,10 +19,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
+from robosim.base.errors import ConfigError, RobosimError, UnknownName
 from robosim.envs.batch import EnvBatch, GrainBatch, Info
 from robosim.envs.episode import HasCopies, HasEpisodeLength, check_open
 from robosim.envs.remote_batch import BatchError, RemoteBatch, call_batch
-from robosim.errors import ConfigError, RobosimError, UnknownName
 
 
 def make_vector(name: str, num_envs: int, *, arm: bool = False, render_mode: str | None = None,

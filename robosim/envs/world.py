@@ -9,12 +9,12 @@ import numpy as np
 
 import mpm
 from mpm.observers.diagnostics import Momentum
+from robosim.base.errors import ConfigError
 from robosim.config.materials import Law, grain_diameter_of, law_of, load_material, overridden
 from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
 from robosim.envs.start import StartOptions, rotate_grains, settled_state, turned
-from robosim.errors import ConfigError
 from robosim.randomization.draw import HOME, Draw, Setting
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import Ranges, choose_ranges

@@ -11,8 +11,8 @@ import numpy as np
 import mpm
 from mpm.geometry.rigid_motion import rotate
 from mpm.materials.stable_step import accepted_bound
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.materials import Law, MaterialConfig, law_of, number_names, overridden
-from robosim.errors import ConfigError, UnknownName
 from robosim.randomization.draw import HOME, Draw, Setting, Vector
 from robosim.randomization.materials import find_material
 from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, Ranges, valid_numbers

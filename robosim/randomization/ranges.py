@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from robosim.errors import UnknownName
+from robosim.base.errors import UnknownName
 from robosim.tasks.dosing import TARGET_MASS
 from robosim.tasks.sections import LARGEST_DOSE, LEAST_DOSE
 from robosim.tasks.task import TaskConfig

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 import mpm
+from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
-from robosim.errors import ConfigError
 from robosim.scene.models import container_shape
 from robosim.tasks.task import TaskConfig
 

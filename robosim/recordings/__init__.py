@@ -1,4 +1,4 @@
 """Recordings of motions: what moved, how the grains lay and what was measured, for the viewer and for other tools.
 
-Imports: config, errors, rendering, mpm.
+Imports: base, config, rendering, mpm.
 """

@@ -2,7 +2,7 @@
 
 import socket
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 """Hosts that this machine alone reaches."""

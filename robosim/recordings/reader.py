@@ -9,8 +9,8 @@ import numpy as np
 import pydantic
 import zstandard
 
+from robosim.base.errors import ConfigError
 from robosim.config.table import describe, list_errors
-from robosim.errors import ConfigError
 from robosim.recordings.frames import KEY_INTERVAL, GrainCodec, GrainState, SceneState, unpack_scene
 from robosim.recordings.header import VERSION, RecordingHeader
 from robosim.recordings.writer import BLOCK, GRAINS, HEADER, MAGIC, PATH, SCENE, SHAPE

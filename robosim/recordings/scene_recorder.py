@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 import mpm
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, CurveEntry, RecordingHeader, four, three
 from robosim.recordings.writer import RecordingWriter

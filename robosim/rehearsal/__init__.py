@@ -1,7 +1,6 @@
 """Whole-arm rehearsals: plan, run, readings, metrics, plots and film.
 
-Imports: config, conversion, coupling, dosing, errors, recordings, rendering, reports, robot, scene, shapes, viewer,
-mpm.
+Imports: base, config, conversion, coupling, dosing, recordings, rendering, reports, robot, scene, shapes, viewer, mpm.
 """
 
 CAMERAS = ("overview", "close", "wrist")

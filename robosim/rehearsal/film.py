@@ -9,8 +9,8 @@ import numpy as np
 from PIL import Image
 
 from mpm.files import write
+from robosim.base.errors import UnknownName
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.errors import UnknownName
 from robosim.rehearsal import COLOURS
 from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.run import RehearsalRun

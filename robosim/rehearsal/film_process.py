@@ -15,9 +15,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from robosim.config.output import OutputFolder
+from robosim.base.errors import RobosimError
+from robosim.base.output_folder import OutputFolder
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.errors import RobosimError
 from robosim.rehearsal.film import FRAME_RATE, Film, FilmPlan, FilmState, plan_film, read_state
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.renderer import RenderingUnavailable

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
@@ -14,7 +15,6 @@ from robosim.rehearsal.mass_balance import GRAVITY
 from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.readings import Step
 from robosim.rehearsal.run import DOSE, RehearsalRun
-from robosim.reports.provenance import commit
 from robosim.scene.grains import container_region, is_in_tool
 from robosim.shapes import tool_shape
 

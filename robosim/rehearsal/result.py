@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from robosim.base.errors import ConfigError
+from robosim.base.output_folder import OutputFolder
 from robosim.config.motion import JointTrajectoryConfig
-from robosim.config.output import OutputFolder
 from robosim.config.table import validate
-from robosim.errors import ConfigError
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.rehearsal.dosing.stage import DoseSample
 from robosim.rehearsal.film_process import FilmFailed

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 import mpm
+from robosim.base.errors import ConfigError
 from robosim.config.materials import MaterialConfig, law_of, load_material
 from robosim.coupling.plugin import GranularPlugin
 from robosim.dosing.command import DoseController
-from robosim.errors import ConfigError
 from robosim.rehearsal.dosing.lip_motion import dose_cup
 from robosim.rehearsal.dosing.stage import DosingStage
 from robosim.rehearsal.planning.picking import SETTLING

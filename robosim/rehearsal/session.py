@@ -6,12 +6,12 @@ import time as clock
 from pathlib import Path
 
 import mpm
-from mpm.progress import Progress
+from robosim.base.errors import ConfigError, RobotDiverged
+from robosim.base.output_folder import OutputFolder
+from robosim.base.progress import Progress
 from robosim.config.materials import law_of, load_material
-from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import JointLog
-from robosim.errors import ConfigError, RobotDiverged
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.rehearsal.dosing.lip_motion import make_lip_motion

@@ -1,4 +1,4 @@
 """Rendering: OpenGL without a display, scenes with grains, video files, contact sheets.
 
-Imports: config, errors, mpm.
+Imports: base, config, mpm.
 """

@@ -5,7 +5,7 @@ import numpy as np
 
 import mpm
 from mpm.observers.depth_image import DepthImage, Lens, Parts
-from robosim.errors import UnknownName
+from robosim.base.errors import UnknownName
 from robosim.rendering.body_shapes import SHOWN_GROUPS, geom_colour, geom_mesh
 from robosim.rendering.grain_skin import make_crystals
 

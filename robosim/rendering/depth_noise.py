@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim.errors import UnknownName
+from robosim.base.errors import UnknownName
 
 
 class DepthNoise(NamedTuple):

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
-from robosim.errors import RobosimError
 from robosim.rendering.grain_skin import compute_normals, find_hidden, read_facets
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
 """Building blocks of reports: pages, plots, jobs in processes of their own, provenance.
 
-Imports: config.
+Imports: base.
 """

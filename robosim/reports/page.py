@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from robosim.base.provenance import provenance
 from robosim.reports.curves import Chart, Curve, draw_charts
-from robosim.reports.provenance import provenance
 
 STATUSES = ("pass", "fail", "not run", "stable", "refused", "unstable", "held", "missed")
 """Words that a table shows in a colour of their own."""

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
+from robosim.base.errors import ConfigError
+from robosim.base.resources import folder
 from robosim.config.arm import ArmConfig, BasePose, GripperConfig
-from robosim.config.resources import folder
-from robosim.errors import ConfigError
 from robosim.robot.hand import NONE, Hand, load_hand, load_hand_model
 from robosim.robot.mjspec import compile_spec, find_site_pose, quiet_attachment, read_model
 from robosim.robot.robot import Robot, load_arm, load_robot_model, read_stand

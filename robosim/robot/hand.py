@@ -5,9 +5,9 @@ from pathlib import Path
 
 import mujoco
 
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.arm import GripperConfig
 from robosim.config.table import load
-from robosim.errors import ConfigError, UnknownName
 from robosim.robot.mjspec import bundled_parts, find_part, locate_model, read_model
 
 NONE = "none"

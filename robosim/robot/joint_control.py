@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
-from robosim.errors import ConfigError, RobotDiverged
+from robosim.base.errors import ConfigError, RobotDiverged
 from robosim.robot.model import Arm, Gains, MotionLimits
 from robosim.robot.timing import JointState
 

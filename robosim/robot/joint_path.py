@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm import Pose
-from robosim.errors import ConfigError, UnreachableWaypoint
+from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.robot.inverse_kinematics import TOLERANCE, Solution, solve_pose
 from robosim.robot.model import Arm
 

@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.config.resources import folder
-from robosim.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import folder
 
 MENAGERIE = "menagerie:"
 """Begin of the name of a model in a local copy of MuJoCo Menagerie."""

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
-from mpm.input_files import read_text
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.input_files import read_text
 from robosim.config.arm import LEAST_JOINTS, MOST_JOINTS, ArmConfig, BasePose
 from robosim.config.table import load
-from robosim.errors import ConfigError, UnknownName
 from robosim.robot.mjspec import bundled_parts, find_part, locate_model, read_model
 
 TO_FULL_SPEED, TO_FULL_ACCELERATION = 0.125, 0.02

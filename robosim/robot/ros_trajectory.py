@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.motion import JointTrajectoryConfig
-from robosim.errors import ConfigError, UnknownName
 from robosim.robot.hand import Hand
 from robosim.robot.timing import JointMotion
 

@@ -8,7 +8,7 @@ import numpy as np
 from ruckig import InputParameter, Ruckig, RuckigError, Trajectory
 from scipy.interpolate import make_interp_spline
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.robot.model import MotionLimits
 
 KNOT_SPACING = 0.04

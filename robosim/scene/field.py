@@ -9,11 +9,11 @@ import mpm
 from mpm.backend import is_shared
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import accepted_bound, check_step
+from robosim.base.errors import ConfigError
 from robosim.config.bounds import MAX_GRAINS, MAX_SUBSTEPS
 from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
-from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.grains import fill
 from robosim.scene.models import container_shape

@@ -7,9 +7,9 @@ import numpy as np
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.geometry.shape import Shape
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig
-from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import OwnTool, tool_shape

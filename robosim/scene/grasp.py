@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import mpm
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.robot.assembly import HAND_PREFIX, Assembly
 from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose

@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robosim.config.resources import folder
+from robosim.base.errors import ConfigError
+from robosim.base.resources import folder
 from robosim.config.scene import ContainerConfig
-from robosim.errors import ConfigError
 from robosim.shapes.containers import BoxShape, ContainerShape, RoundShape, read_container
 from robosim.shapes.rigid_models import build_container_spec
 

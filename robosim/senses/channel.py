@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.senses.term import NOTHING, Sight, Term, check_option
 
 TIMING = ("rate", "latency", "noise", "dropout")

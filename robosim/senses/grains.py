@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.senses.term import SenseScene, Sight, Term, box
 from robosim.tasks.counting import observed_grains
 from robosim.tasks.observation import grain_bounds, moment_bounds, moments

@@ -8,8 +8,8 @@ import trimesh
 
 import mpm
 from mpm.observers.height_map import HeightMap, Raster
+from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
-from robosim.errors import ConfigError
 from robosim.randomization.draw import HOME
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape

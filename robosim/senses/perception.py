@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, get_args
 import gymnasium
 import numpy as np
 
-from robosim.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.senses.channel import DRAWN_TIMING
 from robosim.senses.senses import Choice, Senses, TermOptions, describe, read_choices, reads_all_grains
 from robosim.senses.term import NOTHING, SenseScene, Sight

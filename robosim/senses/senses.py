@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 
-from robosim.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.senses.channel import TIMING, Channel, Timing, read_timing
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 import mpm
-from robosim.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.randomization.still_bodies import StillBodies
 from robosim.rendering.renderer import TARGET_MARK, add_mark
 from robosim.robot.assembly import load_tool_model

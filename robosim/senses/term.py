@@ -8,8 +8,8 @@ import gymnasium
 import numpy as np
 
 import mpm
+from robosim.base.errors import ConfigError
 from robosim.config.materials import MaterialConfig
-from robosim.errors import ConfigError
 from robosim.randomization.draw import STANDARD, Setting
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.task import TaskConfig

@@ -1,9 +1,9 @@
 """Shapes of tools and containers: the bundled ones as closed meshes made from curves, and those of one's own files.
 
-Imports: errors, mpm.
+Imports: base, mpm.
 """
 
-from robosim.errors import UnknownName
+from robosim.base.errors import UnknownName
 from robosim.shapes.mesh_tool import MeshTool, OwnTool, read_tool
 from robosim.shapes.sheet_tools import SCOOP, SHOVEL
 from robosim.shapes.tool import ToolShape

@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes.faces import revolve_face, shell_behind
 from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside

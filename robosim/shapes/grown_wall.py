@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import mpm
 from mpm.geometry.mesh_distance import sheet_distances, wall_thickness
 from mpm.geometry.sampled_sdf import Lattice
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes.inside import Inside, span
 from robosim.shapes.mesh_files import join, pick_faces, subdivide
 

@@ -13,7 +13,7 @@ from scipy.ndimage import binary_dilation, generate_binary_structure, label
 
 import mpm
 from mpm.geometry import mesh_distance
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 
 CELLS = 120
 """Cells along the longest edge of a mesh; twice as many where they are too large for its inside."""

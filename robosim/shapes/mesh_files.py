@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 
 SUFFIXES = (".stl", ".obj")
 MOST_BYTES = 200_000_000

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes.grown_wall import grow_outward, wall_at_inside
 from robosim.shapes.inside import Inside, find_inside, given_inside
 from robosim.shapes.mesh_files import join, read_parts

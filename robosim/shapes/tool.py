@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes.faces import find_lip, shell_behind
 from robosim.shapes.lofts import compute_end_scale, smoothstep, space_stations, sweep
 

@@ -1,4 +1,4 @@
 """Sub-tasks: their files, fields, actions, rewards, observations and differentiable objectives.
 
-Imports: config, dosing, errors, scene, shapes, mpm.
+Imports: base, config, dosing, scene, shapes, mpm.
 """

@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.tasks.task import TaskConfig
 
 AXES = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z")

@@ -8,8 +8,8 @@ import numpy as np
 import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.materials.stable_step import accepted_bound, choose_step
+from robosim.base.errors import ConfigError
 from robosim.config.materials import Law
-from robosim.errors import ConfigError
 from robosim.scene.field import build_container_colliders, check_holes, check_substeps
 from robosim.scene.frames import container_pose
 from robosim.scene.grains import sample_in_tool

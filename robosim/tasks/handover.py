@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mpm
+from robosim.base.errors import ConfigError
 from robosim.config.tool import ToolConfig, name_tool
-from robosim.errors import ConfigError
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
 from robosim.tasks.field import grain_volume

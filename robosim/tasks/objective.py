@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from mpm.rollout.losses import Above, Attraction, Clear, Loss, Sum, Turned, WeightedDistance
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import container_points, observed_grains, whole_tool_sdf
 from robosim.tasks.task import TaskConfig

@@ -11,13 +11,13 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 import mpm
+from robosim.base.errors import RobosimError
+from robosim.base.resources import config_names, config_path
 from robosim.config.bounds import MAX_ENTRIES, SAMPLES_PER_PERIOD, FilePath, Length, Name, RangeEnd, Text, TimeStep
-from robosim.config.resources import config_names, config_path
 from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig, check_containers
 from robosim.config.settings import Setting
 from robosim.config.table import Table, Vector3, load, read, validate
 from robosim.config.tool import Tool, ToolConfig, name_tool
-from robosim.errors import RobosimError
 from robosim.tasks.sections import (
     ActionConfig,
     DosingConfig,

@@ -1,4 +1,4 @@
 """The viewer in a browser: recordings, also of runs that go on.
 
-Imports: errors, recordings, rendering, mpm.
+Imports: base, recordings, rendering, mpm.
 """

@@ -10,7 +10,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import viser
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.recordings.ports import LOCAL, PORT, check_port, free_port
 
 COOKIE = "robosim_token"

@@ -11,9 +11,9 @@ def page() -> str:
     if whole:
         figures = whole.get("figures", {})
         parts += ["## Coupled step, kinematics, environments\n", origin(whole["made_by"]),
-                  outdated("bench", "robosim.benchmarks.bench"), table(["measured", "value"], figures.items())]
+                  outdated("bench", "robosim.studies.benchmarks.bench"), table(["measured", "value"], figures.items())]
     field = stored("bench_field")
     if field:
-        parts += ["## Field alone\n", origin(field["made_by"]), outdated("bench_field", "robosim.benchmarks.field"),
-                  table(field["head"], field["rows"])]
+        parts += ["## Field alone\n", origin(field["made_by"]),
+                  outdated("bench_field", "robosim.studies.benchmarks.field"), table(field["head"], field["rows"])]
     return "\n".join(parts) or "Nothing is stored. `python docs/measure.py bench bench_field` measures it.\n"

@@ -4,9 +4,9 @@ import re
 
 from generators.markdown import code, table
 from generators.results.measured import origin, stored
-from robosim.reports.provenance import code_digest
-from robosim.verification.cases import NAMES, SUBJECTS, find, module_name
-from robosim.verification.stability.field import AXES
+from robosim.base.provenance import code_digest
+from robosim.studies.verification.cases import NAMES, SUBJECTS, find, module_name
+from robosim.studies.verification.stability.field import AXES
 
 VERDICTS = {"pass": "passed", "fail": "**failed**", "not run": "not run"}
 
@@ -76,7 +76,7 @@ def stability_page() -> str:
     text = f"Axes: {', '.join(code(axis) for axis in AXES)}.\n\n"
     if not report:
         return text + "No verdicts are stored. `python docs/measure.py stability` makes some.\n"
-    old = report["code"] != code_digest("robosim.verification.stability.field")
+    old = report["code"] != code_digest("robosim.studies.verification.stability.field")
     note = ":::{note}\nMeasured with earlier code.\n:::\n\n" if old else ""
     rows = [[cell["axis"], str(cell["value"]), cell["verdict"], cell["reason"]] for cell in report["cells"]]
     return f"{text}{origin(report['made_by'])}\n{note}{table(['axis', 'value', 'verdict', 'reason'], rows)}"

@@ -1,4 +1,4 @@
 """Commands that measure errors and run time.
 
-Imports: benchmarks, config, envs, errors, tasks, verification, mpm.
+Imports: base, envs, studies, tasks.
 """

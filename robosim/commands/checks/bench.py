@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.benchmarks import FIELD_SCENES, FIELD_SIZES
+from robosim.studies.benchmarks import FIELD_SCENES, FIELD_SIZES
 
 EXAMPLE = """examples:
   robosim bench coupling kinematics --out out/bench
@@ -37,10 +37,10 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Measure the field, or the other parts."""
     if options.parts == ["field"]:
-        from robosim.benchmarks.field import bench_field
+        from robosim.studies.benchmarks.field import bench_field
 
         return bench_field(options.sizes, options.scenes, options.yardsticks, options.out, options.threads,
                            options.arch)
-    from robosim.benchmarks.bench import bench
+    from robosim.studies.benchmarks.bench import bench
 
     return bench(options.parts, options.out)

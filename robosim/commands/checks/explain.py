@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from robosim.base.errors import UnknownName
+from robosim.base.resources import config_names
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names
 from robosim.envs import BUNDLED
-from robosim.errors import UnknownName
 
 EXAMPLE = """examples:
   robosim explain SpoonPour
@@ -45,6 +45,6 @@ def run(options: argparse.Namespace) -> int:
 
     with options.settings.changed("tasks" if is_task(options.scene) else "rehearsals", options.scene,
                                   options.out) as scene:
-        from robosim.benchmarks.explain import explain
+        from robosim.studies.benchmarks.explain import explain
 
         return explain(scene, tolerance=options.tolerance, out=options.out, apply=options.apply, jobs=options.jobs)

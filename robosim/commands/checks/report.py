@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.verification.cases import GROUPS, NAMES, expand
+from robosim.studies.verification.cases import GROUPS, NAMES, expand
 
 EXAMPLE = """examples:
   robosim report axis_aligned vortex --quick --out out/report
@@ -36,7 +36,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then run the cases."""
     expand(options.cases)
-    from robosim.verification.report import report
+    from robosim.studies.verification.report import report
 
     return report(options.cases, options.out, quick=options.quick, jobs=options.jobs, points=options.points,
                   yardsticks=options.yardsticks, compare=options.compare, runner=options.make_runner(options))

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.errors import UnknownName
-from robosim.verification.stability import AXES, COMPARISONS, SLEEPING_AXES
+from robosim.base.errors import UnknownName
+from robosim.studies.verification.stability import AXES, COMPARISONS, SLEEPING_AXES
 
 EXAMPLE = """example:
   robosim stability courant drop_height --out out/stability"""
@@ -30,6 +30,6 @@ def run(options: argparse.Namespace) -> int:
     for axis in options.axes:
         if axis not in (*AXES, *COMPARISONS, *SLEEPING_AXES):
             raise UnknownName("axis", axis, (*AXES, *COMPARISONS, *SLEEPING_AXES))
-    from robosim.verification.stability_report import stability
+    from robosim.studies.verification.stability_report import stability
 
     return stability(options.axes, options.out, options.jobs, options.make_runner(options))

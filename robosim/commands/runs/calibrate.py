@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 
 EXAMPLE = """examples:
   robosim calibrate flour_lab.yaml --out out/flour
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"measurements {options.measurements}: no such file; accepted: the path of a .yaml file, see "
                           f"`robosim keys measurements`")
     try:
-        from robosim.calibration.run import calibrate
+        from robosim.studies.calibration.run import calibrate
     except ImportError as error:
         raise ConfigError(f"a package is missing ({error}); install what the command needs with pip install "
                           f"'robosim[calibrate]'") from None

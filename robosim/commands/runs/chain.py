@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names, config_path
 
 EXAMPLE = """example:
   robosim chain spoon --material sugar --out out/chain"""
@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     if options.material is not None:
         config_path("materials", options.material, "material")
     with options.settings.changed("rehearsals", options.rehearsal, options.out) as rehearsal:
-        from robosim.evaluation.motion_chain import run_chain
+        from robosim.studies.evaluation.motion_chain import run_chain
 
         return run_chain(rehearsal, options.out, material=options.material, motions=options.motions,
                          film=not options.no_video)

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from robosim.base.errors import ConfigError
 from robosim.conversion import FORMATS
-from robosim.errors import ConfigError
 
 EXAMPLE = """examples:
   robosim convert out/sugar --to mcap --out out/sugar_bag

@@ -4,11 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import config_names, config_path, part_names, trained_network
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names, config_path, part_names, trained_network
 from robosim.envs import BUNDLED, is_task_file, task_name
-from robosim.errors import ConfigError, UnknownName
-from robosim.evaluation import NETWORK, POLICIES, SUITES
+from robosim.studies.evaluation import NETWORK, POLICIES, SUITES
 
 EXAMPLE = """examples:
   robosim evaluate SpoonPour --policy scripted --out out/pour
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     options.policy = find_network(options.policy, options.task)
     check_policy(options.policy)
     with options.settings.changed("tasks", options.task, options.out) as task:
-        from robosim.evaluation.evaluate import evaluate
+        from robosim.studies.evaluation.evaluate import evaluate
 
         return evaluate(task, options.policy, options.out, episodes=options.episodes, seed=options.seed,
                         film=not options.no_video, nominal=options.nominal, material=options.material,
@@ -84,7 +84,7 @@ def run_suite(options: argparse.Namespace) -> int:
         options.policy = find_network(options.policy, options.task)
         check_policy(options.policy)
     with options.settings.changed("tasks", options.task, options.out) as task:
-        from robosim.evaluation.suite_run import evaluate_suite
+        from robosim.studies.evaluation.suite_run import evaluate_suite
 
         return evaluate_suite(task, options.policy, options.suite, options.out, episodes=options.episodes,
                               material=options.material, changed=changed_keys(options), alone=options.alone)

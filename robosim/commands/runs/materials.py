@@ -8,7 +8,7 @@ from typing import Any
 from robosim.commands.arguments import one_of
 from robosim.commands.runs.evaluate import check_policy
 from robosim.envs import TASKS, is_task_file
-from robosim.evaluation import POLICIES
+from robosim.studies.evaluation import POLICIES
 
 EXAMPLE = """example:
   robosim materials SpoonTranslate ShovelMove --jobs 2 --out out/materials"""
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         tasks = [stack.enter_context(options.settings.changed("tasks", task, options.out))
                  for task in options.tasks or TASKS]
-        from robosim.evaluation.materials import materials
+        from robosim.studies.evaluation.materials import materials
 
         return materials(tasks, options.out, name=options.policy, jobs=options.jobs,
                          runner=options.make_runner(options))

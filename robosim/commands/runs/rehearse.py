@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names, config_path
-from robosim.errors import ConfigError, UnknownName
 from robosim.rehearsal import CAMERAS, COLOURS
 from robosim.rendering.cameras import FOLLOW
 
@@ -88,7 +88,7 @@ def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
     """Run the rehearsal with the exact model and with errors of it."""
     refuse(options, {"recorded": None, "model_errors": None, "poster": None, "camera": "close", "colour": "material",
                      "frame_rate": 20, "height": 720, "field_threads": 1}, "with --perturb; accepted: without")
-    from robosim.robustness.perturbed_runs import perturb
+    from robosim.studies.robustness.perturbed_runs import perturb
 
     chosen = {name: getattr(options, name) for name in ("material", "grasp", "trajectory", "seed")}
     chosen["motions"] = options.motions and str(options.motions.resolve())

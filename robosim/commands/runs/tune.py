@@ -4,11 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names, config_path
 from robosim.dosing import CONTROLLERS
 from robosim.envs import is_task_file
-from robosim.errors import ConfigError
 
 EXAMPLE = """examples:
   robosim tune DoseSpoon --curve --out out/curve
@@ -54,11 +54,11 @@ def run(options: argparse.Namespace) -> int:
                               f"accepted: {'without' if options.curve else 'with'} it")
     with options.settings.changed("tasks", options.task, options.out) as task:
         if options.curve:
-            from robosim.tuning.curve import measure_curve
+            from robosim.studies.tuning.curve import measure_curve
 
             return measure_curve(task, options.out, episodes=options.episodes or 3, rate_deg=options.rate_deg or 4.0,
                                  most_deg=options.most_deg or 120.0, seed=options.seed, material=options.material)
-        from robosim.tuning.search import tune
+        from robosim.studies.tuning.search import tune
 
         return tune(task, options.controller, options.out, choices=options.choices or 30,
                     episodes=options.episodes or 12, seed=options.seed, jobs=options.jobs, material=options.material,

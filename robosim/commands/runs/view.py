@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
-from robosim.config.resources import config_names, config_path
-from robosim.errors import ConfigError
 
 EXAMPLE = """examples:
   robosim view out/sugar

@@ -1,4 +1,4 @@
 """Rehearsals in a browser: followed while they run, planned, and edited.
 
-Imports: config, errors, recordings, reports, robot, scene, viewer, mpm.
+Imports: base, config, recordings, scene, viewer.
 """

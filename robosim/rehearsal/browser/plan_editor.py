@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import viser
 
+from robosim.base.errors import RobosimError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.settings import Setting
-from robosim.errors import RobosimError
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.browser.waypoint_file import WaypointFile, move_waypoint
 from robosim.viewer.playback import PERIOD, Playback

@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.recordings.header import CurveEntry, WaypointEntry, three
 from robosim.recordings.scene_recorder import SceneRecorder
@@ -12,7 +13,6 @@ from robosim.rehearsal.planning.motion_sequence import place_target
 from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.planning.robot_clearance import Nearest, RobotClearance
 from robosim.rehearsal.recorder import PATH_POINTS, counting_regions
-from robosim.reports.provenance import commit
 from robosim.scene.build import compile_rehearsal
 
 FRAME_RATE = 50.0

@@ -8,10 +8,10 @@ import time as clock
 from collections.abc import Iterator
 from pathlib import Path
 
-from robosim.config.resources import config_names
+from robosim.base.errors import ConfigError, RobosimError
+from robosim.base.resources import config_names
 from robosim.config.settings import Setting
 from robosim.config.table import read
-from robosim.errors import ConfigError, RobosimError
 from robosim.recordings.reader import FILE, Recording, find_recording
 from robosim.viewer.playback import Playback
 from robosim.viewer.server import choose_token, open_server, stop_server

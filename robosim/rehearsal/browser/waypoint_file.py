@@ -9,12 +9,12 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.error import YAMLError
 
-from mpm.files import write_text
-from mpm.input_files import read_text
+from robosim.base.errors import ConfigError
+from robosim.base.files import write_text
+from robosim.base.input_files import read_text
+from robosim.base.resources import config_path
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.config.resources import config_path
 from robosim.config.settings import Setting
-from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose
 
 DIGITS = 4

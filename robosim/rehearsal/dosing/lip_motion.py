@@ -4,9 +4,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpm import Pose
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.dosing.command import DoseCommand
-from robosim.errors import ConfigError
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.shapes import tool_shape
 

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robosim.base.errors import ConfigError, RobotDiverged
 from robosim.config.bounds import SAMPLES_PER_PERIOD
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.table import validate
 from robosim.dosing.command import DoseCommand, DoseController, DoseSight, accepted_error
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import SECTIONS, DosingNumbers, check_tool, load_dosing
-from robosim.errors import ConfigError, RobotDiverged
 from robosim.rehearsal.dosing.balance import TaredBalance
 from robosim.rehearsal.dosing.lip_motion import LipMotion, make_lip_motion
 from robosim.robot.inverse_kinematics import step_towards

@@ -1,4 +1,4 @@
 """Plans of rehearsals: tool paths, grips and postures, joint motions, clearances.
 
-Imports: config, errors, robot, scene, shapes, tasks, mpm.
+Imports: base, config, robot, scene, shapes, tasks, mpm.
 """

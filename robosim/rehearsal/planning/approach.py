@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.errors import ConfigError
 from robosim.rehearsal.planning.robot_clearance import Nearest, RobotClearance
 from robosim.robot.model import Arm
 from robosim.robot.timing import MotionLimits, StraightMotion

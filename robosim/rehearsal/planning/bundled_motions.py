@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from mpm.input_files import read_arrays
+from mpm.array_files import read_arrays
+from robosim.base.errors import ConfigError
+from robosim.base.resources import trained
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.config.resources import trained
-from robosim.errors import ConfigError
 from robosim.rehearsal.planning.pose_sequences import SAMPLING, PoseSequence
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.commanded_pose import move_pose

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.dosing.lip_motion import make_lip_motion
 from robosim.rehearsal.planning.path_clearance import LEAST
 from robosim.rehearsal.planning.robot_clearance import RobotClearance

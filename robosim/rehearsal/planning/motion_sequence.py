@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.errors import ConfigError
 from robosim.rehearsal.planning.bundled_motions import find_motion, load_motion
 from robosim.rehearsal.planning.pose_sequences import PoseSequence
 from robosim.tasks.task import TaskConfig, load_task

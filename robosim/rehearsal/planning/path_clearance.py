@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.errors import ConfigError
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.robot_clearance import FAR, Nearest, RobotClearance
 from robosim.rehearsal.planning.waypoint_path import WaypointPath

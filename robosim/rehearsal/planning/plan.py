@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.approach import Approach, plan_approach
 from robosim.rehearsal.planning.dose_reach import check_dose_reach
 from robosim.rehearsal.planning.learned_path import LearnedPath

@@ -10,8 +10,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.geometry.rigid_motion import Pose
+from robosim.base.errors import ConfigError
 from robosim.config.bounds import MAX_STEPS
-from robosim.errors import ConfigError
 from robosim.scene.container_clearance import ContainerSurface
 
 SAMPLING = 0.002

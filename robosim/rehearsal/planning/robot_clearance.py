@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio
 
 from mpm import Pose
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.robot.mjspec import body_ids_below
 from robosim.robot.model import Arm
 from robosim.scene.compiled import Scene

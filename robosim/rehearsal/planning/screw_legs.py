@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose, Twist, exponential, logarithm
+from robosim.base.errors import ConfigError
 from robosim.config.motion import PathConfig
-from robosim.errors import ConfigError
 
 SMOOTHSTEP_SLOPE = 1.875
 """Largest slope of the quintic smoothstep: the peak of the acceleration, in units of the mean."""

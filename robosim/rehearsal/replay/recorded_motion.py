@@ -8,9 +8,9 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
 from scipy.signal import butter, sosfiltfilt
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.conversion.joint_log import JointLog, read_joint_log
-from robosim.errors import ConfigError
 from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import name_joints
 from robosim.robot.timing import JointMotion, JointState

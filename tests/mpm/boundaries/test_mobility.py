@@ -10,7 +10,7 @@ import trimesh
 import mpm
 from robosim.coupling.mobility_probe import MobilityProbe, Prediction
 from robosim.coupling.plugin import GranularPlugin
-from robosim.verification.stability.coupled import COMPARISONS, COUPLED_AXES, rest_height
+from robosim.studies.verification.stability.coupled import COMPARISONS, COUPLED_AXES, rest_height
 
 CELL = 0.01
 

@@ -17,7 +17,7 @@ from policies.demonstrations.motion_loss import MotionLoss
 from policies.demonstrations.spline_search import SplineSearch
 from policies.learning.files import lock_folder
 from robosim.envs.reach import Reach
-from robosim.evaluation.evaluate import evaluate
+from robosim.studies.evaluation.evaluate import evaluate
 from robosim.tasks.task import load_task
 
 

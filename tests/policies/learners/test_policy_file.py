@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from stable_baselines3 import SAC, TD3  # noqa: E402
 
 from policies.learners.policy_file import export_policy  # noqa: E402
-from robosim.evaluation.policies import NetworkPolicy  # noqa: E402
+from robosim.studies.evaluation.policies import NetworkPolicy  # noqa: E402
 
 
 @pytest.mark.parametrize("kind", [SAC, TD3])

@@ -102,7 +102,7 @@ def test_every_method_runs_on_grains(tmp_path, method):
 
 def check_policy_file(out: Path, best, is_deterministic: bool) -> None:
     """The file acts in an environment made with its options; a policy without noise makes the best motion again."""
-    from robosim.evaluation.policies import make_policy, training_options
+    from robosim.studies.evaluation.policies import make_policy, training_options
 
     options = training_options(str(out / "best_policy.npz"))
     env = gymnasium.make("robosim:robosim/SpoonTranslate-v0", **options).unwrapped

@@ -189,14 +189,14 @@ def install():
     import policies.demonstrations.demo
     import policies.demonstrations.request
     import policies.methods.method
-    import robosim.evaluation.evaluate
-    import robosim.evaluation.motion_chain
     import robosim.rehearsal.session
-    import robosim.verification.report
+    import robosim.studies.evaluation.evaluate
+    import robosim.studies.evaluation.motion_chain
+    import robosim.studies.verification.report
     import robosim.viewer.embed
     from policies.demonstrations import generator
     from policies.runs import pipeline, sweep, training
-    from robosim.verification import runs
+    from robosim.studies.verification import runs
 
     gymnasium.register("Point-v0", PointEnv, max_episode_steps=DECISIONS)
     make = training.make_training_environment
@@ -206,21 +206,21 @@ def install():
         module.make_environment = lambda task, **options: PointTask()
     generator.MotionLoss = Valley
 
-    robosim.evaluation.evaluate.EpisodeRecorder = EpisodeRecorder
+    robosim.studies.evaluation.evaluate.EpisodeRecorder = EpisodeRecorder
     # a server's threads are not for a process that is killed a thousand times
-    robosim.viewer.embed.embed_html = robosim.evaluation.motion_chain.embed_html = lambda recording: "a scene"
-    robosim.evaluation.evaluate.make = lambda task, **options: make_filmed_task()
+    robosim.viewer.embed.embed_html = robosim.studies.evaluation.motion_chain.embed_html = lambda recording: "a scene"
+    robosim.studies.evaluation.evaluate.make = lambda task, **options: make_filmed_task()
     runs.WORKER = "stand_in_job"
     os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     pipeline.subprocess = sweep.subprocess = SimpleNamespace(Popen=ForkedProcess, TimeoutExpired=TimeoutError)
-    robosim.evaluation.motion_chain.run_chain = stand_in_results("chain.json", {"sub_tasks": []})
+    robosim.studies.evaluation.motion_chain.run_chain = stand_in_results("chain.json", {"sub_tasks": []})
     install_rehearsal(robosim.rehearsal.session)
 
 
 def stand_in_results(name, content):
     """Return a command that works for a while and writes one file."""
     def run(rehearsal, out: Path, **_):
-        from robosim.config.output import OutputFolder
+        from robosim.base.output_folder import OutputFolder
 
         with OutputFolder(out) as folder:
             folder.clear((name,))

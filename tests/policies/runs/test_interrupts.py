@@ -20,10 +20,10 @@ from trial_checks import check_files, find_unfinished, read_events, read_rows, r
 from policies.demonstrations import demo, generator, request  # noqa: E402
 from policies.demonstrations.demo import demonstrate  # noqa: E402
 from robosim.commands.main import main  # noqa: E402
-from robosim.evaluation import evaluate  # noqa: E402
 from robosim.rehearsal import session  # noqa: E402
 from robosim.rehearsal.result import TRAJECTORY  # noqa: E402
 from robosim.rendering.video import Mp4Writer  # noqa: E402
+from robosim.studies.evaluation import evaluate  # noqa: E402
 
 QUICK = ["--set", "options.batch_size=16", "--set", "options.policy_kwargs.net_arch=[8,8]"]
 

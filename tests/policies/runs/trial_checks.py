@@ -11,7 +11,7 @@ import yaml
 from PIL import Image
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
-from mpm.files import TEMPORARY
+from robosim.base.files import TEMPORARY
 
 
 class Broken(Exception):

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from robosim.benchmarks import FIELD_SCENES
-from robosim.benchmarks import field as benchmark
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_names
 from robosim.commands.main import main
-from robosim.config.resources import config_names
 from robosim.envs import BUNDLED
-from robosim.errors import ConfigError
-from robosim.verification import stability
-from robosim.verification.stability import field
+from robosim.studies.benchmarks import FIELD_SCENES
+from robosim.studies.benchmarks import field as benchmark
+from robosim.studies.verification import stability
+from robosim.studies.verification.stability import field
 
 
 def test_axes_of_the_stability_matrix() -> None:

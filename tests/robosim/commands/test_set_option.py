@@ -9,9 +9,9 @@ import pytest
 import yaml
 from filelock import FileLock
 
+from robosim.base.resources import config_path
 from robosim.commands.arguments import Settings
 from robosim.commands.main import main, parser
-from robosim.config.resources import config_path
 from robosim.config.settings import read_setting
 from robosim.tasks.task import load_task
 

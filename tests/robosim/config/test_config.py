@@ -8,13 +8,13 @@ import pytest
 import yaml
 
 import mpm
+from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
+from robosim.base.output_folder import OutputFolder
+from robosim.base.resources import config_names, config_path
 from robosim.commands.main import main
 from robosim.config.materials import law_of, load_material, overridden
-from robosim.config.output import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
-from robosim.config.resources import config_names, config_path
 from robosim.config.settings import read_setting
-from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
 from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
 from robosim.scene.field import check_field
@@ -211,7 +211,7 @@ def test_output_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.Cap
 
 def test_a_folder_belongs_to_one_process_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Until it has ended, however it ended; the same process comes back as it likes."""
-    words = (f"import sys, pathlib; from robosim.config.output import OutputFolder; "
+    words = (f"import sys, pathlib; from robosim.base.output_folder import OutputFolder; "
              f"folder = OutputFolder(pathlib.Path({str(tmp_path)!r})); print(1, flush=True); sys.stdin.read()")
     with subprocess.Popen([sys.executable, "-c", words], text=True,
                           stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
@@ -243,7 +243,7 @@ def test_full_disk_ends_with_a_message(tmp_path: Path, capsys: pytest.CaptureFix
     def full(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("robosim.config.output.write_text", full)
+    monkeypatch.setattr("robosim.base.output_folder.write_text", full)
     assert main(["rehearse", "spoon", "--out", str(tmp_path / "out")]) == 1
     assert "No space left on device" in capsys.readouterr().err
 

@@ -5,13 +5,13 @@ import pickle
 import pytest
 
 import mpm.errors
-import robosim.errors
+import robosim.base.errors
 from mpm.errors import ColliderTooFast, GradientDiverged, Picklable, SimulationDiverged, TimeStepTooLarge
-from robosim.errors import RobotDiverged, UnreachableWaypoint
+from robosim.base.errors import RobotDiverged, UnreachableWaypoint
 
 GIVEN = {
     mpm.errors.UnknownName: (("cone", "flat", ("compression", "plane_strain")), {}),
-    robosim.errors.UnknownName: (("tool", "fork", ("spoon", "scoop"), "or a file"), {}),
+    robosim.base.errors.UnknownName: (("tool", "fork", ("spoon", "scoop"), "or a file"), {}),
     ColliderTooFast: ((1, 4e5, 2e3), {}),
     TimeStepTooLarge: ((2e-4, 1e-4, "isolated particle"), {}),
     SimulationDiverged: ((), {"time": 0.1, "step": 3, "particle": 7, "position": (0.0, 0.1, 0.2), "speed": 9.0,
@@ -21,7 +21,7 @@ GIVEN = {
     RobotDiverged: ((0.5, ["bad qacc"]), {}),
 }
 """Arguments of the constructors that take more than a message."""
-CLASSES = [kind for module in (mpm.errors, robosim.errors) for kind in vars(module).values()
+CLASSES = [kind for module in (mpm.errors, robosim.base.errors) for kind in vars(module).values()
            if isinstance(kind, type) and issubclass(kind, Exception) and kind.__module__ == module.__name__]
 
 
@@ -38,4 +38,4 @@ def test_every_error_survives_pickling(kind: type[Exception]) -> None:
 
 
 def test_every_error_of_ours_is_among_them() -> None:
-    assert {mpm.MpmError, robosim.errors.RobosimError, *GIVEN, Picklable} <= set(CLASSES)
+    assert {mpm.MpmError, robosim.base.errors.RobosimError, *GIVEN, Picklable} <= set(CLASSES)

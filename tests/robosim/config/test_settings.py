@@ -5,10 +5,10 @@ from typing import ClassVar
 import pytest
 import yaml
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import Setting, read_setting, with_settings
 from robosim.config.table import Table, load
-from robosim.errors import ConfigError
 from robosim.tasks.task import load_task
 
 

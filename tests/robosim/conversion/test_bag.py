@@ -8,9 +8,9 @@ import pytest
 import trimesh
 import yaml
 
+from robosim.base.errors import ConfigError
 from robosim.commands.main import main
 from robosim.conversion.gltf import write_frame
-from robosim.errors import ConfigError
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, RecordingHeader
 from robosim.recordings.reader import Recording

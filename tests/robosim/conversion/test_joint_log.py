@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError
 from robosim.conversion.joint_log import AXES, read_joint_log
-from robosim.errors import ConfigError
 
 JOINTS = ["shoulder", "elbow"]
 TIMES = 5.0 + 0.01 * np.arange(50)

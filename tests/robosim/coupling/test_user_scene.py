@@ -6,8 +6,8 @@ import pytest
 
 import mpm
 from robosim import ConfigError, GranularPlugin
+from robosim.base.errors import BodyLeftGrid, RobotDiverged
 from robosim.coupling.mobility_probe import MobilityProbe
-from robosim.errors import BodyLeftGrid, RobotDiverged
 
 BOXES = """
 <mujoco>

@@ -7,9 +7,9 @@ import pytest
 import yaml
 from pouring_plant import SALT, VIBRATION
 
+from robosim.base.errors import ConfigError
 from robosim.dosing.numbers import load_dosing
 from robosim.dosing.pour_curve import PourCurve
-from robosim.errors import ConfigError
 
 CURVE = SALT.model_dump(mode="json")
 

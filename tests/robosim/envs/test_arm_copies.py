@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from test_copies import SOFT, go_on, make, same
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.tasks.task import load_task
 
 SHORT = load_task("SpoonTranslate").model_copy(update={"steps": 40})

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import robosim  # noqa: F401  (registers the environments)
+from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
-from robosim.errors import ConfigError
 from robosim.tasks.task import load_task
 
 SHORT = load_task("SpoonTranslate").model_copy(update={"steps": 320})

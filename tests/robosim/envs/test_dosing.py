@@ -11,8 +11,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import robosim  # noqa: F401  (registers the environments)
+from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
-from robosim.errors import ConfigError
 from robosim.tasks.observation import Observer
 
 TERMS = [None, ["target", "scale"], ["tool", {"name": "scale", "lag": 0.0}, "height_map", "grains"], "moments"]

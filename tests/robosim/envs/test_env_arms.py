@@ -4,7 +4,7 @@ import pytest
 
 from robosim import ConfigError, UnknownName
 from robosim.envs.grain_env import GrainEnv
-from robosim.evaluation.policies import make_policy
+from robosim.studies.evaluation.policies import make_policy
 
 
 def score(task: str, **options) -> tuple[float, dict[str, float]]:

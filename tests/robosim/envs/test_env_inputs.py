@@ -133,7 +133,7 @@ def test_numbers_of_a_material_can_be_given() -> None:
 
 
 def test_a_recorded_episode_replays_to_the_same_score(env: GrainEnv, tmp_path: Path) -> None:
-    from robosim.evaluation.policies import make_policy
+    from robosim.studies.evaluation.policies import make_policy
 
     def run(name: str) -> tuple[float, list[np.ndarray]]:
         env.reset(seed=2)

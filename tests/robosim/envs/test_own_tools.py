@@ -7,12 +7,12 @@ import pytest
 import yaml
 from own_meshes import BOWL_MM, HANDLE, write_bowl, write_ladle
 
-from robosim.config.resources import config_path
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_path
 from robosim.config.tool import ToolConfig
 from robosim.envs import make
-from robosim.errors import ConfigError
-from robosim.evaluation.evaluate import evaluate
 from robosim.shapes import tool_shape
+from robosim.studies.evaluation.evaluate import evaluate
 from robosim.tasks.counting import TOOL
 from robosim.tasks.field import fill_positions, grain_volume, head_distance
 from robosim.tasks.task import load_task

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import robosim  # noqa: F401  (registers the environments)
+from robosim.base.errors import ConfigError
 from robosim.envs.grain_env import GrainEnv
-from robosim.errors import ConfigError
-from robosim.evaluation.policies import make_policy
 from robosim.scene.field import build_tool_sdf
 from robosim.shapes import tool_shape
+from robosim.studies.evaluation.policies import make_policy
 from robosim.tasks.counting import TOOL
 
 

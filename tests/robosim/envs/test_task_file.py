@@ -13,10 +13,10 @@ from policies.demonstrations.export import export
 from policies.learning.environments import make_training_environment
 from policies.methods.train import train
 from policies.runs.sweep_file import load_sweep, plan_runs
-from robosim.config.resources import config_path
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.resources import config_path
 from robosim.envs import make
-from robosim.errors import ConfigError, UnknownName
-from robosim.evaluation.evaluate import evaluate
+from robosim.studies.evaluation.evaluate import evaluate
 from robosim.tasks.task import is_task, load_task
 
 ACTION_REPEAT = 250

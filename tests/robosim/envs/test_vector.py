@@ -16,8 +16,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
 import robosim  # noqa: F401  (registers the environments)
+from robosim.base.errors import ConfigError, RobosimError, UnknownName
 from robosim.envs.vector import GrainVectorEnv
-from robosim.errors import ConfigError, RobosimError, UnknownName
 
 
 @pytest.fixture(scope="module")

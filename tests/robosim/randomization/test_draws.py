@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import robosim  # noqa: F401  (registers the environments)
-from robosim.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName
 
 RANGES = {"friction_angle_deg": (25.0, 40.0), "tool_friction": (0.05, 0.4)}
 ACTION = np.full(6, 0.2, np.float32)

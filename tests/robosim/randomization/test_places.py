@@ -7,7 +7,7 @@ import taichi as ti
 
 import robosim  # noqa: F401  (registers the environments)
 from mpm.observers.height_map import Raster
-from robosim.errors import ConfigError, UnknownName
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.randomization.draw import HOME
 from robosim.randomization.ranges import wide_ranges
 from robosim.randomization.variants import displacement, placed

@@ -12,7 +12,7 @@ import pytest
 
 import mpm
 from robosim import GranularPlugin
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.recordings.reader import Recording
 
 SCENE = """<mujoco><option timestep="0.002"/><worldbody><body name="ball" pos="0.05 0.05 0.08"><freejoint/>

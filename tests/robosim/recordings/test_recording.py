@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.recordings.frames import KEY_INTERVAL, PRESSURES, SPEEDS, GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingHeader
 from robosim.recordings.reader import Recording, find_recording

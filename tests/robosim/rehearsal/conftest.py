@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robosim.config.resources import config_path
+from robosim.base.resources import config_path
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.dosing.command import DoseCommand, DoseSight
-from robosim.errors import ConfigError
 from robosim.recordings.reader import FILE, Recording
 from robosim.rehearsal.dosing import stage
 from robosim.rehearsal.metrics import BOUNDS, find_missed, get_bounds

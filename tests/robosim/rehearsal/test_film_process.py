@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from robosim.config.output import OutputFolder
+from robosim.base.output_folder import OutputFolder
 from robosim.config.rehearsal import load_rehearsal
 from robosim.rehearsal.film import FRAME_RATE
 from robosim.rehearsal.film_process import FilmFailed, FilmProcess

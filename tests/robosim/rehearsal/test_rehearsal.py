@@ -165,7 +165,7 @@ def test_a_film_that_fails_costs_no_report(short: Path, tmp_path: Path, capsys: 
     (out / "rehearsal.mp4.part").mkdir(parents=True)
     (out / "rehearsal.mp4.part" / "kept").touch()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("robosim.config.output.OutputFolder.clear", lambda *_: None)
+        patch.setattr("robosim.base.output_folder.OutputFolder.clear", lambda *_: None)
         assert main(["rehearse", str(short), "--out", str(out)]) == 2
     assert "no film" in capsys.readouterr().err
     assert json.loads((out / "report.json").read_text())["grains"] > 0

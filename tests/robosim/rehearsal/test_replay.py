@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from robosim.base.errors import ConfigError
 from robosim.commands.main import main
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import AXES, JointLog, Samples
-from robosim.errors import ConfigError
 from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.replay.comparison import Simulated, compare_wrench

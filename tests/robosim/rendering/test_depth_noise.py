@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.errors import UnknownName
+from robosim.base.errors import UnknownName
 from robosim.rendering.depth_noise import NOISE, find_noise
 
 

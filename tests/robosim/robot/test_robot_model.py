@@ -9,7 +9,7 @@ from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
 from robosim.shapes.tool import compute_grip_pose
 from robosim.shapes.vessels import SPOON_HANDLE_START
-from robosim.verification.cases.robot import two_models
+from robosim.studies.verification.cases.robot import two_models
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from written_arms import write_arm
 
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.arm import ArmConfig
-from robosim.errors import ConfigError, UnknownName
 from robosim.robot.mjspec import locate_model
 from robosim.robot.robot import bundled_arms, load_arm, load_robot_model
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.commands.main import main
 from robosim.config.motion import JointTrajectoryConfig
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import read_setting
-from robosim.errors import ConfigError, UnknownName
 from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
 from robosim.robot.ros_trajectory import make_joint_trajectory, name_joints

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.config.resources import container_names
+from robosim.base.resources import container_names
 from robosim.config.scene import ContainerConfig
 from robosim.scene.grains import container_region, is_in_container
 from robosim.scene.models import read_inner_size

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import mpm
+from robosim.base.errors import ConfigError
 from robosim.config.materials import Law, law_of, load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.table import validate
-from robosim.errors import ConfigError
 from robosim.scene.field import build_field, build_tool_sdf, check_field
 from robosim.scene.frames import container_pose
 from robosim.scene.grains import fill, leave_out_buried

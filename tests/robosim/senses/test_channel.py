@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import mpm
+from robosim.base.errors import ConfigError
 from robosim.envs.episode import NOTHING_COUNTED
-from robosim.errors import ConfigError
 from robosim.senses.channel import Channel, Timing
 from robosim.senses.term import Sight, Term, box
 from robosim.tasks.actions import DelayLine, delay_steps

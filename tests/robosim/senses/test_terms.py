@@ -6,8 +6,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import robosim  # noqa: F401  (registers the environments)
+from robosim.base.errors import ConfigError, UnknownName
 from robosim.envs import BUNDLED
-from robosim.errors import ConfigError, UnknownName
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec

@@ -8,8 +8,8 @@ import pytest
 import trimesh
 from own_meshes import write_bowl
 
+from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
-from robosim.errors import ConfigError
 from robosim.robot.mjspec import compile_spec, quiet_attachment
 from robosim.scene.build import add_container
 from robosim.scene.frames import container_pose

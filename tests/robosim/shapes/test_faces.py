@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes import TOOLS, tool_shape
 from robosim.shapes.containers import BoxShape, ContainerShape, RoundShape
 from robosim.shapes.sheet_tools import TROUGH_DEPTH, TROUGH_LENGTH

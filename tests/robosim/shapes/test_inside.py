@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from own_meshes import half_sphere
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes import TOOLS
 from robosim.shapes.inside import Inside, find_inside
 from robosim.shapes.lofts import revolve

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.shapes.inside import find_inside
 from robosim.shapes.mesh_files import read_parts
 

@@ -8,11 +8,11 @@ import pytest
 import trimesh
 from own_meshes import BOWL_MM, HANDLE, HANDLE_MM, WALL_MM, half_sphere, write_ladle
 
-from robosim.config.resources import folder
+from robosim.base.errors import ConfigError
+from robosim.base.resources import folder
 from robosim.config.scene import RegionConfig
 from robosim.config.table import load
 from robosim.config.tool import HandleConfig, ToolConfig
-from robosim.errors import ConfigError
 from robosim.robot.assembly import load_tool_model
 from robosim.shapes import TOOLS
 from robosim.shapes.mesh_tool import MeshTool, read_tool

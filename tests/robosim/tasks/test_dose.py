@@ -9,14 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import mpm
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_path
 from robosim.config.materials import load_material
-from robosim.config.resources import config_path
 from robosim.config.table import read, validate
 from robosim.envs import DOSING, TASKS
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
 from robosim.envs.world import World
-from robosim.errors import ConfigError
 from robosim.randomization.draw import STANDARD
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges

@@ -8,7 +8,7 @@ from http.cookiejar import CookieJar
 
 import pytest
 
-from robosim.errors import ConfigError
+from robosim.base.errors import ConfigError
 from robosim.viewer.server import COOKIE, choose_token, open_server, stop_server
 
 TOKEN = "a-token-of-a-test"

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError
+from robosim.base.resources import config_path
 from robosim.config.rehearsal import load_rehearsal
-from robosim.config.resources import config_path
-from robosim.errors import ConfigError
 from robosim.rehearsal.browser.waypoint_file import WaypointFile, move_waypoint
 from robosim.scene.frames import waypoint_pose
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.settings import read_setting
 from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
 from robosim.dosing.pour_curve import PourCurve
-from robosim.errors import ConfigError, UnknownName, UnreachableWaypoint
 from robosim.rehearsal.dosing.figures import accepted_range, dose_figures
 from robosim.rehearsal.dosing.stage import DosingStage, make_dose_controller
 from robosim.rehearsal.planning.dose_reach import check_dose_reach

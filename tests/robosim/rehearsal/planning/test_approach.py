@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.scene import ObstacleConfig
-from robosim.errors import ConfigError
 from robosim.rehearsal.planning.approach import MARGIN, Clearances, between, find_route, plan_approach
 from robosim.rehearsal.planning.plan import Plan, plan_motion, plan_path
 from robosim.rehearsal.session import check_config

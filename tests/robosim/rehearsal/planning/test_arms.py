@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
+from robosim.base.errors import ConfigError, UnreachableWaypoint
+from robosim.base.resources import config_path
 from robosim.config.arm import BasePose
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.config.resources import config_path
-from robosim.errors import ConfigError, UnreachableWaypoint
 from robosim.rehearsal.planning.path_clearance import LEAST
 from robosim.rehearsal.planning.plan import plan_motion, slow_down
 from robosim.rehearsal.planning.robot_clearance import RobotClearance

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import load_rehearsal
-from robosim.errors import ConfigError
 from robosim.rehearsal.planning import bundled_motions
 from robosim.rehearsal.planning.bundled_motions import find_motion, load_motion
 from robosim.rehearsal.planning.learned_path import LearnedPath

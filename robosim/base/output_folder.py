@@ -1,0 +1,81 @@
+"""The folder of a command's results: kept from other processes, with files that are always whole and a status."""
+
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+import yaml
+from filelock import FileLock, Timeout
+
+from mpm.files import write
+from robosim.base.errors import ConfigError
+from robosim.base.files import keep_status, remove_temporary, write_json, write_text
+
+
+def aligned(lines: list[list[str]]) -> str:
+    """Lines of words in columns, for a terminal."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+
+
+class OutputFolder:
+    """The folder given as `--out`, checked before any work and kept from other processes as long as this lives.
+
+    In a `with` statement status.json says how far the work has come: "running", then "finished", "interrupted" or
+    "failed". Raises ConfigError where the folder cannot be written or another process is at work there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._status = path, contextlib.ExitStack()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock = FileLock(path / ".lock", is_singleton=True)  # a notebook may come back after an error
+            self._lock.acquire(timeout=0)
+        except Timeout:
+            raise ConfigError(f"--out {path}: another process is at work there; wait for it, or give another folder"
+                              ) from None
+        except OSError as error:
+            raise ConfigError(f"--out {path}: cannot be written ({error.strerror}); give another folder") from None
+        remove_temporary(path)
+
+    def __enter__(self) -> "OutputFolder":
+        self._status.enter_context(keep_status(self.path))
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        try:
+            self._status.__exit__(kind, error, trace)
+        finally:
+            self.release()
+
+    def release(self) -> None:
+        """Let others work in the folder."""
+        self._lock.release()
+
+    def write(self, name: str, writer: Callable[[Path], object]) -> Path:
+        """Write a file as `mpm.files.write` does; return its path."""
+        final = self.path / name
+        write(final, writer)
+        return final
+
+    def clear(self, names: tuple[str, ...]) -> None:
+        """Remove what an earlier run left, also what it did not finish."""
+        for name in names:
+            (self.path / name).unlink(missing_ok=True)
+            (self.path / f"{name}.part").unlink(missing_ok=True)
+
+    def write_text(self, name: str, text: str) -> Path:
+        """Write a text."""
+        write_text(self.path / name, text)
+        return self.path / name
+
+    def write_yaml(self, name: str, value: dict) -> Path:
+        """Write a table in the order given."""
+        return self.write_text(name, yaml.safe_dump(value, sort_keys=False))
+
+    def write_json(self, name: str, value: object) -> Path:
+        """Write indented JSON; refuses numbers that JSON does not know."""
+        write_json(self.path / name, value)
+        return self.path / name

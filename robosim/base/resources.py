@@ -1,0 +1,76 @@
+"""Where configs/ and models/ lie: inside an installed wheel, or beside the package in a checkout."""
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from robosim.base.errors import ConfigError, UnknownName
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+"""Folder of the packages: the repository, or site-packages."""
+PATH_KEYS = ("material", "motions", "robot", "gripper", "tool", "model", "mesh", "workcell", "controllers")
+"""Keys of files whose values may be paths."""
+SUFFIXES = (".yaml", ".yml", ".xml", ".mjcf", ".urdf", ".stl", ".obj")
+"""Ends of values that are paths, not names."""
+
+
+def folder(name: str) -> Path:
+    """Folder "configs" or "models"."""
+    installed = Path(str(files("robosim"))) / name
+    return installed if installed.is_dir() else CHECKOUT / name
+
+
+def trained(task: str) -> Path | None:
+    """Return the path of the bundled motion of a sub-task; None where there is none."""
+    path = CHECKOUT / "policies" / "trained" / f"{task}.npz"
+    return path if path.is_file() else None
+
+
+def trained_network(task: str) -> Path | None:
+    """Return the path of the bundled network of a sub-task, a policy that observes; None where there is none."""
+    path = CHECKOUT / "policies" / "trained" / "networks" / f"{task}.npz"
+    return path if path.is_file() else None
+
+
+def config_names(kind: str) -> list[str]:
+    """Stems of configs/<kind>/*.yaml, sorted."""
+    return sorted(path.stem for path in (folder("configs") / kind).glob("*.yaml"))
+
+
+def container_names() -> list[str]:
+    """Stems of models/containers/*.xml, sorted."""
+    return sorted(path.stem for path in (folder("models") / "containers").glob("*.xml"))
+
+
+def tool_names() -> list[str]:
+    """Names of the tools of models/tools, sorted."""
+    return sorted(path.parent.name for path in (folder("models") / "tools").glob("*/*.xml"))
+
+
+def part_names(kind: str) -> list[str]:
+    """Names of the folders of models/<kind> with a .yaml file: arms of robots, hands of grippers."""
+    return sorted({path.parent.name for path in (folder("models") / kind).glob("*/*.yaml")})
+
+
+def config_path(kind: str, name: str, what: str) -> Path:
+    """Path of configs/<kind>/<name>.yaml, or of a user's own file when `name` ends in .yaml."""
+    if name.endswith((".yaml", ".yml")) and Path(name).is_file():
+        return Path(name)
+    if name.endswith((".yaml", ".yml")):
+        raise ConfigError(f"{what} {name}: no such file; accepted: a .yaml file of your own, or one of "
+                          f"{', '.join(config_names(kind))}")
+    if name not in config_names(kind):
+        raise UnknownName(what, name, config_names(kind), "or the path of a .yaml file of your own")
+    return folder("configs") / kind / f"{name}.yaml"
+
+
+def locate_paths(value: Any, place: Path) -> Any:
+    """Return a file's content with the paths in it made absolute; place: folder that they are relative to."""
+    if isinstance(value, dict):
+        return {key: str((place / item).resolve()) if _is_path(key, item) else locate_paths(item, place)
+                for key, item in value.items()}
+    return [locate_paths(item, place) for item in value] if isinstance(value, list) else value
+
+
+def _is_path(key: Any, value: Any) -> bool:
+    return key in PATH_KEYS and isinstance(value, str) and (value.lower().endswith(SUFFIXES) or key == "motions")

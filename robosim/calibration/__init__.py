@@ -1,4 +1,0 @@
-"""Calibration: a material card from what a laboratory can measure, with intervals and a verdict.
-
-Imports: config, errors, reports, mpm.
-"""

@@ -1,7 +1,0 @@
-"""Many runs of `robosim` on other machines: arrays of SLURM jobs, or Ray.
-
-Imports: config, errors, reports, mpm.
-"""
-
-LAUNCHERS = ("local", "slurm", "ray")
-"""Where the runs of a command can be made: in processes of this machine, or as jobs of a cluster."""

@@ -1,4 +1,0 @@
-"""Rehearsals with errors of the robot's model: whether a result holds without a perfect one.
-
-Imports: config, errors, rehearsal, reports, robot, mpm.
-"""

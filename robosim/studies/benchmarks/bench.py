@@ -1,0 +1,164 @@
+"""`robosim bench`: speed of coupling, kinematics, environments and rendering.
+
+Each figure is the median of repeated runs in a process of its own:
+`python -m robosim.studies.benchmarks.bench PART CORE`.
+"""
+
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from robosim.base.errors import UnknownName
+from robosim.base.jobs import pin_to_core, run_jobs
+from robosim.base.output_folder import OutputFolder
+from robosim.base.provenance import provenance
+from robosim.envs import TASKS
+from robosim.studies.benchmarks import KINDS, RESET_TASKS
+
+REPEATS = 5
+RESETS = "resets_"
+"""How the names of parts begin that time resets."""
+
+
+def median_seconds(work: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Return the median wall time [s] of calls, after a first one that is not timed."""
+    times = []
+    for _ in range(repeats + 1):
+        begin = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begin)
+    return statistics.median(times[1:])
+
+
+def measure_coupling() -> dict[str, float]:
+    """Time a coupled step of a free box of 10 g on a tray of sand, and the part outside the field."""
+    from robosim.studies.verification.stability.coupled import build_scene
+
+    plugin = build_scene(0.01, 2e-3, "mobility", half=0.01, lift=0.0, bed=(0.08, 0.08, 0.0208), dt=1e-4)
+    for _ in range(50):
+        plugin.step()
+    whole = median_seconds(lambda: [plugin.step() for _ in range(50)]) / 50
+    field = median_seconds(lambda: [plugin.solver.advance(2e-3) for _ in range(50)]) / 50
+    return {"coupled step of 2 ms [ms]": 1e3 * whole, "part of it outside the field [ms]": 1e3 * (whole - field)}
+
+
+def measure_kinematics() -> dict[str, float]:
+    """Time the inverse kinematics of poses of the arm, from mid-range to 1e-6."""
+    from robosim.studies.verification.cases import find
+
+    record = find("ik_poses").measure(poses=500)
+    return {"inverse kinematics, mean [ms]": record.readings["mean_ms"],
+            "inverse kinematics, 95th percentile [ms]": record.readings["p95_ms"],
+            "poses solved [%]": 100 * (1 - record.errors["failed"])}
+
+
+def measure_environment(name: str, arm: bool = False) -> dict[str, float]:
+    """Time an episode of the scripted policy; arm: with the whole arm."""
+    from robosim.envs.grain_env import GrainEnv
+    from robosim.studies.evaluation.policies import ScriptedPolicy
+
+    env = GrainEnv(task=name, arm=arm)
+
+    def episode() -> None:
+        env.reset(options={"nominal": True})
+        policy, over = ScriptedPolicy(env), False
+        while not over:
+            _, _, terminated, truncated, _ = env.step(policy())
+            over = terminated or truncated
+
+    seconds = median_seconds(episode, 1 if arm else 3)
+    return {f"{name}{', whole arm' if arm else ''}: steps of 2 ms per second": env.task.steps / seconds}
+
+
+def measure_side_by_side(name: str = "SpoonTranslate", n: int = 8) -> dict[str, float]:
+    """Time n environments with a process for each core, and one alone."""
+    import numpy as np
+
+    from robosim.envs.batch import GrainBatch
+    from robosim.envs.vector import GrainVectorEnv
+
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+
+    def rate(vector: GrainVectorEnv) -> float:
+        vector.reset(seed=0)
+        still = np.zeros((vector.num_envs, *(vector.single_action_space.shape or ())), np.float32)
+        seconds = median_seconds(lambda: [vector.step(still) for _ in range(20)])
+        vector.close()
+        return 200 * vector.num_envs / seconds
+
+    alone, together = rate(GrainVectorEnv(name, 1, workers=1)), rate(GrainVectorEnv(name, n))
+    return {f"{n} x {name} on {os.cpu_count()} cores: steps of 2 ms per second": together,
+            "speed-up over one environment alone": together / alone,
+            "memory of one more environment [MB]": GrainBatch(name, 1).batch.bytes_each / 1e6}
+
+
+def measure_resets(name: str, kind: str) -> dict[str, float]:
+    """Time randomized resets against nominal ones, see `robosim.studies.benchmarks.resets`."""
+    from robosim.studies.benchmarks import resets
+
+    return resets.measure_resets(name, kind)
+
+
+def measure_rendering() -> dict[str, float]:
+    """Time pictures of a sub-task."""
+    from robosim.envs.grain_env import GrainEnv
+
+    env = GrainEnv(render_mode="rgb_array", task="SpoonScoop")
+    env.reset(seed=0)
+    env.render()
+    return {"frames of 2880 grains per second": 10 / median_seconds(lambda: [env.render() for _ in range(10)])}
+
+
+PARTS: dict[str, Callable[[], dict[str, float]]] = {
+    "coupling": measure_coupling, "kinematics": measure_kinematics, "rendering": measure_rendering,
+    **{name: lambda name=name: measure_environment(name) for name in TASKS}, "side_by_side": measure_side_by_side,
+    **{f"arm_{name}": lambda name=name: measure_environment(name, arm=True) for name in TASKS},
+    **{f"{RESETS}{kind}_{name}": lambda name=name, kind=kind: measure_resets(name, kind)
+       for kind in KINDS for name in RESET_TASKS},
+}
+DEFAULT_PARTS = [name for name in PARTS if not name.startswith(RESETS)]
+"""What is measured where no part is named; the twelve parts of resets are asked for by name."""
+
+
+def bench(parts: list[str], out: Path | None) -> int:
+    """Measure parts, DEFAULT_PARTS when the list is empty; print the figures and write bench.json.
+
+    Returns 0, or 1 where a part could not be measured. Raises UnknownName for a part that does not exist.
+    """
+    for part in parts:
+        if part not in PARTS:
+            also = "field by itself" if part != "field" else "field is measured by itself, without other parts"
+            raise UnknownName("part", part, PARTS, also)
+    folder = OutputFolder(out) if out else None
+    names, figures, failures = parts or DEFAULT_PARTS, {}, {}
+    result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
+    for index, measured, reason in run_jobs([("robosim.studies.benchmarks.bench", (name,)) for name in names], 1):
+        figures |= measured or {}
+        if measured is None:
+            failures[names[index]] = reason
+        for name, figure in (measured or {}).items():
+            print(f"{name:52} {figure:10.3g}", flush=True)
+        if folder is not None:
+            folder.write_json("bench.json", result)
+    for name, reason in failures.items():
+        print(f"{name}: not measured: {reason}", file=sys.stderr)
+    return int(bool(failures))
+
+
+def main() -> None:
+    """Measure one part and print its figures."""
+    import mpm
+
+    name, core = sys.argv[1:]
+    pin_to_core(core)
+    mpm.init()
+    print(json.dumps(PARTS[name]()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,173 @@
+"""`robosim explain`: parts and cost of a scene, and the cheapest setting with the same readings."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.input_files import MAX_TEXT, check_form, read_bytes, read_json
+from robosim.base.jobs import run_jobs
+from robosim.base.output_folder import OutputFolder
+from robosim.base.progress import Progress
+from robosim.base.provenance import code_digest
+from robosim.base.resources import config_names, config_path
+from robosim.config.table import read
+from robosim.envs import BUNDLED
+from robosim.studies.benchmarks.explain_page import describe_setting, format_parts, write_page
+from robosim.studies.benchmarks.scene_run import FRACTIONS
+from robosim.tasks.task import is_task
+
+SCENE_RUN = "robosim.studies.benchmarks.scene_run"
+"""Module that runs a scene at a setting."""
+REPORT = {"scene": str, "code": str, "results": [{"setting": {str: float}, "failed": str, "result": ({
+    "readings": {str: float}, "seconds": float, "simulated_s": float, "grains": int, "cell_m": float, "dt_s": float,
+    "costs": {str: float}, "parts": [{"name": str, "present": bool, "reason": str, "bytes": (float, None)}]}, None)}]}
+"""Form of explain.json."""
+OWN: dict[str, float] = {}
+"""The scene's own setting."""
+FINEST = {"task": {"cell": 0.8, "dt": 0.8}, "rehearsal": {"cell": 0.8}}
+"""Settings that errors are measured against, because a scene's own setting has an error, too."""
+SETTINGS = {
+    "task": (FINEST["task"], {"cell": 1.5}, {"cell": 1.25}, {"E": 0.25, "dt": 2.0}, {"dt": 0.5},
+             {"cell": 1.25, "E": 0.25, "dt": 2.5}),
+    "rehearsal": (FINEST["rehearsal"], {"cell": 2.0}, {"cell": 1.5}, {"cell": 1.25}, {"E": 0.25},
+                  {"cell": 1.5, "E": 0.25}, {"cell": 1.25, "E": 0.25}, {"grains_per_cell": 0.6}),
+}
+"""Settings that are compared: factors on the scene's own cell, step, stiffness and grains per cell."""
+
+
+def explain(scene: str, *, tolerance: float | None = None, out: Path | None = None, apply: bool = False,
+            jobs: int = 1) -> int:
+    """Print the parts and costs of a sub-task or rehearsal; with a tolerance, compare settings as well.
+
+    tolerance: largest error of the worst reading against the finest setting. out: folder for index.html and
+    explain.json. apply: write the scene's file with the cheapest setting into it. jobs: settings at a time.
+    Returns 0, or 1 where no setting within the tolerance is cheaper than the scene's own.
+    Raises UnknownName for a scene that does not exist, ConfigError for options that do not fit or a scene that fails.
+    """
+    if scene not in BUNDLED and scene not in config_names("rehearsals") and not Path(scene).is_file():
+        raise UnknownName("scene", scene, [*BUNDLED, *config_names("rehearsals")], "or the .yaml file of one")
+    if tolerance is not None and not 0 < tolerance < 1:
+        raise ConfigError(f"--tolerance {tolerance}; accepted: above 0, below 1")
+    if apply and (tolerance is None or out is None):
+        raise ConfigError("--apply writes the setting that --tolerance finds into --out; give both")
+    kind = "task" if is_task(scene) else "rehearsal"
+    settings = [OWN, *(SETTINGS[kind] if tolerance is not None else ())]
+    folder = OutputFolder(out) if out else None
+    results = run_settings(scene, settings, folder, jobs)
+    own = results[0]["result"]
+    if own is None:
+        raise ConfigError(f"{scene}: the scene itself did not run: {results[0]['failed']}")
+    for line in format_parts(own):
+        print(line)
+    rows = None if tolerance is None else compare_settings(results, tolerance)
+    status = 0 if rows is None or tolerance is None else print_comparison(rows, results, kind, tolerance)
+    if rows is not None and apply and folder is not None:  # a material's numbers are not part of a scene's file
+        plain = min((row for row in rows if row["within"] and "E" not in row["setting"]),
+                    key=lambda row: row["seconds"])
+        print(f"written, with {describe_setting(plain['setting'])}: "
+              f"{write_scene_file(scene, kind, plain['setting'], folder)}")
+    if folder is not None:
+        write_page(scene, own, rows, folder)
+    return status
+
+
+def print_comparison(rows: list[dict[str, Any]], results: list[dict[str, Any]], kind: str, tolerance: float) -> int:
+    """Print settings by run time and the cheapest within the tolerance; return 1 where none is cheaper."""
+    best = min((row for row in rows if row["within"]), key=lambda row: row["seconds"], default=None)
+    for row in sorted(rows, key=lambda row: row["seconds"]):
+        print(f"{describe_setting(row['setting']):44} {row['seconds']:8.2f} s  {row['speedup']:5.2f}x  "
+              f"worst {row['worst']}: {row['error']:.3%}{'' if row['within'] else '  outside'}")
+    assert best is not None  # the finest is within any tolerance of itself
+    finest = describe_setting(reference(results)["setting"])
+    print(f"cheapest within {tolerance:.1%} of {finest}: {describe_setting(best['setting'])}, "
+          f"{best['speedup']:.2f} x faster")
+    for result in results:
+        if result["result"] is None:
+            print(f"{describe_setting(result['setting'])}: did not run: {result['failed']}")
+    return int(best["setting"] in (OWN, FINEST[kind]))
+
+
+def run_settings(scene: str, settings: list[dict[str, float]], folder: OutputFolder | None,
+                 jobs: int) -> list[dict[str, Any]]:
+    """Return the results of settings; those that the folder has from the same code are not run again.
+
+    Raises ConfigError for an explain.json that is no report of this command, and leaves it unchanged.
+    """
+    code = code_digest(SCENE_RUN)
+    if Path(scene).is_file():
+        code += hashlib.sha256(read_bytes(Path(scene), MAX_TEXT)).hexdigest()[:12]
+    known = {} if folder is None else read_known(folder.path / "explain.json", scene, code)
+    waiting = [setting for setting in settings if json.dumps(setting) not in known]
+    work = [(SCENE_RUN, (scene, json.dumps(setting))) for setting in waiting]
+    progress = Progress(total=len(waiting), desc="explain", unit="settings")
+    for index, result, reason in run_jobs(work, jobs):
+        known[json.dumps(waiting[index])] = {"setting": waiting[index], "result": result, "failed": reason}
+        progress.update()
+        if folder is not None:
+            folder.write_json("explain.json", {"scene": scene, "code": code, "results": list(known.values())})
+    progress.close()
+    return [known[json.dumps(setting)] for setting in settings]
+
+
+def read_known(path: Path, scene: str, code: str) -> dict[str, dict[str, Any]]:
+    """Read the finished settings of a scene, by their JSON; none without a file, or where code or scene are others.
+
+    Raises ConfigError for a file that holds anything else.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        content = read_json(path)
+        check_form(content, REPORT)
+        results = [r["result"] for r in content["results"] if r["result"] is not None]
+        if len({tuple(sorted(result["readings"])) for result in results}) > 1 or \
+                not all(result["seconds"] > 0.0 and result["readings"] for result in results):
+            raise ValueError("settings without seconds or with other readings")
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: not a report of `robosim explain` ({error}); it is left as it is: give another "
+                          f"--out") from error
+    is_same = (content["scene"], content["code"]) == (scene, code)
+    return {json.dumps(r["setting"]): r for r in content["results"] if is_same and r["result"] is not None}
+
+
+def reference(results: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the finest setting's result, or the scene's own where the finest did not run."""
+    finest = [result for result in results if result["setting"] in FINEST.values() and result["result"] is not None]
+    return (finest or results)[0]
+
+
+def compare_settings(results: list[dict[str, Any]], tolerance: float) -> list[dict[str, Any]]:
+    """Return speed-up and worst error of each setting that ran, against the finest."""
+    finest, rows = reference(results)["result"], []
+    for row in results:
+        result = row["result"]
+        if result is None:
+            continue
+        errors = {name: reading_error(name, result["readings"][name], value)
+                  for name, value in finest["readings"].items()}
+        worst = max(errors, key=lambda name: errors[name])
+        rows.append({"setting": row["setting"], "seconds": result["seconds"], "worst": worst, "errors": errors,
+                     "error": errors[worst], "speedup": finest["seconds"] / result["seconds"],
+                     "within": errors[worst] <= tolerance})
+    return rows
+
+
+def reading_error(name: str, value: float, reference: float) -> float:
+    """Return the difference of a share of the grains, or the relative error of any other reading."""
+    return abs(value - reference) / (1.0 if name in FRACTIONS else max(abs(reference), 1e-12))
+
+
+def write_scene_file(scene: str, kind: str, setting: dict[str, float], folder: OutputFolder) -> Path:
+    """Write the scene's file with a setting applied."""
+    config: Any = read(config_path("tasks" if kind == "task" else "rehearsals", scene, "scene"))
+    field = config["field"]
+    for key in ("cell", "grains_per_cell"):
+        if key in setting and key in field:
+            field[key] = float(field[key]) * setting[key]
+    if setting.get("dt") and field.get("dt"):
+        field["dt"] = float(field["dt"]) * setting["dt"]
+    if config.get("collision_thickness") not in (None, "shell"):
+        config["collision_thickness"] = min(max(config["collision_thickness"], 0.5 * field["cell"]), field["cell"])
+    return folder.write_yaml(f"{Path(scene).stem}.yaml", config)

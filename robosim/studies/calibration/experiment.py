@@ -1,0 +1,140 @@
+"""Experiments as the search sees them: readings with their errors, and what would be read with other numbers."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from robosim.config.materials import number_names
+from robosim.studies.calibration import direct
+from robosim.studies.calibration.data import CURVE_POINTS, RINGS, Curve, Rings, make_rings, read_curve, read_heap
+from robosim.studies.calibration.heap import rim, simulate_heap
+from robosim.studies.calibration.measurements import (
+    WALL_FRICTION,
+    Experiment,
+    HeapExperiment,
+    Measurements,
+    PourExperiment,
+    ScoopExperiment,
+    ShearExperiment,
+)
+from robosim.studies.calibration.pour import simulate_pour
+
+HEAP_ERROR = 0.25
+"""Error of a simulated height in cells, unless `model_error` says otherwise: heaps of a column of sugar, 80 mm wide and
+60 mm high, with 8 and with 16 cells on its radius differ by 1.2 mm, root mean square over their rings."""
+POUR_ERROR = 0.01
+"""Error of a simulated mass as a share of the mass in the box, unless `model_error` says otherwise."""
+SCOOP_ERROR = 0.2
+"""Error of the mass that a scoop holds above its rim, as a share of it, unless `model_error` says otherwise. Assumed:
+that a heap slides as a layer of a third of the rim's radius has no source either."""
+PIXEL = 0.002
+"""Edge of a pixel of a heap that could be measured [m], unless its `scale` says otherwise: a depth camera's at 1 m."""
+AFTER_POUR = 1.3
+"""Duration of a pour that could be made, in that of the tilting."""
+
+Numbers = dict[str, float]
+"""Number of a material -> value in its unit; angles in degrees."""
+Simulate = Callable[[Numbers, int], np.ndarray]
+"""Returns what would be read (n,) with numbers of the material; the second argument is a seed."""
+
+
+class Trial(NamedTuple):
+    """An experiment: readings, and what would be read with other numbers."""
+
+    name: str
+    kind: str
+    readings: np.ndarray
+    """(n,) in `unit`"""
+    errors: np.ndarray
+    """(n,) standard deviations of readings and of the simulation's own error, in `unit`"""
+    simulate: Simulate
+    is_direct: bool
+    """Whether `simulate` is a closed form, which takes no time and needs no emulator."""
+    held_out: bool
+    axis: np.ndarray
+    """(n,) what a plot has on its horizontal axis"""
+    axis_name: str
+    unit: str
+
+    def residuals(self, values: np.ndarray) -> np.ndarray:
+        """Return (readings - values) / errors (n,)."""
+        return (self.readings - values) / self.errors
+
+
+def make_trials(measurements: Measurements) -> list[Trial]:
+    """Read the data of all experiments; raises ConfigError for what cannot be used."""
+    return [make_trial(measurements, name, one) for name, one in measurements.experiments.items()]
+
+
+def make_trial(measurements: Measurements, name: str, one: Experiment) -> Trial:
+    """Read the data of an experiment; raises ConfigError for what cannot be used."""
+    if isinstance(one, HeapExperiment):
+        return _heap_trial(measurements, name, one, make_rings(name, one, read_heap(name, one)))
+    if isinstance(one, PourExperiment):
+        return _pour_trial(measurements, name, one, read_curve(name, one))
+    given = {key: getattr(measurements.card, field).value for key, field in number_names(measurements.card).items()}
+    readings = np.array(direct.readings(one))
+
+    def simulate(numbers: Numbers, seed: int) -> np.ndarray:
+        return np.array(direct.predict(one, given | numbers))
+
+    is_shear = isinstance(one, ShearExperiment)
+    axis = np.array(one.normal_stress) if is_shear else np.arange(1.0, len(readings) + 1)
+    kind: str = one.kind  # pyright: ignore[reportAttributeAccessIssue]
+    unit = {"tilt": "deg", "shear": "Pa"}.get(kind, "kg")
+    errors = np.full(len(readings), one.noise)  # pyright: ignore[reportAttributeAccessIssue]
+    if isinstance(one, ScoopExperiment):
+        # common to all n masses, so that their mean keeps all of it: n x its variance in each of them
+        errors = np.hypot(errors, np.sqrt(len(readings)) * scoop_error(one, given))
+    return Trial(name, kind, readings, errors, simulate, True, one.held_out, axis,
+                 "normal stress [Pa]" if is_shear else "reading", unit)
+
+
+def scoop_error(scoop: ScoopExperiment, numbers: Numbers) -> float:
+    """Return the standard deviation [kg] of the closed form of a heaped scoop; numbers: of the card."""
+    if scoop.model_error is not None:
+        return scoop.model_error
+    return SCOOP_ERROR * (direct.predict(scoop, numbers)[0] - numbers["density"] * scoop.volume)
+
+
+def make_candidates(measurements: Measurements) -> list[Trial]:
+    """Make trials of the experiments that could be made: their readings are zero."""
+    made = []
+    for name, one in measurements.candidates.items():
+        if isinstance(one, HeapExperiment):
+            half = 1.25 * rim(one.radius, one.height)
+            axis = np.arange(-half, half, one.scale or PIXEL)
+            distances = np.hypot(*np.meshgrid(axis, axis)).ravel()
+            index = (distances / (one.radius / RINGS)).astype(int)
+            counts = np.bincount(index)
+            rings = Rings(index, distances, np.bincount(index, distances) / counts, 0.0 * counts, counts)
+            made.append(_heap_trial(measurements, name, one, rings))
+        elif isinstance(one, PourExperiment):
+            times = np.linspace(0.0, AFTER_POUR * one.end_angle / one.tilt_speed, CURVE_POINTS)
+            made.append(_pour_trial(measurements, name, one, Curve(times, np.zeros(CURVE_POINTS))))
+    return made
+
+
+def _heap_trial(measurements: Measurements, name: str, heap: HeapExperiment, rings: Rings) -> Trial:
+    model = HEAP_ERROR * heap.radius / heap.cells if heap.model_error is None else heap.model_error
+
+    def simulate(numbers: Numbers, seed: int) -> np.ndarray:
+        friction = numbers[WALL_FRICTION] if heap.floor_friction is None else heap.floor_friction
+        heights = simulate_heap(heap, measurements.changed_card(numbers), friction, rings.distances, seed)
+        return rings.mean(heights)
+
+    return Trial(name, "heap", rings.heights, np.sqrt(heap.noise**2 / rings.counts + model**2), simulate, False,
+                 heap.held_out, rings.radii, "distance from the axis [m]", "m")
+
+
+def _pour_trial(measurements: Measurements, name: str, pour: PourExperiment, curve: Curve) -> Trial:
+    in_box = measurements.card.density.value * pour.length * pour.width * pour.fill_height
+    model = POUR_ERROR * in_box if pour.model_error is None else pour.model_error
+
+    def simulate(numbers: Numbers, seed: int) -> np.ndarray:
+        friction = numbers[WALL_FRICTION] if pour.wall_friction is None else pour.wall_friction
+        return simulate_pour(pour, measurements.changed_card(numbers), friction, curve.times, seed)
+
+    return Trial(name, "pour", curve.masses, np.full(len(curve.masses), np.hypot(pour.noise, model)), simulate, False,
+                 pour.held_out, curve.times, "time [s]", "kg")

@@ -1,0 +1,77 @@
+"""The page of a calibration: verdict, numbers, fits, correlation, and which measurement would narrow them most."""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from plotly.graph_objects import Figure, Scatter
+
+from robosim.reports.page import Page
+from robosim.reports.plot import COLOURS, LAYOUT, to_html
+from robosim.studies.calibration.experiment import Trial
+from robosim.studies.calibration.search import Ranges, Search
+from robosim.studies.calibration.verdict import Advice, Verdict
+
+DRAWN = 1000
+"""Samples of a scatter plot."""
+
+
+def make_page(title: str, verdict: Verdict, found: Search, ranges: Ranges, trials: Sequence[Trial],
+              fits: dict[str, np.ndarray], advice: list[Advice]) -> Page:
+    """Make the page. fits: what each trial reads with the best numbers, in its unit."""
+    page = Page(f"Calibration: {title}")
+    page.set_verdict("; ".join([*(verdict.reasons or ["calibrated"]), *verdict.cautions]),
+                     holds=verdict.is_calibrated)
+    page.add_heading("Numbers")
+    page.add_table(["number", "best", "90 %, from", "to", "range, from", "to", "interval / range", "narrowed"],
+                   [[one.name, one.best, one.low, one.high, one.least, one.most, one.width,
+                     "pass" if one.is_determined else "fail"] for one in verdict.findings])
+    page.add_heading("Experiments")
+    page.add_table(["experiment", "role", "readings", "chi square", "probability", "rms difference", "unit",
+                    "explained"],
+                   [[one.name, "held out" if one.held_out else "fitted", one.readings, one.chi_square, one.probability,
+                     one.rms, one.unit, "pass" if one.is_explained else "fail"]
+                    for one in (*verdict.fits, *verdict.checks)])
+    page.add_text(f"Probability of the fitted residuals together: {verdict.probability:.3g}. Simulated "
+                  f"{len(found.points)} x; the emulators "
+                  + ("add nothing to the errors of the readings." if found.is_settled else
+                     "still add to the errors of the readings: more runs would narrow the intervals."))
+    for trial in trials:
+        page.add_plot(draw_fit(trial, fits[trial.name]))
+    samples = ranges.scaled(found.posterior.samples)
+    if len(ranges.names) > 1:
+        page.add_heading("Samples of the numbers")
+        for i, j in combinations(range(len(ranges.names)), 2):
+            page.add_plot(draw_samples(samples, ranges, i, j, ranges.scaled(found.posterior.best)))
+        page.add_table(["correlation", *ranges.names],
+                       [[name, *row] for name, row in zip(ranges.names, found.posterior.correlation().tolist())])
+    page.add_heading("Which measurement would narrow them most")
+    page.add_table(["measurement", *(f"{name}: interval, x" for name in ranges.names)],
+                   [[one.measurement, *one.widths.values()] for one in advice])
+    return page
+
+
+def draw_fit(trial: Trial, values: np.ndarray) -> str:
+    """Draw the readings of a trial with their errors, and what the best numbers give; return HTML."""
+    role = "held out" if trial.held_out else "fitted"
+    figure = Figure(layout={**LAYOUT, "height": 320, "title": {"text": f"{trial.name} ({trial.kind}, {role})"},
+                            "xaxis": {"title": {"text": trial.axis_name}},
+                            "yaxis": {"title": {"text": f"[{trial.unit}]"}}})
+    figure.add_trace(Scatter(x=trial.axis, y=trial.readings, mode="markers", name="measured",
+                             marker={"color": COLOURS[0], "size": 7},
+                             error_y={"type": "data", "array": trial.errors, "color": COLOURS[0], "thickness": 1}))
+    figure.add_trace(Scatter(x=trial.axis, y=values, mode="lines", name="best numbers", line={"color": COLOURS[1]}))
+    return to_html(figure)
+
+
+def draw_samples(samples: np.ndarray, ranges: Ranges, i: int, j: int, best: np.ndarray) -> str:
+    """Draw the samples (s, d) of two numbers within their ranges, and the best (d,); return HTML."""
+    shown = samples[:: max(len(samples) // DRAWN, 1)]
+    figure = Figure(layout={**LAYOUT, "height": 380, "xaxis": {
+        "title": {"text": ranges.names[i]}, "range": [ranges.lower[i], ranges.upper[i]]}, "yaxis": {
+        "title": {"text": ranges.names[j]}, "range": [ranges.lower[j], ranges.upper[j]]}})
+    figure.add_trace(Scatter(x=shown[:, i], y=shown[:, j], mode="markers", name="samples",
+                             marker={"size": 3, "opacity": 0.4, "color": COLOURS[0]}))
+    figure.add_trace(Scatter(x=best[i : i + 1], y=best[j : j + 1], mode="markers", name="best",
+                             marker={"size": 10, "symbol": "x", "color": COLOURS[1]}))
+    return to_html(figure)

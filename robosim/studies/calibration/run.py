@@ -1,0 +1,207 @@
+"""`robosim calibrate`: from a file of measurements to a material card, or to the reasons why there is none."""
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robosim.base.input_files import check_form, read_json
+from robosim.base.output_folder import OutputFolder
+from robosim.base.progress import Progress
+from robosim.base.provenance import code_digest
+from robosim.config.materials import MaterialConfig, number_names
+from robosim.config.settings import Setting
+from robosim.studies.calibration.emulator import Emulator
+from robosim.studies.calibration.experiment import Numbers, Trial, make_candidates, make_trials
+from robosim.studies.calibration.measurements import (
+    WALL_FRICTION,
+    HeapExperiment,
+    Measurements,
+    PourExperiment,
+    load_measurements,
+)
+from robosim.studies.calibration.page import make_page
+from robosim.studies.calibration.search import Ranges, Search, search
+from robosim.studies.calibration.verdict import Advice, Finding, Residual, Verdict, advise, judge, residual
+
+CARD, REFUSED = "material.yaml", "material_NOT_CALIBRATED.yaml"
+"""Names of the card; of one that missed a bound the name says so."""
+RUNS = "runs.json"
+FORM = {"key": str, "runs": {str: [float]}}
+"""Form of the file of runs."""
+CHECK_SEED = 1_000_000
+"""Seed of the runs with the best numbers: none of the search's."""
+CHECK_RUNS, SAMPLE_RUNS = 3, 16
+"""Runs of a fitted experiment with the best numbers; of one held out and of a candidate with samples of the
+posterior."""
+DIGITS = 12
+"""Of a number in the key of a run."""
+
+
+class Runs:
+    """Simulations of a folder, kept on the disk: a run that is asked for again is not simulated again."""
+
+    def __init__(self, folder: OutputFolder, key: str) -> None:
+        self._folder, self._key, self._runs = folder, key, read_runs(folder.path / RUNS, key)
+
+    def simulate(self, trial: Trial, numbers: Numbers, seed: int) -> np.ndarray:
+        """Return what a trial would read (n,), stored or simulated."""
+        if trial.is_direct:
+            return trial.simulate(numbers, seed)
+        name = f"{trial.name} seed {seed} " + " ".join(f"{key}={value:.{DIGITS}g}" for key, value in numbers.items())
+        values = self._runs.get(name)
+        if values is None or len(values) != len(trial.readings):
+            values = [float(value) for value in trial.simulate(numbers, seed)]
+            self._runs[name] = values
+            self._folder.write_json(RUNS, {"key": self._key, "runs": self._runs})
+        return np.array(values)
+
+
+def read_runs(path: Path, key: str) -> dict[str, list[float]]:
+    """Read the runs of an earlier command with the same measurements and code; none where the file cannot be read."""
+    try:
+        stored = read_json(path)
+        check_form(stored, FORM)
+        return dict(stored["runs"]) if stored["key"] == key else {}
+    except (OSError, ValueError):
+        return {}
+
+
+def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings: tuple[Setting, ...] = ()) -> int:
+    """Calibrate the material of a file of measurements, and write card, figures and page into a folder.
+
+    runs: most simulations of each experiment. Returns 0 when the material is calibrated, 1 otherwise. Raises
+    ConfigError for measurements that cannot be used, mpm.SimulationDiverged.
+    """
+    measurements = load_measurements(path, settings)
+    trials = make_trials(measurements)
+    ranges = Ranges.of(measurements.sought)
+    with OutputFolder(out) as folder:
+        folder.clear((CARD, REFUSED, "calibration.json", "index.html"))
+        store = Runs(folder, fingerprint(measurements))
+        fitted = [trial for trial in trials if not trial.held_out]
+        is_simulated = any(not trial.is_direct for trial in fitted)
+        with Progress(total=runs, desc="calibrate", unit="runs", disable=not is_simulated) as progress:
+            found = search(fitted, ranges, store.simulate, runs=runs, seed=seed, report=progress.update)
+        fits, checks, best = run_best(trials, ranges, found, store)
+        verdict = judge(ranges, found, fits, checks)
+        advice = advise(measurements, trials, ranges, found, run_candidates(measurements, ranges, found, store))
+        card = make_card(measurements, verdict)
+        folder.write_yaml(CARD if verdict.is_calibrated else REFUSED, card.model_dump(mode="json", exclude_none=True))
+        folder.write_json("calibration.json", summarize(measurements, verdict, found, ranges, advice))
+        page = make_page(measurements.config.description, verdict, found, ranges, trials, best, advice)
+        folder.write_text("index.html", page.html())
+    print_verdict(verdict, advice)
+    print(out / "index.html")
+    return 0 if verdict.is_calibrated else 1
+
+
+def run_best(trials: list[Trial], ranges: Ranges, found: Search, store: Runs
+             ) -> tuple[list[Residual], list[Residual], dict[str, np.ndarray]]:
+    """Simulate every trial with the best numbers; return residuals of those fitted and held out, and their values.
+
+    Means over some runs: the places of particles are a part of the errors, not of the numbers. Those held out are
+    predicted over the samples of the posterior, so that its covariance counts among their errors.
+    """
+    fits, checks, best = [], [], {}
+    for trial in trials:
+        if trial.held_out:
+            best[trial.name], covariance = predict_held_out(trial, ranges, found, store)
+            checks.append(residual(trial, best[trial.name], covariance))
+        else:
+            own = ranges.numbers(found.posterior.best)
+            seeds = 1 if trial.is_direct else CHECK_RUNS
+            values = np.array([store.simulate(trial, own, CHECK_SEED + k) for k in range(seeds)])
+            best[trial.name] = values.mean(0)
+            variance: Any = 0.0
+            if trial.name in found.emulators:
+                variance = found.emulators[trial.name].predict(found.posterior.best[None])[1][0] * trial.errors**2
+                variance = np.diag(variance)
+            fits.append(residual(trial, best[trial.name], variance))
+    return fits, checks, best
+
+
+def predict_held_out(trial: Trial, ranges: Ranges, found: Search, store: Runs) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean (n,) and covariance (n, n) of what a trial would read, over the samples of the posterior."""
+    samples = found.posterior.samples
+    if trial.is_direct:
+        values = np.array([trial.simulate(ranges.numbers(point), 0) for point in samples])
+        return values.mean(0), np.atleast_2d(np.cov(values.T))
+    mean, covariance = emulate(trial, ranges, found, store).distribution(samples)
+    return mean * trial.errors, covariance * np.outer(trial.errors, trial.errors)
+
+
+def run_candidates(measurements: Measurements, ranges: Ranges, found: Search, store: Runs) -> dict[str, Emulator]:
+    """Simulate the experiments that could be made with samples of the posterior; return their emulators by name."""
+    return {trial.name: emulate(trial, ranges, found, store) for trial in make_candidates(measurements)}
+
+
+def emulate(trial: Trial, ranges: Ranges, found: Search, store: Runs) -> Emulator:
+    """Simulate a trial with samples of the posterior; return its emulator."""
+    samples = found.posterior.samples
+    chosen = samples[np.random.default_rng(CHECK_SEED).choice(len(samples), SAMPLE_RUNS)]
+    outputs = [store.simulate(trial, ranges.numbers(point), CHECK_SEED + k) for k, point in enumerate(chosen)]
+    return Emulator(chosen, np.array(outputs) / trial.errors)
+
+
+def fingerprint(measurements: Measurements) -> str:
+    """Return twelve hexadecimal digits that change with experiments, data, card and code."""
+    config = measurements.config.model_dump(exclude={"description", "sought"})
+    files = [Path(one.data).read_bytes().hex() for one in measurements.experiments.values()
+             if isinstance(one, HeapExperiment | PourExperiment)]
+    code = code_digest("robosim.studies.calibration.experiment")
+    text = json.dumps([config, files, measurements.card.model_dump(), code], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def make_card(measurements: Measurements, verdict: Verdict) -> MaterialConfig:
+    """Return the card with the best numbers, each with its interval and the experiments that it comes from."""
+    numbers = {one.name: one.best for one in verdict.findings}
+    card = measurements.changed_card(numbers)
+    known = number_names(card)
+    names = ", ".join(f"{one.name} ({measurements.config.experiments[one.name]['kind']})" for one in verdict.fits)
+    changed: dict[str, Any] = {"description": measurements.config.description}
+    for one in verdict.findings:
+        source = f"{describe(one, verdict)}; from {names}"
+        if one.name == WALL_FRICTION:
+            changed[one.name] = {"value": one.best, "unit": "1", "source": source}
+        else:
+            changed[known[one.name]] = getattr(card, known[one.name]).model_copy(update={"source": source}).model_dump()
+    return type(card).model_validate({**card.model_dump(), **changed})
+
+
+def describe(one: Finding, verdict: Verdict) -> str:
+    """Return where a number of the card comes from, in a line."""
+    state = "calibrated" if verdict.is_calibrated else "NOT CALIBRATED, best fit" if one.is_determined else \
+        "NOT CALIBRATED, the data cannot tell it"
+    state = ", ".join([state, *verdict.cautions])
+    return f"{state}; 90 % interval {one.low:.4g} to {one.high:.4g}"
+
+
+def summarize(measurements: Measurements, verdict: Verdict, found: Search, ranges: Ranges, advice: list[Advice]
+              ) -> dict[str, Any]:
+    """Return all figures, for calibration.json."""
+    return {"is_calibrated": verdict.is_calibrated, "reasons": verdict.reasons, "cautions": verdict.cautions,
+            "is_checked": bool(verdict.checks),
+            "description": measurements.config.description, "material": measurements.config.material,
+            "numbers": {one.name: {**one._asdict(), "interval_over_range": one.width} for one in verdict.findings},
+            "correlation": {"names": list(ranges.names), "matrix": found.posterior.correlation().tolist()},
+            "probability": verdict.probability, "fitted": [one._asdict() for one in verdict.fits],
+            "held_out": [one._asdict() for one in verdict.checks],
+            "advice": [one._asdict() for one in advice], "runs": len(found.points), "is_settled": found.is_settled}
+
+
+def print_verdict(verdict: Verdict, advice: list[Advice]) -> None:
+    """Print the numbers and what was not shown to stdout, and what speaks against them to stderr."""
+    for one in verdict.findings:
+        print(f"{one.name} = {one.best:.4g}, 90 % {one.low:.4g} to {one.high:.4g}")
+    for caution in verdict.cautions:
+        print(caution)
+    for reason in verdict.reasons:
+        print(f"robosim calibrate: {reason}", file=sys.stderr)
+    if not verdict.is_calibrated and advice:
+        print(f"robosim calibrate: of the measurements considered, this would narrow the numbers most: "
+              f"{advice[0].measurement}", file=sys.stderr)

@@ -1,0 +1,129 @@
+"""Arrays of SLURM jobs, submitted by submitit and queued again where their time ends."""
+
+import subprocess
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from robosim.base.errors import ConfigError
+from robosim.base.files import write_json
+from robosim.base.input_files import read_json
+from robosim.studies.clusters.job import ClusterJob
+from robosim.studies.clusters.launch import Ended, read_table
+
+POLL = 2.0
+"""Time [s] between two looks at the queue."""
+UNSEEN = 5
+"""Looks at which a job without a result is in no queue before it counts as lost."""
+MOST_REQUEUES = 1000
+"""Times that a job continues after its time limit."""
+JOBS = "jobs.json"
+"""File of the folder with the job of each run."""
+INSTALL = "pip install '.[slurm]' in the checkout"
+
+
+class SlurmLauncher:
+    """Submits commands as an array of jobs of one task each. Raises ConfigError where SLURM or submitit is missing."""
+
+    def __init__(self) -> None:
+        try:
+            import submitit  # pyright: ignore[reportMissingImports]  (of the extra `slurm`)
+        except ImportError:
+            raise ConfigError(f"--launch slurm needs submitit: {INSTALL}") from None
+        self._submitit, self.table = submitit, read_table({})
+        self._partitions = list_partitions()
+
+    def configure(self, table: Mapping[str, Any]) -> None:
+        """Take over a `launch:` table; raises ConfigError, also for a partition that the cluster does not have."""
+        self.table = read_table(table)
+        if self.table.partition and self.table.partition not in self._partitions:
+            raise ConfigError(f"launch.partition: {self.table.partition!r}; accepted here: "
+                              f"{', '.join(self._partitions)}")
+
+    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
+            resumes: bool = True) -> Iterator[Ended]:
+        """Submit commands and yield each as it ends; what is interrupted here goes on there."""
+        if not commands:
+            return
+        jobs = self._adopt_or_submit(commands, folder, MOST_REQUEUES if resumes else 0)
+        print(f"{len(jobs)} jobs of SLURM: {jobs[0].job_id} to {jobs[-1].job_id}; logs in {folder}; Ctrl-C ends the "
+              f"waiting, not the jobs", flush=True)
+        waiting, unseen = dict(enumerate(jobs)), dict.fromkeys(range(len(jobs)), 0)
+        while waiting:
+            queued = list_jobs()
+            for index, job in list(waiting.items()):
+                has_result = job.paths.result_pickle.exists()
+                unseen[index] = 0 if has_result or job.job_id in queued else unseen[index] + 1
+                if has_result or unseen[index] > UNSEEN:
+                    del waiting[index]
+                    yield Ended(index, self._reason(job) if has_result else f"job {job.job_id} is in no queue and left "
+                                                                            f"no result; see {job.paths.stderr}")
+            if waiting:
+                time.sleep(POLL)
+
+    def _adopt_or_submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path, requeues: int) -> list[Any]:
+        """Return the jobs of commands: those that an earlier call submitted and that are still queued, and new ones."""
+        record = folder / JOBS
+        try:
+            earlier = read_json(record) if record.is_file() else {}
+        except ValueError:  # of no use
+            earlier = {}
+        queued, jobs = list_jobs(), {}
+        for index, (_, log) in enumerate(commands):
+            job_id = earlier.get(str(log)) if isinstance(earlier, dict) else None
+            if isinstance(job_id, str) and job_id in queued:
+                jobs[index] = self._submitit.SlurmJob(folder=folder, job_id=job_id)
+        new = [index for index in range(len(commands)) if index not in jobs]
+        if new:
+            jobs |= dict(zip(new, self._submit([commands[index] for index in new], folder, requeues)))
+        write_json(record, {str(log): jobs[index].job_id for index, (_, log) in enumerate(commands)})
+        return [jobs[index] for index in range(len(commands))]
+
+    def _submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path, requeues: int) -> list[Any]:
+        table = self.table
+        folder.mkdir(parents=True, exist_ok=True)
+        executor = self._submitit.SlurmExecutor(folder=folder, max_num_timeout=requeues,
+                                                python=table.python or None)
+        named = {key: value for key, value in (("partition", table.partition), ("account", table.account),
+                                               ("qos", table.qos)) if value}
+        executor.update_parameters(
+            time=max(1, round(60 * table.hours)), mem=f"{max(1, round(1000 * table.memory_gb))}M",
+            cpus_per_task=table.cores, ntasks_per_node=1, nodes=1, array_parallelism=table.parallel,
+            signal_delay_s=table.warning_s, job_name="robosim", setup=list(table.setup),
+            additional_parameters={"requeue": True, **table.extra}, **named)
+        try:
+            return executor.submit_array([ClusterJob(arguments, log) for arguments, log in commands])
+        except Exception as error:  # submitit raises its own and subprocess's errors
+            raise ConfigError(f"sbatch refused the jobs: {error}") from None
+
+    @staticmethod
+    def _reason(job: Any) -> str:
+        error = job.exception()
+        if error is None:
+            return ""
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        own = [line.split("JobFailed: ", 1)[1] for line in lines if "JobFailed: " in line]
+        return own[-1] if own else f"{lines[-1]}; see {job.paths.stderr}"
+
+
+def list_partitions() -> list[str]:
+    """Return the partitions of the cluster; raises ConfigError where there is none."""
+    return sorted({line.strip().rstrip("*") for line in _ask(["sinfo", "-h", "-o", "%P"]).splitlines() if line.strip()})
+
+
+def list_jobs() -> set[str]:
+    """Return the ids of the user's jobs that wait, run or have just ended, arrays by element."""
+    return {line.strip() for line in _ask(["squeue", "--me", "-h", "-r", "-o", "%i"]).splitlines()} | {
+        line.strip() for line in _ask(["squeue", "--me", "-h", "-r", "-o", "%A"]).splitlines()}
+
+
+def _ask(words: list[str]) -> str:
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=60.0)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ConfigError(f"--launch slurm: {words[0]}: {error}; accepted: on a machine that submits to SLURM (Debian: "
+                          f"apt install slurm-client)") from None
+    if done.returncode:
+        raise ConfigError(f"--launch slurm: {words[0]}: {done.stderr.strip() or f'status {done.returncode}'}")
+    return done.stdout

@@ -1,0 +1,14 @@
+"""Scoring of policies: one task, many materials, and the bundled policies.
+
+Imports: base, config, dosing, envs, randomization, recordings, rehearsal, rendering, reports, robot, scene, senses,
+shapes, tasks, viewer, mpm.
+"""
+
+from robosim.dosing import CONTROLLERS
+
+POLICIES = ("zero", "random", "scripted", "learned", *CONTROLLERS)
+"""Policies by name, the controllers for dosing tasks alone; any other is the path of a .npz file."""
+NETWORK = "network"
+"""The bundled policy that observes, of the sub-tasks that have one."""
+SUITES = ("nominal", "wide", "materials")
+"""Starts and materials that policies are scored from, see `robosim.studies.evaluation.suites`."""

@@ -1,0 +1,113 @@
+"""`robosim evaluate`: episodes of a policy on a sub-task, their scores as text and JSON, and a film of the first."""
+
+import contextlib
+import sys
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robosim.base.output_folder import OutputFolder
+from robosim.base.progress import Progress
+from robosim.envs import make
+from robosim.envs.grain_env import GrainEnv
+from robosim.recordings.reader import FILE as RECORDING
+from robosim.rendering.renderer import RenderingUnavailable
+from robosim.rendering.video import Mp4Writer
+from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
+from robosim.studies.evaluation.page import make_page
+from robosim.studies.evaluation.policies import check_task, make_policy, training_options
+from robosim.tasks.task import load_task
+
+RESULTS = ("evaluation.json", "index.html", "episode.mp4", RECORDING)
+"""Files that a run writes."""
+
+
+def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = None, seed: int = 0, film: bool = True,
+             nominal: bool = False, changed: Collection[str] = (), **options: Any) -> int:
+    """Run episodes of a policy, print their scores, and write evaluation.json and episode.mp4 into a folder.
+
+    name: of the policy, or its file, whose own options of the environment prevail. episodes: None: five, or one where
+    all are the same because they begin at the task's own start (nominal). seed: of the first; the next one's is one
+    higher. changed: top-level keys of the task that differ on purpose from what the policy was learned on. options: of
+    the environment. Returns 0.
+    Raises ConfigError, UnknownName for what cannot be used, before any work.
+    """
+    episodes = episodes or (1 if nominal else 5)
+    options |= training_options(name)
+    check_task(name, load_task(task), changed)
+    made = make(task, render_mode="rgb_array" if film and out else None, **options)
+    env = made.unwrapped
+    assert isinstance(env, GrainEnv)
+    make_policy(name, env, seed)  # raises for a policy that does not fit
+    rows: list[dict[str, Any]] = []
+    with contextlib.ExitStack() as stack:
+        stack.callback(made.close)
+        folder = stack.enter_context(OutputFolder(out)) if out else None
+        if folder:
+            folder.clear(RESULTS)
+        for k in Progress(range(episodes), desc=f"{task}, {name}", unit="episodes"):
+            with _open_film(folder if k == 0 and film else None, env) as writer:
+                rows.append(_run_episode(env, name, seed + k, writer, nominal, folder if k == 0 else None))
+            if folder:
+                folder.write_json("evaluation.json", summarize(task, name, rows, episodes))
+        values = summarize(task, name, rows, episodes)
+        if folder:
+            folder.write_text("index.html", make_page(values, folder.path).html())
+    for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):
+        print(f"{key:28s} {values[key]:.4g}{' deg' if key.endswith('_deg') else ''}")
+    return 0
+
+
+def _open_film(folder: OutputFolder | None, env: GrainEnv) -> contextlib.AbstractContextManager[Mp4Writer | None]:
+    """Open the film's file; None, and the reason on stderr, where pictures cannot be drawn.
+
+    The film is removed if its episode is interrupted.
+    """
+    if folder is None:
+        return contextlib.nullcontext()
+    try:
+        env.render()
+    except RenderingUnavailable as error:
+        print(f"no film: {error}", file=sys.stderr)
+        return contextlib.nullcontext()
+    return Mp4Writer(folder.path / "episode.mp4", fps=env.metadata["render_fps"])
+
+
+def _run_episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool,
+                 folder: OutputFolder | None) -> dict[str, Any]:
+    """Run one episode and return its figures; film, and recording in a folder, take a frame after each action."""
+    env.reset(seed=seed, options={"nominal": nominal})
+    policy, total, over, info = make_policy(name, env, seed), 0.0, False, {}
+    with EpisodeRecorder(env, folder.path / RECORDING, name) if folder else contextlib.nullcontext() as recorder:
+        while not over:
+            _, reward, terminated, truncated, info = env.step(policy())
+            total, over = total + reward, terminated or truncated
+            if writer is not None and (frame := env.render()) is not None:
+                writer.add(frame)
+            if recorder is not None:
+                recorder.add(reward, info)
+    return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],
+            "is_success": info["is_success"], "readings": info["readings"], "diverged": info.get("diverged"),
+            **({"arm": info["arm"]} if "arm" in info else {})}
+
+
+def summarize(task: str, name: str, rows: list[dict[str, Any]], planned: int) -> dict[str, Any]:
+    """Return means and standard deviations over episodes, and the episodes' own figures.
+
+    planned: number of episodes; the summary says whether it is of all of them.
+    Readings of the arm are the largest of all episodes, because a single one may exceed a limit.
+    """
+    values: dict[str, Any] = {"task": task, "policy": name, "is_complete": len(rows) == planned, "episodes": rows}
+    for key in ("return", "tcs"):
+        numbers = [row[key] for row in rows]
+        values[key], values[f"{key}_std"] = float(np.mean(numbers)), float(np.std(numbers))
+    values["success_rate"] = float(np.mean([row["is_success"] for row in rows]))
+    for key in rows[0]["readings"]:
+        values[f"readings.{key}"] = float(np.mean([row["readings"][key] for row in rows]))
+        if key.startswith("dose_error"):
+            values[f"readings.{key}_std"] = float(np.std([row["readings"][key] for row in rows]))
+    for key in rows[0].get("arm", ()):
+        values[f"arm.{key}"] = max(row["arm"][key] for row in rows)
+    return values

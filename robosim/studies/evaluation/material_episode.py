@@ -1,0 +1,54 @@
+"""One episode of a policy in one material, in a process of its own.
+
+`python -m robosim.studies.evaluation.material_episode TASK POLICY MATERIAL CORE` prints it as JSON.
+"""
+
+import json
+import sys
+from typing import Any
+
+from robosim.base.jobs import pin_to_core
+from robosim.envs import make
+from robosim.envs.grain_env import GrainEnv
+from robosim.randomization.materials import MATERIALS
+from robosim.studies.evaluation.policies import make_policy, training_options
+from robosim.tasks.task import load_task
+
+READINGS = ("delivered", "spilled", "collisions")
+OWN = "the task's own"
+"""Label of the task's own material, from which the trajectory's deviation is measured."""
+
+
+def run_episode(task: str, name: str, label: str) -> dict[str, Any]:
+    """Run an episode from the task's own start; return its score, readings and trajectory.
+
+    The trajectory is the centre [m] (3,) of the observed grains after each action, as long as the simulation does not
+    diverge.
+    """
+    base, numbers = MATERIALS[label] if label != OWN else (load_task(task).material, {})
+    options: dict[str, Any] = {"material": base, **numbers, **training_options(name)}
+    made = make(task, **options)
+    env = made.unwrapped
+    assert isinstance(env, GrainEnv)
+    env.reset(seed=0, options={"nominal": True})
+    policy, over, info, trajectory = make_policy(name, env, 0), False, {}, []
+    while not over:
+        _, _, terminated, truncated, info = env.step(policy())
+        over = terminated or truncated
+        if not info.get("diverged"):
+            trajectory.append(env.world.grains()[:, :3].mean(0).astype(float).tolist())
+    made.close()
+    diverged = str(info["diverged"]) if info.get("diverged") else None
+    return {"score": info["tcs"], "trajectory": trajectory, "diverged": diverged,
+            **{key: info["readings"].get(key) for key in READINGS}}
+
+
+def main(arguments: list[str]) -> None:
+    """Run one episode and print it; arguments: task, policy, material, core."""
+    task, name, label, core = arguments
+    pin_to_core(core)
+    print(json.dumps(run_episode(task, name, label)))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

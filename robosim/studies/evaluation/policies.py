@@ -1,0 +1,220 @@
+"""Policies of an environment: none, random, scripted, a dosing controller, recorded actions, a learned network."""
+
+import json
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+import mpm
+from mpm.array_files import StoredArrays, read_arrays
+from mpm.files import quote
+from mpm.geometry.rigid_motion import relative_rotation
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.input_files import differing_entries
+from robosim.base.resources import trained
+from robosim.dosing import CONTROLLERS
+from robosim.envs.grain_env import GrainEnv
+from robosim.studies.evaluation import POLICIES
+from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy
+from robosim.tasks.task import TaskConfig
+
+Policy = Callable[[], np.ndarray]
+"""Returns the next action (dimensions,) of the episode."""
+LARGEST = 1e30
+"""Largest number of an action, which the environment clips; single precision has numbers of up to 3e38."""
+SHOWN = 3
+"""Differences that an error names."""
+MAX_REPEAT = 10_000
+"""Steps that an action of a file is repeated for: 20 s at steps of 2 ms, ten episodes."""
+
+
+def make_policy(name: str, env: GrainEnv, seed: int) -> Policy:
+    """Make the policy of one episode, by name or from a .npz file.
+
+    A file holds the array `actions` (n, dimensions), or a network as `robosim train` exports it.
+    Raises UnknownName for what is neither, ConfigError for a file that does not fit the environment.
+    """
+    n = env.task.action.size
+    if name == "zero":
+        still = rest_action(env.task)
+        return lambda: still.copy()
+    if name == "random":
+        rng = np.random.default_rng(seed)
+        return lambda: rng.uniform(-1.0, 1.0, n).astype(np.float32)
+    if name == "scripted":
+        return ScriptedPolicy(env)
+    if name in CONTROLLERS:
+        return DosingPolicy(name, env)
+    if name == "learned":
+        bundled = trained(env.TASK)
+        if bundled is None:
+            raise ConfigError(f"policy 'learned': there is no bundled motion for {env.TASK or 'this task'}; "
+                              f"`robosim train` learns one, give its .npz file")
+        return ReplayPolicy(bundled, load_policy(bundled), env)
+    if Path(name).is_file():
+        arrays = load_policy(Path(name))
+        return NetworkPolicy(Path(name), arrays, env) if "weight_0" in arrays else \
+            ReplayPolicy(Path(name), arrays, env)
+    raise UnknownName("policy", name, POLICIES, "or the path of a .npz file with an array `actions`, or with a network")
+
+
+def training_options(name: str) -> dict[str, Any]:
+    """Return the environment's options that a policy file was learned with, or that a dosing controller reads.
+
+    There are none for any other policy. Raises ConfigError for a file that cannot be read.
+    """
+    if name in CONTROLLERS:
+        return {"obs": list(TERMS)}
+    if not Path(name).is_file():
+        return {}
+    arrays, options = load_policy(Path(name)), {}
+    if "action_repeat" in arrays:
+        options["action_repeat"] = arrays.integer("action_repeat", None, 1, MAX_REPEAT)
+    if "weight_0" in arrays and "obs" in arrays:
+        options["obs"] = arrays.text("obs", "")
+    return options
+
+
+def load_policy(path: Path) -> StoredArrays:
+    """Load the arrays of a policy's .npz file; raises ConfigError for one that cannot be read or used."""
+    try:
+        stored = read_arrays(path)
+        stored.check_finite()
+        # until release 0.1 action_repeat was called hold
+        arrays = StoredArrays(path, {"action_repeat" if key == "hold" else key: array for key, array in stored.items()})
+        arrays.integer("action_repeat", 1, 1, MAX_REPEAT)
+        for name in ("task", "obs", "bound"):
+            arrays.text(name, "")
+    except (OSError, mpm.InvalidValue) as error:
+        raise ConfigError(f"{error}") from None
+    return arrays
+
+
+def check_task(name: str, task: TaskConfig, changed: Collection[str] = ()) -> None:
+    """Raise ConfigError where a network's file was learned on another task, or on another version of it.
+
+    changed: top-level keys of the task's file that were changed on purpose.
+    """
+    if not Path(name).is_file():
+        return
+    arrays = load_policy(Path(name))
+    if "weight_0" not in arrays or "task_table" not in arrays:
+        return
+    try:
+        learned = json.loads(arrays.text("task_table", ""))
+    except ValueError as error:
+        raise ConfigError(f"{name}: task_table: not JSON: {error}") from None
+    now = json.loads(task.model_dump_json(exclude={"description"}))
+    differing = {key: values for key, values in differing_entries(learned, now).items()
+                 if key.split(".")[0] not in changed}
+    if differing:
+        texts = [f"{key} {quote(values[0])}, here {quote(values[1])}" for key, values in differing.items()]
+        more = f" and {len(texts) - SHOWN} more" if len(texts) > SHOWN else ""
+        raise ConfigError(f"policy {name}: learned on {arrays.text('task', 'another task')} with "
+                          f"{'; '.join(texts[:SHOWN])}{more}; accepted: the task that it was learned on")
+
+
+def rest_action(task: TaskConfig) -> np.ndarray:
+    """Return the action (size,) of a tool at rest, which does not vibrate either."""
+    n = task.action.dimensions
+    return np.array([0.0] * n + [-1.0] * (task.action.size - n), np.float32)
+
+
+class ScriptedPolicy:
+    """Follows the waypoints of the task's script from where the tool is."""
+
+    def __init__(self, env: GrainEnv) -> None:
+        self._env, self._path = env, env.task.scripted_path(env.carrier.commanded.position)
+
+    def __call__(self) -> np.ndarray:
+        env, task, action = self._env, self._env.task, self._env.task.action
+        now = env.carrier.commanded
+        duration = min(env.action_repeat, task.steps - env.step_count) * task.step_dt
+        target = self._path.pose(env.step_count * task.step_dt + duration)
+        velocity = (target.position - now.position) / (duration * action.speed)
+        if action.dimensions == 6:
+            rotation = now.matrix @ relative_rotation(now.quaternion, target.quaternion)
+            velocity = np.concatenate([velocity, rotation / (duration * action.angular_speed)])
+        still = rest_action(task)[action.dimensions:]
+        return np.clip(np.concatenate([velocity, still]), -1.0, 1.0).astype(np.float32)
+
+
+class ReplayPolicy:
+    """Recorded actions, one after the other, and zeros after the last.
+
+    A file may state the steps that each action is meant for, as `action_repeat`; the environment's must divide it.
+    Raises ConfigError for actions of another shape, task or action_repeat.
+    """
+
+    def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
+        if "actions" not in arrays:
+            raise ConfigError(f"{path}: holds {', '.join(arrays)}; accepted: an array `actions`, or `weight_0`, "
+                              f"`bias_0` and so on")
+        dimensions, actions = env.task.action.size, arrays.numbers("actions")
+        steps = arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT)
+        if actions.ndim != 2 or actions.shape[1] != dimensions or not np.all(np.abs(actions) <= LARGEST):
+            raise ConfigError(f"{path}: actions of type {actions.dtype} have shape {actions.shape}; accepted: (n, "
+                              f"{dimensions}), numbers of up to {LARGEST:g}")
+        recorded_for = arrays.text("task", env.TASK)
+        if type(env).TASK and recorded_for != env.TASK:  # a task file takes any motion that fits
+            raise ConfigError(f"{path}: actions for {recorded_for}; accepted: for {env.TASK}")
+        if steps % env.action_repeat:
+            raise ConfigError(f"{path}: its actions are for {steps} steps each; the environment acts every "
+                              f"{env.action_repeat}; accepted: an action_repeat that divides {steps}")
+        repeat = steps // env.action_repeat
+        self._actions = (action for action in np.asarray(actions, np.float32) for _ in range(repeat))
+        self._zero = rest_action(env.task)
+
+    def __call__(self) -> np.ndarray:
+        return next(self._actions, self._zero)
+
+
+class NetworkPolicy:
+    """A learned network: layers W x + b, each followed by the function that `activations` names.
+
+    `bound` names how the last layer is kept within -1 and 1; `obs` and `action_repeat` are those that
+    the network was learned with. Raises ConfigError for a network that does not fit the environment.
+    """
+
+    FUNCTIONS: ClassVar[dict[str, Callable[[np.ndarray], np.ndarray]]] = {
+        "none": lambda x: x, "relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
+
+    def __init__(self, path: Path, arrays: StoredArrays, env: GrainEnv) -> None:
+        names = [str(name) for name in arrays.get("activations", np.zeros(0)).ravel()]
+        try:
+            self._layers = [(arrays[f"weight_{k}"], arrays[f"bias_{k}"], self.FUNCTIONS[name])
+                            for k, name in enumerate(names)]
+            self._bound = {"tanh": np.tanh, "clip": lambda x: np.clip(x, -1.0, 1.0)}[str(arrays["bound"])]
+        except KeyError as error:
+            raise ConfigError(f"{path}: not a policy: {error} is missing or unknown") from error
+        inputs, outputs = _check_chain(path, [(W, b) for W, b, _ in self._layers])
+        if env.observation_space.shape != (inputs,) or outputs != env.task.action.size:
+            raise ConfigError(f"{path}: takes {inputs} numbers and gives {outputs}; this environment observes "
+                              f"{env.observation_space.shape} and takes {env.task.action.size}; the network was "
+                              f"learned with obs={arrays.get('obs', '?')} for {arrays.get('task', '?')}")
+        if arrays.integer("action_repeat", env.action_repeat, 1, MAX_REPEAT) != env.action_repeat:
+            raise ConfigError(f"{path}: learned with action_repeat={arrays['action_repeat']}; the environment has "
+                              f"{env.action_repeat}")
+        self._env = env
+
+    def __call__(self) -> np.ndarray:
+        x = self._env.observation
+        for W, b, function in self._layers:
+            x = function(W @ x + b)
+        return self._bound(x).astype(np.float32)
+
+
+def _check_chain(path: Path, layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[int, int]:
+    """Return the numbers of inputs and outputs of layers; raise ConfigError where one does not fit the one before."""
+    width = layers[0][0].shape[-1] if layers and layers[0][0].ndim else 0
+    inputs = width
+    for k, (W, b) in enumerate(layers):
+        if W.ndim != 2 or W.shape[1] != width or b.shape != W.shape[:1] or {W.dtype.kind, b.dtype.kind} != {"f"}:
+            raise ConfigError(f"{path}: weight_{k} and bias_{k} have shapes {W.shape} and {b.shape}, types {W.dtype} "
+                              f"and {b.dtype}; accepted: floating-point numbers of shapes (n, {width}) and (n,)")
+        width = W.shape[0]
+    if not layers:
+        raise ConfigError(f"{path}: not a policy: no activations; accepted: one for each layer")
+    return inputs, width

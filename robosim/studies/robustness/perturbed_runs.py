@@ -1,0 +1,147 @@
+"""A rehearsal with the exact model, and several with errors of the model: the worst of every figure."""
+
+import hashlib
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from robosim.base.input_files import read_json
+from robosim.base.jobs import Runner, run_jobs
+from robosim.base.output_folder import OutputFolder
+from robosim.base.progress import Progress
+from robosim.base.provenance import code_digest
+from robosim.config.materials import load_material
+from robosim.config.rehearsal import RehearsalConfig
+from robosim.rehearsal.metrics import Bound, get_bounds
+from robosim.rehearsal.page import split_unit
+from robosim.rehearsal.session import check_rehearsal
+from robosim.reports.page import Page
+
+WORKER = "robosim.studies.robustness.worker"
+Rows = dict[int, dict[str, Any]]
+"""Seed of the errors, 0 for the exact model -> report of that run."""
+
+
+def perturb(name: str, out: Path, count: int, *, jobs: int = 1, runner: Runner | None = None,
+            options: dict[str, Any] | None = None) -> int:
+    """Run a rehearsal with the exact model and `count` times with drawn errors; write perturbed.json and index.html.
+
+    options: further arguments of `rehearse`. jobs: runs at a time, here; runner: runs them elsewhere. Runs that the
+    folder has from the same code and configuration are not repeated. Returns 0 if every bound held in every run.
+    """
+    options = options or {}
+    config = check_rehearsal(name, **{key: value for key, value in options.items() if key != "seed"})
+    key = fingerprint(config, options)
+    with OutputFolder(out) as folder:
+        rows = read_rows(folder.path / "perturbed.json", key)
+        waiting = [seed for seed in range(count + 1) if seed not in rows]
+        work = [(WORKER, (name, str(run_folder(folder.path, seed)), str(seed), json.dumps(options)))
+                for seed in waiting]
+        failed, progress = {}, Progress(initial=count + 1 - len(waiting), total=count + 1, desc="runs", unit="runs")
+        for index, report, reason in run_jobs(work, jobs, runner):
+            seed = waiting[index]
+            if report is None:
+                failed[seed] = reason
+            else:
+                rows[seed] = report
+                folder.write_json("perturbed.json", {"key": key, "rows": {str(k): row for k, row in rows.items()}})
+            progress.update()
+        progress.close()
+        rows = {seed: rows[seed] for seed in sorted(rows) if seed <= count}
+        page, holds = make_page(config, rows, failed)
+        folder.write_text("index.html", page.html())
+    for seed, reason in failed.items():
+        print(f"no result with errors {seed}: {reason}; run the same command again to continue", file=sys.stderr)
+    print(f"{verdict(rows, failed)}\n{out / 'index.html'}")
+    return int(not holds)
+
+
+def fingerprint(config: RehearsalConfig, options: dict[str, Any]) -> str:
+    """Return twelve hexadecimal digits that change with configuration, material, motions and code."""
+    values = [config.model_dump(mode="json"), load_material(config.material).model_dump(mode="json"), options,
+              code_digest(WORKER)]
+    digest = hashlib.sha256(json.dumps(values, sort_keys=True).encode())
+    for path in sorted(Path(config.motions).glob("*.npz")) if config.motions else []:
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def run_folder(out: Path, seed: int) -> Path:
+    """Return the folder of a run."""
+    return out / ("exact" if seed == 0 else f"errors_{seed}")
+
+
+def read_rows(path: Path, key: str) -> Rows:
+    """Return the reports of an earlier call with the same key; none where the file cannot be read."""
+    try:
+        stored = read_json(path)
+        return {int(seed): row for seed, row in stored["rows"].items()} if stored["key"] == key else {}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return {}
+
+
+def verdict(rows: Rows, failed: dict[int, str]) -> str:
+    """Return in words how many runs held every bound."""
+    drawn = [row for seed, row in rows.items() if seed]
+    missed = sum(bool(row["missed"]) for row in drawn)
+    lacking = f"; {len(failed)} without a result" if failed else ""
+    with_errors = f"missed in {missed} of {len(drawn)} runs with errors"
+    if 0 not in rows:
+        return f"no result with the exact model; {with_errors}{lacking}"
+    if rows[0]["missed"]:
+        return f"missed with the exact model; {with_errors}{lacking}"
+    if missed:
+        return f"holds only with the exact model: {with_errors}{lacking}"
+    if not drawn:
+        return f"held with the exact model; no result with errors{lacking}"
+    return f"every bound held in {len(rows)} of {len(rows) + len(failed)} runs, with the exact model and with errors" \
+           f"{lacking}"
+
+
+def find_worst(rows: Rows, name: str, bound: Bound) -> tuple[float | None, int]:
+    """Return the largest value of a figure, or the smallest of one that has no upper bound, and the seed of its run.
+
+    A figure that a run could not have is worse than any value.
+    """
+    def excess(value: object) -> float:
+        if not isinstance(value, int | float):
+            return math.inf
+        return value if math.isfinite(bound.high) else -value
+
+    seed = max(rows, key=lambda one: excess(rows[one].get(name)))
+    value = rows[seed].get(name)
+    return (value if isinstance(value, int | float) else None), seed
+
+
+def make_page(config: RehearsalConfig, rows: Rows, failed: dict[int, str]) -> tuple[Page, bool]:
+    """Return the page of runs, and whether every bound held in all of them."""
+    holds = bool(rows) and not failed and not any(row["missed"] for row in rows.values())
+    page = Page(f"{config.description}: {config.material}, with errors of the model")
+    page.set_verdict(verdict(rows, failed), holds=holds)
+    page.add_heading("Worst of every figure")
+    table = []
+    for name, bound in get_bounds(config).items():
+        if rows:
+            worst, seed = find_worst(rows, name, bound)
+            is_missed = any(line.startswith(f"{name} ") for row in rows.values() for line in row["missed"])
+            words, unit = split_unit(name)
+            table.append([words, unit, rows.get(0, {}).get(name), worst, run_folder(Path(), seed).name,
+                          *(end if math.isfinite(end) else None for end in bound),
+                          "missed" if is_missed else "held"])
+    page.add_table(["figure", "unit", "exact model", "worst", "run", "accepted from", "to", "verdict"], table)
+    page.add_heading("Runs")
+    drawn = [name for row in rows.values() for name in (row.get("model_errors") or {})]
+    names = list(dict.fromkeys(drawn))
+    page.add_table(["run", "verdict", *names, "missed"],
+                   [[run_folder(Path(), seed).name, "missed" if row["missed"] else "held",
+                     *(shorten((row.get("model_errors") or {}).get(name)) for name in names), "; ".join(row["missed"])]
+                    for seed, row in rows.items()])
+    page.add_text("Each run has a folder of its own, with a page.")
+    return page, holds
+
+
+def shorten(value: object) -> object:
+    """Return a list of numbers as text."""
+    return ", ".join(f"{one:.3g}" for one in value) if isinstance(value, list) else value

@@ -1,0 +1,110 @@
+"""Analysis of a case's runs: claims, Pareto front of error and time, orders of convergence, time to 1 % error."""
+
+from dataclasses import asdict, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from robosim.studies.verification.cases import find
+from robosim.studies.verification.cases.claims import Finding, Within, value_of
+from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.runs import Run
+
+TARGET_ERROR = 0.01
+"""Error whose run time is reported."""
+UNITS = {
+    "heap": {"change": "deg", "excess": "deg"}, "block_at_rest": {"drift": "m/s"}, "column_collapse": {"drift": "m/s"},
+    "collapse_profile": {name + when: "m/s" for name in ("creep", "drift") for when in ("", ", woken", ", settled")},
+    "rotating_drum": {"slope": "deg", "slope by mass": "deg", "change": "deg"},
+    "sliding_block": {"gap": "cells"}, "rest_height": {"gap": "cells"},
+    "shell_leak": {"crossed": "particles"}, "jerk_limits": {"end": "rad"},
+    "ik_poses": {"mean_ms": "ms", "p95_ms": "ms"},
+    "two_models": {"pose": "m"}, "free_fall": {"max": "m"}, "sleeping_scenes": {"score": "points"},
+    "arm_limits": {"saturated": "steps"},
+}
+"""Case -> errors and readings that are not relative, with their units."""
+
+
+def evaluate_claims(case: str, records: list[Record]) -> list[Finding]:
+    """Return what the runs show for each claim of a case."""
+    units = UNITS.get(case, {})
+    return [replace(claim.evaluate(records), unit=units.get(claim.name, "") if isinstance(claim, Within) else "")
+            for claim in find(case).CLAIMS]
+
+
+def group_series(case: str, records: list[Record]) -> dict[str, list[Record]]:
+    """Group runs that differ only in resolution, coarse to fine; the label names their common choices."""
+    module, groups = find(case), {}
+    varied = [key for key in (records[0].choices if records else {})
+              if len({str(r.choices.get(key)) for r in records}) > 1 and key != module.RESOLUTION]
+    for record in records:
+        if module.MAIN_ERROR in record.errors:
+            label = ", ".join(f"{key} {record.choices.get(key)}" for key in varied) or "all"
+            groups.setdefault(label, []).append(record)
+    sign = -1.0 if module.RESOLUTION == "cell" else 1.0  # a cell's size shrinks with refinement
+    for members in groups.values():
+        members.sort(key=lambda r: sign * float(r.choices.get(module.RESOLUTION) or 0.0) if module.RESOLUTION else 0.0)
+    return groups
+
+
+def pareto_front(points: list[tuple[float, float]]) -> list[int]:
+    """Return the indices of points (seconds, error) that no other point beats in both, by seconds."""
+    least, front = np.inf, []
+    for k in sorted(range(len(points)), key=lambda k: points[k]):
+        if points[k][1] < least:
+            least = points[k][1]
+            front.append(k)
+    return front
+
+
+def time_to_error(target: float, points: list[tuple[float, float]]) -> float | None:
+    """Return the seconds at which a series (seconds, error) reaches an error, by interpolation of logarithms.
+
+    None where it does not reach it.
+    """
+    for (t0, e0), (t1, e1) in pairwise(points):
+        if e0 > target >= e1 > 0:
+            return float(np.exp(np.interp(np.log(target), np.log([e1, e0]), np.log([t1, t0]))))
+    return points[0][0] if points and points[0][1] <= target else None
+
+
+def observed_orders(records: list[Record], name: str, resolution: str | None) -> list[float]:
+    """Return the observed orders of convergence of an error from run to run."""
+    if resolution is None:
+        return []
+    pairs = [(float(r.choices[resolution] or 0.0), abs(value_of(r, name))) for r in records]
+    return [float(np.log(e0 / e1) / abs(np.log(n1 / n0))) for (n0, e0), (n1, e1) in pairwise(pairs)
+            if n0 != n1 and e0 > 0 and e1 > 0]
+
+
+def summarize_case(case: str, runs: list[Run]) -> dict[str, Any]:
+    """Return a case's part of report.json."""
+    module = find(case)
+    records = [run.record for run in runs if run.record is not None]
+    summary: dict[str, Any] = {
+        "case": case, "source": module.SOURCE, "headline": module.MAIN_ERROR,
+        "claims": [{**asdict(f), "verdict": f.verdict, "high": finite_or_none(f.high), "low": finite_or_none(f.low),
+                    "found": finite_or_none(f.found)} for f in evaluate_claims(case, records)],
+        "failed": [{"choices": run.choices, "reason": run.failed} for run in runs if run.failed], "series": []}
+    for label, members in group_series(case, records).items():
+        points = [(r.seconds, abs(value_of(r, module.MAIN_ERROR))) for r in members]
+        summary["series"].append({
+            "label": label, "points": points, "front": pareto_front(points),
+            "orders": observed_orders(members, module.MAIN_ERROR, module.RESOLUTION),
+            "seconds_to_1_percent": time_to_error(TARGET_ERROR, points)})
+    return summary
+
+
+def finite_or_none(value: float | None) -> float | None:
+    """Return a finite number as a float, anything else as None, which JSON can hold."""
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def replace_non_finite(value: Any) -> Any:
+    """Return a copy of a JSON value with None for every number that is not finite."""
+    if isinstance(value, dict):
+        return {key: replace_non_finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [replace_non_finite(part) for part in value]
+    return finite_or_none(value) if isinstance(value, float) else value

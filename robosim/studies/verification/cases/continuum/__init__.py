@@ -1,0 +1,4 @@
+"""Cases of elastic continua.
+
+Imports: mpm.
+"""

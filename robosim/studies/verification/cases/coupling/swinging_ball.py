@@ -1,0 +1,183 @@
+"""Ball of 8 cells across in a closed box of water: a pendulum, or held at rest, solid or an empty shell.
+
+Measured: damping ratio and relative error of the frequency of the pendulum; relative error of the thrust on a ball that
+is held. Reference: a sphere of radius a that moves in still water carries C = 3 / (2 (1 + s)) - 1 of the mass that it
+displaces, with s the velocity that its images in the walls give to its place, relative to its own (Lamb 1932, section
+99: 1/2 in unbounded water); Archimedes' principle.
+"""
+
+from typing import Literal
+
+import mujoco
+import numpy as np
+import trimesh
+
+import mpm
+from mpm.geometry.shell import SHELL_FACE
+from robosim.coupling.plugin import GranularPlugin
+from robosim.scene.settle import settle
+from robosim.studies.verification.cases.claims import Within
+from robosim.studies.verification.cases.record import Record, TimedSolver
+
+NAME = "swinging_ball"
+SOURCE = ("added mass of a sphere between walls by its image dipoles: 1/2 in unbounded water (Lamb, Hydrodynamics); "
+          "thrust of the displaced water (Archimedes)")
+HOST_STEP = 1e-3
+BANDS = {"damping": 0.08, "frequency": 0.03, "thrust": 0.03}
+"""Largest damping ratio, and relative errors of frequency and thrust. Real water would damp this ball by 0.01, see
+`boundary_layer_damping`; the simulated one is inviscid and slides along ball and walls: 0."""
+SWEEP = [{"ball": "pendulum"}, {"ball": "pendulum", "volume_rate": "cell"},
+         {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": HOST_STEP},
+         {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": 4 * HOST_STEP, "host_step": 4 * HOST_STEP},
+         *({"ball": ball, "volume_rate": rate} for ball in ("solid", "shell") for rate in ("particle", "cell")),
+         *({"ball": "shell", "volume_rate": rate, "face_cells": 0.51} for rate in ("particle", "cell"))]
+"""Choices of the runs in a whole report."""
+QUICK_SWEEP = [{"ball": "solid"}]
+MAIN_ERROR, RESOLUTION = "thrust", None
+CLAIMS = (Within("damping", BANDS["damping"], {"ball": "pendulum"}),
+          Within("frequency", BANDS["frequency"], {"ball": "pendulum"}),
+          *(Within("thrust", BANDS["thrust"], {"ball": ball}) for ball in ("solid", "shell")))
+RADIUS, LENGTH, WIDTH = 0.02, 0.1, 0.1
+"""Of the ball, from its middle to the pendulum's axis, and of the box [m]."""
+DENSITY, DENSITY_RATIO, SOUND, G = 1000.0, 2.5, 12.0, 9.81
+RELEASE = 0.04
+"""Angle [rad] from which the pendulum starts: 4 mm, a fifth of the radius."""
+THICKNESS = 1e-3
+"""Of the shell [m]."""
+SETTLING = 0.1
+"""Time [s] for which the water comes to rest."""
+
+PENDULUM = """
+<mujoco>
+  <option timestep="{host_step}" integrator="implicitfast"/>
+  <worldbody>
+    <body name="ball" pos="{x} {x} {top}">
+      <joint type="hinge" axis="0 1 0"/>
+      <geom type="sphere" pos="0 0 -{length}" size="{radius}" mass="{mass}" friction="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def image_velocity(radius: float, width: float, reach: int = 100) -> float:
+    """Return the velocity that a moving sphere's images give to its place, relative to its own.
+
+    The sphere is in the middle of a cube [m]; its images are dipoles, of turned sign behind the walls that it moves
+    towards. reach: of the images that are summed one by one along the planes.
+    """
+    along = np.arange(-9, 10)  # planes of images farther away cancel
+    signs = (-1.0) ** np.abs(along)
+    x, y, z = np.meshgrid(along, *2 * [np.arange(-reach, reach + 1)], indexing="ij")
+    square = (x**2 + y**2 + z**2).astype(float)
+    square[9, reach, reach] = np.inf  # the sphere itself
+    dipoles = ((3 * x**2 / square - 1) / square**1.5).sum((1, 2))
+    # beyond a square of half-width R, 1 / r^3 over a plane sums to 4 sqrt(2) / R
+    return 0.5 * (radius / width) ** 3 * float(signs @ (dipoles - 4 * np.sqrt(2) / (reach + 0.5)))
+
+
+def added_mass(radius: float, width: float) -> float:
+    """Return the added mass of a sphere in the middle of a cube of water, relative to the water that it displaces."""
+    return 1.5 / (1 + image_velocity(radius, width)) - 1
+
+
+def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 1e-3) -> float:
+    """Return the damping ratio by water's viscosity [Pa s], of a sphere in oscillating motion [rad/s].
+
+    carried: mass of ball and added mass [kg]. Source: Stokes 1851; Landau and Lifshitz, Fluid Mechanics, section 24.
+    """
+    layer = np.sqrt(2 * viscosity / (DENSITY * frequency))
+    return float(6 * np.pi * viscosity * RADIUS * (1 + RADIUS / layer) / (2 * carried * frequency))
+
+
+def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: float = 0.005,
+            volume_rate: Literal["particle", "cell"] = "particle", transfer_interval: float | None = None,
+            face_cells: float = SHELL_FACE, host_step: float = HOST_STEP, precision: str = "f32") -> Record:
+    """Run the case; return the errors of damping and frequency, or of the thrust of a ball that is held.
+
+    cell [m]; volume_rate: see `mpm.NewtonianFluid`; transfer_interval: see `mpm.Solver` [s].
+    face_cells: of the shell, see `mpm.Shell.from_mesh`. host_step: of the pendulum's MuJoCo model [s]; a stride is not
+    longer, as it ends with an advance.
+    """
+    middle = np.full(3, WIDTH / 2)
+    if ball == "pendulum":
+        middle[0] -= LENGTH * np.sin(RELEASE)
+        middle[2] += LENGTH * (1 - np.cos(RELEASE))
+    positions = mpm.sample_box((0, 0, 0), (WIDTH,) * 3, cell / 2)
+    positions = positions[np.linalg.norm(positions - middle, axis=1) > RADIUS]
+    displaced = 4 / 3 * np.pi * RADIUS**3
+    volume = (WIDTH**3 - displaced) / len(positions)
+    water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
+    pose = mpm.Pose(middle, mpm.Pose.identity().quaternion)
+    held = {"pendulum": [], "solid": [mpm.Collider(mpm.Sdf.sphere(RADIUS), friction=0.0, pose=pose)],
+            "shell": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2),
+                                                       THICKNESS, face_cells=face_cells), friction=0.0, pose=pose)]}
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, WIDTH), cell), walls=mpm.Walls.all("roller"),
+                        precision=precision, colliders=held[ball], transfer_interval=transfer_interval,
+                        bodies=[mpm.Body(water, positions, volume=volume)])
+    state = solver.state()
+    state["j"][:, 0] = -DENSITY * G * (WIDTH - positions[:, 2]) / water.bulk_modulus
+    solver.load(state)
+    choices = {"ball": ball, "cell": cell, "volume_rate": volume_rate, "transfer_interval": transfer_interval,
+               "host_step": host_step, "precision": precision} | ({"face_cells": face_cells} if ball == "shell" else {})
+    timed = TimedSolver(solver)
+    if ball == "pendulum":
+        errors, readings = _swing(timed, displaced, host_step)
+    else:
+        timed.settle(SETTLING)
+        impulses = []
+        for _ in range(100):
+            timed.advance(HOST_STEP)
+            impulses.append(solver.collider_impulse(0).force[2])
+        thrust = np.mean(impulses) / HOST_STEP
+        errors = {"thrust": thrust / (DENSITY * G * displaced) - 1}
+        readings = {"ripple": float(np.std(impulses) / HOST_STEP / (DENSITY * G * displaced))}
+    return timed.record(NAME, choices, errors, **readings)
+
+
+def _swing(timed: TimedSolver, displaced: float, host_step: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Release a pendulum that displaces so much water [m^3], until it has swung to the other side.
+
+    host_step: of MuJoCo [s]. Return the errors of damping and frequency, and readings.
+    """
+    mass = DENSITY_RATIO * DENSITY * displaced
+    model = mujoco.MjModel.from_xml_string(PENDULUM.format(
+        host_step=host_step, x=WIDTH / 2, top=WIDTH / 2 + LENGTH, length=LENGTH, radius=RADIUS, mass=mass))
+    data = mujoco.MjData(model)
+    data.qpos[0] = RELEASE
+    carried = mass + added_mass(RADIUS, WIDTH) * DENSITY * displaced
+    inertia = carried * LENGTH**2 + 0.4 * mass * RADIUS**2
+    stiffness = (mass - DENSITY * displaced) * G * LENGTH
+    expected = np.sqrt(stiffness / inertia)
+    plugin = GranularPlugin(model, data, timed.solver, bodies={"ball": None})
+    model.dof_armature[0] = 1e9  # held while the water comes to rest
+    settle(timed.solver, lambda window: [timed.run(plugin.step) for _ in range(round(window / host_step))],
+           SETTLING, max(2e-3, host_step))
+    model.dof_armature[0] = 0.0
+    data.qvel[0] = 0.0
+    angles = [float(data.qpos[0])]
+    for _ in range(round(0.75 * 2 * np.pi / expected / host_step)):
+        timed.run(plugin.step)
+        angles.append(float(data.qpos[0]))
+    frequency, damping = half_swing(np.array(angles), host_step)
+    return {"damping": damping, "frequency": frequency / expected - 1}, {
+        "expected": float(expected), "added_mass": added_mass(RADIUS, WIDTH),
+        "added_mass_found": float((stiffness / frequency**2 - 0.4 * mass * RADIUS**2) / LENGTH**2 - mass)
+        / (DENSITY * displaced),
+        "viscous_damping": boundary_layer_damping(expected, carried)}
+
+
+def half_swing(x: np.ndarray, step: float) -> tuple[float, float]:
+    """Return the undamped frequency [rad/s] and the damping ratio of a swing x(t) that starts at rest, from a peak.
+
+    They follow from its next peak, on the other side; not a number where it does not get there.
+    """
+    low = int(np.argmin(x))
+    if not (2 < low < len(x) - 3 and x[low] < 0 < x[0]):
+        return np.nan, np.nan
+    near = np.arange(low - 3, low + 4)
+    a, b, c = np.polyfit(near - low, x[near], 2)
+    time, peak = (low - b / (2 * a)) * step, c - b**2 / (4 * a)
+    decay = -np.log(-peak / x[0]) / np.pi
+    damping = decay / np.hypot(1.0, decay)
+    return float(np.pi / time / np.sqrt(1 - damping**2)), float(damping)

@@ -1,0 +1,4 @@
+"""Cases of fluids.
+
+Imports: mpm.
+"""

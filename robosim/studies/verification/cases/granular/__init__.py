@@ -1,0 +1,4 @@
+"""Cases of granular matter.
+
+Imports: base, scene, mpm.
+"""

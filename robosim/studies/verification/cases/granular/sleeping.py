@@ -1,0 +1,168 @@
+"""Sleeping particles against the same scene awake: what sleeping costs in accuracy, and what it saves.
+
+Scenes: a column that collapses; a ball that ploughs a bed, comes back after `pause` seconds and ploughs it again; a
+block that slides on a floor without friction at 0.1 mm/s, slower than what counts as rest at the default: it is frozen
+there, and not with a tenth of the thresholds; a heap on a plate that vibrates. Reference: the same scene with
+sleep=False, run in the same process. Errors are relative to the reading of the scene that is awake.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+import mpm
+from robosim.studies.verification.cases.claims import Within
+from robosim.studies.verification.cases.granular.column_collapse import RADIUS, column
+from robosim.studies.verification.cases.record import Record, TimedSolver
+
+NAME = "sleeping"
+SOURCE = "the same scene without sleeping"
+BANDS = {"deposit": 0.01, "force": 0.03, "creep": 0.02, "unaccounted": 1e-5}
+"""Errors of a deposit's radius or height, of mean forces, and of a path; momentum that the ledger lacks, of what was
+exchanged, in single precision."""
+KNOBS = (0.1, 1.0, 4.0)
+SWEEP = [{"scene": scene, "sleep": knob} for scene in ("collapse", "plough", "creep", "vibration") for knob in KNOBS]
+QUICK_SWEEP = [{"scene": "collapse"}, {"scene": "plough", "pause": 1.0}]
+MAIN_ERROR, RESOLUTION = "deposit", "sleep"
+CLAIMS = (Within("rim", BANDS["deposit"], {"scene": "collapse", "sleep": 1.0}),
+          Within("crest", BANDS["deposit"], {"scene": "collapse", "sleep": 1.0}),
+          Within("first force", BANDS["force"], {"scene": "plough", "sleep": 1.0}),
+          Within("second force", BANDS["force"], {"scene": "plough", "sleep": 1.0}),
+          Within("path", BANDS["creep"], {"scene": "creep", "sleep": 0.1}),
+          Within("height", BANDS["deposit"], {"scene": "vibration", "sleep": 1.0}),
+          Within("unaccounted", BANDS["unaccounted"]))
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
+CELL, STEP = 0.01, 0.01
+SPEED, STROKE, BALL, DEPTH = 0.1, 0.12, 0.015, 0.02
+"""Of the plough: speed [m/s], length, radius and depth below the surface [m]."""
+CREEP = 1e-4
+"""[m/s]"""
+BED = (0.2, 0.08, 0.04)
+MIDDLE = np.array([0.08, 0.08, -CELL])
+"""Of the plate that vibrates, at rest."""
+
+
+class Outcome(NamedTuple):
+    """What a scene came to."""
+
+    timed: TimedSolver
+    readings: dict[str, float]
+    unaccounted: float
+    """Momentum that the ledger lacks, of the largest sum of what was exchanged in a step."""
+    awake: float
+    """Share of the particles that was awake, on average."""
+
+
+class Watch:
+    """Advances a solver, and sums what the ledger lacks and who is awake."""
+
+    def __init__(self, solver: mpm.Solver) -> None:
+        self.timed, self.solver = TimedSolver(solver), solver
+        self.lacking, self.exchanged, self.shares = 0.0, 0.0, []
+
+    def advance(self, duration: float) -> None:
+        """Advance by `duration` [s]."""
+        before = np.concatenate(self.solver.momentum_after_advance())
+        self.timed.advance(duration)
+        change = np.concatenate(self.solver.momentum_after_advance()) - before
+        given = self.solver.ledger.sum(0) + np.concatenate(self.solver.sleepers_impulse)
+        self.lacking = max(self.lacking, float(np.abs(change - given).max()))
+        self.exchanged = max(self.exchanged, float(np.abs(self.solver.ledger).max()))
+        self.shares.append(float(self.solver.awake.mean()))
+
+    def outcome(self, **readings: float) -> Outcome:
+        """Return what the scene came to."""
+        return Outcome(self.timed, readings, self.lacking / self.exchanged, float(np.mean(self.shares)))
+
+
+def collapse(sleep: float, pause: float) -> Outcome:
+    """Release a column; measure the rim and the crest of its deposit after 1.5 s."""
+    solver = column(1.0, RADIUS / 12, 4, True, 2e4, 0.55, "f32", sleep=sleep or False)
+    watch = Watch(solver)
+    for _ in range(150):
+        watch.advance(STEP)
+    positions = solver.positions()
+    radii = np.hypot(*positions[:, :2].T)
+    return watch.outcome(rim=float(np.quantile(radii, 0.99)),
+                         crest=float(np.quantile(positions[radii < 0.2 * RADIUS, 2], 0.99)))
+
+
+def plough(sleep: float, pause: float) -> Outcome:
+    """Draw a ball through a bed and, after a pause above it, back through its furrow; measure the mean drag of both."""
+    surface = BED[2]
+    low, high = surface - DEPTH + BALL, surface + 4 * BALL
+    left, right = 0.5 * (BED[0] - STROKE), 0.5 * (BED[0] + STROKE)
+    ball = mpm.Collider(mpm.Sdf.sphere(BALL), friction=0.3,
+                        pose=mpm.Pose(np.array([left, 0.5 * BED[1], high]), UPRIGHT))
+    positions = mpm.sample_box((0, 0, 0), BED, CELL / 2)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (BED[0], BED[1], 0.16), CELL), walls=mpm.Walls(friction=0.5),
+                        bodies=[mpm.Body(SAND, positions, volume=(CELL / 2) ** 3)], colliders=[ball],
+                        sleep=sleep or False, precision="f32")
+    watch, drags = Watch(solver), []
+
+    def carry(x: float, z: float, seconds: float) -> float:
+        """Carry the ball to a place; return the mean force along x [N]."""
+        begin = solver.collider_pose(0).position
+        steps, impulse = max(1, round(seconds / STEP)), 0.0
+        for k in range(steps):
+            ends = [begin + (np.array([x, begin[1], z]) - begin) * (part / steps) for part in (k, k + 1)]
+            solver.set_collider_motion(0, *[mpm.Pose(end, UPRIGHT) for end in ends])
+            watch.advance(STEP)
+            impulse += float(solver.collider_impulse(0).force[0])
+        return impulse / (steps * STEP)
+
+    carry(left, high, 0.3)
+    for begin, end in ((left, right), (right, left)):
+        carry(begin, low, (high - low) / SPEED)
+        drags.append(abs(carry(end, low, STROKE / SPEED)))
+        carry(end, high, (high - low) / SPEED)
+        carry(end, high, pause if end == right else STEP)
+    return watch.outcome(**{"first force": drags[0], "second force": drags[1]})
+
+
+def creep(sleep: float, pause: float) -> Outcome:
+    """Let a block slide on a floor without friction for 2 s; measure its path."""
+    block = mpm.sample_box((0.03, 0.02, 0.0), (0.07, 0.06, 0.02), CELL / 2)
+    body = mpm.Body(mpm.Elastic(E=1.5e5, nu=0.2, density=1500.0), block, volume=(CELL / 2) ** 3,
+                    velocities=np.tile([CREEP, 0.0, 0.0], (len(block), 1)))
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.12, 0.08, 0.06), CELL), walls=mpm.Walls.all("slip"), bodies=[body],
+                        sleep=sleep or False, precision="f64")
+    watch = Watch(solver)
+    for _ in range(200):
+        watch.advance(STEP)
+    return watch.outcome(path=float((solver.positions() - block)[:, 0].mean()))
+
+
+def vibration(sleep: float, pause: float) -> Outcome:
+    """Shake a heap on a plate by 0.1 mm at 40 Hz for a second; measure its height."""
+    plate = mpm.Collider(mpm.Sdf.box((0.09, 0.09, CELL)), friction=0.5, pose=mpm.Pose(MIDDLE, UPRIGHT))
+    heap = mpm.sample_box((0.05, 0.05, 0.0), (0.11, 0.11, 0.04), CELL / 2)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, -2 * CELL), (0.16, 0.16, 0.1), CELL), colliders=[plate],
+                        bodies=[mpm.Body(SAND, heap, volume=(CELL / 2) ** 3)], sleep=sleep or False, precision="f32")
+    watch = Watch(solver)
+    for k in range(500):
+        heights = [1e-4 * np.sin(2 * np.pi * 40 * time) for time in (2e-3 * k, 2e-3 * (k + 1))]
+        ends = [mpm.Pose(MIDDLE + [0.0, 0.0, z], UPRIGHT) for z in heights]
+        solver.set_collider_motion(0, *ends)
+        watch.advance(2e-3)
+    return watch.outcome(height=float(np.quantile(solver.positions()[:, 2], 0.9)))
+
+
+RUNS: dict[str, Callable[[float, float], Outcome]] = {"collapse": collapse, "plough": plough, "creep": creep,
+                                                      "vibration": vibration}
+
+
+def measure(*, scene: str = "collapse", sleep: float = 1.0, pause: float = 10.0) -> Record:
+    """Run a scene awake and with sleeping; return the errors of its readings.
+
+    sleep: factor on the thresholds; pause: seconds for which the plough is away.
+    """
+    awake, asleep = RUNS[scene](0.0, pause), RUNS[scene](sleep, pause)
+    errors = {name: asleep.readings[name] / value - 1.0 for name, value in awake.readings.items()}
+    errors["unaccounted"] = asleep.unaccounted
+    saved = awake.timed.seconds / asleep.timed.seconds
+    return asleep.timed.record(NAME, {"scene": scene, "sleep": sleep, "pause": pause}, errors, speedup=saved,
+                               seconds_awake=awake.timed.seconds, awake_share=asleep.awake,
+                               **{f"{name} awake": value for name, value in awake.readings.items()})

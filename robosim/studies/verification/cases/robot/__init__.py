@@ -1,0 +1,4 @@
+"""Cases of the arm.
+
+Imports: config, robot, mpm.
+"""

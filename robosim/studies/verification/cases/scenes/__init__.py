@@ -1,0 +1,4 @@
+"""Cases of whole scenes: rehearsals with the arm, and episodes of the environments.
+
+Imports: config, envs, rehearsal, tasks, mpm.
+"""

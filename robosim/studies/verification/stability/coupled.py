@@ -1,0 +1,197 @@
+"""Particles coupled to rigid bodies in extreme cases: mass ratios, host steps, tool speeds.
+
+Stable means: finite; speeds below twice the tool's plus a tenth of the sound speed; energy of particles and body never
+more than 1 % above the start's; momentum accounted for to 1e-5 of what was exchanged; every stretch within 0.05 .. 20.
+"""
+
+import warnings
+from collections.abc import Callable
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+import mpm
+from robosim.base.errors import BodyLeftGrid, RobotDiverged
+from robosim.coupling.plugin import Coupling, GranularPlugin
+from robosim.studies.verification.stability.cell import (
+    CellResult,
+    G,
+    cell_result,
+    make_sand,
+    principal_stretches,
+    sound_speed,
+)
+
+CELL, SIDE, E = 0.008, 0.04, 1e5
+TOUCHED = 1500.0 * SIDE**2 * 1.75 * CELL
+"""Mass [kg] of the particles in contact with a face of the box, the unit of mass ratios."""
+HEIGHT_TOLERANCE = 3e-4
+"""Largest difference [m] of a body's rest height between host steps."""
+
+BOX = """
+<mujoco>
+  <option timestep="{host_step}" integrator="implicitfast"/>
+  <worldbody>
+    <body name="box" pos="{x} {y} {z}" quat="{quat}" gravcomp="{gravcomp}">
+      <freejoint/>
+      <geom type="box" size="{half} {half} {half}" mass="{mass}" friction="0.3"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: float, lift: float,
+          bed: tuple[float, float, float], quat: str = "1 0 0 0", floats: bool = False,
+          dt: float = 2e-4) -> GranularPlugin:
+    """Build a box above a bed of sand.
+
+    mass [kg]; half: of its side [m]; lift: of its lower face above the bed [m]; bed: size [m]; floats: without weight.
+    """
+    positions = mpm.sample_box((0, 0, 0), bed, CELL / 2)
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (bed[0], bed[1], bed[2] + 0.12), CELL), walls=mpm.Walls(friction=0.5),
+                        bodies=[mpm.Body(make_sand(E), positions, volume=float(np.prod(bed)) / len(positions))], dt=dt)
+    x = bed[0] / 2 if not floats else 0.3 * bed[0]
+    model = mujoco.MjModel.from_xml_string(BOX.format(
+        host_step=host_step, half=half, mass=mass, x=x, y=bed[1] / 2, z=bed[2] + lift + half, quat=quat,
+        gravcomp=int(floats)))
+    return GranularPlugin(model, mujoco.MjData(model), solver, bodies={"box": None}, coupling=coupling)
+
+
+def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> tuple[str, dict[str, float]]:
+    """Advance and check every step; return what failed first and when, "" if nothing did, and readings.
+
+    duration [s]; speed [m/s] of the tool.
+    """
+    model, data, solver = plugin.model, plugin.data, plugin.solver
+    mass, inertia = model.body_mass[1], model.body_inertia[1]
+    weight = mass * G * (1 - model.body_gravcomp[1])
+
+    def energy() -> float:
+        own = 0.5 * mass * data.qvel[:3] @ data.qvel[:3] + 0.5 * data.qvel[3:] @ (inertia * data.qvel[3:])
+        return float(sum(solver.energy()) + own + weight * data.qpos[2])
+
+    mujoco.mj_forward(model, data)
+    start, limit = energy(), 2 * speed + 0.1 * sound_speed(E)
+    scale = 0.5 * mass * speed**2 + weight * SIDE + solver.masses().sum() * G * SIDE
+    readings = {"fastest_m_s": 0.0, "fastest_box_m_s": 0.0, "energy_gain": -np.inf, "momentum": 0.0, "miss_m_s": 0.0,
+                "repeats": 0.0, "contact_residual": 0.0}
+    residual, exchanged = np.zeros(3), 0.0
+    while data.time < duration - 1e-9:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", BodyLeftGrid)
+                warnings.simplefilter("ignore", mpm.ContactNotConverged)  # a reading
+                plugin.step()
+        except (mpm.SimulationDiverged, RobotDiverged) as error:
+            return str(error), readings
+        residual += plugin.ledger.residual.linear
+        exchanged += plugin.ledger.exchanged[0]
+        readings["momentum"] = float(np.linalg.norm(residual) / max(exchanged, 1e-12))
+        readings["fastest_m_s"] = max(readings["fastest_m_s"], float(np.linalg.norm(solver.velocities(), axis=1).max()))
+        readings["fastest_box_m_s"] = max(readings["fastest_box_m_s"], float(np.linalg.norm(data.qvel[:3])))
+        readings["energy_gain"] = max(readings["energy_gain"], (energy() - start) / scale)
+        readings["miss_m_s"] = max(readings["miss_m_s"], float(np.abs(plugin.prediction_error[:, :3]).max(initial=0.0)))
+        readings["repeats"] += plugin.repeats
+        readings["contact_residual"] = max(readings["contact_residual"], solver.contact_residual)
+        at = f" at t = {data.time:.4g} s"
+        fastest = max(readings["fastest_m_s"], readings["fastest_box_m_s"])
+        if fastest > limit:
+            return f"speed {fastest:.3g} m/s above {limit:.3g}" + at, readings
+        if readings["energy_gain"] > 0.01:
+            return f"energy {readings['energy_gain']:.2%} above the start's" + at, readings
+        if readings["momentum"] > 1e-5:
+            return f"momentum off by {readings['momentum']:.2g}" + at, readings
+    stretch = principal_stretches(solver)
+    if stretch.min() < 0.05 or stretch.max() > 20:
+        return f"stretch {stretch.min():.3g} .. {stretch.max():.3g}", readings
+    return "", readings
+
+
+def ploughing(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3, axis: str = "mass_ratio",
+              value: float | None = None) -> CellResult:
+    """Push a box, half sunk and without weight, through sand.
+
+    ratio: of its mass to that of the particles in contact with it; speed [m/s]; axis, value: of the cell.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mpm.GrainsInSolid)  # the box is emptied below
+        plugin = build_scene(ratio * TOUCHED, 2e-3, coupling, half=SIDE / 2, lift=-SIDE / 2, bed=(0.2, 0.112, 0.048),
+                             floats=True)
+    _empty_the_box(plugin)
+    plugin.data.qvel[0] = speed
+    result = advance_and_check(plugin, min(0.1, 0.06 / speed), speed)
+    return cell_result(axis, ratio if value is None else value, *result)
+
+
+def _empty_the_box(plugin: GranularPlugin) -> None:
+    """Move the particles inside the box to the top of the bed's far end."""
+    state, solver = plugin.solver.state(), plugin.solver
+    inside = np.all(np.abs(solver.positions() - plugin.data.qpos[:3]) < SIDE / 2 + CELL / 4, axis=1)
+    sites = mpm.sample_box((0.13, 0, 0.048), (0.2, 0.112, 0.08), CELL / 2)
+    state["x"][inside] = sites[: inside.sum()] - solver.grid.origin
+    solver.load(state)
+
+
+def mass_ratio(ratio: float) -> CellResult:
+    """Plough with the default coupling."""
+    return ploughing(ratio)
+
+
+def lagged_mass_ratio(ratio: float) -> CellResult:
+    """Plough with the lagged coupling of other codes, for comparison."""
+    return ploughing(ratio, "lagged", axis="lagged_mass_ratio")
+
+
+def tool_speed(speed: float) -> CellResult:
+    """Plough with a heavy tool at a speed [m/s]."""
+    return ploughing(1e3, speed=speed, axis="tool_speed", value=speed)
+
+
+def rest_height(host_step: float, coupling: Coupling = "mobility") -> tuple[str, dict[str, float]]:
+    """Drop a tilted box of 10 g on 200 g of sand; the readings include its rest height [m]."""
+    plugin = build_scene(0.01, host_step, coupling, half=0.01, lift=0.02, bed=(0.08, 0.08, 0.0208),
+                         quat="0.98 0.15 0.1 0", dt=1e-4)
+    failure, readings = advance_and_check(plugin, 0.8, np.sqrt(2 * G * 0.03))
+    return failure, readings | {"height_m": float(plugin.data.qpos[2])}
+
+
+@lru_cache
+def _reference_height() -> float:
+    """Return the rest height [m] at MuJoCo steps of 0.2 ms."""
+    return rest_height(2e-4)[1]["height_m"]
+
+
+def host_step(step: float) -> CellResult:
+    """Compare the rest height at MuJoCo steps [s] with that at 0.2 ms: within 0.3 mm."""
+    failure, readings = rest_height(step)
+    return _check_height("host_step", step, failure, readings)
+
+
+def lagged_host_step(step: float) -> CellResult:
+    """Compare rest heights with the lagged coupling of other codes."""
+    failure, readings = rest_height(step, "lagged")
+    return _check_height("lagged_host_step", step, failure, readings)
+
+
+def _check_height(axis: str, step: float, failure: str, readings: dict[str, float]) -> CellResult:
+    """Return the result of a rest height."""
+    if not failure and abs(readings["height_m"] - _reference_height()) > HEIGHT_TOLERANCE:
+        failure = (f"rests at {1e3 * readings['height_m']:.2f} mm; with steps of 0.2 ms at "
+                   f"{1e3 * _reference_height():.2f} mm")
+    return cell_result(axis, step, failure, readings)
+
+
+RATIOS = (1e-3, 1e-2, 0.1, 1.0, 10.0, 1e3)
+COUPLED_AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
+    "mass_ratio": (mass_ratio, RATIOS),
+    "host_step": (host_step, (5e-4, 2e-3, 1e-2)),
+    "tool_speed": (tool_speed, (0.01, 0.1, 0.5, 1.0, 2.0, 5.0)),
+}
+"""Axis -> (function that runs a cell, values)."""
+COMPARISONS: dict[str, tuple[Callable[..., CellResult], tuple]] = {
+    "lagged_mass_ratio": (lagged_mass_ratio, RATIOS),
+    "lagged_host_step": (lagged_host_step, (5e-4, 2e-3, 1e-2)),
+}
+"""Axes of the lagged coupling, for comparison; run only when they are named."""

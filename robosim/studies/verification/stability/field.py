@@ -1,0 +1,233 @@
+"""The field in stiff and extreme cases: stable, refused with a reason, or unstable with what failed first.
+
+Stable means all of: finite; every principal stretch between 0.05 and 20; no particle outside the walls; speeds below
+twice what the drop gives plus a tenth of the sound speed; mechanical energy never more than 1 % above the start's;
+momentum accounted for to 1e-5 of what was exchanged.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+import mpm
+from robosim.base.errors import UnknownName
+from robosim.studies.verification.cases.fluid import lock_gate
+from robosim.studies.verification.stability import SLEEPING_AXES, SLEEPING_PREFIX
+from robosim.studies.verification.stability.arm import ROBOT_AXES
+from robosim.studies.verification.stability.cell import (
+    DENSITY,
+    NU,
+    CellResult,
+    G,
+    cell_result,
+    make_sand,
+    principal_stretches,
+    sound_speed,
+)
+from robosim.studies.verification.stability.coupled import COMPARISONS, COUPLED_AXES
+
+CELL = 0.005
+REFERENCE_COURANT = 0.2
+"""Courant number with whose result the others are compared."""
+WINDOW = 5e-3
+"""Time [s] between checks of the state."""
+
+
+def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: float) -> tuple[str, dict[str, float]]:
+    """Advance and check; return what failed first and when, "" if nothing did, and readings.
+
+    duration [s]; drop: largest fall of a particle [m]; wave: sound speed [m/s].
+    """
+    lower = np.asarray(solver.grid.lower)
+    upper = lower + solver.grid.cells * solver.grid.cell
+    start, energy = solver.momentum().linear, solver.energy()
+    total = sum(energy)
+    scale = energy.kinetic + solver.masses().sum() * G * max(drop, solver.grid.cell)
+    impulse, exchanged = np.zeros(3), 0.0
+    limit = 2 * np.sqrt(2 * G * drop) + 0.1 * wave
+    readings = {"fastest_m_s": 0.0, "energy_gain": -np.inf, "smallest_stretch": np.inf, "momentum": 0.0, "rebound": 0.0,
+                "least_awake": 1.0}
+    while solver.time < duration - 1e-9:
+        try:
+            solver.advance(WINDOW)
+        except mpm.SimulationDiverged as error:
+            return str(error), readings
+        rows = solver.ledger[:, :3]
+        impulse += rows.sum(0) + solver.sleepers_impulse.force
+        exchanged += np.abs(rows).sum()
+        x, v, energy = solver.positions(), solver.velocities(), solver.energy()
+        stretch = principal_stretches(solver)
+        rise = max(0.0, float(solver.momentum().linear[2] / solver.masses().sum()))
+        readings["fastest_m_s"] = max(readings["fastest_m_s"], float(np.linalg.norm(v, axis=1).max()))
+        readings["energy_gain"] = max(readings["energy_gain"], (sum(energy) - total) / scale)
+        readings["smallest_stretch"] = min(readings["smallest_stretch"], float(stretch.min()))
+        readings["momentum"] = float(np.abs(solver.momentum().linear - start - impulse).max() / max(exchanged, 1e-12))
+        readings["rebound"] = max(readings["rebound"], 0.5 * rise**2 / (G * max(drop, solver.grid.cell)))
+        readings["least_awake"] = min(readings["least_awake"], float(solver.awake.mean()))
+        at = f" at t = {solver.time:.4g} s"
+        if np.any(x < lower - 1e-6) or np.any(x > upper + 1e-6):
+            return "a particle outside the walls" + at, readings
+        if stretch.min() < 0.05 or stretch.max() > 20:
+            return f"stretch {stretch.min():.3g} .. {stretch.max():.3g}" + at, readings
+        if readings["fastest_m_s"] > limit:
+            return f"speed {readings['fastest_m_s']:.3g} m/s above {limit:.3g}" + at, readings
+        if readings["energy_gain"] > 0.01:
+            return f"energy {readings['energy_gain']:.2%} above the start's" + at, readings
+        if readings["momentum"] > 1e-5:
+            return f"momentum off by {readings['momentum']:.2g}" + at, readings
+    return "", readings
+
+
+def build_bed(material: mpm.DruckerPrager) -> mpm.Solver:
+    """Build a bed 0.1 m deep with periodic sides, under sudden gravity."""
+    side = 4 * CELL
+    positions = mpm.sample_box((0, 0, 0), (side, side, 0.1), CELL / 2)
+    sides = ("periodic", "periodic", "friction")
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (side, side, 0.15), CELL), walls=mpm.Walls(lower=sides, upper=sides),
+                      bodies=[mpm.Body(material, positions, volume=(CELL / 2) ** 3)])
+
+
+def build_block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None = None,
+                sleep: bool = False) -> mpm.Solver:
+    """Build a cube of 4 cm that has fallen by `drop` [m] onto the floor of a box, where it spreads."""
+    positions = mpm.sample_box((0.06, 0.06, 0), (0.1, 0.1, 0.04), CELL / 2, np.random.default_rng(0))
+    speed = np.tile([0.0, 0.0, -np.sqrt(2 * G * drop)], (len(positions), 1))
+    return mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.16, 0.16, 0.12), CELL),
+                      bodies=[mpm.Body(material, positions, velocities=speed, volume=(CELL / 2) ** 3)], dt=dt,
+                      sleep=sleep)
+
+
+def stiffness(E: float) -> CellResult:
+    """Load a bed of Young's modulus E [Pa] by its weight: from 0.1 MPa on its height stays within 1 %."""
+    solver = build_bed(make_sand(E))
+    failure, readings = advance_and_check(solver, 0.25, 0.1, sound_speed(E))
+    top = solver.positions()[:, 2].max() + CELL / 4 if not failure else np.nan
+    if not failure and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
+        failure = f"settled height {top:.4g} m of 0.1 m"
+    return cell_result("E", E, failure, readings | {"height_m": float(top)})
+
+
+def friction_angle(phi: float, sleep: bool = False) -> CellResult:
+    """Spread a block of friction angle phi [deg]: a fluid at 0, outside Mohr-Coulomb's range at 60."""
+    outcome = advance_and_check(build_block(make_sand(phi=phi), sleep=sleep), 0.3, 0.04, sound_speed(1e5))
+    return cell_result("friction_angle_deg", phi, *outcome)
+
+
+def courant(number: float, sleep: bool = False) -> CellResult:
+    """Spread a block at a Courant number: its mean height stays within 3 % of the reference's.
+
+    The number is the substep in units of cell over sound speed; an isolated particle's bound is 0.734 at nu = 0.3,
+    of which 0.83 is accepted.
+    """
+    try:
+        solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5), sleep=sleep)
+    except mpm.MpmError as error:
+        return CellResult("courant", number, "refused", str(error))
+    failure, readings = advance_and_check(solver, 0.3, 0.04, sound_speed(1e5))
+    height = float(solver.positions()[:, 2].mean())
+    if not failure and number != REFERENCE_COURANT and abs(height / _reference_height() - 1) > 0.03:
+        failure = f"settled height {height:.4g} m, {_reference_height():.4g} m at Courant number {REFERENCE_COURANT}"
+    return cell_result("courant", number, failure, readings | {"height_m": height})
+
+
+@lru_cache
+def _reference_height() -> float:
+    """Return the settled mean height [m] of the particles at the reference Courant number."""
+    return courant(REFERENCE_COURANT).readings["height_m"]
+
+
+def drop_height(height: float, sleep: bool = False) -> CellResult:
+    """Drop a block from a height [m]: it rebounds with at most 5 % of its energy.
+
+    E = 1 MPa, because at 0.1 MPa the fall from 5 m reaches the sound speed and compresses the block to half its height.
+    """
+    solver = build_block(make_sand(1e6), drop=height, sleep=sleep)
+    failure, readings = advance_and_check(solver, 0.3, height + 0.04, sound_speed(1e6))
+    if not failure and readings["rebound"] > 0.05:
+        failure = f"rebound {readings['rebound']:.2%} of the energy"
+    return cell_result("drop_height", height, failure, readings)
+
+
+def shell_thickness(cells: float) -> CellResult:
+    """Separate deep from shallow water by a plate of a thickness in cells: no leak, thrust within 3 %."""
+    try:
+        errors = lock_gate.measure(thickness_cells=cells, duration=0.5).errors
+    except mpm.MpmError as error:
+        refused = not isinstance(error, mpm.SimulationDiverged)
+        return CellResult("shell_thickness", cells, "refused" if refused else "unstable", str(error))
+    wrong = [f"{name} off by {error:.2%}" for name, error in errors.items() if not abs(error) <= lock_gate.BANDS[name]]
+    return cell_result("shell_thickness", cells, ", ".join(wrong), {name: float(v) for name, v in errors.items()})
+
+
+def lone_grains(place: str) -> CellResult:
+    """Let one particle, strained by 1e-3, fall free, at a wall or in a corner, for 20 000 substeps."""
+    where = {"free": (0.05, 0.05, 0.08), "wall": (0.0012, 0.05, 0.02), "corner": (0.0012, 0.0012, 0.0012)}[place]
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.1, 0.1), CELL), precision="f64", bodies=[
+        mpm.Body(mpm.Elastic(E=1e5, nu=NU, density=DENSITY), np.array([where]), volume=(CELL / 2) ** 3)])
+    state = solver.state()
+    state["e"][:, :3] = 2e-3
+    solver.load(state)
+    return cell_result("lone_grain", place, *advance_and_check(solver, 20_000 * solver.dt, 0.1, sound_speed(1e5)))
+
+
+def degenerate(kind: str) -> CellResult:
+    """Start from rest, equal stretches, strong compression, or a velocity gradient that would invert F."""
+    solver = build_block(make_sand())
+    if kind == "rest":
+        solver.set_gravity(np.zeros(3))
+    else:
+        state = solver.state()
+        rate = {"equal stretches": -0.1, "squeezed": -0.6, "inverted": -1.5}[kind] / solver.dt
+        state["C"][:, [0, 4, 8]] = [rate, rate, rate] if kind == "equal stretches" else [0.0, 0.0, rate]
+        solver.load(state)
+    # the prescribed strain is part of the start's energy
+    solver.advance(solver.dt)
+    return cell_result("degenerate", kind, *advance_and_check(solver, 0.1, 0.04, 20 * sound_speed(1e5)))
+
+
+AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
+    "E": (stiffness, (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)),
+    "friction_angle_deg": (friction_angle, (0.0, 1.0, 15.0, 30.0, 42.0, 45.0, 60.0)),
+    "courant": (courant, (0.1, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)),
+    "drop_height": (drop_height, (0.01, 0.1, 1.0, 5.0)),
+    "shell_thickness": (shell_thickness, (0.1, 0.25, 0.5, 1.0, 2.0)),
+    "lone_grain": (lone_grains, ("free", "wall", "corner")),
+    "degenerate": (degenerate, ("rest", "equal stretches", "squeezed", "inverted")),
+    **COUPLED_AXES,
+    **ROBOT_AXES,
+}
+"""Axis -> (function that runs a cell, values)."""
+
+
+def with_sleep(axis: str) -> Callable[..., CellResult]:
+    """Return the function that runs a cell of an axis with particles that sleep once they are at rest."""
+    def run(value: float | str) -> CellResult:
+        return replace(AXES[axis][0](value, sleep=True), axis=SLEEPING_PREFIX + axis)
+
+    return run
+
+
+SLEEPING = {name: (with_sleep(name.removeprefix(SLEEPING_PREFIX)), AXES[name.removeprefix(SLEEPING_PREFIX)][1])
+            for name in SLEEPING_AXES}
+"""The same with particles that sleep; run only when they are named."""
+
+
+def find_axis(name: str) -> tuple[Callable[..., CellResult], tuple]:
+    """Return the function that runs a cell, and the values of an axis.
+
+    Raises UnknownName for an axis that does not exist.
+    """
+    axes = AXES | COMPARISONS | SLEEPING
+    if name not in axes:
+        raise UnknownName("axis", name, axes)
+    return axes[name]
+
+
+def run_cell(axis: str, value: float | str) -> CellResult:
+    """Run one cell. Raises UnknownName for an axis that does not exist."""
+    with warnings.catch_warnings():  # some cells are compressed by their own weight on purpose
+        warnings.simplefilter("ignore", mpm.StrongCompression)
+        return find_axis(axis)[0](value)

@@ -1,4 +1,0 @@
-"""Cases of elastic continua.
-
-Imports: scene, verification, mpm.
-"""

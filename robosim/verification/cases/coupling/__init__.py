@@ -1,4 +1,0 @@
-"""Cases of rigid bodies coupled to a field.
-
-Imports: config, coupling, scene, shapes, verification, mpm.
-"""

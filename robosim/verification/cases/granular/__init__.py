@@ -1,4 +1,0 @@
-"""Cases of granular matter.
-
-Imports: errors, scene, verification, mpm.
-"""

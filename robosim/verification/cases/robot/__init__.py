@@ -1,4 +1,0 @@
-"""Cases of the arm.
-
-Imports: config, evaluation, robot, scene, verification, mpm.
-"""

@@ -1,4 +1,0 @@
-"""Cases of whole scenes: rehearsals with the arm, and episodes of the environments.
-
-Imports: config, envs, evaluation, rehearsal, tasks, verification, mpm.
-"""

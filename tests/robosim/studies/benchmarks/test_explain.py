@@ -1,0 +1,65 @@
+"""`robosim explain`: parts and costs of a scene, and the cheapest setting within a tolerance."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.base.output_folder import OutputFolder
+from robosim.config.rehearsal import load_rehearsal
+from robosim.studies.benchmarks.explain import compare_settings, explain, write_scene_file
+
+
+def result(setting: dict, seconds: float, **readings: float) -> dict:
+    return {"setting": setting, "failed": "", "result": {
+        "grains": 1, "cell_m": 0.004, "dt_s": 1e-4, "parts": [], "costs": {}, "seconds": seconds, "readings": readings}}
+
+
+def test_settings_are_compared_with_the_finest() -> None:
+    """A share of the grains by its difference, a mass relative to it; the scene's own setting has an error, too."""
+    rows = compare_settings([result({}, 8.0, mass=2.0, spilled=0.001),
+                             result({"cell": 2.0}, 1.0, mass=2.1, spilled=0.001),
+                             result({"cell": 1.5}, 2.0, mass=2.02, spilled=0.004)], 0.02)
+    assert [row["within"] for row in rows] == [True, False, True]
+    assert rows[2]["speedup"] == 4.0 and rows[2]["worst"] == "mass"
+    rows = compare_settings([result({}, 8.0, mass=2.0, spilled=0.001),
+                             result({"cell": 0.8}, 20.0, mass=2.03, spilled=0.001),
+                             result({"cell": 1.5}, 2.0, mass=2.02, spilled=0.004)], 0.01)
+    assert [row["within"] for row in rows] == [False, True, True]
+    assert [row["speedup"] for row in rows] == [2.5, 1.0, 10.0]
+
+
+def test_a_softer_material_counts_although_a_scene_file_cannot_hold_it(
+        tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file that is written keeps the scene's own setting, and the exit status is that a cheaper one exists."""
+    monkeypatch.setattr("robosim.studies.benchmarks.explain.run_settings",
+                        lambda *arguments: [result({}, 8.0, mass=2.0), result({"E": 0.25}, 4.0, mass=2.0)])
+    assert explain("SpoonPour", tolerance=0.02, out=tmp_path, apply=True) == 0
+    stdout = capsys.readouterr().out
+    assert "cheapest within 2.0% of own setting: E x 0.25" in stdout and "written, with own setting" in stdout
+
+
+def test_a_shell_stays_one_on_coarser_cells(tmp_path: Path) -> None:
+    """A thickness in metres follows the cell, and the file of either is one that loads."""
+    for name, thickness in (("dose_spoon", "shell"), ("spoon", 0.003)):
+        cell = load_rehearsal(name).field.cell
+        written = load_rehearsal(str(write_scene_file(name, "rehearsal", {"cell": 1.5}, OutputFolder(tmp_path))))
+        assert written.collision_thickness == thickness and written.field.cell == pytest.approx(1.5 * cell)
+
+
+def test_wrong_arguments_are_refused() -> None:
+    with pytest.raises(UnknownName, match="SpoonPour"):
+        explain("SpoonPure")
+    with pytest.raises(ConfigError, match="--tolerance 2"):
+        explain("SpoonPour", tolerance=2.0)
+
+
+@pytest.mark.slow
+def test_parts_and_costs_are_named(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    assert explain("SpoonTranslate", out=tmp_path) == 0
+    stdout = capsys.readouterr().out
+    assert "left out:" in stdout and "no wrench is compiled" in stdout and "  field: " in stdout
+    own = json.loads((tmp_path / "explain.json").read_text())["results"][0]["result"]
+    assert own["readings"]["delivered"] == 1.0
+    assert sum(own["costs"].values()) == pytest.approx(own["seconds"] / own["simulated_s"], rel=1e-6)

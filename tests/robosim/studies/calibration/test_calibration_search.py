@@ -1,0 +1,154 @@
+"""The search on a quick analytic simulator: it finds the numbers, and says what the data cannot."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sklearn")
+
+from robosim.studies.calibration.emulator import Emulator
+from robosim.studies.calibration.experiment import Numbers, Trial
+from robosim.studies.calibration.posterior import sample_posterior
+from robosim.studies.calibration.search import Ranges, choose, search
+from robosim.studies.calibration.verdict import candidates, expected_widths, judge, residual, usual_errors
+
+RANGES = Ranges.of({"angle": (20.0, 45.0), "cohesion": (0.0, 60.0)})
+TRUE = {"angle": 33.0, "cohesion": 21.0}
+RADII = np.linspace(0.0, 3.0, 12)
+ERROR = 0.02
+
+
+def profile(numbers: Numbers, seed: int) -> np.ndarray:
+    """A heap's profile, as a formula, with the noise that the places of particles give."""
+    own = np.random.default_rng(seed + 1).normal(0.0, 0.004, len(RADII))
+    return np.exp(-RADII * numbers["angle"] / 35) * (3 + numbers["cohesion"] / 20) + own
+
+
+def blind(numbers: Numbers, seed: int) -> np.ndarray:
+    """A profile that cohesion does not change."""
+    return profile({**numbers, "cohesion": 21.0}, seed)
+
+
+def make_trial(simulate: Callable[[Numbers, int], np.ndarray] = profile, truth: Numbers = TRUE, seed: int = 7,
+               offset: float = 0.0, is_direct: bool = False) -> Trial:
+    """Make a trial with readings of known numbers."""
+    readings = simulate(truth, 999 + seed) + np.random.default_rng(seed).normal(0.0, ERROR, len(RADII))
+    readings = readings + offset * np.cos(4 * RADII)
+    return Trial("heap", "heap", readings, np.full(len(RADII), ERROR), simulate, is_direct, False, RADII, "r", "m")
+
+
+def run_search(trial: Trial, runs: int = 40):
+    """Search, and judge with what the best numbers give."""
+    found = search([trial], RANGES, lambda one, numbers, seed: one.simulate(numbers, seed), runs=runs)
+    values = trial.simulate(RANGES.numbers(found.posterior.best), 5)
+    return found, judge(RANGES, found, [residual(trial, values)], [])
+
+
+def test_the_numbers_are_found_within_their_intervals() -> None:
+    found, verdict = run_search(make_trial())
+    assert verdict.is_calibrated, verdict.reasons
+    angle, cohesion = verdict.findings
+    assert abs(angle.best - TRUE["angle"]) < 1.0
+    assert abs(cohesion.best - TRUE["cohesion"]) < 0.15 * TRUE["cohesion"]
+    for one in verdict.findings:
+        assert one.low < one.best < one.high
+        assert one.width < 0.2
+    assert found.is_settled
+
+
+@pytest.mark.parametrize("is_direct", [True, False], ids=["closed form", "emulated"])
+def test_intervals_contain_the_truth_as_often_as_they_say(is_direct: bool) -> None:
+    """Of 20 intervals of 90 % at least 14: fewer have a probability of 0.2 % by the binomial distribution."""
+    held = 0
+    for seed in range(10):
+        trial = make_trial(lambda numbers, _: profile(numbers, -1), seed=seed, is_direct=is_direct)
+        found = search([trial], RANGES, lambda one, numbers, k: one.simulate(numbers, k), runs=16)
+        low, high = RANGES.scaled(found.posterior.intervals().T)
+        held += sum(low[k] <= value <= high[k] for k, value in enumerate(TRUE.values()))
+    assert held >= 14
+
+
+def test_what_the_data_do_not_depend_on_is_said_so() -> None:
+    _, verdict = run_search(make_trial(blind))
+    angle, cohesion = verdict.findings
+    assert angle.is_determined
+    assert not cohesion.is_determined
+    assert cohesion.width > 0.9
+    assert not verdict.is_calibrated
+    assert [reason.startswith("data cannot tell cohesion: its 90% interval") for reason in verdict.reasons] == [True]
+
+
+def test_data_that_no_numbers_explain_are_refused_with_the_residual() -> None:
+    _, verdict = run_search(make_trial(offset=0.5))
+    assert not verdict.is_calibrated
+    assert verdict.probability < 1e-6
+    assert "not calibrated: no numbers within the ranges explain the data" in verdict.reasons[0]
+    assert "heap differs most, by 0." in verdict.reasons[0]
+
+
+def test_a_held_out_experiment_that_is_not_predicted_speaks_against_the_numbers() -> None:
+    trial = make_trial()
+    found, verdict = run_search(trial)
+    values = profile(RANGES.numbers(found.posterior.best), 5)
+    held_out = residual(trial._replace(name="tall", held_out=True), values + 0.1)
+    assert not judge(RANGES, found, verdict.fits, [held_out]).is_calibrated
+    assert judge(RANGES, found, verdict.fits, [residual(trial._replace(held_out=True), values)]).is_calibrated
+
+
+def test_a_search_that_is_not_settled_is_said_so() -> None:
+    found, verdict = run_search(make_trial())
+    assert verdict.cautions == ["not checked on a held-out experiment"]
+    unsettled = judge(RANGES, found._replace(is_settled=False), verdict.fits, verdict.fits)
+    assert len(unsettled.cautions) == 1
+    assert unsettled.cautions[0].startswith("search not settled")
+
+
+def test_the_posterior_of_a_linear_model_is_its_normal_distribution() -> None:
+    """Mean and covariance of a normal likelihood far from the ends of the range."""
+    matrix = np.array([[40.0, 12.0], [12.0, 90.0]])
+    mean = np.array([0.45, 0.55])
+    posterior = sample_posterior(lambda p: -0.5 * np.einsum("mi,ij,mj->m", p - mean, matrix @ matrix, p - mean), 2, 0)
+    covariance = np.linalg.inv(matrix @ matrix)
+    assert posterior.best == pytest.approx(mean, abs=1e-3)
+    assert posterior.samples.mean(0) == pytest.approx(mean, abs=0.2 * math.sqrt(covariance.max()))
+    assert np.cov(posterior.samples.T) == pytest.approx(covariance, rel=0.3, abs=0.3 * covariance.max())
+
+
+def test_the_emulator_reproduces_a_smooth_function_within_its_own_error() -> None:
+    rng = np.random.default_rng(0)
+    points, asked = rng.random((30, 2)), rng.random((50, 2))
+
+    def outputs(p: np.ndarray) -> np.ndarray:
+        return np.array([profile(RANGES.numbers(one), -1) for one in p]) / ERROR
+
+    emulator = Emulator(points, outputs(points))
+    mean, variance = emulator.predict(asked)
+    assert np.abs(mean - outputs(asked)).max() < 2.0  # standard deviations of the readings, of 150
+    z = (mean - outputs(asked)) / np.sqrt(variance)
+    assert np.sqrt((z**2).mean()) < 2.0
+
+
+def test_the_next_runs_are_the_least_certain_and_apart() -> None:
+    samples = np.linspace(0.0, 1.0, 21)[:, None]
+    uncertain = 1.0 - np.abs(samples[:, 0] - 0.5)
+    chosen = np.array(choose(samples, uncertain, np.array([[0.5]]), 3))[:, 0]
+    assert np.abs(chosen - 0.5).min() > 0.05
+    assert np.abs(np.subtract.outer(chosen, chosen))[np.triu_indices(3, 1)].min() > 0.05
+
+
+def test_an_expected_width_is_that_of_the_linear_update() -> None:
+    """One number of unit variance, read with unit error: the variance halves; what is not read stays."""
+    samples = np.random.default_rng(0).normal(size=(20_000, 2))
+    widths = expected_widths(samples, samples[:, :1], np.ones(1), ["read", "other"])
+    assert widths["read"] == pytest.approx(math.sqrt(0.5), rel=0.03)
+    assert widths["other"] == pytest.approx(1.0, rel=0.01)
+
+
+def test_the_error_of_a_possible_shear_cell_is_a_share_of_each_reading() -> None:
+    cell = next(one for name, one in candidates(850.0, False).items() if name.startswith("shear cell"))
+    low, high = usual_errors(cell, np.array([[300.0, 1200.0], [340.0, 1360.0]]))
+    assert (low, high) == pytest.approx((0.05 * 320.0, 0.05 * 1280.0))
+    cup = next(one for name, one in candidates(850.0, False).items() if name.startswith("cup"))
+    assert usual_errors(cup, np.full((4, 3), 0.085)) == pytest.approx([850e-6] * 3)

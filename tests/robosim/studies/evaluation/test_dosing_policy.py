@@ -1,0 +1,159 @@
+"""Dosing controllers as policies: actions that carry a command out."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from robosim.base.errors import ConfigError
+from robosim.dosing import CONTROLLERS
+from robosim.dosing.command import DoseCommand
+from robosim.dosing.numbers import DosingNumbers
+from robosim.envs.carrier import Carrier
+from robosim.shapes.vessels import BOWL
+from robosim.studies.evaluation.dosing_policy import TERMS, DosingPolicy, ToolView, numbers_of
+from robosim.studies.evaluation.policies import make_policy
+from robosim.studies.tuning.curve import given_numbers
+from robosim.tasks.actions import ActionScaling
+from robosim.tasks.task import load_task
+
+SPOON = load_task("DoseSpoon")
+NUMBERS = numbers_of(SPOON, "pi")
+LEVEL = np.zeros(3)
+
+
+def stub(task: Any = SPOON, terms: tuple[str, ...] = TERMS) -> Any:
+    """Return what a policy takes of an environment, without a field."""
+    return SimpleNamespace(task=task, TASK="DoseSpoon", action_repeat=10,
+                           observation_space=SimpleNamespace(spaces=dict.fromkeys(terms)))
+
+
+def observe(carrier: Carrier, shown: float = 0.0, time: float = 0.0) -> dict[str, np.ndarray]:
+    """Return an observation of a tool at its commanded pose."""
+    pose = carrier.commanded
+    return {"tool": np.concatenate(pose), "goal": np.array(SPOON.goal) - pose.position, "time": np.array([time]),
+            "scale": np.array([shown]), "target": np.array([5e-3])}
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.02, -0.01, 0.015)], ids=["turns about the lip", "moves, too"])
+def test_actions_turn_about_the_lip_and_move_it(velocity: tuple[float, ...]) -> None:
+    """Over a second, from a tilt of 20 deg; the tool's box is wide enough."""
+    carrier, view, scaling = Carrier(SPOON), ToolView(stub()), ActionScaling(SPOON)
+    tilted = Rotation.from_euler("ZY", (90.0, 20.0), degrees=True).as_quat(scalar_first=True)
+    carrier.commanded = carrier.commanded._replace(quaternion=tilted, position=np.array([0.78, -0.03, 0.17]))
+    first = view.look(observe(carrier))
+    assert np.degrees(first.tilt) == pytest.approx(20.0)
+    np.testing.assert_allclose(first.goal, SPOON.goal)
+    rate = np.radians(25.0)
+    for _ in range(50):
+        sight = view.look(observe(carrier))
+        action = view.act(sight, DoseCommand(rate, np.array(velocity), 2e-4, 30.0, False))
+        *motion, vibration = scaling.velocities(action)
+        np.testing.assert_allclose(vibration, [2e-4, 30.0], rtol=1e-4)
+        for _ in range(10):
+            carrier.command(*motion)
+    last = view.look(observe(carrier))
+    assert np.degrees(last.tilt - first.tilt) == pytest.approx(25.0, abs=1e-3)
+    np.testing.assert_allclose(last.lip - first.lip, velocity, atol=2e-4)
+
+
+def test_a_motion_that_is_too_fast_is_carried_out_more_slowly_along_the_same_way() -> None:
+    view, scaling = ToolView(stub()), ActionScaling(SPOON)
+    sight = view.look(observe(Carrier(SPOON)))
+    slow, fast = (scaling.velocities(view.act(sight, DoseCommand(k * 1.0, k * np.array([0.02, 0.03, 0.0]), 0.0, 30.0,
+                                                                 False))) for k in (1.0, 10.0))
+    assert max(np.abs(fast[0]).max() / SPOON.action.speed, np.abs(fast[1]).max() / SPOON.action.angular_speed) == \
+        pytest.approx(1.0, rel=1e-6)
+    for one, other in zip(slow[:2], fast[:2], strict=True):
+        np.testing.assert_allclose(other / np.linalg.norm(np.concatenate(fast[:2])),
+                                   one / np.linalg.norm(np.concatenate(slow[:2])), atol=1e-6)
+    assert slow[2][0] == 0.0
+
+
+def test_the_balance_is_tared_at_the_start() -> None:
+    view, carrier = ToolView(stub()), Carrier(SPOON)
+    assert view.look(observe(carrier, 0.25)).shown == 0.0
+    second = view.look(observe(carrier, 0.253, time=0.5))
+    assert second.shown == pytest.approx(3e-3) and second.time == pytest.approx(0.5 * SPOON.steps * SPOON.step_dt)
+
+
+def test_the_tilt_goes_on_beyond_half_a_turn_and_back() -> None:
+    carrier, view = Carrier(SPOON), ToolView(stub())
+    tilts = [*range(0, 240, 30), *range(210, -60, -30)]
+    for tilt in tilts:
+        turned = Rotation.from_euler("ZY", (90.0, tilt), degrees=True).as_quat(scalar_first=True)
+        carrier.commanded = carrier.commanded._replace(quaternion=turned)
+        assert np.degrees(view.look(observe(carrier)).tilt) == pytest.approx(tilt, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_policy_by_name_begins_towards_the_cup(name: str) -> None:
+    env, carrier = stub(), Carrier(SPOON)
+    env.observation = observe(carrier)
+    action = make_policy(name, env, 0)()
+    assert action.shape == (8,) and action.dtype == np.float32 and np.abs(action).max() <= 1.0
+    lip = carrier.commanded.position + carrier.commanded.matrix @ [BOWL[0], 0.0, 0.0]
+    assert action[:3] @ (np.array(SPOON.goal) - lip) > 0.0 and action[6] == -1.0
+
+
+@pytest.mark.parametrize(("tolerances", "accepted"), [({}, 0.3e-3), ({"tolerance_percent": 20.0}, 1e-3),
+                                                      ({"tolerance_percent": 0.0, "tolerance_g": 0.1}, 0.1e-3)])
+def test_a_controller_is_given_the_tolerances_of_the_task(tolerances: dict[str, float], accepted: float,
+                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    assert SPOON.dose is not None
+    env = stub(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update=tolerances)}))
+    env.observation = observe(Carrier(SPOON))
+    policy, given = DosingPolicy("pi", env), []
+    start = policy._controller.start
+    monkeypatch.setattr(policy._controller, "start", lambda *mass: (given.append(mass), start(*mass)))
+    policy()
+    assert given == [pytest.approx((5e-3, accepted))]
+
+
+def test_what_a_policy_refuses() -> None:
+    with pytest.raises(ConfigError, match="tool 'shovel': its rim is not known; accepted: spoon, scoop, bottle"):
+        DosingPolicy("pi", stub(SPOON.model_copy(update={"tool": "shovel"})))
+    pour = load_task("SpoonPour")
+    with pytest.raises(ConfigError, match="no section dose, or no action.vibration; accepted: dosing tasks"):
+        DosingPolicy("pi", stub(pour))
+    with pytest.raises(ConfigError, match="policy 'pi': the task has no section dose"):
+        numbers_of(pour, "policy 'pi'")
+    with pytest.raises(ConfigError, match="scale, target missing; accepted for dosing controllers"):
+        DosingPolicy("pi", stub(terms=("tool", "goal", "time")))
+    assert SPOON.dose is not None
+    without = SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update={"controllers": None})})
+    with pytest.raises(ConfigError, match=r"dose.controllers is missing; accepted: .*DoseSpoon"):
+        DosingPolicy("pi", stub(without))
+    for changed in ({"amplitude": 0.004}, {"frequency": 200.0}):
+        vibration = NUMBERS.vibration.model_copy(update=changed)
+        strong = DosingNumbers.model_validate(NUMBERS.model_dump() | {"vibration": vibration})
+        with pytest.raises(ConfigError, match="accepted in this task: up to 0.001 m at 20 to 60 Hz"):
+            DosingPolicy("pi", stub(), strong)
+
+
+def test_a_task_without_a_receiver_is_refused_with_what_is_accepted() -> None:
+    """ScoopTo's mass is in the tool: no balance shows it; neither a controller nor a pour curve reads another one."""
+    task = load_task("ScoopTo")
+    assert task.dose is not None
+    named = task.model_copy(update={"dose": task.dose.model_copy(update={"controllers": "DoseSpoon"})})
+    for one in (task, named):
+        with pytest.raises(ConfigError, match="no section receiver, .*; accepted: dosing tasks that pour into a rec"):
+            DosingPolicy("pi", stub(one))
+        with pytest.raises(ConfigError, match="ScoopTo: no section receiver, .*; accepted: dosing tasks that pour"):
+            given_numbers(one, "ScoopTo")
+    assert given_numbers(SPOON, "DoseSpoon") == NUMBERS
+
+
+def test_numbers_of_another_tool_or_a_longer_dose_are_refused() -> None:
+    assert SPOON.dose is not None
+    scoop = DosingNumbers.model_validate(NUMBERS.model_dump() | {"tool": "scoop"})
+    long = DosingNumbers.model_validate(NUMBERS.model_dump() | {"motion": {"duration": 20.1}})
+    for wrong, message in ((scoop, "for the tool 'scoop'; the tool is 'spoon'"),
+                           (long, "motion.duration = 20.1 s; accepted in this task: up to its 10000 steps")):
+        with pytest.raises(ConfigError, match=f"policy 'pi': .*{message}"):
+            DosingPolicy("pi", stub(), wrong)
+    with pytest.raises(ConfigError, match="policy 'pi': dose.controllers: numbers of DoseScoop for the tool 'scoop'"):
+        numbers_of(SPOON.model_copy(update={"dose": SPOON.dose.model_copy(update={"controllers": "DoseScoop"})}),
+                   "policy 'pi'")

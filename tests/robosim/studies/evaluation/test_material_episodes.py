@@ -1,0 +1,84 @@
+"""One motion among many materials."""
+
+import json
+
+import pytest
+
+from robosim.base.errors import UnknownName
+from robosim.config.materials import law_of, load_material, overridden
+from robosim.envs import TASKS
+from robosim.randomization.materials import MATERIALS
+from robosim.studies.evaluation import materials as command
+from robosim.studies.evaluation.material_episode import OWN, run_episode
+from robosim.studies.evaluation.material_tables import format_table, make_rows
+from robosim.tasks.task import load_task
+
+
+def test_the_time_step_suits_all_thirteen_materials():
+    from mpm.materials.stable_step import accepted_bound
+
+    laws = [law_of(overridden(load_material(base), numbers)) for base, numbers in MATERIALS.values()]
+    assert len(laws) == len({repr(law) for law in laws}) == 13
+    for task in map(load_task, TASKS):
+        assert all(accepted_bound(task.field.cell, law) > task.field.dt for law in laws)
+
+
+@pytest.mark.slow
+def test_a_motion_deviates_in_another_material_only():
+    """Not in its own one, and little in a smoother one; a carried load arrives in both."""
+    assert load_task("SpoonTranslate").material == "salt"
+    episodes = {label: run_episode("SpoonTranslate", "learned", label)
+                for label in (OWN, "salt", "salt, 10 deg smoother")}
+    rows = make_rows({**dict.fromkeys(MATERIALS, episodes["salt"]), **episodes})
+    assert rows["salt"]["td_mm"] == 0.0 and 0.0 < rows["salt, 10 deg smoother"]["td_mm"] < 10.0
+    for label in ("salt", "salt, 10 deg smoother"):
+        assert rows[label]["score"] == pytest.approx(41.0) and rows[label]["delivered"] == 1.0
+
+
+def make_episode(score: float, trajectory: list[list[float]], diverged: str | None = None) -> dict:
+    return {"score": score, "trajectory": trajectory, "diverged": diverged, "delivered": 1.0, "spilled": 0.0,
+            "collisions": None}
+
+
+def test_deviation_is_the_mean_distance_up_to_the_shorter_end():
+    trajectory = [[0.0, 0.0, 0.1], [0.1, 0.0, 0.1]]
+    episodes = {**dict.fromkeys(MATERIALS, make_episode(2.0, trajectory)), OWN: make_episode(1.0, trajectory),
+                "sugar": make_episode(2.0, [[0.0, 0.003, 0.1], [0.1, 0.0, 0.101]]),
+                "flour": make_episode(2.0, [[0.0, 0.003, 0.1]], "escaped"), "sand": make_episode(2.0, [], "at once")}
+    rows = make_rows(episodes)
+    assert list(rows) == list(MATERIALS) and rows["salt"]["td_mm"] == 0.0
+    assert rows["sugar"]["td_mm"] == pytest.approx(2.0) and rows["flour"]["td_mm"] == pytest.approx(3.0)
+    assert rows["sand"]["td_mm"] is None and "2.0 (-)" in format_table(["SpoonPour"], {"SpoonPour": rows})
+
+
+def test_finished_episodes_are_kept(tmp_path, monkeypatch, capsys):
+    """An episode that fails is named and the others are kept; another motion is run from the start."""
+    started, killed = [], ["SpoonPour", "learned", "flour"]
+
+    def run_jobs(work, jobs, runner):
+        for index, (_, arguments) in enumerate(work):
+            started.append(arguments)
+            is_killed = arguments == killed
+            yield (index, None, "killed by signal 9") if is_killed else (index, make_episode(1.0, [[0.0] * 3]), "")
+
+    monkeypatch.setattr(command, "run_jobs", run_jobs)
+    tasks = ["SpoonTranslate", "SpoonPour", "SpoonPour"]
+    assert command.materials(tasks, tmp_path) == 1
+    assert "SpoonPour in flour: killed by signal 9" in capsys.readouterr().err and len(started) == 28
+    assert len(json.loads((tmp_path / "materials.json").read_text())["rows"]) == 13
+    killed = []
+    assert command.materials(tasks, tmp_path) == 0
+    assert started[28:] == [["SpoonPour", "learned", "flour"]]
+    assert len(json.loads((tmp_path / "materials.json").read_text())["rows"]) == 26
+    assert (tmp_path / "materials.png").stat().st_size > 10_000 and "1.0 (0.0)" in capsys.readouterr().out
+    assert len((tmp_path / "materials.csv").read_text().splitlines()) == 27
+    command.materials(["SpoonPour"], tmp_path, name="scripted")
+    assert len(started) == 29 + 14 and started[29][:2] == ["SpoonPour", "scripted"]
+
+
+@pytest.mark.parametrize("tasks, name, message", [
+    (["Nothing"], "learned", "unknown task 'Nothing'"), (["SpoonPour"], "nobody", "unknown policy 'nobody'")])
+def test_unknown_names_are_refused_before_any_work(tmp_path, tasks, name, message):
+    with pytest.raises(UnknownName, match=message):
+        command.materials(tasks, tmp_path / "out", name=name)
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,166 @@
+"""Suites of held-out starts: the same for every policy, and what a turned start does to the grains."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robosim.base.errors import ConfigError, RobosimError, UnknownName
+from robosim.commands.runs.evaluate import check_policy, find_network
+from robosim.envs.grain_env import GrainEnv
+from robosim.randomization.materials import MATERIALS
+from robosim.studies.evaluation.evaluate import evaluate
+from robosim.studies.evaluation.policies import check_task
+from robosim.studies.evaluation.suite_run import bootstrap, evaluate_suite, find_policy
+from robosim.studies.evaluation.suites import plan_starts
+from robosim.tasks.counting import TOOL
+from robosim.tasks.task import load_task
+
+
+def test_a_suite_is_the_same_for_all_and_a_short_one_begins_a_long_one() -> None:
+    task = load_task("SpoonTranslate")
+    wide = plan_starts("wide", task, 48)
+    assert plan_starts("wide", task, 10) == wide[:10] and len({start.seed for start in wide}) == 48
+    assert {start.world for start in wide} == {("salt", (), "wide")}
+    assert {start.label for start in plan_starts("materials", task, 13)} == set(MATERIALS)
+    assert {start.world for start in plan_starts("nominal", task, 5)} == {("salt", (), "nominal")}
+    with pytest.raises(UnknownName, match="materials, nominal, wide"):
+        plan_starts("hard", task, 1)
+
+
+def test_a_turned_start_turns_the_load_with_the_tool() -> None:
+    """The grains keep their places in the tool's frame and their elastic energy, and creep no more than at home."""
+    shift, turn = (0.02, -0.01, 0.015), 17.0
+    env = GrainEnv(task="SpoonTranslate")
+    env.reset(seed=0, options={"nominal": True})
+    before, energy = env.solver.collider_pose(TOOL), env.solver.energy()
+    local = before.inverse().apply(env.solver.positions())
+    creep = rest(env, local)
+    env.reset(options={"nominal": True, "shift": shift, "turn_deg": turn})
+    pose = env.solver.collider_pose(TOOL)
+    assert pose.position - before.position == pytest.approx(shift, abs=1e-12)
+    cosine = float(np.trace(pose.matrix @ before.matrix.T) - 1.0) / 2.0
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(turn, abs=1e-4)
+    assert np.abs(pose.inverse().apply(env.solver.positions()) - local).max() < 1e-6
+    assert env.solver.energy().elastic == pytest.approx(energy.elastic, rel=1e-4)
+    assert rest(env, local) < creep + 1e-4
+    env.close()
+
+
+def rest(env: GrainEnv, local: np.ndarray) -> float:
+    """Let the tool rest for five actions; return the mean distance [m] along an axis by which its grains move in it."""
+    for _ in range(5):
+        env.step(np.zeros(3, np.float32))
+    return float(np.abs(env.solver.collider_pose(TOOL).inverse().apply(env.solver.positions()) - local).mean())
+
+
+@pytest.mark.parametrize("task", ["SpoonPour", "SpoonScoop"])
+def test_a_displaced_place_displaces_the_task(task: str) -> None:
+    """By whole cells: the grains in the container or the tool move along, and the reward is what it is at home.
+
+    With the place alone, what is carried is farther from the target, what is scooped is out of the tool's reach.
+    """
+    config, cells = load_task(task), (2, -1)
+    place = (cells[0] * config.field.cell, cells[1] * config.field.cell)
+    free = config.action.model_copy(update={"lower": (-9.0, -9.0, -9.0), "upper": (9.0, 9.0, 9.0)})
+    config = config.model_copy(update={"action": free, "steps": 100})
+    scores, piles = [], []
+    for (x, y), shift in (((0.0, 0.0), (0.0, 0.0)), (place, place), (place, (0.0, 0.0))):
+        env = GrainEnv(task=config, randomize={"place_x": (x, x), "place_y": (y, y)})
+        env.reset(seed=0, options={"nominal": True, "shift": (*shift, 0.0)})
+        piles.append(env.solver.positions().mean(0))
+        total = sum(env.step(np.full(config.action.dimensions, 0.3, np.float32))[1] for _ in range(10))
+        scores.append(float(total))
+        env.close()
+    assert piles[1] - piles[0] == pytest.approx([*place, 0.0], abs=2e-4)
+    assert scores[1] == pytest.approx(scores[0], rel=0.02)
+    if task == "SpoonPour":
+        assert abs(scores[2] - scores[0]) > 5 * abs(scores[1] - scores[0])
+
+
+def test_a_network_is_refused_for_another_version_of_its_task(tmp_path: Path) -> None:
+    """By what differs; not for what the command changed on purpose, and not for the suite's own changes."""
+    task = load_task("SpoonTranslate")
+    learned = json.loads(task.model_dump_json(exclude={"description"}))
+    learned["field"]["cell"], learned["goal"] = 0.004, [0.0, 0.0, 0.0]
+    path = tmp_path / "p.npz"
+    n = GrainEnv(task="SpoonTranslate", obs="moments").observation_space.shape[0]
+    network = {"weight_0": np.zeros((3, n), np.float32), "bias_0": np.zeros(3, np.float32), "bound": "tanh",
+               "activations": ["none"], "obs": "moments", "task": "SpoonTranslate", "action_repeat": 100}
+    np.savez(path, **network, task_table=json.dumps(learned))
+    for run in (lambda: evaluate("SpoonTranslate", str(path), None),
+                lambda: evaluate_suite("SpoonTranslate", str(path), "wide", None)):
+        with pytest.raises(ConfigError, match=r"learned on SpoonTranslate with field.cell 0.004, here 0.008; goal "):
+            run()
+    check_task(str(path), task, {"field", "goal"})
+    np.savez(path, **network, task_table=task.model_dump_json(exclude={"description"}))
+    assert evaluate_suite("SpoonTranslate", str(path), "wide", None, episodes=1) == 0
+    np.savez(path, **network, task_table="{")
+    with pytest.raises(ConfigError, match="task_table: not JSON"):
+        check_task(str(path), task)
+
+
+def test_a_bundled_network_is_a_policy_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without any, "network" is no name of a policy; a task without one is refused by naming those with one."""
+    monkeypatch.setattr("robosim.commands.runs.evaluate.trained_network", lambda task: None)
+    with pytest.raises(UnknownName, match="network"):
+        check_policy(find_network("network", "SpoonPour"))
+    monkeypatch.setattr("robosim.commands.runs.evaluate.trained_network",
+                        lambda task: Path("p.npz") if task == "SpoonPour" else None)
+    assert find_network("network", "SpoonPour") == "p.npz" and find_network("zero", "SpoonPour") == "zero"
+    with pytest.raises(ConfigError, match="none is bundled for ShovelMove; accepted: for SpoonPour;"):
+        find_network("network", "ShovelMove")
+
+
+def test_a_suite_scores_policies_from_the_same_starts(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    assert evaluate_suite("SpoonTranslate", "scripted", "wide", tmp_path, episodes=2) == 0
+    with (tmp_path / "evaluation.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    names = list(dict.fromkeys(row["policy"] for row in rows))
+    assert names == ["scripted", "learned", "zero"] and (tmp_path / "evaluation.png").is_file()
+    starts = [[(row["seed"], row["tool_x"], row["place_yaw_deg"]) for row in rows if row["policy"] == name]
+              for name in names]
+    assert starts[0] == starts[1] == starts[2] and len(set(starts[0])) == 2
+    summary = json.loads((tmp_path / "evaluation.json").read_text())
+    assert summary["is_complete"] and set(summary["policies"]) == set(names)
+    scores = {name: values["tcs"]["mean"] for name, values in summary["policies"].items()}
+    assert scores["scripted"] > 35.0 and scores["zero"] < -35.0  # 41 and -41 at most
+    assert "scripted" in capsys.readouterr().out
+
+
+def test_a_policy_alone_has_the_figures_that_it_has_beside_others(tmp_path: Path,
+                                                                   capsys: pytest.CaptureFixture) -> None:
+    rows = {}
+    for alone in (False, True):
+        assert evaluate_suite("SpoonTranslate", "zero", "nominal", tmp_path, episodes=1, alone=alone) == 0
+        with (tmp_path / "evaluation.csv").open() as file:
+            rows[alone] = list(csv.DictReader(file))
+    assert rows[True] == rows[False][:1] and {row["policy"] for row in rows[False]} > {"zero"}
+    assert "scripted" not in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_an_interval_covers_the_mean_about_as_often_as_it_says() -> None:
+    rng, hits = np.random.default_rng(0), 0
+    for _ in range(200):
+        low, high = bootstrap(rng.exponential(size=50))
+        hits += low <= 1.0 <= high
+    assert 0.87 <= hits / 200 <= 0.98  # of a skewed sample a little less than 0.95
+    assert bootstrap([3.0] * 10) == (3.0, 3.0)
+
+
+def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "best.npz", actions=np.zeros((100, 3), np.float32), task="SpoonPour", action_repeat=10)
+    assert find_policy(str(tmp_path)) == str(tmp_path / "best.npz")
+    cases = [({"name": str(tmp_path), "suite": "wide"}, "for SpoonPour; accepted: for SpoonTranslate"),
+             ({"name": str(tmp_path.parent), "suite": "wide"}, "best_policy.npz"),
+             ({"name": "scripted", "suite": "wide", "material": "sand"}, "--material sand with --suite wide")]
+    for arguments, message in cases:
+        with pytest.raises(RobosimError, match=message):
+            evaluate_suite("SpoonTranslate", out=None, episodes=1, **arguments)
+    with pytest.raises(UnknownName):
+        check_policy("best")
+    for shift in ((0.0, 0.0), "left", (0.0, 0.0, np.nan)):
+        with pytest.raises(ConfigError, match="three lengths"):
+            GrainEnv(task="SpoonTranslate").reset(seed=0, options={"shift": shift})

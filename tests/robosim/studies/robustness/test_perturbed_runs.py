@@ -1,0 +1,109 @@
+"""A rehearsal that only holds with an exact model says so; the worst of every figure is that of all runs."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robosim.commands.main import main
+from robosim.config.rehearsal import load_rehearsal
+from robosim.rehearsal.metrics import get_bounds
+from robosim.robot.model_errors import draw_model_errors
+from robosim.studies.robustness import perturbed_runs
+from robosim.studies.robustness.perturbed_runs import perturb
+
+HELD = {name: bound.low if bound.low > 0.0 else 0.0 for name, bound in get_bounds(load_rehearsal("spoon")).items()}
+
+
+class StandIn:
+    """Runs nothing: gives reports by the seed of the errors."""
+
+    def __init__(self, missed: dict[int, tuple[str, float]], crashed: tuple[int, ...] = ()) -> None:
+        self.missed, self.crashed, self.asked = missed, crashed, []
+
+    def __call__(self, jobs: Sequence[Any]) -> Iterator[tuple[int, Any, str]]:
+        for index, (_, (_, _, seed, _)) in enumerate(jobs):
+            self.asked.append(int(seed))
+            if int(seed) in self.crashed:
+                yield index, None, "killed by signal 9"
+                continue
+            report: dict[str, Any] = {**HELD, "missed": [], "torque_limit_ratio_max": 0.3 + 0.01 * int(seed)}
+            if int(seed) in self.missed:
+                name, value = self.missed[int(seed)]
+                report |= {name: value, "missed": [f"{name} = {value}; accepted: ..."]}
+            report["model_errors"] = draw_model_errors(int(seed), 7).figures() if int(seed) else None
+            yield index, report, ""
+
+
+@pytest.mark.parametrize(("missed", "status", "said"), [
+    ({}, 0, "every bound held in 4 of 4 runs"),
+    ({2: ("delivered_fraction", 0.7)}, 1, "holds only with the exact model: missed in 1 of 3 runs"),
+    ({0: ("delivered_fraction", 0.8)}, 1, "missed with the exact model; missed in 0 of 3 runs with errors")])
+def test_the_verdict_tells_exact_runs_from_those_with_errors(
+        missed: dict[int, tuple[str, float]], status: int, said: str, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    assert perturb("spoon", tmp_path, 3, runner=StandIn(missed)) == status
+    assert said in capsys.readouterr().out
+    page = (tmp_path / "index.html").read_text()
+    assert said in page and "0.33" in page  # the worst torque
+
+
+def test_the_worst_is_the_largest_or_where_there_is_no_upper_bound_the_smallest() -> None:
+    rows = {0: {"delivered_fraction": 0.95, "spilled_fraction": 0.0}, 1: {"delivered_fraction": 0.91,
+                                                                          "spilled_fraction": 0.02},
+            2: {"delivered_fraction": 1.0, "spilled_fraction": 0.01}}
+    bounds = get_bounds(load_rehearsal("spoon"))
+    assert perturbed_runs.find_worst(rows, "delivered_fraction", bounds["delivered_fraction"]) == (0.91, 1)
+    assert perturbed_runs.find_worst(rows, "spilled_fraction", bounds["spilled_fraction"]) == (0.02, 1)
+    rows[2]["delivered_fraction"] = None  # of a run that scooped nothing
+    assert perturbed_runs.find_worst(rows, "delivered_fraction", bounds["delivered_fraction"]) == (None, 2)
+
+
+def test_finished_runs_are_kept_and_a_crash_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = StandIn({}, crashed=(2,))
+    assert perturb("spoon", tmp_path, 3, runner=first) == 1
+    assert "no result with errors 2: killed by signal 9" in capsys.readouterr().err
+    again = StandIn({})
+    assert perturb("spoon", tmp_path, 4, runner=again) == 0 and sorted(again.asked) == [2, 4]
+    other = StandIn({})
+    perturb("spoon", tmp_path, 1, runner=other, options={"material": "sugar"})
+    assert sorted(other.asked) == [0, 1]
+
+
+def test_options_that_do_not_go_together_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["rehearse", "spoon", "--perturb", "2", "--model-errors", "3", "--out", str(tmp_path)]) == 2
+    assert "--model-errors 3 with --perturb; accepted: without" in capsys.readouterr().err
+    assert main(["rehearse", "spoon", "--jobs", "2", "--out", str(tmp_path)]) == 2
+    assert "--jobs 2 without --perturb; accepted: with it" in capsys.readouterr().err
+    assert main(["rehearse", "spoon", "--perturb", "2", "--motions", str(tmp_path), "--trajectory", "script", "--out",
+                 str(tmp_path / "out")]) == 2
+    assert "accepted: with --trajectory learned" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_crashes_do_not_count_as_held(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert perturb("spoon", tmp_path / "a", 2, runner=StandIn({}, crashed=(0,))) == 1
+    assert "no result with the exact model; missed in 0 of 2 runs with errors; 1 without" in capsys.readouterr().out
+    assert perturb("spoon", tmp_path / "b", 2, runner=StandIn({}, crashed=(1, 2))) == 1
+    assert "held with the exact model; no result with errors; 2 without" in capsys.readouterr().out
+
+
+def test_other_motions_under_the_same_names_are_run_again(tmp_path: Path) -> None:
+    motions = tmp_path / "motions"
+    motions.mkdir()
+    (motions / "SpoonScoop.npz").write_bytes(b"one")
+    config = load_rehearsal("spoon").model_copy(update={"motions": str(motions)})
+    first = perturbed_runs.fingerprint(config, {})
+    (motions / "SpoonScoop.npz").write_bytes(b"two")
+    assert perturbed_runs.fingerprint(config, {}) != first != perturbed_runs.fingerprint(config, {"seed": 1})
+
+
+@pytest.mark.slow
+def test_a_rehearsal_with_errors_is_another_one_and_says_which(tmp_path: Path) -> None:
+    status = main(["rehearse", "shovel", "--perturb", "1", "--jobs", "2", "--out", str(tmp_path)])
+    rows = json.loads((tmp_path / "perturbed.json").read_text())["rows"]
+    assert status == int(any(row["missed"] for row in rows.values()))
+    exact, drawn = rows["0"], rows["1"]
+    assert exact["model_errors"] is None and drawn["model_errors"] == draw_model_errors(1, 7).figures()
+    assert drawn["tool_tracking_error_max_m"] > exact["tool_tracking_error_max_m"]

@@ -1,0 +1,118 @@
+"""The search of numbers on a plain model of a tool that pours: it improves, goes on, and refuses what differs."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from pouring_plant import SALT, VIBRATION, Dose, Plant, shifted
+
+from robosim.base.errors import ConfigError
+from robosim.dosing.command import accepted_error
+from robosim.dosing.controllers import make_controller
+from robosim.dosing.numbers import DosingNumbers, load_dosing
+from robosim.studies.tuning import search
+from robosim.studies.tuning.trial import TrialJob
+
+CLUMSY = DosingNumbers.model_validate({"task": "Mine", "tool": "spoon", "curve": SALT, "vibration": VIBRATION,
+                                       "open_loop": {"share": 1.4}})
+"""An open loop that pours 40 % too much of what its curve was measured with."""
+TASK = SimpleNamespace(material="salt", model_dump=lambda **_: {"steps": 10})
+
+
+class Processes:
+    """In place of processes: each choice runs on the plant; one of them may fail, and Ctrl-C may come."""
+
+    def __init__(self, fails: int = -1, interrupted: int = -1) -> None:
+        self.fails, self.interrupted, self.ran = fails, interrupted, []
+
+    def __call__(self, jobs: Sequence[Any], processes: int) -> Iterator[tuple[int, Any, str]]:
+        for index, (_, (text,)) in enumerate(jobs):
+            job = TrialJob(**json.loads(text))
+            choice = int(Path(job.numbers).stem.split("_")[1])
+            if choice == self.interrupted:
+                raise KeyboardInterrupt
+            self.ran.append(choice)
+            if choice == self.fails:
+                yield index, None, "killed by signal 9"
+            else:
+                numbers = load_dosing(job.numbers)
+                yield index, [self._episode(numbers, job.controller, job.seed + k) for k in range(job.count)], ""
+
+    @staticmethod
+    def _episode(numbers: DosingNumbers, controller: str, seed: int) -> dict[str, Any]:
+        target = (5e-3, 20e-3, 45e-3)[seed % 3]
+        dose = Dose(make_controller(controller, numbers, numbers.curve, Plant.dt), Plant(shifted(SALT, 0.0), seed),
+                    target)
+        return {"seed": seed, "is_success": abs(dose.error) < 0.3e-3, "diverged": "", "target_mass": target,
+                "accepted_error": accepted_error(target),
+                "poured": target + dose.error, "dose_error": dose.error, "overshoot": max(dose.error, 0.0),
+                "seconds": dose.seconds, "spilled": 0.0}
+
+
+@pytest.fixture
+def tune(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    """Return a function that runs a search of CLUMSY in a folder and returns exit status and the stored search."""
+    def run(processes: Processes, numbers: DosingNumbers = CLUMSY, **more: Any) -> tuple[int, dict[str, Any]]:
+        monkeypatch.setattr(search, "run_jobs", processes)
+        monkeypatch.setattr(search, "load_task", lambda name: TASK)
+        monkeypatch.setattr(search, "numbers_of", lambda task, name: numbers)
+        arguments: dict[str, Any] = {"choices": 20, "episodes": 3} | more
+        status = search.tune("Mine", "open_loop", tmp_path / "out", **arguments)
+        return status, json.loads((tmp_path / "out" / "tune.json").read_text())
+
+    return run
+
+
+def test_a_search_improves_on_the_given_numbers(tune: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, stored = tune(Processes())
+    costs = [one["figures"]["cost"] for one in stored["choices"]]
+    assert status == 0 and stored["is_complete"] and len(costs) == 20
+    assert stored["best"] == min(range(20), key=costs.__getitem__) and costs[stored["best"]] < 0.6 * costs[0]
+    best = load_dosing(str(tmp_path / "out" / "numbers.yaml"))
+    assert best.open_loop == DosingNumbers.model_validate(stored["choices"][stored["best"]]["numbers"]).open_loop
+    assert best.open_loop.share < 1.4 and best.curve == CLUMSY.curve
+    assert "(given)" in capsys.readouterr().out
+
+
+def test_a_search_that_was_interrupted_goes_on_to_the_same_end(tune: Any, tmp_path: Path) -> None:
+    _, whole = tune(Processes())
+    for path in (tmp_path / "out").iterdir():
+        path.unlink()
+    with pytest.raises(KeyboardInterrupt):
+        tune(Processes(interrupted=9))
+    rest = Processes()
+    status, stored = tune(rest)
+    assert status == 0 and rest.ran == list(range(9, 20))
+    assert [one["numbers"] for one in stored["choices"]] == [one["numbers"] for one in whole["choices"]]
+
+
+def test_a_process_that_fails_is_an_exit_status_and_runs_again(tune: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    status, stored = tune(Processes(fails=2))
+    assert status == 1 and not stored["is_complete"]
+    assert "failed: choice 2: killed by signal 9" in capsys.readouterr().err
+    again = Processes()
+    assert tune(again)[0] == 0 and again.ran[0] == 2
+
+
+def test_more_choices_continue_a_search(tune: Any) -> None:
+    tune(Processes(), choices=7)
+    more = Processes()
+    assert tune(more, choices=13)[0] == 0 and more.ran == list(range(7, 13))
+
+
+@pytest.mark.parametrize("changed", [{"episodes": 4}, {"seed": 5}, {"randomize": "wide"}, {"material": "sugar"},
+                                     {"numbers": CLUMSY.model_copy(update={"curve": shifted(SALT, 1.0)})}], ids=str)
+def test_a_search_does_not_go_on_with_something_else(tune: Any, changed: dict[str, Any]) -> None:
+    tune(Processes(), choices=2)
+    with pytest.raises(ConfigError, match="holds a search with other numbers, another task"):
+        tune(Processes(), choices=2, **changed)
+
+
+def test_a_file_that_cannot_be_read_is_refused(tune: Any, tmp_path: Path) -> None:
+    tune(Processes(), choices=1)
+    (tmp_path / "out" / "tune.json").write_text('{"key": 1}')
+    with pytest.raises(ConfigError, match=r"tune.json cannot be read"):
+        tune(Processes(), choices=1)

@@ -1,0 +1,120 @@
+"""Claims of the verification cases: they can fail, and a whole report measures each of them."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+from robosim.studies.verification.analysis import pareto_front, time_to_error
+from robosim.studies.verification.cases import NAMES, find
+from robosim.studies.verification.cases.claims import Approach, Order, Power, Ratio, Rising, Slope, Within
+from robosim.studies.verification.cases.record import Record
+
+
+def record(error: float, **choices) -> Record:
+    return Record(case="bar", choices=choices, particles=1, steps=1, seconds=1.0, compile_seconds=0.0,
+                  errors={"rms": error})
+
+
+def test_a_power_is_fitted_to_all_runs() -> None:
+    """y = 3 x^1.5 passes as a power from 1.4 to 1.6, not as one from 1.6 to 2; one run does not measure it."""
+    records = [Record(case="bar", choices={}, particles=1, steps=1, seconds=1.0, compile_seconds=0.0, errors={},
+                      readings={"x": x, "y": 3.0 * x**1.5}) for x in (0.5, 1.0, 4.0)]
+    assert Power("y", "x", 1.4, 1.6).evaluate(records).found == pytest.approx(1.5)
+    assert Power("y", "x", 1.4, 1.6).evaluate(records).verdict == "pass"
+    assert Power("y", "x", 1.6, 2.0).evaluate(records).verdict == "fail"
+    assert Power("y", "x", 1.4, 1.6).evaluate(records[:1]).verdict == "not run"
+
+
+def test_a_slope_is_fitted_to_all_runs() -> None:
+    """y = 3 x - 1 rises by 3 per x; one run, or several of one x, do not measure it."""
+    records = [Record(case="bar", choices={}, particles=1, steps=1, seconds=1.0, compile_seconds=0.0, errors={},
+                      readings={"x": x, "y": 3.0 * x - 1.0}) for x in (0.5, 1.0, 4.0)]
+    assert Slope("y", "x", 2.9, 3.1).evaluate(records).found == pytest.approx(3.0)
+    assert [Slope("y", "x", low, 9.0).evaluate(records).verdict for low in (2.9, 3.1)] == ["pass", "fail"]
+    assert Slope("y", "x", 2.9, 3.1).evaluate([records[0], records[0]]).verdict == "not run"
+
+
+def test_a_range_without_a_lower_end_checks_every_run() -> None:
+    claim = Within("rms", 0.02, low=-np.inf)
+    assert claim.evaluate([record(-5.0), record(0.01)]).verdict == "pass"
+    assert claim.evaluate([record(0.001), record(0.5), record(-5.0)]).found == 0.5
+    assert claim.evaluate([record(0.001), record(float("nan"))]).verdict == "fail"
+
+
+def test_claims_are_evaluated_by_the_worst_run() -> None:
+    records = [record(0.01, cells=10), record(-0.03, cells=10, precision="f32"), record(0.0025, cells=20)]
+    assert Within("rms", 0.02, {"cells": 10}).evaluate(records).found == -0.03
+    assert Within("rms", 0.02, {"cells": 10}).evaluate(records).verdict == "fail"
+    assert Within("rms", 0.02, {"cells": 20}).evaluate(records).verdict == "pass"
+    assert Within("rms", 0.02, {"cells": 40}).evaluate(records).verdict == "not run"
+    assert Within("rms", 0.02, {"cells": 50}).evaluate([record(np.nan, cells=50)]).verdict == "fail"
+
+
+def test_orders_and_rises_are_evaluated() -> None:
+    second = Order("rms", "cells", (10, 20), 1.9).evaluate([record(0.01, cells=10), record(0.0025, cells=20)])
+    assert second.found == pytest.approx(2.0) and second.verdict == "pass"
+    halved = [record(0.04, cell=0.2), record(0.01, cell=0.1)]
+    assert Order("rms", "cell", (0.2, 0.1), 2.1).evaluate(halved).verdict == "fail"
+    assert Rising("rms", "slip").evaluate([record(1.0, slip=0.1), record(0.5, slip=0.2)]).verdict == "fail"
+
+
+def test_an_approach_keeps_its_sign_and_falls_at_every_refinement() -> None:
+    """An error that passes zero fails, though its magnitude falls; so does one that rises between two runs."""
+    def found(*errors: float) -> tuple[float | None, str]:
+        claim = Approach("rms", "cells", (12, 16, 24))
+        finding = claim.evaluate([record(error, cells=n) for error, n in zip(errors, (12, 16, 24))])
+        return finding.found, finding.verdict
+
+    assert found(-0.08, -0.04, -0.02) == (pytest.approx(0.5), "pass")
+    assert found(-0.08, -0.04, 0.02) == (pytest.approx(-0.5), "fail")
+    assert found(-0.08, 0.02, 0.01) == (pytest.approx(-0.25), "fail")
+    assert found(0.08, 0.1, 0.05) == (pytest.approx(1.25), "fail")
+    assert found(-0.08, -0.04) == (None, "not run")
+    assert found(0.0, 0.0, 0.0)[1] == found(0.0, 0.1, 0.05)[1] == "fail"
+    both = [record(0.4, cells=10, E=1.0), record(0.1, cells=10, E=2.0), record(0.2, cells=20, E=1.0)]
+    assert Approach("rms", "cells", (10, 20)).evaluate(both).verdict == "fail"
+    assert Approach("rms", "cells", (10, 20), {"E": 1.0}).evaluate(both).verdict == "pass"
+
+
+def test_a_ratio_compares_two_ends() -> None:
+    """0.02 over 0.01; a run at neither end does not count, and without one of the ends nothing is measured."""
+    runs = [record(0.01, speed=0.01), record(5.0, speed=0.05), record(0.02, speed=0.1)]
+    assert Ratio("rms", "speed", (0.01, 0.1), 0.9, 2.1).evaluate(runs).found == pytest.approx(2.0)
+    assert Ratio("rms", "speed", (0.01, 0.1), 0.9, 1.1).evaluate(runs).verdict == "fail"
+    assert Ratio("rms", "speed", (0.01, 0.1), 0.9, 1.1).evaluate(runs[:2]).verdict == "not run"
+
+
+def test_pareto_front_and_time_to_an_error() -> None:
+    """By hand: 1 % is halfway, in logarithms, between 4 % in 1 s and 0.25 % in 4 s."""
+    assert pareto_front([(1.0, 0.04), (2.0, 0.05), (4.0, 0.0025), (0.5, 0.5)]) == [3, 0, 2]
+    assert time_to_error(0.01, [(1.0, 0.04), (4.0, 0.0025)]) == pytest.approx(2.0)
+    assert time_to_error(0.001, [(1.0, 0.04), (4.0, 0.0025)]) is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_case_makes_claims(name: str) -> None:
+    case = find(name)
+    keys = {key for choices in (*case.SWEEP, *case.QUICK_SWEEP) for key in choices}
+    assert case.CLAIMS and case.QUICK_SWEEP and case.SOURCE
+    assert case.RESOLUTION is None or case.RESOLUTION in keys
+    for claim in case.CLAIMS:
+        assert claim.evaluate([]).verdict == "not run"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_whole_report_measures_every_claim(name: str) -> None:
+    """A sweep has the runs that a claim is limited to, with defaults for arguments that it leaves out, and the record
+    holds their choices. Otherwise the claim would stay "not run" in every report."""
+    case = find(name)
+    source, arguments = inspect.getsource(case.measure), inspect.signature(case.measure).parameters
+    runs = [{key: argument.default for key, argument in arguments.items()} | choices for choices in case.SWEEP]
+    for claim in case.CLAIMS:
+        ends = [{claim.resolution: end} for end in claim.ends] if isinstance(claim, Order) else \
+            [{claim.along: end} for end in claim.ends] if isinstance(claim, Ratio) else \
+            [{claim.resolution: value} for value in claim.values] if isinstance(claim, Approach) else [{}]
+        for where in ({**claim.where, **end} for end in ends):
+            matching = [choices for choices in runs if where.items() <= choices.items()]
+            assert matching, f"{claim}: no run at {where}"
+            assert not isinstance(claim, Rising) or len({choices[claim.along] for choices in matching}) > 1
+            assert all(f'"{key}": {key}' in source for key in where), f"{claim}: the record lacks choices of {where}"
