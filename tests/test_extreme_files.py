@@ -18,15 +18,16 @@ from policies.demonstrations.descent import STATE, Descent
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
 from policies.demonstrations.request import load_stored
 from policies.dynamics.rollout_files import describe_environment, read_rollouts
-from policies.learning.bundled import configs_folder
-from policies.learning.preset_files import load_preset, read_yaml
+from policies.learning.presets import load_preset
 from policies.results.further_tables import make_further_tables
 from policies.results.tables import COLUMNS, PUBLISHED, collect_rows, fill_page, read_table, summarise_runs, write_csv
 from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
 from policies.runs.pipeline_table import format_rows
 from policies.runs.run_folder import RunFolder
 from policies.runs.sweep_file import SweepRun
+from robosim.base.resources import folder
 from robosim.config.materials import load_material
+from robosim.config.table import read
 from robosim.envs.start import _read_state
 from robosim.rehearsal.planning.bundled_motions import load_motion
 from robosim.reports.page import Page
@@ -130,7 +131,7 @@ def tabulate(path: Path) -> None:
     rows, _ = collect_rows([path if path.name == "tables.json" else path.parent])
     if path.name == "tables.json":
         assert rows == read_table(path)
-    published = read_yaml(configs_folder() / "published" / PUBLISHED)
+    published = read(folder("configs") / "published" / PUBLISHED)
     summaries, notes = summarise_runs(rows, published)
     numbers, tables = make_further_tables(summaries, rows, [path.parent], published)
     json.dumps([summaries, numbers], allow_nan=False)

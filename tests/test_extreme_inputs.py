@@ -14,8 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from policies.learning import preset_files
-from policies.learning.preset_files import load_preset
-from policies.learning.presets import Preset
+from policies.learning.presets import Preset, load_preset
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.base.resources import folder
 from robosim.commands.keys import KINDS, schema_class

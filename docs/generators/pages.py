@@ -22,7 +22,6 @@ PARTS: dict[str, Callable[[], str]] = {
     "learning_changes.md": learning.changes_page,
     "learning_changes.svg": learning.changes_figure,
     "learning_networks.md": learning.networks_page,
-    "learning_release_0_1.md": learning.release_page,
     "learning_materials.md": learning.materials_page,
     "materials.md": catalogue.materials,
     "tasks.md": catalogue.tasks,

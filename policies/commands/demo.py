@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from policies.demonstrations import METHODS, RATE
-from policies.learning.bundled import bundled_names, check_material, check_task
+from policies.learning.names import check_material, check_task
+from robosim.base.resources import config_names
 
 EXAMPLE = """examples:
   robosim demo SpoonTranslate --n 2 --jobs 2 --out out/demo
@@ -18,7 +19,7 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser("demo", help="make demonstrations by gradient descent or CMA-ES", epilog=EXAMPLE,
                                  description="Optimise motions of a sub-task by gradient descent through the "
                                  "differentiable simulation, or by CMA-ES, and write them as demonstrations.")
-    parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; or a task's .yaml file")
+    parser.add_argument("task", help=f"one of {', '.join(config_names('tasks'))}; or a task's .yaml file")
     parser.add_argument("--out", type=Path, required=True, help="folder for demonstrations, plots and the table; an "
                         "interrupted run continues with the same command")
     parser.add_number("--n", default=10, help="number of demonstrations, from different starts (default: "
@@ -27,7 +28,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--method", choices=METHODS, default="descent", help="gradient descent, or CMA-ES on a spline "
                         "of the same motion, without gradients (default: descent)")
     parser.add_argument("--material", help=f"material of the optimisation: one of "
-                        f"{', '.join(bundled_names('materials'))}; or the path of a .yaml file (default: glycerol; "
+                        f"{', '.join(config_names('materials'))}; or the path of a .yaml file (default: glycerol; "
                         "clay for scooping and for the shovel)")
     parser.add_number("--iterations", default=150,
                         help="largest number of iterations for each demonstration "
@@ -53,7 +54,6 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--arm-weight", default=0.0, help="weight of a penalty on joint speeds and angles "
                         "beyond the arm's limits (default: 0)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
-    parser.add_renamed("--hold", "--action-repeat")
     parser.add_settings("task's file", "grains.count=100")
     parser.add_page()
     parser.set_defaults(run=run, after_interrupt="finished iterations are kept; the same command continues")
@@ -66,11 +66,12 @@ def run(options: argparse.Namespace) -> int:
     o = options
     with o.settings.changed("tasks", o.task, o.out) as task:
         from policies.demonstrations.demo import demonstrate
+        from policies.demonstrations.options import SearchOptions
         from policies.results.demonstration_page import write_demonstration_page
 
-        status = demonstrate(task, o.out, n=o.n, material=o.material, iterations=o.iterations, rate=o.rate,
-                             action_repeat=o.action_repeat, start=o.start, limit=o.limit, seed=o.seed, until=o.until,
-                             jobs=o.jobs, method=o.method, arm=o.arm, arm_weight=o.arm_weight, film=not o.no_video,
-                             nominal=o.nominal)
+        status = demonstrate(task, o.out, SearchOptions(
+            method=o.method, material=o.material, iterations=o.iterations, rate=o.rate, action_repeat=o.action_repeat,
+            start=o.start, until=o.until, limit=o.limit, arm_weight=o.arm_weight, seed=o.seed, nominal=o.nominal),
+            n=o.n, jobs=o.jobs, arm=o.arm, film=not o.no_video)
         write_demonstration_page(o.make_page, o.out)
         return status

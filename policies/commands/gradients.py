@@ -5,9 +5,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import mpm
 from policies.demonstrations import TASKS
-from policies.learning.bundled import bundled_names
+from policies.learning.names import check_task
+from robosim.base.resources import config_names
 
 EXAMPLE = """example:
   robosim gradients SpoonPour ShovelMove --jobs 2 --out out/gradients"""
@@ -19,7 +19,7 @@ def add_parser(commands: Any) -> None:
                                  description="Differentiate a rollout of each task's scripted motion in several "
                                  "materials, and compare the derivatives with finite differences.")
     parser.add_argument("tasks", nargs="*", metavar="TASK",
-                        help=f"of {', '.join(bundled_names('tasks'))} (default: all)")
+                        help=f"of {', '.join(config_names('tasks'))} (default: all)")
     parser.add_argument("--out", type=Path, required=True, help="folder for gradients.json and gradients.png; rollouts "
                         "that are finished there are not repeated")
     parser.add_number("--jobs", default=1, help="number of rollouts at the same time (default: 1)")
@@ -30,8 +30,7 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then measure."""
     for task in options.tasks:
-        if task not in bundled_names("tasks"):
-            raise mpm.InvalidValue(f"task {task!r}; accepted: {', '.join(bundled_names('tasks'))}")
+        check_task(task)
     with ExitStack() as stack:
         tasks = [stack.enter_context(options.settings.changed("tasks", task, options.out))
                  for task in options.tasks or TASKS]

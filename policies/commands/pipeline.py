@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from policies.learning.bundled import bundled_names, check_material, check_method
+from policies.learning.names import check_material, check_method
+from robosim.base.resources import config_names
 
 EXAMPLE = """examples:
   robosim pipeline spoon --jobs 2 --out out/pipeline
@@ -22,10 +23,10 @@ def add_parser(commands: Any) -> None:
                                  description="Make demonstrations of a rehearsal's sub-tasks, train on them, replay "
                                  "the learned motions in sequence and with the whole arm. Exit status 0 only if every "
                                  "step succeeded.", epilog=EXAMPLE)
-    parser.add_argument("rehearsal", help=f"one of {', '.join(bundled_names('rehearsals'))}")
+    parser.add_argument("rehearsal", help=f"one of {', '.join(config_names('rehearsals'))}")
     parser.add_argument("--out", type=Path, required=True, help="folder of all results")
     parser.add_argument("--method", default=METHOD,
-                        help=f"training method: one of {', '.join(bundled_names('training'))}; "
+                        help=f"training method: one of {', '.join(config_names('training'))}; "
                         f"or the path of a .yaml file (default: {METHOD})")
     parser.add_number("--seed", default=0, help="random seed (default: 0)")
     parser.add_number("--n", default=1, help="demonstrations of each sub-task (default: 1; arXiv "
@@ -35,7 +36,7 @@ def add_parser(commands: Any) -> None:
                         "(default: 150)")
     parser.add_number("--episodes", help="largest number of training episodes (default: the method's)")
     parser.add_argument("--material",
-                        help=f"material of the grains: one of {', '.join(bundled_names('materials'))}; or the "
+                        help=f"material of the grains: one of {', '.join(config_names('materials'))}; or the "
                         "path of a .yaml file (default: the rehearsal's)")
     parser.add_argument("--grasp", choices=["weld", "friction"], default="friction", help="tool welded to the hand, or "
                         "held by the fingers alone (default: friction)")
@@ -50,8 +51,8 @@ def add_parser(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check the names, then run the pipeline."""
-    if options.rehearsal not in bundled_names("rehearsals"):
-        raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(bundled_names('rehearsals'))}")
+    if options.rehearsal not in config_names("rehearsals"):
+        raise mpm.InvalidValue(f"rehearsal {options.rehearsal!r}; accepted: {', '.join(config_names('rehearsals'))}")
     check_method(options.method)
     check_material(options.material)
     options.settings.check("rehearsals", options.rehearsal)

@@ -23,7 +23,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("file", type=Path, help="a .yaml file, as below")
     parser.add_number("--jobs", default=1, help="processes at a time, one core each (default: 1)")
     parser.add_launch()
-    parser.add_renamed("--slurm", "--launch slurm, with partition in the file's table `launch`")
     parser.add_argument("--dry-run", action="store_true", help="list the runs that are left, and start none")
     parser.add_settings("file", "seeds=[0,1]")
     parser.set_defaults(run=run, after_interrupt="finished runs are kept; the same command continues")
@@ -34,4 +33,4 @@ def run(options: argparse.Namespace) -> int:
     from policies.runs.sweep import sweep
 
     return sweep(options.file, jobs=options.jobs, launcher=options.make_launcher(options.launch),
-                 dry_run=options.dry_run, change=options.settings.apply)
+                 dry_run=options.dry_run, settings=options.settings)

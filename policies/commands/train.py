@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from policies.learning.bundled import bundled_names, check_material, check_method, check_task
+from policies.learning.names import check_material, check_method, check_trainable
+from robosim.base.resources import config_names
 
 EXAMPLE = """examples:
   robosim train dg_sac SpoonPour --demos out/demo/SpoonPour --seed 0 --out out/runs/SpoonPour/dg_sac/seed_0
@@ -16,8 +17,8 @@ def add_parser(commands: Any) -> None:
     """Add `train` to the command line."""
     parser = commands.add_parser("train", help="train a policy on a sub-task", epilog=EXAMPLE,
                                  description="Train a policy on a sub-task with one of the methods.")
-    parser.add_argument("method", help=f"one of {', '.join(bundled_names('training'))}; or the path of a .yaml file")
-    parser.add_argument("task", help=f"one of {', '.join(bundled_names('tasks'))}; a task's .yaml file; or an id of "
+    parser.add_argument("method", help=f"one of {', '.join(config_names('training'))}; or the path of a .yaml file")
+    parser.add_argument("task", help=f"one of {', '.join(config_names('tasks'))}; a task's .yaml file; or an id of "
                         "Gymnasium, such as Pendulum-v1")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run; an interrupted run continues with "
                         "the same command")
@@ -26,7 +27,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--rollouts", type=Path, help="folder of `robosim rollouts`, for methods with a graph network")
     parser.add_number("--episodes", help="largest number of episodes (default: the method's)")
     parser.add_argument("--material",
-                        help=f"material of the grains: one of {', '.join(bundled_names('materials'))}; or the "
+                        help=f"material of the grains: one of {', '.join(config_names('materials'))}; or the "
                         "path of a .yaml file (default: the task's)")
     parser.add_argument("--starts", choices=["nominal", "random"], default="nominal", help="start of the episodes: the "
                         "task's nominal start, or random within its ranges (default: nominal)")
@@ -42,7 +43,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--label", help="name of the run's line in `robosim tables`, for a method with changes "
                         "(default: the method)")
     parser.add_argument("--force", action="store_true", help="continue a run of another configuration or commit")
-    parser.add_renamed("--frames", "--rollouts")
     parser.add_settings("method's file", "options.gamma=0.95")
     parser.add_page()
     parser.set_defaults(run=run)
@@ -51,17 +51,18 @@ def add_parser(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the names, then train."""
     check_method(options.method)
-    if "-v" not in options.task or options.task.startswith("robosim"):
-        check_task(options.task, "; or an id of Gymnasium, such as Pendulum-v1")
+    check_trainable(options.task)
     check_material(options.material)
     from policies.methods.train import train
     from policies.results.run_page import write_own_page
+    from policies.runs.options import TrainingOptions
 
     o = options
     try:
-        return train(o.method, o.task, o.out, seed=o.seed, demos=o.demos, episodes=o.episodes, material=o.material,
-                     starts=o.starts, action_repeat=o.action_repeat, obs=o.obs, force=o.force, rollouts=o.rollouts,
-                     checkpoint_every=o.checkpoint_every, evaluate_every=o.evaluate_every,
-                     label=o.label, n_envs=o.n_envs, change=o.settings.apply)
+        return train(o.method, o.task, o.out, TrainingOptions(
+            seed=o.seed, demos=o.demos, rollouts=o.rollouts, material=o.material, starts=o.starts,
+            action_repeat=o.action_repeat, n_envs=o.n_envs, checkpoint_every=o.checkpoint_every,
+            evaluate_every=o.evaluate_every, label=o.label, force=o.force),
+            episodes=o.episodes, obs=o.obs, settings=o.settings)
     finally:  # also of a run that failed or was interrupted; not of another process that has the folder
         write_own_page(o.make_page, o.out)

@@ -11,45 +11,41 @@ import numpy as np
 import mpm
 from mpm.array_files import read_arrays
 from mpm.files import temporary_path
-from policies.demonstrations import RATE
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations
+from policies.demonstrations.options import SearchOptions
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
-from policies.learning.files import worker_pool, working_in
+from policies.learning.files import worker_pool
+from robosim.base.output_folder import OutputFolder
 
 SCRIPT = "script"
 
 
-def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = None, iterations: int = 150,
-                rate: float = RATE, action_repeat: int = 10, start: str | Path | None = None,
-                limit: float | None = None, seed: int = 0, until: float | None = None, jobs: int = 1,
-                method: str = "descent", arm: bool = False, arm_weight: float = 0.0, film: bool = True,
-                nominal: bool = False) -> int:
+def demonstrate(task: str, out: Path, options: SearchOptions, *, n: int = 10, jobs: int = 1, arm: bool = False,
+                film: bool = True) -> int:
     """Make demonstrations 0 to n - 1 in a folder, with their table, learning curves and films; return 0.
 
-    start: where the search begins: None (at rest), "script" (the task's script) or a .npz file with `actions`.
-    until: with the script, time [s] up to which its actions are followed and not changed. Other arguments as in
-    `DemonstrationRequest`.
+    jobs: demonstrations that are searched for at the same time. arm: whether the table has what the motion asks of the
+    arm's joints.
 
     Raises:
-        mpm.InvalidValue: an argument is outside its range, or the folder holds other demonstrations.
+        robosim.ConfigError: another process is at work in the folder.
+        mpm.InvalidValue: an option does not fit the task, or the folder holds other demonstrations.
     """
-    for name, number in (("--n", n), ("--iterations", iterations), ("--action-repeat", action_repeat),
-                         ("--jobs", jobs)):
+    for name, number in (("--n", n), ("--jobs", jobs)):
         if number < 1:
             raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
-    if seed < 0 or not 0 < rate <= 1 or not 0 <= arm_weight < np.inf:
-        raise mpm.InvalidValue(f"--seed {seed}, --rate {rate}, --arm-weight {arm_weight}; accepted: 0 or more, above 0 "
-                               f"up to 1, 0 or more")
+    o, action_repeat = options, options.action_repeat
     env: Any = make_environment(task, action_repeat=action_repeat).unwrapped
-    actions = first_actions(start, until, env.task, ActionRepeat(env.task, action_repeat))
+    actions = first_actions(o.start, o.until, env.task, ActionRepeat(env.task, action_repeat))
     request = DemonstrationRequest(
-        task=env.source, out=out, material=material or surrogate_material(env.task), first_actions=actions,
-        fixed=count_fixed(until, env.task, action_repeat, len(actions)), method=method, iterations=iterations,
-        rate=rate, action_repeat=action_repeat, limit=limit, arm_weight=arm_weight, seed=seed, nominal=nominal)
-    with working_in(out):
+        task=env.source, out=out, material=o.material or surrogate_material(env.task), first_actions=actions,
+        fixed=count_fixed(o.until, env.task, action_repeat, len(actions)), method=o.method, iterations=o.iterations,
+        rate=o.rate, action_repeat=action_repeat, limit=o.limit, arm_weight=o.arm_weight, seed=o.seed,
+        nominal=o.nominal)
+    with OutputFolder(out):
         if jobs > 1:
             shares = [range(i, n, jobs) for i in range(min(jobs, n))]
             with worker_pool(len(shares)) as pool:
@@ -63,7 +59,7 @@ def demonstrate(task: str, out: Path, *, n: int = 10, material: str | None = Non
 
 
 def first_actions(start: str | Path | None, until: float | None, task: Any, motion: ActionRepeat) -> np.ndarray:
-    """Return the actions (decisions, dimensions) that the search begins with; arguments as in `demonstrate`."""
+    """Return the actions (decisions, dimensions) that the search begins with; arguments as in `SearchOptions`."""
     end = task.steps * task.step_dt
     if until is not None and (str(start) != SCRIPT or not 0 < until <= end):
         raise mpm.InvalidValue(f"--until {until}; accepted: with --from {SCRIPT}, above 0 up to {end:g} s")

@@ -14,8 +14,8 @@ from gymnasium.envs.registration import EnvSpec
 import mpm
 from mpm.files import write
 from policies.demonstrations.reading import demonstration_paths, read_actions, read_start
-from policies.learning.bundled import is_task_file
 from policies.learning.environments import Transition, make_environment, run_episode
+from policies.learning.names import is_task_file
 from robosim.base.files import write_json
 from robosim.base.progress import Progress
 

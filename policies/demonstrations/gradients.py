@@ -19,8 +19,9 @@ from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.request import load_stored, surrogate_material
 from policies.demonstrations.summary import draw_gradient_norms
 from policies.learning.environments import fingerprint, make_environment
-from policies.learning.files import worker_pool, working_in
+from policies.learning.files import worker_pool
 from robosim.base.files import write_json
+from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 
 ACTION_REPEAT = 10
@@ -52,7 +53,7 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
             raise mpm.InvalidValue(f"unknown task {task!r}; valid: {', '.join(TASKS)}")
     if jobs < 1:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
-    with working_in(out):
+    with OutputFolder(out):
         results = _compute_all(tasks, out, jobs)
         write_results(out, tasks, results)
     return 0

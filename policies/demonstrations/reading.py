@@ -45,8 +45,8 @@ def read_start(path: Path) -> tuple[int, dict[str, bool]]:
 
 
 def read_action_repeat(stored: StoredArrays, default: int) -> int:
-    """Return the action_repeat of a stored motion; up to release 0.1 the key was `hold`."""
-    return stored.integer("action_repeat" if "action_repeat" in stored else "hold", default, 1, MAX_REPEAT)
+    """Return the action_repeat of a stored motion."""
+    return stored.integer("action_repeat", default, 1, MAX_REPEAT)
 
 
 def read_actions(path: Path, decisions: int, action_repeat: int, dimensions: int, task: str = "") -> np.ndarray:

@@ -41,8 +41,6 @@ def rollout_path(folder: Path, k: int) -> Path:
 def write_description(folder: Path, env: Any, seed: int) -> None:
     """Write rollouts.json; raises mpm.InvalidValue for a folder of other rollouts."""
     path, description = folder / "rollouts.json", {**describe_environment(env), "seed": seed}
-    if (folder / "frames.json").is_file():
-        raise mpm.InvalidValue(f"--out {folder}: made by `robosim frames` of an earlier version; give another folder")
     stored = read_text(path) if path.is_file() else None
     if stored is not None and stored != json.dumps(description, indent=2) + "\n":
         raise mpm.InvalidValue(f"--out {folder}: holds rollouts of {' '.join(stored.split())[:2000]}; give another "

@@ -12,7 +12,8 @@ from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
 from policies.learning.environments import continue_episode, make_environment
-from policies.learning.files import worker_pool, working_in
+from policies.learning.files import worker_pool
+from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 
 KNOTS, SPREAD = 8, 0.4
@@ -30,7 +31,7 @@ def make_rollouts(task: str, out: Path, *, episodes: int = 200, material: str | 
         raise mpm.InvalidValue(f"--episodes {episodes}, --action-repeat {action_repeat}, --jobs {jobs}, --seed {seed}; "
                                f"accepted: 1 or more, the seed 0 or more")
     env: Any = make_environment(task, material=material, action_repeat=action_repeat).unwrapped
-    with working_in(out):
+    with OutputFolder(out):
         write_description(out, env, seed)
         _make_missing(out, env, material, episodes=episodes, seed=seed, jobs=jobs)
     print(f"{out}: {episodes} rollouts of up to {-(-env.task.steps // action_repeat) + 1} frames")

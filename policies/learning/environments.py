@@ -10,8 +10,8 @@ import gymnasium
 import numpy as np
 
 import mpm
-from policies.learning.bundled import check_task, is_task_file, task_name
 from policies.learning.files import digest
+from policies.learning.names import check_task, is_foreign, is_task_file, task_name
 
 
 def make_environment(task: str, **options: Any) -> gymnasium.Env:
@@ -25,7 +25,7 @@ def make_environment(task: str, **options: Any) -> gymnasium.Env:
     given = {key: value for key, value in options.items() if key != "material" or value is not None}
     if is_task_file(task):
         return gymnasium.make("robosim:robosim/Task-v0", task=task, **given)
-    check_task(task, "; for training also an id of Gymnasium such as Pendulum-v1")
+    check_task(task)
     try:
         return gymnasium.make(f"robosim:robosim/{task_name(task)}-v0", **given)
     except gymnasium.error.Error as error:
@@ -40,7 +40,7 @@ def make_vector_environment(task: str, n: int, **options: Any) -> Any:
     """
     if is_task_file(task):
         return gymnasium.make_vec("robosim:robosim/Task-v0", num_envs=n, workers=1, task=task, **options)
-    check_task(task, " for several environments at once")
+    check_task(task)
     return gymnasium.make_vec(f"robosim:robosim/{task_name(task)}-v0", num_envs=n, workers=1, **options)
 
 
@@ -49,7 +49,7 @@ def make_training_environment(task: str, obs: str, action_repeat: int, **options
 
     obs and action_repeat apply to robosim's environments only. Raises mpm.InvalidValue as `make_environment` does.
     """
-    if "-v" not in task or task.startswith("robosim") or is_task_file(task):
+    if not is_foreign(task):
         return make_environment(task, obs=obs, action_repeat=action_repeat, **options)
     try:
         return gymnasium.make(task)

@@ -1,4 +1,4 @@
-"""Folders that several processes work in: locks, and pools of workers that end with their parent."""
+"""Digests of values, ends of logs, and pools of workers that end with their parent."""
 
 import contextlib
 import ctypes
@@ -13,12 +13,6 @@ from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
-import mpm
-from robosim.base.files import keep_status, remove_temporary
-
-LOCK_NAME = ".lock"
 LOG_END = 2**16
 """Bytes at the end of a log in which its last line is looked for; progress bars make logs long."""
 PR_SET_PDEATHSIG = 1
@@ -28,47 +22,6 @@ PR_SET_PDEATHSIG = 1
 def digest(value: Any) -> str:
     """Return twelve hexadecimal digits of the SHA-256 of a value's JSON."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:12]
-
-
-def lock_folder(folder: Path) -> FileLock:
-    """Make a folder and lock it against other processes until the lock is released or this process ends.
-
-    Raises:
-        mpm.InvalidValue: another process holds the lock, or the folder cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / LOCK_NAME)
-        lock.acquire(timeout=0)
-    except OSError as error:
-        if not isinstance(error, Timeout):
-            raise mpm.InvalidValue(f"--out {folder}: cannot be written: {error}; give another folder") from error
-        raise mpm.InvalidValue(f"--out {folder}: another process is at work there; wait for it, or give another folder"
-                               ) from None
-    remove_temporary(folder)
-    return lock
-
-
-@contextlib.contextmanager
-def working_in(folder: Path) -> Iterator[None]:
-    """Lock a folder as `lock_folder` does, and keep its status.json as `mpm.files.keep_status` does."""
-    lock = lock_folder(folder)
-    try:
-        with keep_status(folder):
-            yield
-    finally:
-        lock.release()
-
-
-def is_locked(folder: Path) -> bool:
-    """Return whether another process holds a folder's lock."""
-    if not folder.is_dir():
-        return False
-    try:
-        with FileLock(folder / LOCK_NAME).acquire(timeout=0):
-            return False
-    except Timeout:
-        return True
 
 
 def read_last_line(path: Path) -> str:

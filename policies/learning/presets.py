@@ -1,11 +1,16 @@
 """Presets: the settings of a method, as files of configs/training hold them."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import pydantic
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from mpm.files import quote
+from policies.learning.names import check_method
+from robosim.config.bounds import Text
+from robosim.config.settings import Setting
+from robosim.config.table import Table, load
 
 Learner = Literal["SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "BC", "GAIL", "CMA-ES", "GNN-CMA-ES", "replay"]
 OFF_POLICY = ("SAC", "TD3", "DDPG", "TQC", "CrossQ")
@@ -14,7 +19,6 @@ IMITATION = ("BC", "GAIL", "replay")
 """Learners that learn from demonstrations alone."""
 SEARCH = ("CMA-ES", "GNN-CMA-ES")
 """Learners that search for one motion; they may begin at a demonstration."""
-Text = Annotated[str, Field(max_length=2000)]
 # A million episodes of 100 actions take two years at 0.6 s each.
 Episodes = Annotated[int, Field(ge=1, le=1_000_000)]
 # Ten million updates of a small network take 3 hours on one core, and none of the methods needs more.
@@ -47,10 +51,8 @@ ANY_OPTION = (-1e9, 1e9)
 """The same for every other number."""
 
 
-class Demonstrations(pydantic.BaseModel):
+class Demonstrations(Table):
     """How demonstrations are mixed into batches."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     size: Transitions = 50_000
     """Capacity of the demonstration buffer, in transitions."""
@@ -60,10 +62,8 @@ class Demonstrations(pydantic.BaseModel):
     """Gradient updates after each demonstrated transition, as it enters the buffer."""
 
 
-class Actor(pydantic.BaseModel):
+class Actor(Table):
     """How the actor of an actor-critic method learns, compared with its critics."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     waits: int = Field(0, ge=0, le=10_000_000)
     """Number of actions before the actor's first update."""
@@ -78,10 +78,8 @@ class Actor(pydantic.BaseModel):
     """Its factor at the end of the run, which it reaches geometrically: first the policy explores, then it keeps."""
 
 
-class Critics(pydantic.BaseModel):
+class Critics(Table):
     """An ensemble of critics (Chen et al. 2021, Ball et al. 2023)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     count: int = Field(10, ge=2, le=100)
     subset: int = Field(2, ge=1, le=100)
@@ -94,10 +92,8 @@ class Critics(pydantic.BaseModel):
         return self
 
 
-class GraphSizes(pydantic.BaseModel):
+class GraphSizes(Table):
     """Size and training of a graph network."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     hidden: int = Field(32, ge=1, le=MAX_UNITS)
     message_steps: int = Field(2, ge=1, le=100)
@@ -115,13 +111,11 @@ class GraphSizes(pydantic.BaseModel):
     learns to correct errors of its own."""
 
 
-class Preset(pydantic.BaseModel):
+class Preset(Table):
     """A method of learning: a learner and its settings.
 
     Raises pydantic.ValidationError for settings that do not fit each other.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     description: Text
     learner: Learner
@@ -230,3 +224,8 @@ class Preset(pydantic.BaseModel):
         if self.correction_cost and self.residual is None:
             raise ValueError(f"correction_cost {self.correction_cost} without residual; accepted: with one, or 0")
         return self
+
+
+def load_preset(name: str, settings: Sequence[Setting] = ()) -> Preset:
+    """Load a method by name, or from a .yaml file; raises robosim.ConfigError where either is wrong."""
+    return load(check_method(name), Preset, settings=settings)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from policies.learning.files import digest
-from policies.learning.preset_files import migrate_row
+from policies.learning.presets import Preset
 
 COLUMNS = ("task", "method", "material", "seed", "starts", "action_repeat", "n_envs", "obs", "max_episodes", "commit",
            "episodes", "tcs_of_best_return", "tcs_last10", "tcs_evaluated", "return", "seconds", "delivered", "spilled",
@@ -14,37 +14,25 @@ turn_error_deg; tcs_last10, return: means of the last ten episodes; tcs_evaluate
 exploration; seconds: of an episode; preset, demonstrations, task_digest, field: digests, that of the preset over all
 its keys but obs and episodes; code: modules that the run exercised, with a digest each; curve: score,
 means of ten episodes."""
-ADDED: dict[str, Any] = {"grains_as_one": False, "critics": None, "decay": 1.0}
-ADDED_TO_ACTOR = {"every": 1}
-"""Keys of presets, and of their table `actor`, that earlier versions lacked -> values with which a preset has the
-digest that it had then."""
-OPTIONAL = ("n_envs", "turn_error_deg", "preset", "demonstrations", "tcs_evaluated", "task_digest", "field", "code",
-            "command", "curve")
-"""Columns that the files of earlier versions lack."""
-TEXT_OR_NONE, NUMBER_OR_NONE = (str, None, ...), (float, None, ...)
+TEXT_OR_NONE, NUMBER_OR_NONE = (str, None), (float, None)
 ROW: dict[str, Any] = {
     **dict.fromkeys(("task", "method", "starts", "obs", "commit"), str),
-    **dict.fromkeys(("seed", "action_repeat", "max_episodes", "episodes"), int), "return": float, "seconds": float,
+    **dict.fromkeys(("seed", "action_repeat", "n_envs", "max_episodes", "episodes"), int),
+    **dict.fromkeys(("return", "seconds"), float),
     **dict.fromkeys(("preset", "demonstrations", "task_digest", "field", "command"), TEXT_OR_NONE),
-    "material": (str, None), "n_envs": (int, None, ...), "code": ({str: str}, None, ...),
-    "curve": ([float], None, ...),
+    "material": (str, None), "code": ({str: str}, None),
+    "curve": ([float], None),
     **dict.fromkeys(("tcs_of_best_return", "tcs_last10", "delivered", "spilled", "collisions"), (float, None)),
     **dict.fromkeys(("turn_error_deg", "tcs_evaluated"), NUMBER_OR_NONE)}
 """Form of a row."""
 
 
 def preset_digest(preset: dict[str, Any]) -> str:
-    """Return a digest of a preset's settings, without its description and what are columns of their own."""
-    kept = without(preset, ADDED)
-    if isinstance(kept.get("actor"), dict):
-        kept["actor"] = without(kept["actor"], ADDED_TO_ACTOR)
-    return digest({name: value for name, value in kept.items() if name != "description"}
-                  | {"obs": None, "episodes": None})
+    """Return a digest of a preset's settings, without its description and what are columns of their own.
 
-
-def without(table: dict[str, Any], added: dict[str, Any]) -> dict[str, Any]:
-    """Return a table without keys that have the given values."""
-    return {name: value for name, value in table.items() if name not in added or value != added[name]}
+    Settings that have their default do not count, so that a setting that is added changes no stored digest.
+    """
+    return digest(Preset(**preset).model_dump(exclude={"description", "obs", "episodes"}, exclude_defaults=True))
 
 
 def make_row(manifest: dict[str, Any], status: dict[str, Any], curve: list[float] | None = None) -> dict[str, Any]:
@@ -67,15 +55,15 @@ def make_row(manifest: dict[str, Any], status: dict[str, Any], curve: list[float
 
 
 def is_same_run(row: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Return whether two rows are of one run; an optional column that one of them lacks is not compared."""
-    return all(row[key] == other[key] or (key in OPTIONAL and None in (row[key], other[key])) for key in COLUMNS)
+    """Return whether two rows are of one run."""
+    return all(row[key] == other[key] for key in COLUMNS)
 
 
 def unpack_rows(table: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of a tables.json with today's column names, and with their code in place of its digest."""
+    """Return the rows of a tables.json with their code in place of its digest."""
     versions = table.get("code") or {}
-    rows = [migrate_row(row) for row in table["runs"]]
-    return [{**row, "code": versions[row["code"]]} if isinstance(row.get("code"), str) else row for row in rows]
+    return [{**row, "code": versions[row["code"]]} if isinstance(row.get("code"), str) else row
+            for row in table["runs"]]
 
 
 def pack_rows(rows: list[dict[str, Any]]) -> dict[str, Any]:

@@ -4,11 +4,11 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from policies.learning.bundled import bundled_names
 from policies.learning.code_digests import changed_modules
-from policies.learning.preset_files import load_preset
+from policies.learning.presets import load_preset
 from policies.results.replays import is_repeated, read_replays
 from policies.results.rows import preset_digest
+from robosim.base.resources import config_names
 
 SHOWN = 5
 """Modules of a row that are named."""
@@ -21,7 +21,7 @@ def find_stale(rows: list[dict[str, Any]], sources: list[Path]) -> dict[str, lis
     """
     replays = read_replays(sources)
     stale: dict[str, list[dict[str, Any]]] = defaultdict(list)
-    presets = {name: preset_digest(load_preset(name).model_dump()) for name in bundled_names("training")}
+    presets = {name: preset_digest(load_preset(name).model_dump()) for name in config_names("training")}
     for row in rows:
         reason = describe_age(row, presets)
         if reason and not is_repeated(row, replays):

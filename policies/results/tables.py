@@ -6,18 +6,18 @@ from typing import Any
 
 import mpm
 from mpm.files import write
-from policies.learning.bundled import configs_folder
 from policies.learning.files import digest
-from policies.learning.preset_files import migrate_manifest, read_yaml
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
 from policies.results.page import align_columns, fill_page, format_scores
 from policies.results.replays import replay
-from policies.results.rows import COLUMNS, OPTIONAL, ROW, is_same_run, make_row, pack_rows, unpack_rows
+from policies.results.rows import COLUMNS, ROW, is_same_run, make_row, pack_rows, unpack_rows
 from policies.results.staleness import find_stale, report_stale
 from policies.results.summary import summarise_runs
 from robosim.base.files import write_json, write_text
 from robosim.base.input_files import check_form, read_json
+from robosim.base.resources import folder
+from robosim.config.table import read
 
 PUBLISHED = "arxiv_2406_09178.yaml"
 
@@ -40,7 +40,7 @@ def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
                                    f"tables.json")
         for path in sorted(source.rglob("manifest.json")):
             try:
-                manifest = migrate_manifest(read_json(path))
+                manifest = read_json(path)
                 status = read_json(path.with_name("status.json"))
                 if status["state"] != "finished":
                     unfinished.append(f"{path.parent}: {status['state']} {status.get('reason', '')}".strip())
@@ -55,16 +55,16 @@ def collect_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of a tables.json, with today's column names; raises mpm.InvalidValue for another file."""
+    """Return the rows of a tables.json, raises mpm.InvalidValue for another file."""
     try:
         rows = unpack_rows(read_json(path))
-        missing = sorted({key for row in rows for key in COLUMNS if key not in row and key not in OPTIONAL})
+        missing = sorted({key for row in rows for key in COLUMNS if key not in row})
         if missing:
             raise mpm.InvalidValue(f"its runs lack {', '.join(missing)}")
         check_form(rows, [ROW], "runs")
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise mpm.InvalidValue(f"{path}: not a tables.json of `robosim tables`: {error}") from error
-    return [{**{key: row.get(key) for key in COLUMNS}, "n_envs": row.get("n_envs") or 1} for row in rows]
+    return [{key: row[key] for key in COLUMNS} for row in rows]
 
 
 def check(sources: list[Path]) -> int:
@@ -106,7 +106,7 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = N
         mpm.InvalidValue: there is no finished run, a source is wrong, or a mean would be over runs that differ.
     """
     rows, unfinished = require_rows(sources)
-    published = read_yaml(configs_folder() / "published" / PUBLISHED)
+    published = read(folder("configs") / "published" / PUBLISHED)
     summaries, notes = summarise_runs(rows, published)
     if notes and not is_mixed:
         raise mpm.InvalidValue(f"means over runs that differ: {'; '.join(notes)}; accepted: runs of one kind in a "

@@ -17,13 +17,16 @@ from typing import Any
 
 import mpm
 from mpm.files import write
-from policies.learning.bundled import check_installed, configs_folder
-from policies.learning.files import is_locked, read_last_line, working_in
-from policies.learning.preset_files import load_preset, read_yaml
+from policies.learning.files import read_last_line
+from policies.learning.names import check_installed
+from policies.learning.presets import load_preset
 from policies.runs.pipeline_table import collect_rows, format_rows
 from robosim.base.files import write_json
 from robosim.base.input_files import read_json
+from robosim.base.output_folder import OutputFolder, is_locked
 from robosim.base.progress import Progress
+from robosim.base.resources import folder
+from robosim.config.table import read
 
 DEMO_ARGUMENTS = {"SpoonScoop": ("--from", "script", "--until", "0.75", "--rate", "0.03"),
                   "ScoopScoop": ("--from", "script", "--rate", "0.01"),
@@ -45,8 +48,8 @@ SHARED_OPTIONS = ("seed", "n", "iterations", "episodes", "material")
 
 def learned_rehearsals() -> dict[str, list[str]]:
     """Return the sub-tasks of every bundled rehearsal that has learned ones."""
-    paths = sorted((configs_folder() / "rehearsals").glob("*.yaml"))
-    tasks = {path.stem: read_yaml(path).get("learned", []) for path in paths}
+    paths = sorted((folder("configs") / "rehearsals").glob("*.yaml"))
+    tasks = {path.stem: read(path).get("learned", []) for path in paths}
     return {name: names for name, names in tasks.items() if names}
 
 
@@ -98,7 +101,7 @@ class Pipeline:
 
     def run(self) -> int:
         """Run all stages; return 0, or 1 where one failed."""
-        with working_in(self.out):
+        with OutputFolder(self.out):
             return self._run_stages()
 
     def _run_stages(self) -> int:

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import mpm
 from policies.results.page import align_columns
 from robosim.base import input_files
 from robosim.base.input_files import check_form
@@ -15,8 +14,6 @@ CHAIN = {"sub_tasks": ([{"task": str, **EITHER}], ...)}
 STATUS = {"replayed": ({"tcs": (float, None, ...)}, None, ...)}
 DEMONSTRATIONS = {"demonstrations": ([{str: object}], ...)}
 """Forms of chain.json, status.json and demonstrations.json, as far as they are read."""
-RENAMED = {"scooped_mass": "scooped_mass_kg"}
-"""Key of an earlier report.json -> its name now."""
 
 
 def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path]) -> list[dict[str, Any]]:
@@ -24,9 +21,6 @@ def collect_rows(out: Path, tasks: list[str], training_folders: dict[str, Path])
 
     demonstration: best score among the task's grains. learned: score of the best motion, replayed. grains, delivered,
     turned_deg, relative_turn_error: in the sequence of sub-tasks, each begun with what the one before has left.
-
-    Raises:
-        mpm.InvalidValue: a report.json of an earlier version.
     """
     chain = read_json(out / "chain" / "chain.json", CHAIN)
     sequence = {row["task"]: row for row in chain.get("sub_tasks", [])}
@@ -51,13 +45,8 @@ def _best_demonstration(folder: Path) -> float | None:
 
 
 def read_arm_report(path: Path) -> dict[str, Any]:
-    """Return the whole arm's figures, {} without a file; raises mpm.InvalidValue for keys of an earlier version."""
-    report = read_json(path, dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
-    for old, new in RENAMED.items():
-        if old in report:
-            raise mpm.InvalidValue(f"{path}: key {old!r} is now called {new!r}; rename it, or remove the folder to run "
-                                   f"the arm again")
-    return report
+    """Return the whole arm's figures, {} without a file."""
+    return read_json(path, dict.fromkeys(ARM_COLUMNS, (float, None, ...)))
 
 
 def read_json(path: Path, form: dict[Any, Any]) -> dict[str, Any]:

@@ -17,11 +17,10 @@ import numpy as np
 
 import mpm
 from mpm.files import write
-from policies.learning.files import lock_folder
-from policies.learning.preset_files import migrate_manifest
 from policies.runs.episodes import Episode
 from robosim.base.files import write_json, write_status
 from robosim.base.input_files import differing_entries, read_json
+from robosim.base.output_folder import OutputFolder
 
 IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_repeat", "n_envs", "fingerprint",
             "demonstrations", "commit")
@@ -54,7 +53,7 @@ class RunFolder:
         self.rows: list[dict[str, Any]] = []
         self.manifest = {**manifest, "versions": {name: version(name) for name in (
             "robosim", "numpy", "torch", "stable_baselines3", "gymnasium", "taichi")}, "machine": platform.machine()}
-        self._lock = lock_folder(path)
+        self._lock = OutputFolder(path)
         try:
             self._check_identity(force)
             if not self.is_finished or force:
@@ -67,7 +66,6 @@ class RunFolder:
         stored = self.read_json("manifest.json")
         if stored is None or force:
             return
-        stored = migrate_manifest(stored)
         now = json.loads(json.dumps({key: self.manifest.get(key) for key in IDENTITY}))
         differences = [f"{key} {before!r}, now {after!r}" for key, (before, after) in differing_entries(
             {key: stored.get(key) for key in IDENTITY}, now).items()]
@@ -123,7 +121,7 @@ class RunFolder:
         """Write episodes.csv."""
         def write_rows(path: Path) -> None:
             with path.open("w", newline="") as file:
-                names = dict.fromkeys(name for row in self.rows for name in row)  # earlier versions had fewer columns
+                names = dict.fromkeys(name for row in self.rows for name in row)
                 table = csv.DictWriter(file, list(names))
                 table.writeheader()
                 table.writerows(self.rows)

@@ -5,16 +5,18 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import mpm
-from policies.learning.files import is_locked, read_last_line
-from policies.learning.preset_files import Change
+from policies.learning.files import read_last_line
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
 from robosim.base.files import keep_status, write_json
+from robosim.base.output_folder import is_locked
 from robosim.base.progress import Progress
+from robosim.config.settings import Setting
 
 GRACE = 30.0
 """Time [s] that a run has to end after an interrupt."""
@@ -23,18 +25,19 @@ POLL = 0.2
 
 
 def sweep(path: Path, *, jobs: int = 1, launcher: Any = None, dry_run: bool = False,
-          change: Change | None = None) -> int:
+          settings: Sequence[Setting] = ()) -> int:
     """Run what is not finished of a sweep file; return 0, or 1 when some runs failed.
 
     jobs: processes at a time. launcher: what runs them elsewhere, with `configure` and `run`; None: here. dry_run: only
-    print the runs. change: of the file's table, before it is checked.
+    print the runs. settings: in place of values of the file.
 
     Raises:
-        mpm.InvalidValue: the file is wrong, or jobs is less than 1.
+        robosim.ConfigError: the file is wrong.
+        mpm.InvalidValue: jobs is less than 1.
     """
     if jobs < 1:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
-    file = load_sweep(path, change)
+    file = load_sweep(path, settings)
     runs = plan_runs(file)
     unfinished = [run for run in runs if run.state != "finished"]
     print(f"{len(runs)} runs, {len(runs) - len(unfinished)} finished")

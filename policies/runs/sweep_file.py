@@ -1,19 +1,20 @@
 """Sweep files: tasks x methods x seeds, and the runs that they stand for."""
 
 import json
-from functools import partial
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import pydantic
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 import mpm
-from policies.learning.bundled import bundled_names, is_task_file, is_unknown_task
-from policies.learning.preset_files import Change, change_keys, load_model, load_preset, migrate_preset
-from policies.learning.presets import Episodes, Preset
+from policies.learning.names import check_trainable, is_task_file
+from policies.learning.presets import Episodes, Preset, load_preset
 from robosim.base.input_files import read_json
+from robosim.config.settings import Setting
+from robosim.config.table import Table, load
 
 Short = Annotated[str, Field(max_length=4096)]
 """A name, an argument or a path; Linux takes paths of up to 4096 characters."""
@@ -21,10 +22,8 @@ MAX_RUNS = 10_000
 """Runs of a sweep: at an hour each, a year of one core."""
 
 
-class Entry(pydantic.BaseModel):
+class Entry(Table):
     """A method with changes of its own, where a name alone does not say enough."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]
     """Folder of its runs, and their line in tables."""
@@ -50,12 +49,8 @@ class Entry(pydantic.BaseModel):
         return [*self.options, *changes, *label]
 
 
-class SweepFile(pydantic.BaseModel):
+class SweepFile(Table):
     """The content of a sweep file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
-    RENAMED: ClassVar[dict[str, str]] = {"frames": "rollouts"}
-    """Keys of earlier versions -> their names now."""
 
     tasks: list[Short] = Field(min_length=1, max_length=MAX_RUNS)
     methods: list[Entry] = Field(min_length=1, max_length=MAX_RUNS)
@@ -96,7 +91,7 @@ class SweepRun(NamedTuple):
         """State of the run's folder: "new", "another" (of another run), or that of its status.json."""
         try:
             manifest = read_json(self.out / "manifest.json")
-            stored = migrate_preset(manifest["preset"])
+            stored = manifest["preset"]
             # What arguments may change is compared by the command below: with --set, everything.
             from_arguments = stored if "--set" in self.arguments else {
                 name: stored.get(name) for name in ("obs", "episodes")}
@@ -108,21 +103,20 @@ class SweepRun(NamedTuple):
             return "new"
 
 
-def load_sweep(path: Path, change: Change | None = None) -> SweepFile:
-    """Load a sweep file, with a change of its table; raises mpm.InvalidValue for one that is wrong."""
-    return load_model(path, SweepFile, change)
+def load_sweep(path: Path, settings: Sequence[Setting] = ()) -> SweepFile:
+    """Load a sweep file; raises robosim.ConfigError for one that is wrong."""
+    return load(path, SweepFile, settings=settings)
 
 
 def plan_runs(file: SweepFile) -> list[SweepRun]:
     """Return all runs of a sweep, seeds outermost, so that an interrupted sweep has each seed for all methods.
 
     Raises:
-        mpm.InvalidValue: a task or method is unknown, a method's input is missing, or two runs share a folder.
+        robosim.ConfigError: a task or method is unknown.
+        mpm.InvalidValue: a method's input is missing, or two runs share a folder.
     """
-    unknown = [task for task in file.tasks if is_unknown_task(task)]
-    if unknown:
-        raise mpm.InvalidValue(f"tasks {', '.join(unknown)}; accepted: {', '.join(bundled_names('tasks'))}, a "
-                               f"task's .yaml file, or an id of Gymnasium such as Pendulum-v1")
+    for task in file.tasks:
+        check_trainable(task)
     runs: dict[Path, SweepRun] = {}
     for seed, task, method in product(file.seeds, file.tasks, file.methods):
         run = _plan_run(file, seed, task, method)
@@ -137,7 +131,7 @@ def plan_runs(file: SweepFile) -> list[SweepRun]:
 def _plan_run(file: SweepFile, seed: int, task: str, entry: Entry) -> SweepRun:
     name, method = Path(task).stem if is_task_file(task) else task, entry.method
     out = file.out / name / entry.name / f"seed_{seed}"
-    preset = load_preset(method, partial(change_keys, changes=entry.set))
+    preset = load_preset(method, [Setting(tuple(key.split(".")), value) for key, value in entry.set.items()])
     arguments = ["train", method, task, "--seed", str(seed), "--out", str(out), *file.options,
                  *_input_arguments(file, preset, entry, name), *entry.arguments]
     if file.episodes is not None:

@@ -37,14 +37,13 @@ from policies.runs.checkpoint import Checkpoints
 from policies.runs.demonstration_set import load_demonstrations, select_replayable
 from policies.runs.episode_batch import EpisodeBatch
 from policies.runs.episodes import Episode, Episodes
-from policies.runs.evaluations import EVALUATE_EVERY, Evaluations
+from policies.runs.evaluations import Evaluations
 from policies.runs.event_log import EventLog
+from policies.runs.options import TrainingOptions
 from policies.runs.run_folder import RunFolder, current_commit
 from robosim.base.files import describe_end, end_state
 from robosim.base.progress import Progress
 
-CHECKPOINT_EVERY = 10
-"""Episodes between checkpoints on the disk, if no other number is given."""
 CHECKPOINT_LATEST = 30
 """Episodes after which a checkpoint is made within an episode."""
 
@@ -55,68 +54,62 @@ MAX_BUFFER = 16 * 2**30
 class Training:
     """One run in one folder. A method (`policies.methods.method.Method`) brings it to its end.
 
-    starts: "nominal", the task's own start in every episode as in the paper, or "random" within its ranges. demos:
-    folder of demonstrations, or one file. rollouts: folder of `robosim rollouts`. checkpoint_every: episodes between
-    checkpoints, evaluate_every: between evaluations of the deterministic policy. label: name of the run's line in
-    tables, in place of the method. n_envs: sub-tasks that are simulated together, with as many updates a transition as
-    for one alone; for learners of Stable-Baselines3. options: of the environment.
-
     Raises:
         mpm.InvalidValue: arguments that do not fit each other, or a folder that holds another run.
     """
 
-    def __init__(self, method: str, preset: Preset, task: str, out: Path, *, seed: int = 0, demos: Path | None = None,
-                 starts: str = "nominal", action_repeat: int = 10, force: bool = False, rollouts: Path | None = None,
-                 checkpoint_every: int = CHECKPOINT_EVERY, evaluate_every: int = EVALUATE_EVERY,
-                 label: str | None = None, n_envs: int = 1, **options: Any) -> None:
-        self.preset, self.seed, self.action_repeat, self.n_envs = preset, seed, action_repeat, n_envs
-        self.checkpoints = Checkpoints(checkpoint_every)
-        self.base: Any = make_training_environment(task, preset.obs, action_repeat, **options)
+    def __init__(self, method: str, preset: Preset, task: str, out: Path, options: TrainingOptions) -> None:
+        self.preset, self.options = preset, options
+        self.seed, self.action_repeat, self.n_envs = options.seed, options.action_repeat, options.n_envs
+        self.checkpoints = Checkpoints(options.checkpoint_every)
+        scene: dict[str, Any] = {"material": options.material} if options.material else {}
+        self.base: Any = make_training_environment(task, preset.obs, self.action_repeat, **scene)
         """The environment, with scaled observations where the preset asks for them."""
         raw = self.base.unwrapped
         self.is_granular = hasattr(raw, "task")
-        self.decisions = -(-raw.task.steps // action_repeat) if self.is_granular else self.base.spec.max_episode_steps
+        self.decisions = -(-raw.task.steps // self.action_repeat) if self.is_granular else \
+            self.base.spec.max_episode_steps
         """Decisions of an episode."""
         if self.decisions is None or not isinstance(self.base.action_space, gymnasium.spaces.Box):
             raise mpm.InvalidValue(f"task {task!r}: accepted: continuous actions and episodes of a fixed length")
         self.task = getattr(raw, "TASK", "") or task  # as files name it, also where it was given as it is registered
         self.source = getattr(raw, "source", "") or self.task
-        if n_envs > 1:
+        if self.n_envs > 1:
             self._check_batch()
-        self.demonstrations = load_demonstrations(preset, demos, self.decisions, action_repeat, self.dimensions,
-                                                  self.task if self.is_granular else "")
-        self.rollouts = self._load_rollouts(rollouts)
-        if preset.needs_rollouts and starts != "nominal":
-            raise mpm.InvalidValue(f"--starts {starts}: this method plans one motion, from the task's own start; "
-                                   f"accepted: nominal")
-        self.demonstrations = select_replayable(self.demonstrations, preset, starts)
+        self.demonstrations = load_demonstrations(preset, options.demos, self.decisions, self.action_repeat,
+                                                  self.dimensions, self.task if self.is_granular else "")
+        self.rollouts = self._load_rollouts(options.rollouts)
+        if preset.needs_rollouts and options.starts != "nominal":
+            raise mpm.InvalidValue(f"--starts {options.starts}: this method plans one motion, from the task's own "
+                                   f"start; accepted: nominal")
+        self.demonstrations = select_replayable(self.demonstrations, preset, options.starts)
         if self.is_granular and preset.scaled and preset.obs != "dict":
             self.base = ScaledObservation(self.base, preset.obs, preset.grains_as_one)
-        self.reset_options = {"nominal": True} if self.is_granular and starts == "nominal" else None
+        self.reset_options = {"nominal": True} if self.is_granular and options.starts == "nominal" else None
         self.folder = RunFolder(out, {
-            "method": method, "label": label, "preset": preset.model_dump(), "task": self.task, "seed": seed,
-            "starts": starts,
-            "action_repeat": action_repeat, "n_envs": n_envs,
-            "material": options.get("material") or (raw.task.material if self.is_granular else None),
+            "method": method, "label": options.label, "preset": preset.model_dump(), "task": self.task,
+            "seed": self.seed, "starts": options.starts, "action_repeat": self.action_repeat, "n_envs": self.n_envs,
+            "material": options.material or (raw.task.material if self.is_granular else None),
             "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),
             "task_digest": task_digest(raw) if self.is_granular else None,
             "field": field_digest(raw) if self.is_granular else None, "code": exercised_code(),
-            "demonstrations": self._input_digests(), "commit": current_commit(), "command": " ".join(sys.argv)}, force)
-        self.env: Any = Episodes(self.base, seed, self.reset_options, self._on_episode_end)
+            "demonstrations": self._input_digests(), "commit": current_commit(), "command": " ".join(sys.argv)},
+            options.force)
+        self.env: Any = Episodes(self.base, self.seed, self.reset_options, self._on_episode_end)
         """What reports the run's episodes."""
-        if n_envs > 1:
-            self.env = EpisodeBatch(task, n_envs, self.base, seed, self.reset_options, self._on_episode_end,
-                                    preset.episodes, obs=preset.obs, action_repeat=action_repeat, **options)
+        if self.n_envs > 1:
+            self.env = EpisodeBatch(task, self.n_envs, self.base, self.seed, self.reset_options, self._on_episode_end,
+                                    preset.episodes, obs=preset.obs, action_repeat=self.action_repeat, **scene)
         self.agent_env: Any = self.env
         """The environment that a learner acts in: `env`, or corrections of a motion in it."""
         if preset.residual is not None:
             assert self.demonstrations.first is not None
             self.agent_env = ResidualActionWrapper(self.env, self.demonstrations.first, preset.residual,
                                                    preset.correction_cost)
-        self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {seed}",
+        self.progress = Progress(total=preset.episodes, desc=f"{method} {self.task} seed {self.seed}",
                                  unit="episodes")
         self.model: Any = None
-        self.evaluations = self._make_evaluations(evaluate_every) if self.is_granular else None
+        self.evaluations = self._make_evaluations(options.evaluate_every) if self.is_granular else None
 
     @property
     def dimensions(self) -> int:

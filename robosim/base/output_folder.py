@@ -12,6 +12,20 @@ from mpm.files import write
 from robosim.base.errors import ConfigError
 from robosim.base.files import keep_status, remove_temporary, write_json, write_text
 
+LOCK = ".lock"
+"""File of a folder by which a process keeps it from others."""
+
+
+def is_locked(folder: Path) -> bool:
+    """Return whether another process is at work in a folder."""
+    if not folder.is_dir():
+        return False
+    try:
+        with FileLock(folder / LOCK).acquire(timeout=0):
+            return False
+    except Timeout:
+        return True
+
 
 def aligned(lines: list[list[str]]) -> str:
     """Lines of words in columns, for a terminal."""
@@ -30,7 +44,7 @@ class OutputFolder:
         self.path, self._status = path, contextlib.ExitStack()
         try:
             path.mkdir(parents=True, exist_ok=True)
-            self._lock = FileLock(path / ".lock", is_singleton=True)  # a notebook may come back after an error
+            self._lock = FileLock(path / LOCK, is_singleton=True)  # a notebook may come back after an error
             self._lock.acquire(timeout=0)
         except Timeout:
             raise ConfigError(f"--out {path}: another process is at work there; wait for it, or give another folder"

@@ -195,26 +195,9 @@ class CommandParser(argparse.ArgumentParser):
         self.add_argument("--set", dest="settings", metavar="KEY=VALUE", action=AddSetting, default=Settings(),
                           help=f"replace a value of the {what}, such as {example}; may be given several times")
 
-    def add_renamed(self, old: str, new: str) -> None:
-        """Refuse an option of earlier versions with its name now; help does not list it."""
-        self.add_argument(old, action=RenamedOption, new=new, dest=argparse.SUPPRESS, help=argparse.SUPPRESS)
-
     def error(self, message: str) -> NoReturn:
         """Print what is wrong and exit with status 2."""
         self.exit(2, f"{self.prog}: {message}; see `{self.prog} --help`\n")
-
-
-class RenamedOption(argparse.Action):
-    """An option that is now called something else."""
-
-    def __init__(self, option_strings: list[str], new: str, **options: Any) -> None:
-        super().__init__(option_strings, nargs="?", **options)
-        self._new = new
-
-    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
-                 option_string: str | None = None) -> None:
-        """Exit with the new name."""
-        parser.error(f"{option_string} is now called {self._new}")
 
 
 def one_of(names: Iterable[str], also: str = "or the path of a .yaml file") -> str:

@@ -21,8 +21,6 @@ COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "r
             "explain": "checks.explain", "report": "checks.report", "stability": "checks.stability",
             "bench": "checks.bench", "keys": "keys", "new": "new"}
 """Command -> the module of this package that adds it."""
-RENAMED = {"frames": "rollouts"}
-"""Commands of earlier versions -> their names now."""
 GROUP = "robosim.commands"
 """Entry points of other packages' commands: functions that are given the parsers and add their own."""
 SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP"}
@@ -126,8 +124,6 @@ def interrupts() -> Iterator[list[int]]:
 def run_command(arguments: list[str] | None) -> int:
     """Run a command; an error becomes a line on stderr and an exit status, a KeyboardInterrupt a line alone."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments and arguments[0] in RENAMED:
-        parser().error(f"the command {arguments[0]} is now called {RENAMED[arguments[0]]}")
     options = parser().parse_args(arguments)
     try:
         if getattr(options, "field_threads", 1) > 1:

@@ -2,7 +2,6 @@
 
 import io
 import json
-from collections import defaultdict
 from statistics import fmean, median, stdev
 
 import matplotlib as mpl
@@ -104,57 +103,6 @@ def score_and_success(figures: dict) -> tuple[str, str]:
     """A policy's mean score with its interval, and how many of its episodes succeeded."""
     low, high = figures["tcs"]["interval"]
     return f"{figures['tcs']['mean']:.1f} ({low:.1f} to {high:.1f})", f"{figures['is_success']['mean']:.0%}"
-
-
-def release_page() -> str:
-    """Scores of release 0.1: of the best motion and of the last ten episodes, method by method."""
-    data = json.loads((TRAINED / "release_0_1.json").read_text())
-    published = published_results()
-    tasks = published["tasks"]
-    groups: dict[tuple[str, str], list[dict]] = defaultdict(list)
-    for run in data["runs"]:
-        groups[run["method"], run["task"]].append(run)
-    methods = [m for m in METHODS if any(m == method for method, _ in groups)]
-    methods += sorted({method for method, _ in groups} - set(methods))
-
-    def rows(key: str) -> list[list[str]]:
-        return [[f"`{method}`", *(spread([r[key] for r in groups[method, task] if r[key] is not None])
-                                  for task in tasks)] for method in methods]
-
-    theirs = [[f"`{method}`", *("" if v is None else f"{v[0]:.1f} ± {v[1]:.1f}" for v in published["tcs"][method])]
-              for method in methods if method in published["tcs"]]
-    seeds = [[f"`{method}`", *(str(len(groups[method, task]) or "") for task in tasks)] for method in methods]
-    head = ["method", *tasks]
-    return f"""{len(data["runs"])} training runs, made by: {data["made_by"]}. The tables are made from
-`policies/trained/release_0_1.json`. An empty cell was not run.
-
-### Score of the best motion
-
-Score of the episode with the highest return in training. Mean ± standard deviation over the seeds.
-
-{table(head, rows("tcs_of_best_return"))}
-### Score of the last ten episodes
-
-Mean over the last ten episodes of training, as arXiv 2406.09178 reports it.
-
-{table(head, rows("tcs_last10"))}
-### Scores in arXiv 2406.09178
-
-Mean ± standard deviation of five runs. The geometry of the paper is not published and differs from that of the tables
-above: compare the order of the methods, not single values.
-
-{table(head, theirs)}
-### Delivered fraction of the best motion
-
-{table(head, rows("delivered"))}
-### Seconds per episode
-
-Run time [s] on one core of a machine with other load.
-
-{table(head, rows("seconds"))}
-### Number of runs
-
-{table(head, seeds)}"""
 
 
 def materials_page() -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from policies.learning.bundled import bundled_names
+from robosim.base.resources import config_names
 from robosim.commands.main import main, parser
 
 
@@ -14,7 +14,7 @@ def test_help_lists_the_bundled_tasks(name: str, capsys: pytest.CaptureFixture[s
     with pytest.raises(SystemExit):
         main([name, "--help"])
     text = " ".join(capsys.readouterr().out.split())
-    assert ", ".join(bundled_names("tasks")) in text
+    assert ", ".join(config_names("tasks")) in text
 
 
 @pytest.mark.parametrize(("arguments", "place"), [
@@ -50,4 +50,4 @@ def test_a_task_or_method_file_that_is_not_there_is_named(tmp_path: Path, capsys
     assert main(["demo", str(tmp_path / "mine.yaml"), "--out", str(tmp_path)]) == 2
     assert "mine.yaml: no such file" in capsys.readouterr().err
     assert main(["train", "mine.yaml", "SpoonPour", "--out", str(tmp_path)]) == 2
-    assert "method 'mine.yaml'; accepted: bc," in capsys.readouterr().err
+    assert "method mine.yaml: no such file; accepted: a .yaml file of your own, or one of " in capsys.readouterr().err

@@ -5,6 +5,7 @@ import json
 import gymnasium
 import numpy as np
 import pytest
+from filelock import FileLock
 
 import mpm
 from mpm.geometry.rigid_motion import rotation_matrix
@@ -14,8 +15,10 @@ from policies.demonstrations.demo import demonstrate
 from policies.demonstrations.descent import Descent
 from policies.demonstrations.gradients import gradients
 from policies.demonstrations.motion_loss import MotionLoss
+from policies.demonstrations.options import SearchOptions
 from policies.demonstrations.spline_search import SplineSearch
-from policies.learning.files import lock_folder
+from robosim.base.errors import ConfigError
+from robosim.base.output_folder import LOCK
 from robosim.envs.reach import Reach
 from robosim.studies.evaluation.evaluate import evaluate
 from robosim.tasks.task import load_task
@@ -165,7 +168,7 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
     """Three iterations lower the loss; a run that is killed after two and resumed ends with the same bits; a finished
     one is not made again; another seed, start or rate in the same folder is refused."""
     whole, cut = tmp_path / "whole", tmp_path / "cut"
-    assert demonstrate("SpoonTranslate", whole, n=1, iterations=3, film=False) == 0
+    assert demonstrate("SpoonTranslate", whole, SearchOptions(iterations=3), n=1, film=False) == 0
     with np.load(whole / "demonstration_0.npz", allow_pickle=False) as stored:
         whole_arrays = dict(stored)
     assert whole_arrays["actions"].shape == (100, 3)
@@ -190,10 +193,10 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
 
     monkeypatch.setattr(MotionLoss, "value_and_grad", killed)
     with pytest.raises(KeyboardInterrupt):
-        demonstrate("SpoonTranslate", cut, n=1, iterations=3, film=False)
+        demonstrate("SpoonTranslate", cut, SearchOptions(iterations=3), n=1, film=False)
     assert (cut / "demonstration_0.unfinished.npz").is_file()
     calls.extend([1] * 10)
-    assert demonstrate("SpoonTranslate", cut, n=1, iterations=3, film=False) == 0
+    assert demonstrate("SpoonTranslate", cut, SearchOptions(iterations=3), n=1, film=False) == 0
     assert {p.name for p in cut.glob("[!.]*")} == {p.name for p in whole.glob("[!.]*")}
     with np.load(cut / "demonstration_0.npz", allow_pickle=False) as stored:
         assert np.array_equal(stored["actions"], whole_arrays["actions"])
@@ -202,29 +205,27 @@ def test_a_demonstration_is_made_stored_and_recognised(tmp_path, monkeypatch):
     monkeypatch.setattr(MotionLoss, "value_and_grad", None)  # not called again
     for given in ({"seed": 1}, {"nominal": True}, {"rate": 0.01}, {"start": whole / "demonstration_0.npz"}):
         with pytest.raises(mpm.InvalidValue, match="made for another"):
-            demonstrate("SpoonTranslate", whole, n=1, iterations=3, film=False, **given)
+            demonstrate("SpoonTranslate", whole, SearchOptions(iterations=3, **given), n=1, film=False)
 
 
-@pytest.mark.parametrize("given, message", [({"n": 0}, "--n 0"), ({"iterations": 0}, "--iterations 0"),
-                                         ({"seed": -1}, "--seed -1"), ({"rate": 2.0}, "--rate 2")])
-def test_wrong_arguments_are_refused_before_any_work(tmp_path, given, message):
+@pytest.mark.parametrize("given, message", [({"iterations": 0}, "--iterations 0"), ({"seed": -1}, "--seed -1"),
+                                            ({"rate": 2.0}, "--rate 2")])
+def test_wrong_options_are_refused(given, message):
     with pytest.raises(mpm.InvalidValue, match=message):
-        demonstrate("SpoonTranslate", tmp_path / "out", **given)
-    assert not (tmp_path / "out").exists()
+        SearchOptions(**given)
 
 
 def test_a_folder_is_locked(tmp_path):
-    lock = lock_folder(tmp_path)
-    with pytest.raises(mpm.InvalidValue, match="another process is at work"):
-        demonstrate("SpoonTranslate", tmp_path, n=1, iterations=1, film=False)
-    lock.release()
+    with FileLock(tmp_path / LOCK), pytest.raises(ConfigError, match="another process is at work"):
+        demonstrate("SpoonTranslate", tmp_path, SearchOptions(iterations=1), n=1, film=False)
 
 
 @pytest.mark.slow
 def test_two_workers_make_the_same_demonstrations(tmp_path):
     """To the bit."""
     for jobs in (1, 2):
-        assert demonstrate("SpoonTranslate", tmp_path / str(jobs), n=2, iterations=2, jobs=jobs, film=False) == 0
+        assert demonstrate("SpoonTranslate", tmp_path / str(jobs), SearchOptions(iterations=2), n=2, jobs=jobs,
+                           film=False) == 0
     for k in range(2):
         name = f"demonstration_{k}.npz"
         with np.load(tmp_path / "1" / name) as one, np.load(tmp_path / "2" / name) as two:

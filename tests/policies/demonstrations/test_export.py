@@ -11,6 +11,7 @@ import pytest
 
 import mpm
 from policies.demonstrations.export import PlayedDemonstration, dataset_files, export, write_dataset
+from robosim.base.errors import ConfigError
 
 h5py = pytest.importorskip("h5py")
 ACTION_REPEAT, STEPS = 250, 4
@@ -111,5 +112,5 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
         export("SpoonTranslate", tmp_path, tmp_path / "a.hdf5")
     with pytest.raises(mpm.InvalidValue, match="cannot be called 'a b'; accepted: letters"):
         export("SpoonTranslate", tmp_path, tmp_path / "a b")
-    with pytest.raises(mpm.InvalidValue, match="SpoonStir.*accepted: Bottle"):
+    with pytest.raises(ConfigError, match="SpoonStir.*valid: Bottle"):
         export("SpoonStir", tmp_path, tmp_path / "a.hdf5")

@@ -11,10 +11,10 @@ from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import GraphNetwork, Scales, Solid, batch_graphs, make_graph, make_network
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.dynamics.rollouts import cached_environment, make_rollouts
-from policies.learning.preset_files import load_preset
-from policies.learning.presets import GraphSizes
+from policies.learning.presets import GraphSizes, load_preset
 from policies.methods.graph_search import cost
 from policies.methods.train import train
+from policies.runs.options import TrainingOptions
 from robosim.tasks.task import load_task
 
 torch.set_num_threads(1)
@@ -162,11 +162,12 @@ def test_rollouts_are_stored_and_recognised(tmp_path):
     with pytest.raises(mpm.InvalidValue, match="of another environment: action_repeat 100, now 10"):
         read_rollouts(tmp_path, env)
     with pytest.raises(mpm.InvalidValue, match="give their folder as --rollouts"):
-        train("gnn_cmaes", "SpoonTranslate", tmp_path / "run")
+        train("gnn_cmaes", "SpoonTranslate", tmp_path / "run", TrainingOptions())
     with pytest.raises(mpm.InvalidValue, match="plans one motion"):
-        train("gnn_cmaes", "SpoonTranslate", tmp_path / "run", rollouts=tmp_path, action_repeat=100, starts="random")
+        train("gnn_cmaes", "SpoonTranslate", tmp_path / "run",
+              TrainingOptions(rollouts=tmp_path, action_repeat=100, starts="random"))
     with pytest.raises(mpm.InvalidValue, match="this method takes no rollouts"):
-        train("sac", "Pendulum-v1", tmp_path / "run", rollouts=tmp_path)
+        train("sac", "Pendulum-v1", tmp_path / "run", TrainingOptions(rollouts=tmp_path))
 
 
 @pytest.mark.slow
@@ -180,7 +181,8 @@ def test_planning_with_a_network(tmp_path):
     file.write_text(json.dumps(preset.model_copy(update=changes).model_dump()))
     out = tmp_path / "run"
     for _ in range(2):
-        assert train(str(file), "SpoonTranslate", out, action_repeat=250, rollouts=tmp_path / "rollouts") == 0
+        assert train(str(file), "SpoonTranslate", out,
+                     TrainingOptions(action_repeat=250, rollouts=tmp_path / "rollouts")) == 0
     status, network = (json.loads((out / name).read_text()) for name in ("status.json", "network.json"))
     assert status["state"] == "finished" and status["episodes"] == 2 and network["updates"] == 5
     assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)

@@ -4,15 +4,15 @@ import gymnasium
 import numpy as np
 import pytest
 
-import mpm
-
 torch = pytest.importorskip("torch")
 
 from policies.learners.buffers import DemoReplayBuffer  # noqa: E402
 from policies.learners.learner import ENCODERS, build_learner, learner_class  # noqa: E402
 from policies.learners.networks import WIDTH, PartsEncoder  # noqa: E402
-from policies.learning.bundled import bundled_names  # noqa: E402
-from policies.learning.preset_files import load_preset  # noqa: E402
+from policies.learning.presets import load_preset  # noqa: E402
+from robosim.base.errors import ConfigError  # noqa: E402
+from robosim.base.resources import config_names  # noqa: E402
+from robosim.config.settings import Setting  # noqa: E402
 
 BUILT = ("SAC", "TD3", "DDPG", "TQC", "CrossQ", "PPO", "GAIL")
 """Learners that are classes of Stable-Baselines3."""
@@ -34,7 +34,7 @@ def widths(network) -> list[int]:
     return [layer.out_features for layer in network if isinstance(layer, torch.nn.Linear)]
 
 
-@pytest.mark.parametrize("name", bundled_names("training"))
+@pytest.mark.parametrize("name", config_names("training"))
 def test_a_model_has_every_setting_of_its_preset(name):
     """Options, network, buffer and the parts beyond Stable-Baselines3, read back from the model."""
     preset = load_preset(name)
@@ -85,7 +85,8 @@ SET_ENCODERS = ("pointnet", "deep_sets")
 @pytest.mark.parametrize("layer_norm", [False, True])
 def test_parts_are_embedded_apart(layer_norm):
     """In actor and critics; the targets begin as copies, and all layers learn."""
-    preset = load_preset("dg_sac_literal", lambda table: {**table, "encoder": "parts", "critic_layer_norm": layer_norm})
+    preset = load_preset("dg_sac_literal", [
+        Setting(("encoder",), "parts"), Setting(("critic_layer_norm",), layer_norm)])
     model = build_learner(preset, Grains(), 0, SLICES)
     assert isinstance(model.actor.features_extractor, PartsEncoder)
     learning = {id(p) for group in model.critic.optimizer.param_groups for p in group["params"]}
@@ -100,8 +101,8 @@ def test_parts_are_embedded_apart(layer_norm):
 def test_encoders_need_a_learner_and_scaled_observations_that_fit():
     for change, named in (({"encoder": "parts", "learner": "TD3"}, "TD3"),
                           ({"grains_as_one": True, "scaled": False}, "grains_as_one")):
-        with pytest.raises(mpm.InvalidValue, match=named):
-            load_preset("dg_sac_literal", lambda table, change=change: {**table, **change})
+        with pytest.raises(ConfigError, match=named):
+            load_preset("dg_sac_literal", [Setting((key,), value) for key, value in change.items()])
 
 
 @pytest.mark.parametrize("encoder", SET_ENCODERS)

@@ -10,7 +10,7 @@ import torch
 import mpm
 from policies.learners.learner import build_learner
 from policies.learners.wrappers import INITIAL_NOISE, ResidualActionWrapper, ScaledObservation
-from policies.learning.preset_files import load_preset
+from policies.learning.presets import load_preset
 
 
 def test_a_residual_policy_begins_with_no_correction():

@@ -14,14 +14,15 @@ from stable_baselines3.common.noise import NormalActionNoise  # noqa: E402
 
 from policies.demonstrations.spline_search import sample_spline  # noqa: E402
 from policies.learners.learner import NOISE  # noqa: E402
-from policies.learning.bundled import bundled_names  # noqa: E402
 from policies.learning.environments import play  # noqa: E402
-from policies.learning.preset_files import load_preset  # noqa: E402
+from policies.learning.presets import load_preset  # noqa: E402
 from policies.methods import method as registry  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs import checkpoint  # noqa: E402
 from policies.runs.episodes import Episodes  # noqa: E402
+from policies.runs.options import TrainingOptions  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
+from robosim.base.resources import config_names  # noqa: E402
 
 torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
@@ -33,7 +34,7 @@ def test_a_run_is_the_method_itself(tmp_path):
     """The same parameters, bit for bit, as Stable-Baselines3's own class in the same episodes; SAC has updates of its
     own, which test_soft_actor_critic.py compares."""
     preset = load_preset("td3").model_copy(update={"episodes": 2, "options": SMALL})
-    training = Training("td3", preset, "Pendulum-v1", tmp_path, seed=0)
+    training = Training("td3", preset, "Pendulum-v1", tmp_path, TrainingOptions(seed=0))
     training.learn()
     own = TD3("MlpPolicy", Episodes(gymnasium.make("Pendulum-v1"), 0, None, lambda episode: None), seed=0,
               action_noise=NormalActionNoise(np.zeros(1), np.full(1, NOISE)), device="cpu",
@@ -52,7 +53,7 @@ def test_the_example_of_a_method_runs_and_continues(tmp_path, monkeypatch):
         for last in episodes:
             preset = load_preset("demo").model_copy(update={"episodes": 4, "learner": "CMA-ES", "options": {
                 "knots": 4}})
-            training = Training(name, preset, "Pendulum-v1", tmp_path / name, seed=1)
+            training = Training(name, preset, "Pendulum-v1", tmp_path / name, TrainingOptions(seed=1))
             training.preset = preset.model_copy(update={"episodes": last})
             registry.select_method("replay")(training)
             training.folder.close()
@@ -65,7 +66,7 @@ def test_soft_actor_critic_learns_the_pendulum(tmp_path):
     """20 000 steps at a rate of 1e-3: the mean of 100 episodes lies within -200 and -120."""
     preset = load_preset("sac").model_copy(update={"episodes": 100})
     preset = preset.model_copy(update={"options": {**preset.options, "learning_rate": 1e-3, "batch_size": 256}})
-    training = Training("sac", preset, "Pendulum-v1", tmp_path, seed=0)
+    training = Training("sac", preset, "Pendulum-v1", tmp_path, TrainingOptions(seed=0))
     training.learn()
     env = gymnasium.make("Pendulum-v1")
     totals = [play(env, lambda observation: training.model.predict(observation, deterministic=True)[0],
@@ -74,7 +75,7 @@ def test_soft_actor_critic_learns_the_pendulum(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [name for name in bundled_names("training")
+@pytest.mark.parametrize("method", [name for name in config_names("training")
                                     if not load_preset(name).needs_rollouts])
 def test_every_method_runs_on_grains(tmp_path, method):
     """A few episodes; the stored motion gives the return that was trained with, and is the method's own."""
@@ -82,8 +83,9 @@ def test_every_method_runs_on_grains(tmp_path, method):
     demonstration = rng.uniform(-0.3, 0.3, (50, 3)).astype(np.float32)
     np.savez(tmp_path / "demonstration_0.npz", actions=demonstration, action_repeat=20)
     preset, out, episodes = load_preset(method), tmp_path / "run", EPISODES.get(method, 3)
-    assert train(method, "SpoonTranslate", out, demos=tmp_path if preset.needs_demonstrations else None,
-                 episodes=episodes, action_repeat=20) == 0
+    assert train(method, "SpoonTranslate", out,
+                 TrainingOptions(demos=tmp_path if preset.needs_demonstrations else None, action_repeat=20),
+                 episodes=episodes) == 0
     status = json.loads((out / "status.json").read_text())
     assert status["state"] == "finished" and status["episodes"] == episodes
     assert status["replayed"]["return"] == pytest.approx(status["best_return"], abs=1e-9)

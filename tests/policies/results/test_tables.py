@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import mpm
-from policies.learning.bundled import bundled_names
 from policies.learning.code_digests import exercised_code, source_digest
-from policies.learning.preset_files import ROW_KEYS, load_preset
+from policies.learning.presets import load_preset
 from policies.results.curves import group_curves
 from policies.results.replays import read_replays
 from policies.results.rows import preset_digest
 from policies.results.summary import summarise
 from policies.results.tables import check, collect_rows, read_table, repeat, tables
+from robosim.base.resources import config_names
 from robosim.reports.page import Page
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task
@@ -90,7 +90,7 @@ def test_means_over_different_runs_are_refused(tmp_path: Path, capsys: pytest.Ca
     make_cells(tmp_path)
     assert "mean over" not in capsys.readouterr().out
     write_run(tmp_path / "c", 1, 30.0, demonstrations={"demonstration_0.npz": "a"})
-    write_run(tmp_path / "d", 2, 30.0, options={"gamma": 0.5}, code={"mpm": "1"})
+    write_run(tmp_path / "d", 2, 30.0, options={"learning_rate": 1e-3, "gamma": 0.5}, code={"mpm": "1"})
     refused = r"seed 1 more than once; .*2 different demonstrations.*--label.*--mixed"
     with pytest.raises(mpm.InvalidValue, match=refused):
         tables([tmp_path], tmp_path / "refused")
@@ -110,17 +110,12 @@ def test_ablations_have_the_name_of_their_observation(tmp_path: Path) -> None:
 
 
 def test_rows_of_earlier_tables(tmp_path: Path) -> None:
-    """A tables.json adds its runs, each once, also with earlier names of columns; other files are refused."""
+    """A tables.json adds its runs, each once; other files are refused."""
     write_run(tmp_path / "a" / "0", 0, 10.0)
     write_run(tmp_path / "a" / "1", 1, 20.0)
     write_run(tmp_path / "b" / "0", 2, 60.0)
     assert tables([tmp_path / "a"], tmp_path / "first") == 0
     first = tmp_path / "first" / "tables.json"
-    table = json.loads(first.read_text())
-    renamed = {new: old for old, new in ROW_KEYS.items()}
-    table["runs"] = [{renamed.get(key, key): value for key, value in row.items()} for row in table["runs"]]
-    assert set(renamed.values()) < set(table["runs"][0])
-    first.write_text(json.dumps(table))
     assert tables([tmp_path / "b", first, tmp_path / "a"], tmp_path / "second") == 0
     stored = json.loads((tmp_path / "second" / "tables.json").read_text())
     cell = stored["tables"]["dg_sac"]["SpoonPour"]["tcs_of_best_return"]
@@ -153,11 +148,6 @@ def test_further_tables(tmp_path: Path) -> None:
     for text in ("3.00</td><td>4.67", "2.0%</td><td>-110</td><td>3.0 (2.8%)", "52.0 (3.0)", "42.0 (3.0)",
                   "12.0 (-)", "SpoonPour, scripted"):
         assert text in page, text
-    before = {**stored["runs"][0]}
-    del before["turn_error_deg"]  # as a file of an earlier version
-    (tmp_path / "old").mkdir()
-    (tmp_path / "old" / "tables.json").write_text(json.dumps({"runs": [before]}))
-    assert tables([tmp_path / "old" / "tables.json"], tmp_path / "again") == 0
 
 
 def test_summaries_follow_their_definitions() -> None:
@@ -170,14 +160,14 @@ def test_summaries_follow_their_definitions() -> None:
 
 
 def test_the_bundled_table_has_distinct_runs_within_the_tasks_bounds() -> None:
-    """No score is above the highest of its task's reward; presets are those of today, where a row has their digest."""
-    path = Path(__file__).resolve().parents[3] / "policies" / "trained" / "release_0_1.json"
+    """No score is above the highest of its task's reward; presets are those of today."""
+    path = Path(__file__).resolve().parents[3] / "policies" / "trained" / "tables.json"
     rows, unfinished = collect_rows([path])
     assert len(rows) == len(json.loads(path.read_text())["runs"]) and not unfinished
-    highest = {task: Reward(load_task(task)).extremes()[1] for task in bundled_names("tasks")}
-    presets = {name: load_preset(name).model_dump() for name in bundled_names("training")}
+    highest = {task: Reward(load_task(task)).extremes()[1] for task in config_names("tasks")}
+    presets = {name: load_preset(name).model_dump() for name in config_names("training")}
     for row in rows:
-        assert row["preset"] in (None, preset_digest(presets[row["method"]])), row
+        assert row["method"] not in presets or row["preset"] == preset_digest(presets[row["method"]]), row
         assert max(row["tcs_of_best_return"], row["tcs_last10"]) <= highest[row["task"]] + 1e-9, row
         assert row["episodes"] <= row["max_episodes"] and 0.0 <= row["delivered"] + row["spilled"] <= 1.0 + 1e-9, row
 
@@ -201,7 +191,8 @@ def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.Captu
     write_run(tmp_path / "a", 0, 10.0, code=now)
     assert check([tmp_path / "a"]) == 0 and "all made or repeated by the code of today" in capsys.readouterr().out
     for name, changes in (("b", {"code": {**now, "mpm.solver": "0", "mpm.gone": "1"}}), ("c", {}),
-                          ("d", {"code": now, "commit": "c-dirty"}), ("e", {"code": now, "options": {"gamma": 0.5}})):
+                          ("d", {"code": now, "commit": "c-dirty"}),
+                          ("e", {"code": now, "options": {"learning_rate": 1e-3, "gamma": 0.5}})):
         write_run(tmp_path / name, ord(name), 10.0, **changes)
     assert check([tmp_path]) == 1
     printed = capsys.readouterr().out

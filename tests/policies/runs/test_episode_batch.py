@@ -10,11 +10,12 @@ import mpm
 
 torch = pytest.importorskip("torch")
 from policies.learning.environments import make_environment, play  # noqa: E402
-from policies.learning.preset_files import load_preset  # noqa: E402
-from policies.learning.presets import Actor, Preset  # noqa: E402
+from policies.learning.presets import Actor, Preset, load_preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs.episode_batch import EpisodeBatch  # noqa: E402
+from policies.runs.options import TrainingOptions  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
+from robosim.config.settings import Setting  # noqa: E402
 
 torch.set_num_threads(1)
 TASK, REPEAT = "SpoonTranslate", 200
@@ -28,8 +29,9 @@ def make_preset(method: str = "sac", episodes: int = 6, **changes) -> Preset:
 
 
 def make_training(out, preset: Preset, n: int = 2, **options) -> Training:
-    return Training("x", preset, TASK, out, seed=4, n_envs=n, action_repeat=REPEAT, checkpoint_every=2,
-                    evaluate_every=100, **options)
+    return Training("x", preset, TASK, out,
+                    TrainingOptions(seed=4, n_envs=n, action_repeat=REPEAT, checkpoint_every=2, evaluate_every=100,
+                                    **options))
 
 
 @pytest.mark.parametrize("starts", [pytest.param("nominal", marks=pytest.mark.slow), "random"])
@@ -103,11 +105,10 @@ def test_a_run_with_demonstrations_ends_with_its_times(tmp_path):
     """Four environments, demonstrations in half of each batch; the status says where the time went."""
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((5, 3)), action_repeat=np.array(REPEAT))
 
-    def change(table: dict) -> dict:
-        return {**table, "obs": "moments", "options": OPTIONS}
-
-    assert train("dg_sac", TASK, tmp_path / "run", demos=tmp_path, episodes=8, n_envs=4, action_repeat=REPEAT,
-                 evaluate_every=4, change=change) == 0
+    settings = [Setting(("obs",), "moments"), Setting(("options",), OPTIONS)]
+    assert train("dg_sac", TASK, tmp_path / "run",
+                 TrainingOptions(demos=tmp_path, n_envs=4, action_repeat=REPEAT, evaluate_every=4),
+                 episodes=8, settings=settings) == 0
     status = json.loads((tmp_path / "run" / "status.json").read_text())
     assert status["state"] == "finished" and status["episodes"] == 8
     parts = [status[f"{name}_s"] for name in ("simulating", "updating", "evaluating", "rest")]
@@ -127,7 +128,7 @@ def test_what_has_no_batch_is_refused(tmp_path, task, preset, named):
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((100, 3)))
     demos = tmp_path if preset.needs_demonstrations else None
     with pytest.raises(mpm.InvalidValue, match=f"--n-envs 2 with .*{named}"):
-        Training("x", preset, task, tmp_path / "run", n_envs=2, demos=demos)
+        Training("x", preset, task, tmp_path / "run", TrainingOptions(n_envs=2, demos=demos))
     assert not (tmp_path / "run").exists()
 
 

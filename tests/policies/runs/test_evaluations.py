@@ -9,8 +9,9 @@ import mpm
 
 torch = pytest.importorskip("torch")
 from policies.learning.environments import make_training_environment, run_episode  # noqa: E402
-from policies.learning.preset_files import load_preset  # noqa: E402
+from policies.learning.presets import load_preset  # noqa: E402
 from policies.runs.evaluations import PATIENCE, Evaluations, SaturatedActor  # noqa: E402
+from policies.runs.options import TrainingOptions  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 
 torch.set_num_threads(1)
@@ -23,7 +24,8 @@ OPTIONS = {"learning_rate": 1e-3, "batch_size": 16, "learning_starts": 5, "polic
 def run(folder, *, episodes=4, starts="random", **settings):
     """A run of SAC on SpoonTranslate to its end."""
     preset = load_preset("sac").model_copy(update={"episodes": episodes, "options": OPTIONS, "obs": "none"})
-    training = Training("x", preset, "SpoonTranslate", folder, action_repeat=REPEAT, starts=starts, **settings)
+    training = Training("x", preset, "SpoonTranslate", folder,
+                        TrainingOptions(action_repeat=REPEAT, starts=starts, **settings))
     training.learn()
     training.finish()
     training.folder.close()
@@ -55,8 +57,9 @@ def test_a_resumed_run_has_the_evaluations_of_a_whole_one(tmp_path):
     part = run(tmp_path / "part", episodes=3, evaluate_every=2, checkpoint_every=1, starts="nominal")
     assert [row["episode"] for row in part.evaluations.rows] == [2, 3]
     preset = load_preset("sac").model_copy(update={"episodes": 4, "options": OPTIONS, "obs": "none"})
-    again = Training("x", preset, "SpoonTranslate", tmp_path / "part", action_repeat=REPEAT, starts="nominal",
-                     evaluate_every=2, checkpoint_every=1, force=True)
+    again = Training("x", preset, "SpoonTranslate", tmp_path / "part",
+                     TrainingOptions(action_repeat=REPEAT, starts="nominal", evaluate_every=2,
+                                     checkpoint_every=1, force=True))
     again.learn()
     assert [row["tcs"] for row in again.evaluations.rows if row["episode"] in (2, 4)] == [
         row["tcs"] for row in whole.evaluations.rows]

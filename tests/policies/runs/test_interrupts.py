@@ -19,6 +19,7 @@ from trial_checks import check_files, find_unfinished, read_events, read_rows, r
 
 from policies.demonstrations import demo, generator, request  # noqa: E402
 from policies.demonstrations.demo import demonstrate  # noqa: E402
+from policies.demonstrations.options import SearchOptions
 from robosim.commands.main import main  # noqa: E402
 from robosim.rehearsal import session  # noqa: E402
 from robosim.rehearsal.result import TRAJECTORY  # noqa: E402
@@ -118,8 +119,8 @@ def test_a_demonstration_on_a_full_disk_keeps_its_last_iteration(tmp_path: Path,
                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
     """The disk is full after three of five iterations, or at the end; the same command makes only those that are
     missing, and ends with the same bits."""
-    given = {"n": 1, "iterations": 5, "action_repeat": 50, "film": False}
-    demonstrate("SpoonTranslate", tmp_path / "whole", **given)
+    options = SearchOptions(iterations=5, action_repeat=50)
+    demonstrate("SpoonTranslate", tmp_path / "whole", options, n=1, film=False)
     out, original, calls = tmp_path / "full", np.savez, []
 
     def savez(path: Path, **arrays: np.ndarray) -> None:
@@ -131,12 +132,12 @@ def test_a_demonstration_on_a_full_disk_keeps_its_last_iteration(tmp_path: Path,
 
     monkeypatch.setattr(np, "savez", savez)
     with pytest.raises(OSError, match="No space left"):
-        demonstrate("SpoonTranslate", out, **given)
+        demonstrate("SpoonTranslate", out, options, n=1, film=False)
     with np.load(out / "demonstration_0.unfinished.npz") as stored:
         assert len(stored["losses"]) == fails_at - 1
     assert not find_unfinished(out) and read_status(out) == "failed"
     valley.write_text("")
-    demonstrate("SpoonTranslate", out, **given)
+    demonstrate("SpoonTranslate", out, options, n=1, film=False)
     assert len(valley.read_text()) == 5 - (fails_at - 1)
     with np.load(tmp_path / "whole" / "demonstration_0.npz") as whole, np.load(out / "demonstration_0.npz") as stored:
         assert all(np.array_equal(whole[key], stored[key]) for key in whole.files)

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +9,16 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from policies.learning.environments import make_environment, play  # noqa: E402
-from policies.learning.preset_files import change_keys  # noqa: E402
 from policies.methods.train import train  # noqa: E402
+from policies.runs.options import TrainingOptions  # noqa: E402
+from robosim.config.settings import read_setting  # noqa: E402
 
 torch.set_num_threads(1)
 TASK, REPEAT, EVERY, EPISODES = "SpoonTranslate", 10, 5, 20
 DEMONSTRATION = Path(__file__).resolve().parents[3] / "policies" / "trained" / "demonstrations" / f"{TASK}.npz"
-SMALL = {"obs": "moments", "critic_layer_norm": True, "demonstrations.updates": 4, "options.learning_rate": 1e-3,
-         "options.ent_coef": "auto_0.1", "options.policy_kwargs": {"net_arch": [64, 64]}}
+SMALL = [read_setting(text) for text in (
+    "obs=moments", "critic_layer_norm=true", "demonstrations.updates=4", "options.learning_rate=0.001",
+    "options.ent_coef=auto_0.1", "options.policy_kwargs={net_arch: [64, 64]}")]
 """Of a learner that needs half a minute."""
 CHANCE = 1e-3
 """Share of runs in which actions at random may reach what is asked of the policy."""
@@ -51,8 +52,9 @@ def test_a_policy_learns_to_carry_grains(tmp_path):
     assert EPISODES // EVERY * chance_of_delivery(env) < CHANCE
     still = play(env, np.zeros((100, 3), np.float32), options={"nominal": True})[1]["tcs"]
     assert still == pytest.approx(-41.0)
-    assert train("dg_sac_literal", TASK, tmp_path, demos=DEMONSTRATION, episodes=EPISODES, evaluate_every=EVERY,
-                 action_repeat=REPEAT, change=partial(change_keys, changes=SMALL)) == 0
+    assert train("dg_sac_literal", TASK, tmp_path,
+                 TrainingOptions(demos=DEMONSTRATION, evaluate_every=EVERY, action_repeat=REPEAT),
+                 episodes=EPISODES, settings=SMALL) == 0
     with (tmp_path / "evaluations.csv").open() as file:
         scores = [float(row["tcs"]) for row in csv.DictReader(file)]
     status = json.loads((tmp_path / "status.json").read_text())

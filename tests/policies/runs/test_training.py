@@ -11,10 +11,11 @@ import mpm
 
 torch = pytest.importorskip("torch")
 from policies.demonstrations.reading import read_demonstrations, read_start  # noqa: E402
-from policies.learning.preset_files import load_preset  # noqa: E402
-from policies.learning.presets import Actor, Preset  # noqa: E402
+from policies.learning.presets import Actor, Preset, load_preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
+from policies.runs.options import TrainingOptions  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
+from robosim.base.errors import ConfigError  # noqa: E402
 
 torch.set_num_threads(1)
 SMALL = {"learning_rate": 1e-3, "batch_size": 32, "learning_starts": 0, "policy_kwargs": {"net_arch": [32, 32]}}
@@ -36,9 +37,11 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
     """
     options = SMALL if learner == "SAC" else {"n_steps": 200, "batch_size": 50, "learning_rate": 1e-3}
     preset = make_preset(learner=learner, options=options, decay=decay, actor=actor)
-    whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole", seed=1, checkpoint_every=2)
+    whole = Training("x", preset, "Pendulum-v1", tmp_path / "whole",
+                     TrainingOptions(seed=1, checkpoint_every=2))
     whole.learn()
-    interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
+    interrupted = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted",
+                           TrainingOptions(seed=1, checkpoint_every=2))
     report = interrupted.env.on_end
 
     def interrupt(episode) -> None:
@@ -49,12 +52,11 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
     interrupted.env.on_end = interrupt
     with pytest.raises(KeyboardInterrupt):
         interrupted.learn()
-    with pytest.raises(mpm.InvalidValue, match="another process"):
-        Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
     interrupted.folder.close()
     np.random.seed(99)  # noqa: NPY002  (the process that continues has another state)
     torch.manual_seed(99)
-    again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted", seed=1, checkpoint_every=2)
+    again = Training("x", preset, "Pendulum-v1", tmp_path / "interrupted",
+                     TrainingOptions(seed=1, checkpoint_every=2))
     again.learn()
     assert again.env.count == whole.env.count == 4
     for one, other in zip(again.model.policy.parameters(), whole.model.policy.parameters(), strict=True):
@@ -65,17 +67,17 @@ def test_an_interrupted_run_continues_to_the_same_bits(tmp_path, learner, decay,
 
 
 def test_arguments_that_do_not_fit_are_refused(tmp_path):
-    with pytest.raises(mpm.InvalidValue, match="accepted: bc, cmaes"):
-        train("dgsac", "Pendulum-v1", tmp_path)
-    with pytest.raises(mpm.InvalidValue, match="NoSuchTask"):
-        train("sac", "NoSuchTask", tmp_path)
+    with pytest.raises(ConfigError, match="valid: bc, cmaes"):
+        train("dgsac", "Pendulum-v1", tmp_path, TrainingOptions())
+    with pytest.raises(ConfigError, match="NoSuchTask"):
+        train("sac", "NoSuchTask", tmp_path, TrainingOptions())
     with pytest.raises(mpm.InvalidValue, match="--demos"):
-        train("dg_sac", "Pendulum-v1", tmp_path)
+        train("dg_sac", "Pendulum-v1", tmp_path, TrainingOptions())
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((100, 6)))
     with pytest.raises(mpm.InvalidValue, match=r"shape \(100, 6\)"):
-        train("dg_sac", "Pendulum-v1", tmp_path / "run", demos=tmp_path)
+        train("dg_sac", "Pendulum-v1", tmp_path / "run", TrainingOptions(demos=tmp_path))
     with pytest.raises(mpm.InvalidValue, match="takes no demonstrations"):
-        train("sac", "Pendulum-v1", tmp_path / "run", demos=tmp_path)
+        train("sac", "Pendulum-v1", tmp_path / "run", TrainingOptions(demos=tmp_path))
     np.savez(tmp_path / "demonstration_0.npz", actions=np.zeros((10, 3)))
     with pytest.raises(mpm.InvalidValue, match="10 actions"):
         read_demonstrations(tmp_path, 100, 10, 3)
@@ -91,11 +93,12 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
     with pytest.raises(mpm.InvalidValue, match="made for SpoonTranslate; accepted: one for SpoonPour"):
         read_demonstrations(tmp_path, 100, 10, 3, "SpoonPour")
     with pytest.raises(mpm.InvalidValue, match="demonstration_0.npz: made for another start"):
-        train("residual", "SpoonTranslate", tmp_path / "run", demos=tmp_path)
+        train("residual", "SpoonTranslate", tmp_path / "run", TrainingOptions(demos=tmp_path))
     assert not (tmp_path / "run").exists()
     np.savez(tmp_path / "demonstration_1.npz", actions=np.zeros((100, 3)), seed=np.array(8), nominal=np.array(True),
              task=np.array("SpoonTranslate"))
-    again = Training("demo", load_preset("demo"), "robosim/SpoonTranslate-v0", tmp_path / "run", demos=tmp_path)
+    again = Training("demo", load_preset("demo"), "robosim/SpoonTranslate-v0", tmp_path / "run",
+                     TrainingOptions(demos=tmp_path))
     assert list(again.demonstrations.motions) == ["demonstration_1.npz"]  # the one that begins where episodes do
     assert again.folder.manifest["task"] == "SpoonTranslate"
     again.folder.close()
@@ -109,7 +112,7 @@ def test_demonstrations_of_another_task_or_start_are_refused(tmp_path):
                                              ("sets_sac", "moments")])
 def test_layouts_that_a_method_cannot_observe_are_refused(tmp_path, method, obs):
     with pytest.raises(mpm.InvalidValue, match=f"obs {obs}; accepted"):
-        train(method, "SpoonTranslate", tmp_path / "run", obs=obs)
+        train(method, "SpoonTranslate", tmp_path / "run", TrainingOptions(), obs=obs)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import mpm
 from policies.demonstrations.export import export
 from policies.learning.environments import make_training_environment
 from policies.methods.train import train
+from policies.runs.options import TrainingOptions
 from policies.runs.sweep_file import load_sweep, plan_runs
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import config_path
@@ -104,7 +105,7 @@ def test_results_have_the_name_of_the_task_file(capsys: pytest.CaptureFixture[st
     """Training, evaluation and export; a sub-task refuses the motion, the file takes any that fits."""
     own, actions = written("mine.yaml"), np.full((4, 3), 0.1, np.float32)
     np.savez("demonstration_0.npz", actions=actions, action_repeat=ACTION_REPEAT, task="mine", seed=0, nominal=True)
-    assert train("demo", own, Path("run"), demos=Path(), action_repeat=ACTION_REPEAT) == 0
+    assert train("demo", own, Path("run"), TrainingOptions(demos=Path(), action_repeat=ACTION_REPEAT)) == 0
     assert json.loads(Path("run/manifest.json").read_text())["task"] == "mine"
     assert f"robosim evaluate {own} --policy run/best.npz" in capsys.readouterr().out
     assert evaluate(own, "run/best.npz", None, nominal=True) == 0

@@ -1,0 +1,45 @@
+"""Options of the search for demonstrations, whatever its task."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import mpm
+from policies.demonstrations import RATE
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions:
+    """How demonstrations are searched for. Raises mpm.InvalidValue for numbers outside their range."""
+
+    method: str = "descent"
+    """"descent", gradient descent through the field, or "cmaes", CMA-ES on a spline."""
+    material: str | None = None
+    """Material of the search; None: a fluid, or clay where the tool is empty at the start."""
+    iterations: int = 150
+    """Largest number of iterations of a demonstration."""
+    rate: float = RATE
+    """Largest step of an iteration, in actions of -1 to 1."""
+    action_repeat: int = 10
+    """Control steps for which an action is repeated."""
+    start: str | Path | None = None
+    """Where the search begins: None (at rest), "script" (the task's script) or a .npz file with `actions`."""
+    until: float | None = None
+    """With the script, time [s] up to which its actions are followed and not changed."""
+    limit: float | None = None
+    """Bound on the entries of the state's adjoint in every substep; None: no bound."""
+    arm_weight: float = 0.0
+    """Weight of the penalty on motions beyond the arm's limits; 0: no penalty."""
+    seed: int = 0
+    """Seed of demonstration 0's start; demonstration k has seed + k."""
+    nominal: bool = False
+    """Whether demonstration 0 begins at the task's own start instead."""
+
+    def __post_init__(self) -> None:
+        for name, number in (("--iterations", self.iterations), ("--action-repeat", self.action_repeat)):
+            if number < 1:
+                raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
+        if self.seed < 0 or not 0 < self.rate <= 1 or not 0 <= self.arm_weight < np.inf:
+            raise mpm.InvalidValue(f"--seed {self.seed}, --rate {self.rate}, --arm-weight {self.arm_weight}; accepted: "
+                                   f"0 or more, above 0 up to 1, 0 or more")
