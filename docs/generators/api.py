@@ -27,7 +27,7 @@ ALSO_HIDDEN = {"RegionCounter": ", accumulate, list_particles, position, distanc
                "Sample": ", take", "Region": ", row"}
 """Class -> further members that only kernels call."""
 POLICIES = ["policies.learners.vec_env.SB3VecEnv", "policies.learning.presets.Preset",
-            "policies.learning.preset_files.load_preset", "policies.methods.method.Method"]
+            "policies.learning.presets.load_preset", "policies.methods.method.Method"]
 """What programs use of policies besides its commands."""
 
 

@@ -1,4 +1,4 @@
 """Commands of the learning side.
 
-Imports: demonstrations, dynamics, learning, methods, results, runs, mpm.
+Imports: demonstrations, dynamics, learning, methods, results, runs, robosim, mpm.
 """

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from policies.demonstrations import METHODS, RATE
+from policies.demonstrations import METHODS
 from policies.learning.names import check_material, check_task
+from policies.learning.options import RATE
 from robosim.base.resources import config_names
 
 EXAMPLE = """examples:
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     o = options
     with o.settings.changed("tasks", o.task, o.out) as task:
         from policies.demonstrations.demo import demonstrate
-        from policies.demonstrations.options import SearchOptions
+        from policies.learning.options import SearchOptions
         from policies.results.demonstration_page import write_demonstration_page
 
         status = demonstrate(task, o.out, SearchOptions(

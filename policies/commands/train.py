@@ -53,9 +53,9 @@ def run(options: argparse.Namespace) -> int:
     check_method(options.method)
     check_trainable(options.task)
     check_material(options.material)
+    from policies.learning.options import TrainingOptions
     from policies.methods.train import train
     from policies.results.run_page import write_own_page
-    from policies.runs.options import TrainingOptions
 
     o = options
     try:

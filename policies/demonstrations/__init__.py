@@ -5,8 +5,6 @@ Imports: learning, robosim, mpm.
 
 METHODS = ("descent", "cmaes")
 """Searches for a demonstration: gradient descent through the field, or CMA-ES."""
-RATE = 0.05
-"""Default step of the descent, in actions of -1 to 1."""
 TASKS = ("SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
          "ShovelMove")
 """Tasks of the figure of derivatives, in its order."""

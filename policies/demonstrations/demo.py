@@ -13,11 +13,11 @@ from mpm.array_files import read_arrays
 from mpm.files import temporary_path
 from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.generator import make_demonstrations
-from policies.demonstrations.options import SearchOptions
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
 from policies.learning.files import worker_pool
+from policies.learning.options import SearchOptions
 from robosim.base.output_folder import OutputFolder
 
 SCRIPT = "script"

@@ -10,8 +10,8 @@ import pydantic
 
 import mpm
 from policies.learning.names import check_installed
+from policies.learning.options import TrainingOptions
 from policies.learning.presets import Preset, load_preset
-from policies.runs.options import TrainingOptions
 from robosim.config.settings import Setting
 
 

@@ -31,6 +31,7 @@ from policies.learning.environments import (
     task_digest,
 )
 from policies.learning.files import digest
+from policies.learning.options import TrainingOptions
 from policies.learning.presets import OFF_POLICY, Preset
 from policies.runs import checkpoint
 from policies.runs.checkpoint import Checkpoints
@@ -39,7 +40,6 @@ from policies.runs.episode_batch import EpisodeBatch
 from policies.runs.episodes import Episode, Episodes
 from policies.runs.evaluations import Evaluations
 from policies.runs.event_log import EventLog
-from policies.runs.options import TrainingOptions
 from policies.runs.run_folder import RunFolder, current_commit
 from robosim.base.files import describe_end, end_state
 from robosim.base.progress import Progress

@@ -15,8 +15,8 @@ from policies.demonstrations.demo import demonstrate
 from policies.demonstrations.descent import Descent
 from policies.demonstrations.gradients import gradients
 from policies.demonstrations.motion_loss import MotionLoss
-from policies.demonstrations.options import SearchOptions
 from policies.demonstrations.spline_search import SplineSearch
+from policies.learning.options import SearchOptions
 from robosim.base.errors import ConfigError
 from robosim.base.output_folder import LOCK
 from robosim.envs.reach import Reach

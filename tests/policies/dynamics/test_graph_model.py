@@ -11,10 +11,10 @@ from policies.dynamics.graph_model import GraphModel
 from policies.dynamics.graph_network import GraphNetwork, Scales, Solid, batch_graphs, make_graph, make_network
 from policies.dynamics.rollout_files import Rollouts, read_rollouts
 from policies.dynamics.rollouts import cached_environment, make_rollouts
+from policies.learning.options import TrainingOptions
 from policies.learning.presets import GraphSizes, load_preset
 from policies.methods.graph_search import cost
 from policies.methods.train import train
-from policies.runs.options import TrainingOptions
 from robosim.tasks.task import load_task
 
 torch.set_num_threads(1)

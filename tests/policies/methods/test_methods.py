@@ -15,12 +15,12 @@ from stable_baselines3.common.noise import NormalActionNoise  # noqa: E402
 from policies.demonstrations.spline_search import sample_spline  # noqa: E402
 from policies.learners.learner import NOISE  # noqa: E402
 from policies.learning.environments import play  # noqa: E402
+from policies.learning.options import TrainingOptions  # noqa: E402
 from policies.learning.presets import load_preset  # noqa: E402
 from policies.methods import method as registry  # noqa: E402
 from policies.methods.train import train  # noqa: E402
 from policies.runs import checkpoint  # noqa: E402
 from policies.runs.episodes import Episodes  # noqa: E402
-from policies.runs.options import TrainingOptions  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 from robosim.base.resources import config_names  # noqa: E402
 

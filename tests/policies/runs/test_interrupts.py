@@ -19,7 +19,7 @@ from trial_checks import check_files, find_unfinished, read_events, read_rows, r
 
 from policies.demonstrations import demo, generator, request  # noqa: E402
 from policies.demonstrations.demo import demonstrate  # noqa: E402
-from policies.demonstrations.options import SearchOptions
+from policies.learning.options import SearchOptions
 from robosim.commands.main import main  # noqa: E402
 from robosim.rehearsal import session  # noqa: E402
 from robosim.rehearsal.result import TRAJECTORY  # noqa: E402

@@ -11,9 +11,9 @@ import mpm
 
 torch = pytest.importorskip("torch")
 from policies.demonstrations.reading import read_demonstrations, read_start  # noqa: E402
+from policies.learning.options import TrainingOptions  # noqa: E402
 from policies.learning.presets import Actor, Preset, load_preset  # noqa: E402
 from policies.methods.train import train  # noqa: E402
-from policies.runs.options import TrainingOptions  # noqa: E402
 from policies.runs.training import Training  # noqa: E402
 from robosim.base.errors import ConfigError  # noqa: E402
 

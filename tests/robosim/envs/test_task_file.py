@@ -11,8 +11,8 @@ import yaml
 import mpm
 from policies.demonstrations.export import export
 from policies.learning.environments import make_training_environment
+from policies.learning.options import TrainingOptions
 from policies.methods.train import train
-from policies.runs.options import TrainingOptions
 from policies.runs.sweep_file import load_sweep, plan_runs
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import config_path

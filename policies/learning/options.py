@@ -1,12 +1,46 @@
-"""Options of the search for demonstrations, whatever its task."""
+"""Options of a run of learning and of a search for demonstrations, whatever the task."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 import mpm
-from policies.demonstrations import RATE
+
+RATE = 0.05
+"""Largest step of a search where no other is given, in actions of -1 to 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingOptions:
+    """How a run is made. Raises mpm.InvalidValue for numbers outside their range."""
+
+    seed: int = 0
+    demos: Path | None = None
+    """Folder of demonstrations, or one file."""
+    rollouts: Path | None = None
+    """Folder of `robosim rollouts`, for methods with a graph network."""
+    material: str | None = None
+    """Material of the grains; None: the task's."""
+    starts: str = "nominal"
+    """"nominal", the task's own start in every episode as in the paper, or "random" within its ranges."""
+    action_repeat: int = 10
+    """Control steps for which an action is repeated."""
+    n_envs: int = 1
+    """Sub-tasks that are simulated together, with as many updates a transition as for one alone."""
+    checkpoint_every: int = 10
+    """Episodes between two checkpoints on the disk."""
+    evaluate_every: int = 10
+    """Episodes between two evaluations of the deterministic policy."""
+    label: str | None = None
+    """Name of the run's line in tables; None: the method."""
+    force: bool = False
+    """Whether a folder that holds another run is continued."""
+
+    def __post_init__(self) -> None:
+        for name, least in (("seed", 0), ("action_repeat", 1), ("n_envs", 1), ("checkpoint_every", 1),
+                            ("evaluate_every", 1)):
+            if getattr(self, name) < least:
+                raise mpm.InvalidValue(f"--{name.replace('_', '-')} {getattr(self, name)}; accepted: {least} or more")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +74,6 @@ class SearchOptions:
         for name, number in (("--iterations", self.iterations), ("--action-repeat", self.action_repeat)):
             if number < 1:
                 raise mpm.InvalidValue(f"{name} {number}; accepted: 1 or more")
-        if self.seed < 0 or not 0 < self.rate <= 1 or not 0 <= self.arm_weight < np.inf:
+        if self.seed < 0 or not 0 < self.rate <= 1 or not 0 <= self.arm_weight < math.inf:
             raise mpm.InvalidValue(f"--seed {self.seed}, --rate {self.rate}, --arm-weight {self.arm_weight}; accepted: "
                                    f"0 or more, above 0 up to 1, 0 or more")
