@@ -4,8 +4,6 @@ import errno
 import json
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +11,14 @@ import pytest
 
 pytest.importorskip("torch")
 import gymnasium  # noqa: E402
-import stand_in_rehearsal  # noqa: E402
 import stand_ins  # noqa: E402
-from trial_checks import check_files, find_unfinished, read_events, read_rows, read_status  # noqa: E402
+from result_files import check_files, find_unfinished, read_events, read_rows, read_status  # noqa: E402
 
 from policies.demonstrations import demo, generator, request  # noqa: E402
 from policies.demonstrations.demo import demonstrate  # noqa: E402
 from policies.learning.options import SearchOptions
 from robosim.commands.main import main  # noqa: E402
-from robosim.rehearsal import session  # noqa: E402
-from robosim.rehearsal.result import TRAJECTORY  # noqa: E402
 from robosim.rendering.video import Mp4Writer  # noqa: E402
-from robosim.studies.evaluation import evaluate  # noqa: E402
 
 QUICK = ["--set", "options.batch_size=16", "--set", "options.policy_kwargs.net_arch=[8,8]"]
 
@@ -34,7 +28,6 @@ def point(monkeypatch: pytest.MonkeyPatch) -> str:
     """An environment whose episodes take 20 steps."""
     monkeypatch.setitem(gymnasium.registry, "Point-v0", gymnasium.envs.registration.EnvSpec(
         "Point-v0", stand_ins.PointEnv, max_episode_steps=stand_ins.DECISIONS))
-    monkeypatch.setattr(stand_ins, "STEP", 0.0)
     return "Point-v0"
 
 
@@ -109,7 +102,6 @@ def valley(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(generator, "MotionLoss", stand_ins.Valley)
     for module in (demo, request):
         monkeypatch.setattr(module, "make_environment", lambda task, **options: stand_ins.PointTask())
-    monkeypatch.setattr(stand_ins, "STEP", 0.0)
     monkeypatch.setenv("EVALUATIONS", str(tmp_path / "evaluations"))
     return tmp_path / "evaluations"
 
@@ -144,67 +136,6 @@ def test_a_demonstration_on_a_full_disk_keeps_its_last_iteration(tmp_path: Path,
     assert {path.name for path in out.glob("[!.]*")} == {path.name for path in (tmp_path / "whole").glob("[!.]*")}
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt("SIGTERM"), OSError(errno.ENOSPC, "No space left on device")])
-def test_an_interrupted_evaluation_leaves_no_unfinished_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                             error: BaseException) -> None:
-    """Neither in an episode nor before its first step; what a killed one left is removed by the next."""
-    task = stand_ins.make_filmed_task()
-    monkeypatch.setattr(evaluate, "make", lambda *names, **options: task)
-    monkeypatch.setattr(evaluate, "EpisodeRecorder", stand_ins.EpisodeRecorder)
-    monkeypatch.setattr(stand_ins, "STEP", 0.0)
-    for name, method in (("step", task.step), ("reset", task.reset)):
-        calls = []
-
-        def fail(*arguments: object, calls: list = calls, method=method, **options: object) -> object:
-            calls.append(1)
-            if len(calls) == 3:
-                raise error
-            return method(*arguments, **options)
-
-        monkeypatch.setattr(task, name, fail)
-        out = tmp_path / name
-        out.mkdir()
-        (out / "episode.mp4.part").write_text("of a killed one")
-        with pytest.raises(type(error)):
-            evaluate.evaluate("SpoonTranslate", "zero", out)
-        assert not find_unfinished(out)
-        check_files(out)
-        assert (out / "episode.mp4").is_file() == (name == "reset")  # of the first episode, which is whole
-        assert read_status(out) == ("interrupted" if isinstance(error, KeyboardInterrupt) else "failed")
-        monkeypatch.setattr(task, name, method)
-    assert json.loads((tmp_path / "reset" / "evaluation.json").read_text())["is_complete"] is False
-    evaluate.evaluate("SpoonTranslate", "zero", tmp_path / "reset")
-    assert json.loads((tmp_path / "reset" / "evaluation.json").read_text())["is_complete"] is True
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt("SIGTERM"), OSError(errno.ENOSPC, "No space left on device")])
-def test_a_rehearsal_has_a_report_only_with_all_other_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                            error: BaseException) -> None:
-    """It ends while the page is made; an earlier run's report, and its motion for the robot, are no longer there."""
-    for name in ("plan_motion", "RehearsalRun", "FilmProcess", "compute_figures", "find_missed", "make_recorder",
-                 "RunReadings", "make_page"):
-        monkeypatch.setattr(session, name, getattr(session, name))  # as it was, afterwards
-    stand_in_rehearsal.install_rehearsal(session)
-    monkeypatch.setattr(stand_in_rehearsal, "STEP", 0.0)
-    assert session.rehearse("spoon", tmp_path) == 0
-    whole = {path.name for path in tmp_path.glob("[!.]*")}
-    assert {"report.json", "index.html", "rehearsal.mp4", "frames.png", "trajectory.csv"} <= whole
-    draw = session.make_page
-
-    def fail(*arguments: object) -> None:
-        raise error
-
-    monkeypatch.setattr(session, "make_page", fail)
-    with pytest.raises(type(error)):
-        session.rehearse("spoon", tmp_path)
-    assert whole - {path.name for path in tmp_path.glob("[!.]*")} == {"report.json", "index.html", TRAJECTORY}
-    assert read_status(tmp_path) == ("interrupted" if isinstance(error, KeyboardInterrupt) else "failed")
-    assert not find_unfinished(tmp_path)
-    check_files(tmp_path)
-    monkeypatch.setattr(session, "make_page", draw)
-    assert session.rehearse("spoon", tmp_path) == 0 and {path.name for path in tmp_path.glob("[!.]*")} == whole
-
-
 def test_a_film_that_fails_is_removed(tmp_path: Path) -> None:
     """Also where its index cannot be moved to the front; the film before it stays."""
     frame = np.zeros((32, 32, 3), np.uint8)
@@ -219,13 +150,3 @@ def test_a_film_that_fails_is_removed(tmp_path: Path) -> None:
         film.close()
     film.close()
     assert [path.name for path in tmp_path.iterdir()] == ["b.mp4"]
-
-
-@pytest.mark.slow
-def test_two_hundred_interrupts_lose_nothing(tmp_path: Path) -> None:
-    """Kills, SIGTERM, Ctrl-C and full disks at random moments: see `interrupt_trials`, which can be run by itself."""
-    script = Path(__file__).parent / "interrupt_trials.py"
-    done = subprocess.run([sys.executable, str(script), "--trials", "200", "--out", str(tmp_path)], text=True,
-                          capture_output=True, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"})
-    rows = [json.loads(line) for line in (tmp_path / "trials.jsonl").read_text().splitlines()]
-    assert done.returncode == 0 and len(rows) == 200, done.stdout[-5000:] + done.stderr[-5000:]

@@ -1,4 +1,4 @@
-"""What the files of a command must be, however it ended."""
+"""Checks of the files of a command, however it ended."""
 
 import csv
 import json
@@ -15,7 +15,7 @@ from robosim.base.files import TEMPORARY
 
 
 class Broken(Exception):
-    """What must not be."""
+    """A file under its final name that is not whole."""
 
 
 def check_files(out: Path) -> None:
