@@ -19,7 +19,8 @@ sys.path[:0] = [str(HERE.parent), str(HERE)]
 
 from generators.results.measured import DATA  # noqa: E402
 
-from robosim.base.provenance import code_digest, provenance  # noqa: E402
+from robosim.base.digests import code_digest  # noqa: E402
+from robosim.base.provenance import provenance  # noqa: E402
 
 IMAGES = HERE / "images"
 POSTERS = {"spoon": 8.95, "scoop": 9.4, "bottle": 3.9, "shovel": 2.8}

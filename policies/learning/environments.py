@@ -10,8 +10,8 @@ import gymnasium
 import numpy as np
 
 import mpm
-from policies.learning.files import digest
 from policies.learning.names import check_task, is_foreign, is_task_file, task_name
+from robosim.base.digests import digest
 
 
 def make_environment(task: str, **options: Any) -> gymnasium.Env:

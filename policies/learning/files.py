@@ -2,8 +2,6 @@
 
 import contextlib
 import ctypes
-import hashlib
-import json
 import os
 import signal
 import sys
@@ -11,17 +9,11 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import Any
 
 LOG_END = 2**16
 """Bytes at the end of a log in which its last line is looked for; progress bars make logs long."""
 PR_SET_PDEATHSIG = 1
 """Option of prctl(2): the signal that a process gets when its parent dies."""
-
-
-def digest(value: Any) -> str:
-    """Return twelve hexadecimal digits of the SHA-256 of a value's JSON."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:12]
 
 
 def read_last_line(path: Path) -> str:

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from policies.learning.code_digests import changed_modules
-from policies.learning.files import digest, read_last_line
+from policies.learning.files import read_last_line
 from policies.results.curves import POINT, read_curve
 from policies.results.past_code import past_code
 from policies.results.rows import preset_digest
+from robosim.base.digests import changed_modules, digest
 from robosim.base.files import write_json
 from robosim.base.input_files import check_form, read_json
 from robosim.base.progress import Progress

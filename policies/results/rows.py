@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from policies.learning.files import digest
 from policies.learning.presets import Preset
+from robosim.base.digests import digest
 
 COLUMNS = ("task", "method", "material", "seed", "starts", "action_repeat", "n_envs", "obs", "max_episodes", "commit",
            "episodes", "tcs_of_best_return", "tcs_last10", "tcs_evaluated", "return", "seconds", "delivered", "spilled",

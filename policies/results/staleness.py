@@ -4,10 +4,10 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from policies.learning.code_digests import changed_modules
 from policies.learning.presets import load_preset
 from policies.results.replays import is_repeated, read_replays
 from policies.results.rows import preset_digest
+from robosim.base.digests import changed_modules
 from robosim.base.resources import config_names
 
 SHOWN = 5

@@ -6,7 +6,6 @@ from typing import Any
 
 import mpm
 from mpm.files import write
-from policies.learning.files import digest
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
 from policies.results.page import align_columns, fill_page, format_scores
@@ -14,6 +13,7 @@ from policies.results.replays import replay
 from policies.results.rows import COLUMNS, ROW, is_same_run, make_row, pack_rows, unpack_rows
 from policies.results.staleness import find_stale, report_stale
 from policies.results.summary import summarise_runs
+from robosim.base.digests import digest
 from robosim.base.files import write_json, write_text
 from robosim.base.input_files import check_form, read_json
 from robosim.base.resources import folder

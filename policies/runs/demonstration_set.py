@@ -7,8 +7,8 @@ import numpy as np
 
 import mpm
 from policies.demonstrations.reading import demonstration_paths, read_demonstrations, read_start
-from policies.learning.files import digest
 from policies.learning.presets import Preset
+from robosim.base.digests import digest
 
 
 class DemonstrationSet(NamedTuple):

@@ -7,7 +7,6 @@ of the best one, checkpoint.zip its last checkpoint.
 import csv
 import json
 import platform
-import subprocess
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -27,18 +26,6 @@ IDENTITY = ("method", "preset", "task", "material", "seed", "starts", "action_re
 """Entries of a manifest that a run must share with the run that its folder holds."""
 LAST = 10
 """Episodes at the end whose mean the paper reports."""
-
-
-def current_commit() -> str:
-    """Return the commit of the code, with "-dirty" where files differ from it; outside a checkout the version."""
-    here = Path(__file__).resolve().parents[1]
-    try:
-        process = subprocess.run(["git", "describe", "--always", "--dirty", "--exclude=*"], cwd=here,
-                                 capture_output=True, text=True, check=False) \
-            if (here.parent / ".git").exists() else None
-    except OSError:  # git is not installed
-        process = None
-    return process.stdout.strip() if process is not None and process.returncode == 0 else version("robosim")
 
 
 class RunFolder:

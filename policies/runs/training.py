@@ -19,7 +19,6 @@ from policies.learners.buffers import prefill_demo_buffer
 from policies.learners.learner import build_learner, learner_class
 from policies.learners.policy_file import export_policy
 from policies.learners.wrappers import ResidualActionWrapper, ScaledObservation
-from policies.learning.code_digests import exercised_code
 from policies.learning.environments import (
     Transition,
     field_digest,
@@ -30,7 +29,6 @@ from policies.learning.environments import (
     run_episode,
     task_digest,
 )
-from policies.learning.files import digest
 from policies.learning.options import TrainingOptions
 from policies.learning.presets import OFF_POLICY, Preset
 from policies.runs import checkpoint
@@ -40,9 +38,11 @@ from policies.runs.episode_batch import EpisodeBatch
 from policies.runs.episodes import Episode, Episodes
 from policies.runs.evaluations import Evaluations
 from policies.runs.event_log import EventLog
-from policies.runs.run_folder import RunFolder, current_commit
+from policies.runs.run_folder import RunFolder
+from robosim.base.digests import digest, exercised_code
 from robosim.base.files import describe_end, end_state
 from robosim.base.progress import Progress
+from robosim.base.provenance import commit
 
 CHECKPOINT_LATEST = 30
 """Episodes after which a checkpoint is made within an episode."""
@@ -93,7 +93,7 @@ class Training:
             "fingerprint": fingerprint(raw) if self.is_granular else digest([self.task]),
             "task_digest": task_digest(raw) if self.is_granular else None,
             "field": field_digest(raw) if self.is_granular else None, "code": exercised_code(),
-            "demonstrations": self._input_digests(), "commit": current_commit(), "command": " ".join(sys.argv)},
+            "demonstrations": self._input_digests(), "commit": commit(), "command": " ".join(sys.argv)},
             options.force)
         self.env: Any = Episodes(self.base, self.seed, self.reset_options, self._on_episode_end)
         """What reports the run's episodes."""

@@ -1,21 +1,18 @@
 """Where episodes start: the options of a reset, and the settled state, cached in a file for each configuration."""
 
-import functools
 import hashlib
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import platformdirs
 
 import mpm
 from mpm.array_files import MAX_STATE, read_arrays
-from mpm.cache_folder import writable_folder
 from mpm.files import write
 from mpm.geometry.sampled_sdf import Lattice
+from robosim.base.digests import cache_folder, code_digest
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.materials import MaterialConfig
 from robosim.scene.settle import settle
@@ -24,8 +21,9 @@ from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
 
 FORMAT = 3
-"""Raised when a change of robosim makes other starts out of the same configuration; changes of mpm are seen by its
-source."""
+"""Raised when a change of robosim makes other starts out of the same configuration, see SETTLED_BY."""
+SETTLED_BY = ("mpm", "robosim.scene.settle")
+"""Modules whose code makes another start: a start that another version of them has settled is another one."""
 SETTLING, WINDOW = 1.0, 5e-3
 """Time in which the grains settle, and interval between dampings [s]."""
 ATTEMPTS = 8
@@ -114,14 +112,6 @@ def _multiply(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return result
 
 
-def cache_folder() -> Path:
-    """Return the folder of settled states, below ROBOSIM_CACHE or the user's cache folder, or a temporary one."""
-    chosen = os.environ.get("ROBOSIM_CACHE")
-    if chosen:
-        return Path(chosen) / "starts"
-    return writable_folder(Path(platformdirs.user_cache_dir("robosim")) / "starts", "starts")
-
-
 def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver: mpm.Solver,
                   variant: tuple[float, float] | None = None) -> dict[str, np.ndarray]:
     """Return a task's settled state, from the cache or settled now, and leave the solver in it.
@@ -136,12 +126,12 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
     digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
                       "shapes": shapes, "interior": tool_shape(task.tool).interior,
-                      "sleep": bool(solver.sleep), "mpm": source_digest(),
+                      "sleep": bool(solver.sleep), "code": code_digest(*SETTLED_BY, with_data=False),
                       "transfer_interval": solver.transfer_interval,
                       "dt": solver.dt, "variant": variant,
                       "static": list(solver.features.static_colliders),
                       "task": task.model_dump(mode="json", exclude=NOT_IN_START)})
-    path = cache_folder() / f"{name}-{digest[:16]}.npz"
+    path = cache_folder("starts") / f"{name}-{digest[:16]}.npz"
     state = _read_state(path, digest, solver)
     if state is None:
         state = _settle(task, solver)
@@ -149,16 +139,6 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
         _write_state(path, digest, {key: value for key, value in state.items() if key not in solver.mobility.save()})
     solver.load(state)
     return state
-
-
-@functools.cache
-def source_digest() -> str:
-    """Return the SHA-256 of all source files of mpm: a start that another version of it has settled is another one."""
-    root = Path(mpm.__file__).parent
-    total = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        total.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
-    return total.hexdigest()
 
 
 def _settle(task: TaskConfig, solver: mpm.Solver) -> dict[str, np.ndarray]:

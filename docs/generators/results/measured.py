@@ -26,7 +26,7 @@ def origin(made_by: dict[str, str]) -> str:
 
 def outdated(name: str, module: str) -> str:
     """A note where the code that a file was measured with is not the code of today, else nothing."""
-    from robosim.base.provenance import code_digest
+    from robosim.base.digests import code_digest
 
     code = stored(name).get("code")
     if code == code_digest(module):
@@ -37,7 +37,7 @@ def outdated(name: str, module: str) -> str:
 
 def substitutions() -> dict[str, str]:
     """Values that pages use as `{{ name }}`."""
-    from robosim.base.provenance import code_digest
+    from robosim.base.digests import code_digest
     from robosim.rehearsal.metrics import BOUNDS
 
     spoon = stored("rehearsal_spoon")

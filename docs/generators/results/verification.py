@@ -4,7 +4,7 @@ import re
 
 from generators.markdown import code, table
 from generators.results.measured import origin, stored
-from robosim.base.provenance import code_digest
+from robosim.base.digests import code_digest
 from robosim.studies.verification.cases import NAMES, SUBJECTS, find, module_name
 from robosim.studies.verification.stability.field import AXES
 

@@ -5,12 +5,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.input_files import MAX_TEXT, check_form, read_bytes, read_json
 from robosim.base.jobs import run_jobs
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.base.provenance import code_digest
 from robosim.base.resources import config_names, config_path
 from robosim.config.table import read
 from robosim.envs import BUNDLED

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from robosim.base.digests import code_digest
 from robosim.base.input_files import check_form, read_json
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.base.provenance import code_digest
 from robosim.config.materials import MaterialConfig, number_names
 from robosim.config.settings import Setting
 from robosim.studies.calibration.emulator import Emulator

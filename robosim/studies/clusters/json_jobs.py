@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import MAX_JSON, read_text
 from robosim.base.jobs import ANY_CORE, Job
-from robosim.base.provenance import code_digest
 from robosim.config.table import read
 from robosim.studies.clusters.launch import Launcher
 from robosim.studies.clusters.launchers import make_launcher

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from mpm.array_files import MAX_ARRAYS
+from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.input_files import check_form, read_bytes, read_json
 from robosim.base.jobs import Runner, run_jobs
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.base.provenance import code_digest
 from robosim.base.resources import trained
 from robosim.config.materials import load_material
 from robosim.dosing import CONTROLLERS

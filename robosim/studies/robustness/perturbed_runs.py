@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from robosim.base.digests import code_digest
 from robosim.base.input_files import read_json
 from robosim.base.jobs import Runner, run_jobs
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.base.provenance import code_digest
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.metrics import Bound, get_bounds

@@ -6,12 +6,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import read_json
 from robosim.base.jobs import run_jobs
 from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.progress import Progress
-from robosim.base.provenance import code_digest, provenance
+from robosim.base.provenance import provenance
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs import task_name
 from robosim.studies.evaluation.dosing_policy import numbers_of

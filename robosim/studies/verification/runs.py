@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import mpm
+from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError
 from robosim.base.files import append, write_text
 from robosim.base.input_files import MAX_JSON, check_form, read_text
 from robosim.base.jobs import Runner, pin_to_core, run_jobs
 from robosim.base.progress import Progress
-from robosim.base.provenance import code_digest
 from robosim.studies.verification.cases import find, module_name
 from robosim.studies.verification.cases.record import Record
 

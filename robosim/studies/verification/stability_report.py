@@ -5,12 +5,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError
 from robosim.base.input_files import check_form, read_json
 from robosim.base.jobs import Runner, run_jobs
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
-from robosim.base.provenance import code_digest, provenance
+from robosim.base.provenance import provenance
 from robosim.reports.page import HeatCell, Page
 from robosim.studies.verification.analysis import replace_non_finite
 from robosim.studies.verification.runs import WORKER

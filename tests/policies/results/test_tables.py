@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import mpm
-from policies.learning.code_digests import exercised_code, source_digest
 from policies.learning.presets import load_preset
 from policies.results.curves import group_curves
 from policies.results.replays import read_replays
 from policies.results.rows import preset_digest
 from policies.results.summary import summarise
 from policies.results.tables import check, collect_rows, read_table, repeat, tables
+from robosim.base.digests import exercised_code
 from robosim.base.resources import config_names
 from robosim.reports.page import Page
 from robosim.tasks.reward import Reward
@@ -222,13 +222,6 @@ def test_curves_are_means_of_ten_episodes_and_are_drawn(tmp_path: Path) -> None:
     assert tables([tmp_path / "first" / "tables.json"], tmp_path / "second") == 0
     assert (tmp_path / "second" / "curves.png").read_bytes() == (tmp_path / "first" / "curves.png").read_bytes()
     assert group_curves(rows) == {"SpoonPour": {"dg_sac": [row["curve"] for row in rows[:2]]}}
-
-
-def test_a_digest_of_code_is_one_of_its_statements() -> None:
-    """Comments, docstrings and layout do not count; a number does."""
-    source = '"""A module."""\nLENGTH = 1.0\n"""[m]"""\n\n\ndef f(x):\n    """Do."""\n    return x + 1  # more\n'
-    plain = "LENGTH = 1.0\ndef f(x): return x + 1"
-    assert source_digest(source) == source_digest(plain) != source_digest(plain.replace("1.0", "2.0"))
 
 
 def test_a_row_stays_old_where_a_score_differs(tmp_path: Path, capsys: pytest.CaptureFixture,

@@ -9,9 +9,9 @@ import pytest
 
 import mpm
 import robosim
+from robosim.base.digests import cache_folder
 from robosim.config.materials import law_of, load_material, overridden
 from robosim.envs.grain_env import GrainEnv
-from robosim.envs.start import cache_folder
 
 ID = "robosim/ShovelMove-v0"
 
@@ -113,7 +113,7 @@ def test_random_materials_reach_the_field(env: GrainEnv) -> None:
 
 @pytest.mark.slow
 def test_a_corrupt_start_is_rebuilt(env: GrainEnv, capsys: pytest.CaptureFixture) -> None:
-    (path,) = cache_folder().glob("ShovelMove-*.npz")
+    (path,) = cache_folder("starts").glob("ShovelMove-*.npz")
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     first = gymnasium.make(ID).reset(seed=0)[0]
