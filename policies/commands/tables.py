@@ -8,8 +8,7 @@ import mpm
 
 EXAMPLE = """example:
   robosim tables out/runs --out out/tables
-  robosim tables policies/trained/tables.json --check
-  robosim tables policies/trained/tables.json --replay"""
+  robosim tables policies/trained/tables.json --check"""
 
 
 def add_parser(commands: Any) -> None:
@@ -24,19 +23,14 @@ def add_parser(commands: Any) -> None:
                         "they would be refused")
     parser.add_argument("--check", action="store_true", help="only name the rows that are older than the code that "
                         "they exercise; the exit status is 1 if there are any")
-    parser.add_argument("--replay", action="store_true", help="run the first episodes of one run of each kind of a "
-                        "tables.json again, where code has changed since; rows whose scores are found again count as "
-                        "rows of today; added to replays.json in its folder, so that an interrupted one goes on")
     parser.add_page()
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the tables, or check the rows."""
-    from policies.results.tables import check, repeat, tables
+    from policies.results.tables import check, tables
 
-    if options.replay:
-        return repeat(options.runs)
     if options.check:
         return check(options.runs)
     if options.out is None:

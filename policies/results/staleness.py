@@ -1,11 +1,9 @@
-"""Whether stored rows are older than the code that they exercise."""
+"""Whether stored rows are older than the code that they exercise: by the digests of code and settings in them."""
 
 from collections import defaultdict
-from pathlib import Path
 from typing import Any
 
 from policies.learning.presets import load_preset
-from policies.results.replays import is_repeated, read_replays
 from policies.results.rows import preset_digest
 from robosim.base.digests import changed_modules
 from robosim.base.resources import config_names
@@ -14,17 +12,13 @@ SHOWN = 5
 """Modules of a row that are named."""
 
 
-def find_stale(rows: list[dict[str, Any]], sources: list[Path]) -> dict[str, list[dict[str, Any]]]:
-    """Return the rows that today's code neither made nor has repeated, by what has changed since.
-
-    sources: files of the rows, beside which their replays lie. Raises mpm.InvalidValue for a wrong file of replays.
-    """
-    replays = read_replays(sources)
+def find_stale(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows that today's code did not make, by the difference to it."""
     stale: dict[str, list[dict[str, Any]]] = defaultdict(list)
     presets = {name: preset_digest(load_preset(name).model_dump()) for name in config_names("training")}
     for row in rows:
         reason = describe_age(row, presets)
-        if reason and not is_repeated(row, replays):
+        if reason:
             stale[reason].append(row)
     return stale
 
@@ -42,13 +36,13 @@ def describe_age(row: dict[str, Any], presets: dict[str, str]) -> str:
     return f"{', '.join(changed[:SHOWN])}{more} have changed" if changed else ""
 
 
-def report_stale(rows: list[dict[str, Any]], sources: list[Path]) -> int:
+def report_stale(rows: list[dict[str, Any]]) -> int:
     """Print the rows that are older than the code; return 1 if there are any, 0 otherwise."""
-    stale = find_stale(rows, sources)
+    stale = find_stale(rows)
     for reason, group in stale.items():
         print(f"{len(group)} of {len(rows)} rows: {reason}:")
         for row in group:
             print(f"  {row['method']} {row['task']} seed {row['seed']}, commit {row['commit']}")
     if not stale:
-        print(f"{', '.join(map(str, sources))}: {len(rows)} rows, all made or repeated by the code of today")
+        print(f"{len(rows)} rows, all made by the code of today")
     return 1 if stale else 0

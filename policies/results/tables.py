@@ -9,7 +9,6 @@ from mpm.files import write
 from policies.results.curves import draw_curves, group_curves, read_curve
 from policies.results.further_tables import make_further_tables
 from policies.results.page import align_columns, fill_page, format_scores
-from policies.results.replays import replay
 from policies.results.rows import COLUMNS, ROW, is_same_run, make_row, pack_rows, unpack_rows
 from policies.results.staleness import find_stale, report_stale
 from policies.results.summary import summarise_runs
@@ -73,18 +72,7 @@ def check(sources: list[Path]) -> int:
     Raises:
         mpm.InvalidValue: there is no finished run, or a source is wrong.
     """
-    return report_stale(require_rows(sources)[0], sources)
-
-
-def repeat(sources: list[Path]) -> int:
-    """Run the first episodes of tables.json files once more; add what they scored to replays.json in their folders.
-
-    Returns 0 where all scores are found again, 1 otherwise; raises mpm.InvalidValue for another file.
-    """
-    for source in sources:
-        if not source.is_file():
-            raise mpm.InvalidValue(f"{source}: no file; accepted with --replay: tables.json files")
-    return max([replay(rows, source) for source, rows in [(source, read_table(source)) for source in sources]])
+    return report_stale(require_rows(sources)[0])
 
 
 def require_rows(sources: list[Path]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -111,7 +99,7 @@ def tables(sources: list[Path], out: Path, is_mixed: bool = False, page: Any = N
     if notes and not is_mixed:
         raise mpm.InvalidValue(f"means over runs that differ: {'; '.join(notes)}; accepted: runs of one kind in a "
                                f"line: leave some out, give them another --label in training, or add --mixed")
-    stale = [f"{len(group)} of {len(rows)} runs: {reason}" for reason, group in find_stale(rows, sources).items()]
+    stale = [f"{len(group)} of {len(rows)} runs: {reason}" for reason, group in find_stale(rows).items()]
     out.mkdir(parents=True, exist_ok=True)
     numbers, further_tables = make_further_tables(summaries, rows, sources, published)
     write_json(out / "tables.json", {"tables": summaries, **pack_rows(rows), "mixed": notes, "not_finished": unfinished,

@@ -41,10 +41,10 @@ def published_results() -> dict:
     return yaml.safe_load((ROOT / "configs" / "published" / "arxiv_2406_09178.yaml").read_text())
 
 
-def age(rows: list[dict], name: str) -> str:
+def age(rows: list[dict]) -> str:
     """A sentence for each part of the rows that today's code did not make."""
     return " ".join(f"**Older than the code:** {len(group)} of {len(rows)} runs; {reason}."
-                    for reason, group in find_stale(rows, [TRAINED / name]).items())
+                    for reason, group in find_stale(rows).items())
 
 
 def scores_page() -> str:
@@ -52,7 +52,7 @@ def scores_page() -> str:
     rows, summaries = read_runs("tables.json")
     scores = score_table(summaries, published_results())
     commits = ", ".join(f"`{commit}`" for commit in sorted({row["commit"] for row in rows}))
-    return f"""{len(rows)} training runs at {commits}. {age(rows, "tables.json")}
+    return f"""{len(rows)} training runs at {commits}. {age(rows)}
 
 {table(scores.head, [[row[0], f"`{row[1]}`", *row[2:]] for row in scores.rows])}"""
 
@@ -72,7 +72,7 @@ def changes_page() -> str:
     head = ["change", *(f"{task}, {name}" for task in tasks for name in ("evaluated", "last ten"))]
     lines = [[f"`{method}`", *(cell(method, task, key) for task in tasks
                                for key in ("tcs_evaluated", "tcs_last10"))] for method in methods]
-    return f"{len(rows)} of {whole} runs. {age(rows, 'single_changes.json')}\n\n{table(head, lines)}"
+    return f"{len(rows)} of {whole} runs. {age(rows)}\n\n{table(head, lines)}"
 
 
 def changes_figure() -> str:
@@ -94,7 +94,7 @@ def networks_page() -> str:
     head = ["policy", *(f"{one['task']}, {name}" for one in evaluations for name in ("score", "success"))]
     commits = ", ".join(sorted({f"`{one['made_by']['commit']}`" for one in evaluations}))
     episodes = {figures["episodes"] for one in evaluations for figures in one["policies"].values()}
-    return f"""{' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}. {age(rows, "networks.json")}
+    return f"""{' to '.join(map(str, sorted(episodes)))} episodes each, at {commits}. {age(rows)}
 
 {table(head, lines)}"""
 

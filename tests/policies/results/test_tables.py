@@ -1,7 +1,6 @@
 """Tables of runs: which runs are pooled, what is noted, and the published numbers."""
 
 import json
-from contextlib import nullcontext
 from pathlib import Path
 
 import matplotlib.image
@@ -11,10 +10,9 @@ import pytest
 import mpm
 from policies.learning.presets import load_preset
 from policies.results.curves import group_curves
-from policies.results.replays import read_replays
 from policies.results.rows import preset_digest
 from policies.results.summary import summarise
-from policies.results.tables import check, collect_rows, read_table, repeat, tables
+from policies.results.tables import check, collect_rows, tables
 from robosim.base.digests import exercised_code
 from robosim.base.resources import config_names
 from robosim.reports.page import Page
@@ -189,7 +187,7 @@ def test_rows_older_than_the_code_are_named(tmp_path: Path, capsys: pytest.Captu
     assert {"policies.results.tables", "policies.commands.tables"}.isdisjoint(now) and "mpm.solver" in now
     assert len(now) > 30
     write_run(tmp_path / "a", 0, 10.0, code=now)
-    assert check([tmp_path / "a"]) == 0 and "all made or repeated by the code of today" in capsys.readouterr().out
+    assert check([tmp_path / "a"]) == 0 and "all made by the code of today" in capsys.readouterr().out
     for name, changes in (("b", {"code": {**now, "mpm.solver": "0", "mpm.gone": "1"}}), ("c", {}),
                           ("d", {"code": now, "commit": "c-dirty"}),
                           ("e", {"code": now, "options": {"learning_rate": 1e-3, "gamma": 0.5}})):
@@ -222,58 +220,3 @@ def test_curves_are_means_of_ten_episodes_and_are_drawn(tmp_path: Path) -> None:
     assert tables([tmp_path / "first" / "tables.json"], tmp_path / "second") == 0
     assert (tmp_path / "second" / "curves.png").read_bytes() == (tmp_path / "first" / "curves.png").read_bytes()
     assert group_curves(rows) == {"SpoonPour": {"dg_sac": [row["curve"] for row in rows[:2]]}}
-
-
-def test_a_row_stays_old_where_a_score_differs(tmp_path: Path, capsys: pytest.CaptureFixture,
-                                               monkeypatch: pytest.MonkeyPatch) -> None:
-    """By today's code and by its own commit; or where the settings do, or where the run cannot be repeated.
-
-    A replay of changed code is none.
-    """
-    now = exercised_code()
-    write_run(tmp_path / "a", 0, 10.0, code={**now, "mpm.solver": "0"})
-    (tmp_path / "a" / "episodes.csv").write_text("episode,tcs\n0,8.5\n")
-    assert tables([tmp_path / "a"], tmp_path / "out") == 0
-    path = tmp_path / "out" / "tables.json"
-    (row,) = read_table(path)
-    monkeypatch.setattr("policies.results.replays.past_code", lambda commit: nullcontext(tmp_path))
-    other = {"curve": [8.51]}
-    for found, then, status in (({}, 8.5, 0), (other, 8.5, 1), (other, 8.51, 0), ({"preset": "p"}, 8.5, 1),
-                                (None, 8.5, 1), ({"code": {**now, "mpm.solver": "1"}}, 8.5, 0)):
-        again = None if found is None else {**row, "code": now, **found}
-
-        def play(row: dict, root: Path | None = None, again: dict | None = again, then: float = then) -> tuple:
-            return (again, "no disk") if root is None else ({"curve": [then]}, "")
-
-        monkeypatch.setattr("policies.results.replays.run_first_episodes", play)
-        path.with_name("replays.json").unlink(missing_ok=True)
-        assert repeat([path]) == status
-        is_of_today = status == 0 and "code" not in (found or {})
-        assert check([path]) == (0 if is_of_today else 1), found
-    assert "DIFFERS" in capsys.readouterr().out
-
-
-def test_replays_are_added_to_those_of_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of another file's rows; what is there is not run again, and what goes wrong later does not lose it."""
-    now, played = exercised_code(), []
-    for name, method in (("a", "dg_sac"), ("b", "sac"), ("c", "td3")):
-        write_run(tmp_path / name, 0, 10.0, method=method, command=f"robosim train {method}",
-                  code={**now, "mpm.solver": "0"})
-        (tmp_path / name / "episodes.csv").write_text("episode,tcs\n0,8.5\n")
-
-    def play(row: dict) -> tuple[dict, str]:
-        played.append(row["method"])
-        if row["method"] == "td3":
-            raise KeyboardInterrupt
-        return {**row, "code": now}, ""
-
-    monkeypatch.setattr("policies.results.replays.run_first_episodes", play)
-    first, second, folder = tmp_path / "first.json", tmp_path / "second.json", tmp_path / "out"
-    for path, runs in ((first, "a"), (second, "bc")):
-        assert tables([tmp_path / name for name in runs], folder) == 0
-        (folder / "tables.json").rename(path)
-    assert repeat([first]) == 0 and check([first]) == 0
-    with pytest.raises(KeyboardInterrupt):
-        repeat([first, second])
-    assert played == ["dg_sac", "sac", "td3"] and check([first]) == 0
-    assert [one["method"] for one in read_replays([second])] == ["dg_sac", "sac"]
