@@ -25,23 +25,18 @@ from policies.runs.pipeline_table import collect_rows as collect_pipeline_rows
 from policies.runs.pipeline_table import format_rows
 from policies.runs.run_folder import RunFolder
 from policies.runs.sweep_file import SweepRun
+from robosim.base.digests import digest
 from robosim.base.resources import folder
+from robosim.base.study import Store
 from robosim.config.materials import load_material
 from robosim.config.table import read
 from robosim.envs.start import _read_state
 from robosim.rehearsal.planning.bundled_motions import load_motion
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
-from robosim.studies.benchmarks.explain import compare_settings, print_comparison, read_known
-from robosim.studies.benchmarks.explain_page import format_parts
-from robosim.studies.benchmarks.scene_run import FRACTIONS
-from robosim.studies.evaluation.materials import read_episodes
 from robosim.studies.evaluation.policies import make_policy, training_options
 from robosim.studies.verification.report import read_json, read_peers
 from robosim.studies.verification.report_page import add_comparison, draw_peers
-from robosim.studies.verification.runs import read_runs
-from robosim.studies.verification.stability_report import make_page as make_stability_page
-from robosim.studies.verification.stability_report import read_results
 from robosim.tasks.task import load_task
 
 TASK = load_task("SpoonTranslate")
@@ -168,23 +163,7 @@ def draw_points(path: Path, *, as_html: bool = False) -> None:
         plt.close("all")
 
 
-def continue_explaining(path: Path) -> None:
-    """Read finished settings, and compare them."""
-    results = list(read_known(path, "SpoonPour", "d").values())
-    if results:
-        format_parts(results[0]["result"])
-        print_comparison(compare_settings(results, 0.1), results, "task", 0.1)
-
-
 PRESET = load_preset("sac").model_dump()
-EPISODE = {"score": 1.0, "trajectory": [[0.0, 0.1, 0.2]], "diverged": None, "delivered": 0.5, "spilled": 0.1,
-           "collisions": None}
-SETTINGS: list[dict[str, float]] = [{}, {"cell": 0.8, "dt": 0.8}]
-RESULT = {"readings": {FRACTIONS[0]: 0.5, "mass": 1.0}, "seconds": 2.0, "simulated_s": 1.0, "grains": 10,
-          "cell_m": 0.01, "dt_s": 1e-4, "costs": {"grid": 1.0},
-          "parts": [{"name": "walls", "present": True, "reason": "there are some", "bytes": 10.0}]}
-EXPLAINED = {"scene": "SpoonPour", "code": "d", "results": [{"setting": setting, "result": RESULT, "failed": ""}
-                                                           for setting in SETTINGS]}
 ROW: dict[str, Any] = {
     **dict.fromkeys(COLUMNS, 1.5), "task": "SpoonPour", "method": "dg_sac", "material": "salt", "seed": 0,
     "starts": "nominal", "action_repeat": 10, "obs": "flat", "max_episodes": 5, "commit": "c", "episodes": 5,
@@ -218,14 +197,11 @@ TABLES = {
     "manifest of a run": Reader(tabulate, MANIFEST, "manifest.json"),
     "status to continue": Reader(continue_run, {**STATUS, "state": "running"}, "status.json"),
     "manifest to continue": Reader(continue_run, MANIFEST, "manifest.json"),
-    "episodes in materials": Reader(lambda path: read_episodes(path, "k"), {"key": "k", "episodes": {"salt": EPISODE}}),
     "earlier report": Reader(compare, REPORT),
     "points of other codes": Reader(draw_points, {"machine": "x = 12.5 ns", "reference": {"r_final_m": 0.1}, "points": [
         {"code": "other", "cell_m": 0.01, "seconds": 1.0, "r99_m": 0.2, "particles": 10}]}),
-    "runs of a report": Reader(read_runs, {**REPORT["runs"][0], "code": "d"}),
-    "stability": Reader(lambda path: make_stability_page(read_results(path, "d")), {"code": "d", "cells": [
-        {"axis": "courant", "value": 1.0, "verdict": "stable", "reason": "", "readings": {"energy": 1.0}}]}),
-    "settings of a scene": Reader(continue_explaining, EXPLAINED, "explain.json"),
+    "row of a study": Reader(lambda path: Store(path.parent).find(path.stem), {
+        "key": "k", "checksum": digest({"score": 1.0}), "value": {"score": 1.0}}, "k.json"),
     "chain of a pipeline": Reader(tabulate_pipeline, CHAIN, "chain/chain.json"),
     "training of a pipeline": Reader(tabulate_pipeline, STATUS, "training/status.json"),
     "arm of a pipeline": Reader(tabulate_pipeline, ARM, "arm/report.json"),

@@ -42,7 +42,7 @@ def add_parser(commands: Any) -> None:
                         "held by the fingers alone (default: friction)")
     parser.add_number("--perturb", metavar="N", help="also run the whole arm's motion N times with errors of the "
                       "robot's model; with --launch on a cluster")
-    parser.add_runner()
+    parser.add_launcher()
     parser.add_number("--jobs", default=1, help="number of sub-tasks at the same time (default: 1)")
     parser.add_argument("--no-video", action="store_true", help="make no videos")
     parser.add_settings("rehearsal's file", "learned=[SpoonScoop,SpoonTranslate]")
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     check_method(options.method)
     check_material(options.material)
     options.settings.check("rehearsals", options.rehearsal)
-    if options.make_runner(options) is not None and options.perturb is None:  # before anything is trained
+    if options.find_launcher(options) is not None and options.perturb is None:  # before anything is trained
         raise mpm.InvalidValue(f"--launch {options.launch} without --perturb; accepted: with it")
     from policies.runs.pipeline import Pipeline
 

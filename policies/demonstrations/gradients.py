@@ -3,26 +3,21 @@
 Source: the figure of arXiv 2406.09178.
 """
 
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from functools import partial
-from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import mpm
-from mpm.files import write
 from policies.demonstrations import TASKS
 from policies.demonstrations.action_repeat import ActionRepeat
-from policies.demonstrations.request import load_stored, surrogate_material
+from policies.demonstrations.request import surrogate_material
 from policies.demonstrations.summary import draw_gradient_norms
-from policies.learning.environments import fingerprint, make_environment
-from policies.learning.files import worker_pool
+from policies.learning.environments import make_environment
 from robosim.base.files import write_json
 from robosim.base.output_folder import OutputFolder
-from robosim.base.progress import Progress
+from robosim.base.study import Job, Study
+from robosim.tasks.task import load_task
 
 ACTION_REPEAT = 10
 SURROGATE = "fluid or clay"
@@ -46,16 +41,23 @@ def gradients(tasks: list[str], out: Path, jobs: int = 1) -> int:
     """Differentiate the script of every task in all variants; write gradients.json and gradients.png; return 0.
 
     Raises:
-        mpm.InvalidValue: a task is unknown, jobs is less than 1, or a worker process was killed.
+        mpm.InvalidValue: a task is unknown, jobs is less than 1, or a process failed.
     """
     for task in tasks:
         if Path(task).stem not in TASKS:
             raise mpm.InvalidValue(f"unknown task {task!r}; valid: {', '.join(TASKS)}")
     if jobs < 1:
         raise mpm.InvalidValue(f"--jobs {jobs}; accepted: 1 or more")
+    keys = [(task, variant) for task in tasks for variant in VARIANTS]
+    work = [Job("policies.demonstrations.gradients:differentiate", {"task": task, "variant": variant},
+                depends=load_task(task).model_dump(mode="json", exclude={"description"})) for task, variant in keys]
     with OutputFolder(out):
-        results = _compute_all(tasks, out, jobs)
-        write_results(out, tasks, results)
+        rows = Study(out, jobs).rows(work, "gradients", "rollouts")
+        failed = [f"{task} in {variant}: {row.failed}" for (task, variant), row in zip(keys, rows) if row.failed]
+        if failed:
+            raise mpm.InvalidValue(f"{'; '.join(failed)}; what is finished is kept, the same command continues")
+        write_results(out, tasks, {(Path(task).stem, variant): {name: np.array(one) for name, one in row.value.items()}
+                                   for (task, variant), row in zip(keys, rows)})
     return 0
 
 
@@ -73,45 +75,11 @@ def write_results(out: Path, tasks: list[str], results: Results) -> None:
                           for c in row["checks"]))
 
 
-def _compute_all(tasks: list[str], out: Path, jobs: int) -> Results:
-    keys = [(task, variant) for task in tasks for variant in VARIANTS]
-    with ThreadPoolExecutor(jobs) as threads:
-        futures = [threads.submit(_compute_in_process, out, *key) for key in keys]
-        try:
-            for future in Progress(as_completed(futures), total=len(keys), desc="gradients", unit="rollouts"):
-                future.result()
-        except BaseException:
-            threads.shutdown(wait=False, cancel_futures=True)
-            for process in active_children():  # or their threads would wait for them
-                process.terminate()
-            raise
-    return {(Path(task).stem, variant): future.result() for (task, variant), future in zip(keys, futures)}
-
-
-def _compute_in_process(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
-    """Compute in a new process: Taichi does not free a rollout's fields before its process ends."""
-    with worker_pool(1) as pool:
-        try:
-            return pool.submit(_compute, out, task, variant).result()
-        except BrokenProcessPool as error:
-            raise mpm.InvalidValue(f"{task} in {variant}: its process was killed; the same command continues"
-                                   ) from error
-
-
-def result_path(task: str, variant: str, out: Path) -> Path:
-    """Return the file of a task's results in a variant."""
-    return out / f"{Path(task).stem}_{variant.replace(', ', '_').replace(' ', '_')}.npz"
-
-
-def _compute(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
-    """Return the derivatives of a rollout and their checks, stored or computed and stored."""
+def differentiate(task: str, variant: str) -> dict[str, Any]:
+    """Return the derivatives of a rollout and their checks, for one process: Taichi keeps a rollout's fields."""
     own: Any = make_environment(task).unwrapped
     material = surrogate_material(own.task) if variant == SURROGATE else own.task.material
     env: Any = make_environment(task, material=material, action_repeat=ACTION_REPEAT).unwrapped
-    mark = fingerprint(env, VARIANTS[variant], STEPS_BEFORE_END, DIFFERENCE, SCRIPT_SCALE, PERTURBATION)
-    stored = load_stored(result_path(task, variant, out), mark, "norms")
-    if stored is not None:
-        return stored
     env.reset(options={"nominal": True})
     rollout, motion = env.rollout(**VARIANTS[variant]), ActionRepeat(env.task, ACTION_REPEAT)
     loss, script = env.objective(), motion.follow_script(env.task, env.task.steps * env.task.step_dt)
@@ -127,10 +95,7 @@ def _compute(out: Path, task: str, variant: str) -> dict[str, np.ndarray]:
         norms, lost = error.norms, error.step
     except mpm.SimulationDiverged:
         norms, lost = np.zeros((env.task.steps, 2)), env.task.steps
-    arrays = {"norms": norms, "lost": np.array(lost), "checks": checks, "material": np.array(material),
-              "fingerprint": np.array(mark)}
-    write(result_path(task, variant, out), partial(np.savez, **arrays))
-    return arrays
+    return {"norms": norms.tolist(), "lost": lost, "checks": checks.tolist(), "material": material}
 
 
 def _compare_with_difference(rollout: Any, motion: ActionRepeat, loss: Any, actions: np.ndarray, gradient: np.ndarray,

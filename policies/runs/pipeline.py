@@ -17,12 +17,12 @@ from typing import Any
 
 import mpm
 from mpm.files import write
-from policies.learning.files import read_last_line
 from policies.learning.names import check_installed
 from policies.learning.presets import load_preset
 from policies.runs.pipeline_table import collect_rows, format_rows
 from robosim.base.files import write_json
 from robosim.base.input_files import read_json
+from robosim.base.jobs import read_last_line
 from robosim.base.output_folder import OutputFolder, is_locked
 from robosim.base.progress import Progress
 from robosim.base.resources import folder

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import mpm
-from policies.learning.files import read_last_line
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
 from robosim.base.files import keep_status, write_json
+from robosim.base.jobs import read_last_line
 from robosim.base.output_folder import is_locked
 from robosim.base.progress import Progress
 from robosim.config.settings import Setting

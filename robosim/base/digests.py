@@ -108,7 +108,7 @@ def read_module(path: Path) -> Module:
     data, memo = path.read_bytes(), _memo()
     key = f"{sys.version_info[0]}.{sys.version_info[1]} {hashlib.sha256(data).hexdigest()[:32]}"  # trees differ
     if key not in memo:
-        memo[key] = parse_module(data.decode())._asdict()
+        memo[key], memo.has_grown = parse_module(data.decode())._asdict(), True
     return Module(**memo[key])
 
 
@@ -132,28 +132,30 @@ def _is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
+class _Memo(dict[str, dict[str, Any]]):
+    """What was parsed, by version of Python and digest of a file's bytes."""
+
+    has_grown = False
+    """Whether it holds more than its file."""
+
+
 @cache
-def _memo() -> dict[str, dict[str, Any]]:
-    """Return what earlier processes parsed, by version of Python and digest of a file's bytes."""
+def _memo() -> _Memo:
+    """Return what earlier processes parsed."""
     try:
         memo = read_json(cache_folder("code") / MEMO)
         check_form(memo, {str: {"digest": str, "imports": [str]}})
+        return _Memo(memo)
     except (OSError, ValueError):
-        memo = {}
-    _stored.add(len(memo))
-    return memo
+        return _Memo()
 
 
 def _store_memo() -> None:
     """Write the memo where it has grown; without it, the next process parses again."""
     memo = _memo()
-    if len(memo) not in _stored:
-        _stored.add(len(memo))
+    if memo.has_grown:
+        memo.has_grown = False
         with contextlib.suppress(OSError):
             path = cache_folder("code") / MEMO
             path.parent.mkdir(parents=True, exist_ok=True)
             write_json(path, dict(list(memo.items())[-MOST_REMEMBERED:]))
-
-
-_stored: set[int] = set()
-"""Lengths that the memo had when it was read or written."""

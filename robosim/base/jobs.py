@@ -1,103 +1,107 @@
-"""Jobs in processes of their own, each pinned to a core.
+"""Commands in processes of their own, each pinned to a core, so that they do not disturb each other's times.
 
-A crash costs one result, and measured times are not disturbed by other jobs.
+A command is arguments of `python -m`, and the file that its output is appended to. `run_here` runs them on this
+machine; the launchers of `robosim.studies.clusters` on others.
 """
 
 import ctypes
-import json
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import IO, Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple, Protocol
 
 PR_SET_PDEATHSIG = 1
 """Option of prctl: the signal to get when the parent ends. Source: linux/prctl.h."""
 PARENT = "ROBOSIM_PARENT"
-"""Environment variable with the id of the process that started a job."""
-ANY_CORE = "any"
-"""In place of the core, for a job of a cluster: which core it has, the cluster chooses."""
-Job = tuple[str, Sequence[str]]
-"""A module with a `main` and its arguments; the core is added as the last one. It prints JSON on its last line."""
+"""Environment variable with the id of the process that started a command here."""
+POLL = 0.02
+"""Time [s] between two looks at the processes."""
+LOG_END = 2**16
+"""Bytes at the end of a log in which its last line is looked for; progress bars make logs long."""
+Command = tuple[list[str], Path]
+"""Arguments of `python -m`, and the file that stdout and stderr are appended to."""
 
 
-Runner = Callable[[Sequence[Job]], Iterator[tuple[int, Any, str]]]
-"""Runs jobs elsewhere, and yields them as `run_jobs` does."""
+class Ended(NamedTuple):
+    """How a command ended."""
+
+    index: int
+    reason: str
+    """Why it failed: the signal, or the end of its output; empty where it succeeded."""
 
 
-class RunningJob(NamedTuple):
-    """A job's process and the files that take its output; a full pipe would stop it."""
+class Launcher(Protocol):
+    """Runs commands on other machines."""
 
-    process: subprocess.Popen
-    stdout: IO[str]
-    stderr: IO[str]
+    def run(self, commands: Sequence[Command], folder: Path, resumes: bool = True) -> Iterator[Ended]:
+        """Submit commands and yield each as it ends.
+
+        folder: of what the cluster writes. resumes: whether a command that is cut off by its time limit continues where
+        it stopped; others fail then. Raises ConfigError where they cannot be submitted.
+        """
+        ...
 
 
-def run_jobs(jobs: Sequence[Job], processes: int, runner: Runner | None = None) -> Iterator[tuple[int, Any, str]]:
-    """Run jobs, as many at a time as there are processes, and yield each as it ends; or have a runner run them.
+def run_here(commands: Sequence[Command], processes: int) -> Iterator[Ended]:
+    """Run commands, as many at a time as there are processes, and yield each as it ends.
 
-    Yields its index, the JSON value of the last line on stdout, and "". Where there is no such value it is None, and
-    the last line on stderr, or how the process ended, is the reason.
+    Processes that run when the caller leaves are killed.
     """
-    if runner is not None:
-        yield from runner(jobs)
-        return
-    waiting, running = list(enumerate(jobs)), {}
+    waiting, running = list(enumerate(commands)), {}
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
     try:
         while waiting or running:
             for core in cores[:processes]:
                 if waiting and core not in running:
-                    index, job = waiting.pop(0)
-                    running[core] = (index, _start(job, core))
-            time.sleep(0.02)
-            for core, (index, job) in list(running.items()):
-                if job.process.poll() is not None:
+                    index, command = waiting.pop(0)
+                    running[core] = (index, command[1], _start(command, core))
+            time.sleep(POLL)
+            for core, (index, log, process) in list(running.items()):
+                if process.poll() is not None:
                     del running[core]
-                    yield index, *_result(job)
+                    yield Ended(index, describe_end(process.returncode, log))
     finally:
-        for _, job in running.values():
-            job.process.kill()
+        for _, _, process in running.values():
+            process.kill()
 
 
-def _start(job: Job, core: int) -> RunningJob:
-    """Start a job's process."""
-    stdout, stderr = (tempfile.TemporaryFile("w+") for _ in range(2))  # noqa: SIM115  (closed with the result)
-    module, arguments = job
-    process = subprocess.Popen([sys.executable, "-m", module, *arguments, str(core)], stdout=stdout, stderr=stderr,
-                               env={**os.environ, "OMP_NUM_THREADS": "1", PARENT: str(os.getpid())})
-    return RunningJob(process, stdout, stderr)
-
-
-def _result(job: RunningJob) -> tuple[Any, str]:
-    """Return the value that an ended job printed and "", or None and the reason."""
-    lines = []
-    for file in (job.stdout, job.stderr):
-        file.seek(0)
-        lines.append(file.read().strip().splitlines())
-        file.close()
-    code = job.process.wait()
-    if code < 0:
-        return None, f"killed by signal {-code}"
-    try:
-        return json.loads(lines[0][-1]), ""
-    except (IndexError, ValueError):
-        return None, (lines[1] or [f"ended with exit code {code}"])[-1]
-
-
-def pin_to_core(core: str) -> None:
-    """Pin this process to a core, unless on ANY_CORE, and, on Linux, end it together with the process that started it.
-
-    A job that outlived a killed report would disturb the times measured on its core.
-    """
-    if core == ANY_CORE:
-        return
+def _start(command: Command, core: int) -> subprocess.Popen:
+    """Start a command on a core."""
+    arguments, log = command
+    with log.open("ab") as output:
+        process = subprocess.Popen([sys.executable, "-m", *arguments], stdout=output, stderr=output,
+                                   env={**os.environ, "OMP_NUM_THREADS": "1", PARENT: str(os.getpid())})
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {int(core)})
+        os.sched_setaffinity(process.pid, {core})  # before it has threads
+    return process
+
+
+def describe_end(code: int, log: Path) -> str:
+    """Return why a process failed: the signal that killed it, or the last line of its log; empty for code 0."""
+    if code < 0:
+        return f"killed by signal {-code}"
+    return (read_last_line(log) or f"ended with exit code {code}") if code else ""
+
+
+def read_last_line(path: Path) -> str:
+    """Return the last line of a log that is not empty, from its last LOG_END bytes; "" where there is none."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - LOG_END))
+        lines = file.read(LOG_END).decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else ""
+
+
+def end_with(parent: int) -> None:
+    """Have the kernel kill this process when its parent ends (Linux only).
+
+    Otherwise the processes of a killed command would go on: they would disturb times that are measured on their cores,
+    and write to a folder whose lock is free.
+    """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.environ.get(PARENT, str(os.getppid())) != str(os.getppid()):  # the parent ended before prctl
+        if os.getppid() != parent:  # it ended before the call above
             raise SystemExit(1)

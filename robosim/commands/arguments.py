@@ -176,19 +176,19 @@ class CommandParser(argparse.ArgumentParser):
                           f"jobs of SLURM or Ray, as {source} says (default: local)")
         self.set_defaults(make_launcher=make_launcher)
 
-    def add_runner(self) -> None:
-        """Add `--launch` and `--launch-file` for a command with many jobs; `options.make_runner(options)` runs them."""
+    def add_launcher(self) -> None:
+        """Add `--launch` and `--launch-file` for a study; `options.find_launcher(options)` runs jobs, or is None."""
 
-        def make_runner(options: argparse.Namespace) -> Any:
+        def find_launcher(options: argparse.Namespace) -> Any:
             """Return what runs jobs elsewhere, or None."""
-            from robosim.studies.clusters.json_jobs import make_json_jobs
+            from robosim.studies.clusters.launchers import find_launcher as find
 
-            return make_json_jobs(options.launch, options.launch_file, options.out)
+            return find(options.launch, options.launch_file)
 
         self.add_launch("--launch-file")
         self.add_argument("--launch-file", type=Path, metavar="FILE", help="YAML file for --launch: partition, hours, "
                           "memory_gb, ... as in the table `launch` of a sweep")
-        self.set_defaults(make_runner=make_runner)
+        self.set_defaults(find_launcher=find_launcher)
 
     def add_settings(self, what: str, example: str) -> None:
         """Add the option `--set` for the keys of a file; `options.settings` are those given, see `Settings`."""

@@ -18,8 +18,8 @@ def add_parser(commands: Any) -> None:
                                  "run time. Exit status 0 only if every error is in its accepted range.")
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {', '.join(NAMES)}; or of the subjects "
                         f"{', '.join(GROUPS)}, for all of their cases (default: all)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for index.html, report.json and report.jsonl "
-                        "(a line per run); runs that are finished there are not repeated")
+    parser.add_argument("--out", type=Path, required=True, help="folder for index.html, report.json and rows/, a file "
+                        "for each run; runs that are finished there are not repeated")
     parser.add_argument("--quick", action="store_true", help="fewer and smaller runs of every case")
     parser.add_number("--jobs", default=1,
                         help="number of runs at the same time, each on its own core; "
@@ -29,7 +29,7 @@ def add_parser(commands: Any) -> None:
                         "times of other codes to this machine")
     parser.add_argument("--compare", type=Path, help="report.json of another run, to list what improved and what "
                         "became worse")
-    parser.add_runner()
+    parser.add_launcher()
     parser.set_defaults(run=run, after_interrupt="finished runs are kept; the same command continues")
 
 
@@ -39,4 +39,4 @@ def run(options: argparse.Namespace) -> int:
     from robosim.studies.verification.report import report
 
     return report(options.cases, options.out, quick=options.quick, jobs=options.jobs, points=options.points,
-                  yardsticks=options.yardsticks, compare=options.compare, runner=options.make_runner(options))
+                  yardsticks=options.yardsticks, compare=options.compare, launcher=options.find_launcher(options))

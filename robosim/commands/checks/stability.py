@@ -21,7 +21,7 @@ def add_parser(commands: Any) -> None:
                         f"{', '.join(SLEEPING_AXES)}")
     parser.add_argument("--out", type=Path, required=True, help="folder for index.html and stability.json")
     parser.add_number("--jobs", default=1, help="number of cases at the same time (default: 1)")
-    parser.add_runner()
+    parser.add_launcher()
     parser.set_defaults(run=run, after_interrupt="finished cells are kept; the same command continues")
 
 
@@ -32,4 +32,4 @@ def run(options: argparse.Namespace) -> int:
             raise UnknownName("axis", axis, (*AXES, *COMPARISONS, *SLEEPING_AXES))
     from robosim.studies.verification.stability_report import stability
 
-    return stability(options.axes, options.out, options.jobs, options.make_runner(options))
+    return stability(options.axes, options.out, options.jobs, options.find_launcher(options))

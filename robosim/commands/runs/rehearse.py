@@ -55,7 +55,7 @@ def add_parser(commands: Any) -> None:
     parser.add_number("--perturb", metavar="N", help="run with the exact model and N times with such errors, without "
                       "videos, and report the worst of every figure")
     parser.add_number("--jobs", default=1, help="with --perturb: runs at the same time (default: 1)")
-    parser.add_runner()
+    parser.add_launcher()
     parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
     parser.add_threads()
     parser.set_defaults(run=run, after_interrupt="--out has what was simulated so far; the same command "
@@ -92,7 +92,7 @@ def run_perturbed(options: argparse.Namespace, rehearsal: str) -> int:
 
     chosen = {name: getattr(options, name) for name in ("material", "grasp", "trajectory", "seed")}
     chosen["motions"] = options.motions and str(options.motions.resolve())
-    return perturb(rehearsal, options.out, options.perturb, jobs=options.jobs, runner=options.make_runner(options),
+    return perturb(rehearsal, options.out, options.perturb, jobs=options.jobs, launcher=options.find_launcher(options),
                    options={name: value for name, value in chosen.items() if value is not None})
 
 

@@ -1,10 +1,8 @@
 """`robosim bench`: speed of coupling, kinematics, environments and rendering.
 
-Each figure is the median of repeated runs in a process of its own:
-`python -m robosim.studies.benchmarks.bench PART CORE`.
+Each figure is the median of repeated runs in a process of its own.
 """
 
-import json
 import os
 import statistics
 import sys
@@ -13,9 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from robosim.base.errors import UnknownName
-from robosim.base.jobs import pin_to_core, run_jobs
 from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
+from robosim.base.study import Job, Study
 from robosim.envs import TASKS
 from robosim.studies.benchmarks import KINDS, RESET_TASKS
 
@@ -137,7 +135,8 @@ def bench(parts: list[str], out: Path | None) -> int:
     folder = OutputFolder(out) if out else None
     names, figures, failures = parts or DEFAULT_PARTS, {}, {}
     result = {"made_by": provenance(), "figures": figures, "not_measured": failures}
-    for index, measured, reason in run_jobs([("robosim.studies.benchmarks.bench", (name,)) for name in names], 1):
+    work = [Job("robosim.studies.benchmarks.bench:measure_part", {"name": name}) for name in names]
+    for index, (_, measured, reason) in Study(None).run(work):  # times are those of today
         figures |= measured or {}
         if measured is None:
             failures[names[index]] = reason
@@ -150,15 +149,9 @@ def bench(parts: list[str], out: Path | None) -> int:
     return int(bool(failures))
 
 
-def main() -> None:
-    """Measure one part and print its figures."""
+def measure_part(name: str) -> dict[str, float]:
+    """Measure one part; return its figures."""
     import mpm
 
-    name, core = sys.argv[1:]
-    pin_to_core(core)
     mpm.init()
-    print(json.dumps(PARTS[name]()))
-
-
-if __name__ == "__main__":
-    main()
+    return PARTS[name]()

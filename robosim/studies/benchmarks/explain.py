@@ -1,17 +1,14 @@
 """`robosim explain`: parts and cost of a scene, and the cheapest setting with the same readings."""
 
-import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
 from robosim.base.digests import code_digest
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.base.input_files import MAX_TEXT, check_form, read_bytes, read_json
-from robosim.base.jobs import run_jobs
+from robosim.base.input_files import read_text
 from robosim.base.output_folder import OutputFolder
-from robosim.base.progress import Progress
 from robosim.base.resources import config_names, config_path
+from robosim.base.study import Job, Study
 from robosim.config.table import read
 from robosim.envs import BUNDLED
 from robosim.studies.benchmarks.explain_page import describe_setting, format_parts, write_page
@@ -20,10 +17,6 @@ from robosim.tasks.task import is_task
 
 SCENE_RUN = "robosim.studies.benchmarks.scene_run"
 """Module that runs a scene at a setting."""
-REPORT = {"scene": str, "code": str, "results": [{"setting": {str: float}, "failed": str, "result": ({
-    "readings": {str: float}, "seconds": float, "simulated_s": float, "grains": int, "cell_m": float, "dt_s": float,
-    "costs": {str: float}, "parts": [{"name": str, "present": bool, "reason": str, "bytes": (float, None)}]}, None)}]}
-"""Form of explain.json."""
 OWN: dict[str, float] = {}
 """The scene's own setting."""
 FINEST = {"task": {"cell": 0.8, "dt": 0.8}, "rehearsal": {"cell": 0.8}}
@@ -91,45 +84,15 @@ def print_comparison(rows: list[dict[str, Any]], results: list[dict[str, Any]], 
 
 def run_settings(scene: str, settings: list[dict[str, float]], folder: OutputFolder | None,
                  jobs: int) -> list[dict[str, Any]]:
-    """Return the results of settings; those that the folder has from the same code are not run again.
-
-    Raises ConfigError for an explain.json that is no report of this command, and leaves it unchanged.
-    """
-    code = code_digest(SCENE_RUN)
-    if Path(scene).is_file():
-        code += hashlib.sha256(read_bytes(Path(scene), MAX_TEXT)).hexdigest()[:12]
-    known = {} if folder is None else read_known(folder.path / "explain.json", scene, code)
-    waiting = [setting for setting in settings if json.dumps(setting) not in known]
-    work = [(SCENE_RUN, (scene, json.dumps(setting))) for setting in waiting]
-    progress = Progress(total=len(waiting), desc="explain", unit="settings")
-    for index, result, reason in run_jobs(work, jobs):
-        known[json.dumps(waiting[index])] = {"setting": waiting[index], "result": result, "failed": reason}
-        progress.update()
-        if folder is not None:
-            folder.write_json("explain.json", {"scene": scene, "code": code, "results": list(known.values())})
-    progress.close()
-    return [known[json.dumps(setting)] for setting in settings]
-
-
-def read_known(path: Path, scene: str, code: str) -> dict[str, dict[str, Any]]:
-    """Read the finished settings of a scene, by their JSON; none without a file, or where code or scene are others.
-
-    Raises ConfigError for a file that holds anything else.
-    """
-    if not path.is_file():
-        return {}
-    try:
-        content = read_json(path)
-        check_form(content, REPORT)
-        results = [r["result"] for r in content["results"] if r["result"] is not None]
-        if len({tuple(sorted(result["readings"])) for result in results}) > 1 or \
-                not all(result["seconds"] > 0.0 and result["readings"] for result in results):
-            raise ValueError("settings without seconds or with other readings")
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path}: not a report of `robosim explain` ({error}); it is left as it is: give another "
-                          f"--out") from error
-    is_same = (content["scene"], content["code"]) == (scene, code)
-    return {json.dumps(r["setting"]): r for r in content["results"] if is_same and r["result"] is not None}
+    """Return the results of settings; those that the folder has from the same code are not run again."""
+    content = read_text(Path(scene)) if Path(scene).is_file() else ""
+    work = [Job(f"{SCENE_RUN}:measure_scene", {"scene": scene, "setting": setting}, depends=content)
+            for setting in settings]
+    rows = Study(folder and folder.path, jobs).rows(work, "explain", "settings")
+    results = [{"setting": setting, "result": row.value, "failed": row.failed} for setting, row in zip(settings, rows)]
+    if folder is not None:
+        folder.write_json("explain.json", {"scene": scene, "code": code_digest(SCENE_RUN), "results": results})
+    return results
 
 
 def reference(results: list[dict[str, Any]]) -> dict[str, Any]:

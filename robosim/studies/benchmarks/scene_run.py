@@ -1,17 +1,11 @@
-"""One run of a scene at a setting: its readings, its cost and its parts, in a process of its own.
+"""One run of a scene at a setting, a job of a study: its readings, its cost and its parts."""
 
-`python -m robosim.studies.benchmarks.scene_run SCENE SETTING CORE` prints them as JSON; SETTING is JSON, too.
-"""
-
-import json
-import sys
 import time
 from typing import Any
 
 import numpy as np
 
 import mpm
-from robosim.base.jobs import pin_to_core
 from robosim.config.materials import MaterialConfig, load_material, overridden
 from robosim.config.rehearsal import load_rehearsal
 from robosim.studies.benchmarks.scene_parts import Stopwatch, list_parts
@@ -109,14 +103,3 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     readings = {name: float(figures[key]) for name, key in names.items()  # pyright: ignore[reportArgumentType]
                 if key != "wrist_payload_kg" or config.weigh_at is not None}  # a shovel does not weigh its load
     return make_result(run.solver, stopwatch, run.wall_time, run.time, readings)
-
-
-def main() -> None:
-    """Run one scene at one setting and print the result."""
-    scene, setting, core = sys.argv[1:]
-    pin_to_core(core)
-    print(json.dumps(measure_scene(scene, json.loads(setting))))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,17 +1,15 @@
 """`robosim calibrate`: from a file of measurements to a material card, or to the reasons why there is none."""
 
-import hashlib
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robosim.base.digests import code_digest
-from robosim.base.input_files import check_form, read_json
+from robosim.base.digests import code_digest, digest
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
+from robosim.base.study import ROWS, Store
 from robosim.config.materials import MaterialConfig, number_names
 from robosim.config.settings import Setting
 from robosim.studies.calibration.emulator import Emulator
@@ -29,9 +27,6 @@ from robosim.studies.calibration.verdict import Advice, Finding, Residual, Verdi
 
 CARD, REFUSED = "material.yaml", "material_NOT_CALIBRATED.yaml"
 """Names of the card; of one that missed a bound the name says so."""
-RUNS = "runs.json"
-FORM = {"key": str, "runs": {str: [float]}}
-"""Form of the file of runs."""
 CHECK_SEED = 1_000_000
 """Seed of the runs with the best numbers: none of the search's."""
 CHECK_RUNS, SAMPLE_RUNS = 3, 16
@@ -44,30 +39,20 @@ DIGITS = 12
 class Runs:
     """Simulations of a folder, kept on the disk: a run that is asked for again is not simulated again."""
 
-    def __init__(self, folder: OutputFolder, key: str) -> None:
-        self._folder, self._key, self._runs = folder, key, read_runs(folder.path / RUNS, key)
+    def __init__(self, folder: Path, measurements: Measurements) -> None:
+        self._store, self._inputs = Store(folder / ROWS), digest(list_inputs(measurements))
 
     def simulate(self, trial: Trial, numbers: Numbers, seed: int) -> np.ndarray:
         """Return what a trial would read (n,), stored or simulated."""
         if trial.is_direct:
             return trial.simulate(numbers, seed)
-        name = f"{trial.name} seed {seed} " + " ".join(f"{key}={value:.{DIGITS}g}" for key, value in numbers.items())
-        values = self._runs.get(name)
-        if values is None or len(values) != len(trial.readings):
-            values = [float(value) for value in trial.simulate(numbers, seed)]
-            self._runs[name] = values
-            self._folder.write_json(RUNS, {"key": self._key, "runs": self._runs})
-        return np.array(values)
-
-
-def read_runs(path: Path, key: str) -> dict[str, list[float]]:
-    """Read the runs of an earlier command with the same measurements and code; none where the file cannot be read."""
-    try:
-        stored = read_json(path)
-        check_form(stored, FORM)
-        return dict(stored["runs"]) if stored["key"] == key else {}
-    except (OSError, ValueError):
-        return {}
+        run = {"trial": trial.name, "seed": seed, **{key: f"{value:.{DIGITS}g}" for key, value in numbers.items()}}
+        key = digest([self._inputs, run])
+        found = self._store.find(key)
+        if found is None:
+            found = ([float(value) for value in trial.simulate(numbers, seed)],)
+            self._store.keep(key, *found, run=run)
+        return np.array(found[0])
 
 
 def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings: tuple[Setting, ...] = ()) -> int:
@@ -81,7 +66,7 @@ def calibrate(path: Path, out: Path, *, runs: int = 60, seed: int = 0, settings:
     ranges = Ranges.of(measurements.sought)
     with OutputFolder(out) as folder:
         folder.clear((CARD, REFUSED, "calibration.json", "index.html"))
-        store = Runs(folder, fingerprint(measurements))
+        store = Runs(folder.path, measurements)
         fitted = [trial for trial in trials if not trial.held_out]
         is_simulated = any(not trial.is_direct for trial in fitted)
         with Progress(total=runs, desc="calibrate", unit="runs", disable=not is_simulated) as progress:
@@ -147,14 +132,12 @@ def emulate(trial: Trial, ranges: Ranges, found: Search, store: Runs) -> Emulato
     return Emulator(chosen, np.array(outputs) / trial.errors)
 
 
-def fingerprint(measurements: Measurements) -> str:
-    """Return twelve hexadecimal digits that change with experiments, data, card and code."""
+def list_inputs(measurements: Measurements) -> list[Any]:
+    """Return what all runs depend on: experiments, data, card and code."""
     config = measurements.config.model_dump(exclude={"description", "sought"})
     files = [Path(one.data).read_bytes().hex() for one in measurements.experiments.values()
              if isinstance(one, HeapExperiment | PourExperiment)]
-    code = code_digest("robosim.studies.calibration.experiment")
-    text = json.dumps([config, files, measurements.card.model_dump(), code], sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
+    return [config, files, measurements.card.model_dump(), code_digest("robosim.studies.calibration.experiment")]
 
 
 def make_card(measurements: Measurements, verdict: Verdict) -> MaterialConfig:

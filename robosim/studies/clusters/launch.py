@@ -1,13 +1,13 @@
-"""Commands that are run elsewhere, and what a `launch:` table says about them."""
+"""The `launch:` table: what a job of a cluster is given."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Protocol
+from collections.abc import Mapping
+from typing import Annotated, Any, Protocol
 
 import pydantic
 from pydantic import Field
 
 from robosim.base.errors import ConfigError
+from robosim.base.jobs import Launcher
 from robosim.config.bounds import FilePath, Name
 from robosim.config.table import Table, describe, list_errors
 
@@ -38,30 +38,11 @@ class LaunchTable(Table):
     """Further options of sbatch, such as constraint: avx512."""
 
 
-class Ended(NamedTuple):
-    """How a command ended."""
-
-    index: int
-    reason: str
-    """Last lines of its output, and the status; empty where it succeeded."""
-
-
-class Launcher(Protocol):
-    """Runs commands on other machines."""
+class ClusterLauncher(Launcher, Protocol):
+    """Runs commands on a cluster."""
 
     def configure(self, table: Mapping[str, Any]) -> None:
         """Take over a `launch:` table; raises ConfigError."""
-
-    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
-            resumes: bool = True) -> Iterator[Ended]:
-        """Submit commands, arguments of `python -m` each, and yield each as it ends.
-
-        The second part of a command is the file that its output is appended to. folder: of what the cluster writes.
-        resumes: whether a command that is cut off by its time limit continues where it stopped; others fail then.
-
-        Raises ConfigError where they cannot be submitted.
-        """
-        ...
 
 
 def read_table(table: Mapping[str, Any]) -> LaunchTable:

@@ -1,11 +1,14 @@
 """The launcher of a name."""
 
-from robosim.base.errors import UnknownName
+from pathlib import Path
+
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.config.table import read
 from robosim.studies.clusters import LAUNCHERS
-from robosim.studies.clusters.launch import Launcher
+from robosim.studies.clusters.launch import ClusterLauncher
 
 
-def make_launcher(name: str) -> Launcher | None:
+def make_launcher(name: str) -> ClusterLauncher | None:
     """Return the launcher of a name; None for processes of this machine. Raises ConfigError, UnknownName."""
     if name not in LAUNCHERS:
         raise UnknownName("launcher", name, LAUNCHERS)
@@ -18,3 +21,20 @@ def make_launcher(name: str) -> Launcher | None:
     from robosim.studies.clusters.ray_tasks import RayLauncher
 
     return RayLauncher()
+
+
+def find_launcher(name: str, table: Path | None) -> ClusterLauncher | None:
+    """Return the launcher of a name with what a YAML file says, which has the keys of `LaunchTable`.
+
+    Raises ConfigError, UnknownName.
+    """
+    launcher = make_launcher(name)
+    if launcher is None:
+        if table is not None:
+            raise ConfigError(f"--launch-file {table} with --launch local; accepted: with slurm or ray")
+        return None
+    numbers = {} if table is None else read(table)
+    if not isinstance(numbers, dict):
+        raise ConfigError(f"{table}: {numbers!r:.60}; accepted: a mapping of the keys of `launch`")
+    launcher.configure(numbers)
+    return launcher

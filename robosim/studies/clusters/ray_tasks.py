@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from robosim.base.errors import ConfigError
+from robosim.base.jobs import Command, Ended
 from robosim.studies.clusters.job import ClusterJob
-from robosim.studies.clusters.launch import Ended, read_table
+from robosim.studies.clusters.launch import read_table
 
 
 class RayLauncher:
@@ -23,8 +24,7 @@ class RayLauncher:
         """Take over a `launch:` table, of which cores and memory_gb apply; raises ConfigError."""
         self.table = read_table(table)
 
-    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
-            resumes: bool = True) -> Iterator[Ended]:
+    def run(self, commands: Sequence[Command], folder: Path, resumes: bool = True) -> Iterator[Ended]:
         """Submit commands and yield each as it ends; a worker that is lost is replaced, and its run continues."""
         ray = self._ray
         if not ray.is_initialized():

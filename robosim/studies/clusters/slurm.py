@@ -9,8 +9,9 @@ from typing import Any
 from robosim.base.errors import ConfigError
 from robosim.base.files import write_json
 from robosim.base.input_files import read_json
+from robosim.base.jobs import Command, Ended
 from robosim.studies.clusters.job import ClusterJob
-from robosim.studies.clusters.launch import Ended, read_table
+from robosim.studies.clusters.launch import read_table
 
 POLL = 2.0
 """Time [s] between two looks at the queue."""
@@ -41,8 +42,7 @@ class SlurmLauncher:
             raise ConfigError(f"launch.partition: {self.table.partition!r}; accepted here: "
                               f"{', '.join(self._partitions)}")
 
-    def run(self, commands: Sequence[tuple[list[str], Path]], folder: Path,
-            resumes: bool = True) -> Iterator[Ended]:
+    def run(self, commands: Sequence[Command], folder: Path, resumes: bool = True) -> Iterator[Ended]:
         """Submit commands and yield each as it ends; what is interrupted here goes on there."""
         if not commands:
             return
@@ -62,7 +62,7 @@ class SlurmLauncher:
             if waiting:
                 time.sleep(POLL)
 
-    def _adopt_or_submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path, requeues: int) -> list[Any]:
+    def _adopt_or_submit(self, commands: Sequence[Command], folder: Path, requeues: int) -> list[Any]:
         """Return the jobs of commands: those that an earlier call submitted and that are still queued, and new ones."""
         record = folder / JOBS
         try:
@@ -80,7 +80,7 @@ class SlurmLauncher:
         write_json(record, {str(log): jobs[index].job_id for index, (_, log) in enumerate(commands)})
         return [jobs[index] for index in range(len(commands))]
 
-    def _submit(self, commands: Sequence[tuple[list[str], Path]], folder: Path, requeues: int) -> list[Any]:
+    def _submit(self, commands: Sequence[Command], folder: Path, requeues: int) -> list[Any]:
         table = self.table
         folder.mkdir(parents=True, exist_ok=True)
         executor = self._submitit.SlurmExecutor(folder=folder, max_num_timeout=requeues,

@@ -1,13 +1,7 @@
-"""One episode of a policy in one material, in a process of its own.
+"""One episode of a policy in one material, a job of a study."""
 
-`python -m robosim.studies.evaluation.material_episode TASK POLICY MATERIAL CORE` prints it as JSON.
-"""
-
-import json
-import sys
 from typing import Any
 
-from robosim.base.jobs import pin_to_core
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
 from robosim.randomization.materials import MATERIALS
@@ -41,14 +35,3 @@ def run_episode(task: str, name: str, label: str) -> dict[str, Any]:
     diverged = str(info["diverged"]) if info.get("diverged") else None
     return {"score": info["tcs"], "trajectory": trajectory, "diverged": diverged,
             **{key: info["readings"].get(key) for key in READINGS}}
-
-
-def main(arguments: list[str]) -> None:
-    """Run one episode and print it; arguments: task, policy, material, core."""
-    task, name, label, core = arguments
-    pin_to_core(core)
-    print(json.dumps(run_episode(task, name, label)))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -1,55 +1,46 @@
 """A rehearsal with the exact model, and several with errors of the model: the worst of every figure."""
 
 import hashlib
-import json
 import math
 import sys
 from pathlib import Path
 from typing import Any
 
-from robosim.base.digests import code_digest
 from robosim.base.input_files import read_json
-from robosim.base.jobs import Runner, run_jobs
+from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder
-from robosim.base.progress import Progress
+from robosim.base.study import Job, Study
 from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.metrics import Bound, get_bounds
 from robosim.rehearsal.page import split_unit
-from robosim.rehearsal.session import check_rehearsal
+from robosim.rehearsal.session import check_rehearsal, rehearse
 from robosim.reports.page import Page
 
-WORKER = "robosim.studies.robustness.worker"
 Rows = dict[int, dict[str, Any]]
 """Seed of the errors, 0 for the exact model -> report of that run."""
 
 
-def perturb(name: str, out: Path, count: int, *, jobs: int = 1, runner: Runner | None = None,
+def perturb(name: str, out: Path, count: int, *, jobs: int = 1, launcher: Launcher | None = None,
             options: dict[str, Any] | None = None) -> int:
     """Run a rehearsal with the exact model and `count` times with drawn errors; write perturbed.json and index.html.
 
-    options: further arguments of `rehearse`. jobs: runs at a time, here; runner: runs them elsewhere. Runs that the
+    options: further arguments of `rehearse`. jobs: runs at a time, here; launcher: runs them elsewhere. Runs that the
     folder has from the same code and configuration are not repeated. Returns 0 if every bound held in every run.
     """
     options = options or {}
     config = check_rehearsal(name, **{key: value for key, value in options.items() if key != "seed"})
-    key = fingerprint(config, options)
+    inputs = [config.model_dump(mode="json"), load_material(config.material).model_dump(mode="json"),
+              {path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+               for path in sorted(Path(config.motions).glob("*.npz"))} if config.motions else {}]
     with OutputFolder(out) as folder:
-        rows = read_rows(folder.path / "perturbed.json", key)
-        waiting = [seed for seed in range(count + 1) if seed not in rows]
-        work = [(WORKER, (name, str(run_folder(folder.path, seed)), str(seed), json.dumps(options)))
-                for seed in waiting]
-        failed, progress = {}, Progress(initial=count + 1 - len(waiting), total=count + 1, desc="runs", unit="runs")
-        for index, report, reason in run_jobs(work, jobs, runner):
-            seed = waiting[index]
-            if report is None:
-                failed[seed] = reason
-            else:
-                rows[seed] = report
-                folder.write_json("perturbed.json", {"key": key, "rows": {str(k): row for k, row in rows.items()}})
-            progress.update()
-        progress.close()
-        rows = {seed: rows[seed] for seed in sorted(rows) if seed <= count}
+        work = [Job("robosim.studies.robustness.perturbed_runs:run_with_errors",
+                    {"name": name, "seed": seed, "options": options}, depends=inputs,
+                    places={"out": str(run_folder(folder.path, seed))}) for seed in range(count + 1)]
+        done = Study(folder.path, jobs, launcher).rows(work, "runs")
+        rows = {seed: row.value for seed, row in enumerate(done) if not row.failed}
+        failed = {seed: row.failed for seed, row in enumerate(done) if row.failed}
+        folder.write_json("perturbed.json", {"rows": {str(seed): row for seed, row in rows.items()}})
         page, holds = make_page(config, rows, failed)
         folder.write_text("index.html", page.html())
     for seed, reason in failed.items():
@@ -58,28 +49,16 @@ def perturb(name: str, out: Path, count: int, *, jobs: int = 1, runner: Runner |
     return int(not holds)
 
 
-def fingerprint(config: RehearsalConfig, options: dict[str, Any]) -> str:
-    """Return twelve hexadecimal digits that change with configuration, material, motions and code."""
-    values = [config.model_dump(mode="json"), load_material(config.material).model_dump(mode="json"), options,
-              code_digest(WORKER)]
-    digest = hashlib.sha256(json.dumps(values, sort_keys=True).encode())
-    for path in sorted(Path(config.motions).glob("*.npz")) if config.motions else []:
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
+def run_with_errors(name: str, seed: int, options: dict[str, Any], out: str) -> dict[str, Any]:
+    """Run a rehearsal with errors of the model, none for seed 0; return its report."""
+    chosen: dict[str, Any] = options | ({"motions": Path(options["motions"])} if "motions" in options else {})
+    rehearse(name, Path(out), camera=None, model_errors=seed or None, **chosen)
+    return read_json(Path(out) / "report.json")
 
 
 def run_folder(out: Path, seed: int) -> Path:
     """Return the folder of a run."""
     return out / ("exact" if seed == 0 else f"errors_{seed}")
-
-
-def read_rows(path: Path, key: str) -> Rows:
-    """Return the reports of an earlier call with the same key; none where the file cannot be read."""
-    try:
-        stored = read_json(path)
-        return {int(seed): row for seed, row in stored["rows"].items()} if stored["key"] == key else {}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return {}
 
 
 def verdict(rows: Rows, failed: dict[int, str]) -> str:

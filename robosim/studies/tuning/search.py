@@ -1,24 +1,19 @@
 """`robosim tune`: a search of a dosing controller's numbers on training seeds."""
 
-import hashlib
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
-from robosim.base.digests import code_digest
-from robosim.base.errors import ConfigError
-from robosim.base.input_files import read_json
-from robosim.base.jobs import run_jobs
+from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.progress import Progress
 from robosim.base.provenance import provenance
+from robosim.base.study import Job, Study
 from robosim.dosing.numbers import DosingNumbers
 from robosim.envs import task_name
 from robosim.studies.evaluation.dosing_policy import numbers_of
 from robosim.studies.tuning.choices import GENERATION, draw_choice
 from robosim.studies.tuning.cost import summarize_doses
-from robosim.studies.tuning.trial import TrialJob
 from robosim.tasks.task import load_task
 
 WORKER = "robosim.studies.tuning.trial"
@@ -28,85 +23,50 @@ SHOWN = ("cost", "success_rate", "error_g", "error_g_std", "seconds", "spilled_g
 
 
 def tune(task: str, controller: str, out: Path, *, choices: int, episodes: int, seed: int = 0, jobs: int = 1,
-         material: str | None = None, randomize: str = "nominal") -> int:
+         material: str | None = None, randomize: str = "nominal", launcher: Launcher | None = None) -> int:
     """Search a controller's numbers; write tune.json and the best numbers as numbers.yaml into a folder.
 
     The first choice are the task's own numbers. choices: in all. episodes: of each, with the seeds from `seed` on.
-    jobs: processes. Choices and episodes that the folder has are not run again.
-    Returns 0, or 1 where a process failed; the same command then continues.
-    Raises ConfigError where the folder has a search with other numbers, arguments or code, and for a task without a
+    jobs: choices at a time, here; launcher: runs them elsewhere. Choices and episodes that the folder has of the same
+    arguments and code are not run again; as choices are drawn from costs, a search that goes on is the same one.
+    Returns 0, or 1 where a process failed; the same command then continues. Raises ConfigError for a task without a
     dose.
     """
     config = load_task(task)
     numbers = numbers_of(config, controller)
-    values = {"task": config.model_dump(mode="json", exclude={"description"}), "controller": controller, "seed": seed,
-              "numbers": numbers.model_dump(mode="json", exclude={"source"}), "episodes": episodes,
-              "material": material or config.material, "randomize": randomize}
-    key, made_by = fingerprint(values), provenance()
-    head = {"key": key, "made_by": made_by, **values}
+    given = {"task": task, "controller": controller, "material": material or config.material, "randomize": randomize,
+             "config": config.model_dump(mode="json", exclude={"description"})}
+    made_by, duration = provenance(), numbers.motion.duration
+    head = {"made_by": made_by, "task": given["config"], "controller": controller, "seed": seed, "episodes": episodes,
+            "numbers": numbers.model_dump(mode="json", exclude={"source"}), "material": given["material"],
+            "randomize": randomize}
     with OutputFolder(out) as folder:
-        drawn, rows = read_search(folder.path, key)
-        drawn = drawn or [numbers]
+        study, drawn, rows = Study(folder.path, jobs, launcher), [numbers], {}
         failed: dict[int, str] = {}
-        progress = Progress(initial=sum(k < choices for k in rows), total=choices,
-                            desc=f"{task_name(task)}, {controller}", unit="choices")
-        while not failed and (waiting := _next(choices, rows)):
-            costs = {k: summarize_doses(row, numbers.motion.duration)["cost"] for k, row in rows.items()}
-            for k in range(len(drawn), waiting[-1] + 1):
-                drawn.append(draw_choice(controller, numbers, k, seed, costs, drawn))
-            work = []
-            for k in waiting:
-                file = folder.write_yaml(f"choice_{k}.yaml", drawn[k].model_dump(mode="json"))
-                job = TrialJob(task, controller, str(file), str(folder.path / f"episodes_{k}.json"), seed, episodes,
-                               values["material"], randomize)
-                work.append((WORKER, [json.dumps(job._asdict())]))
-            _write(folder, head, drawn, rows, choices)  # what an interrupted choice has done is kept, too
-            for index, row, reason in run_jobs(work, jobs):
-                if row is None:
-                    failed[waiting[index]] = reason
-                else:
-                    rows[waiting[index]] = row
-                    _write(folder, head, drawn, rows, choices)
-                    progress.update()
-        progress.close()
+        with Progress(total=choices, desc=f"{task_name(task)}, {controller}", unit="choices") as progress:
+            while not failed and (waiting := _next(choices, rows)):
+                costs = {k: summarize_doses(row, duration)["cost"] for k, row in rows.items()}
+                for k in range(len(drawn), waiting[-1] + 1):
+                    drawn.append(draw_choice(controller, numbers, k, seed, costs, drawn))
+                trials = [Job(f"{WORKER}:run_trial", {"search": given, "numbers": drawn[k].model_dump(mode="json"),
+                                                      "seed": seed, "count": episodes},
+                              places={"folder": str(study.store.folder)}) for k in waiting]
+                for index, row in study.run(trials):
+                    if row.failed:
+                        failed[waiting[index]] = row.failed
+                    else:
+                        rows[waiting[index]] = row.value
+                        _write(folder, head, drawn, rows, choices)
+                        progress.update()
         if rows:
-            best = find_best(rows, numbers.motion.duration)
+            best = find_best(rows, duration)
             table = drawn[best].model_dump(mode="json") | {"source": made_by["command"]}
             folder.write_yaml(NUMBERS, table)
-            print(format_search(rows, numbers.motion.duration, best))
+            print(format_search(rows, duration, best))
     for k, reason in failed.items():
         print(f"failed: choice {k}: {reason}; what is finished is kept, run the same command again to continue",
               file=sys.stderr)
     return 1 if failed else 0
-
-
-def fingerprint(values: dict[str, Any]) -> str:
-    """Return twelve hexadecimal digits that change with the task, the numbers, the episodes and the code."""
-    text = json.dumps([values, code_digest(WORKER)], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
-
-
-def read_search(path: Path, key: str) -> tuple[list[DosingNumbers], dict[int, list[dict[str, Any]]]]:
-    """Return the choices of a folder and their episodes; none where it has no search.
-
-    Raises ConfigError for a search with another key, or one that cannot be read.
-    """
-    file = path / FILE
-    if not file.is_file():
-        for left in [*path.glob("choice_*.yaml"), *path.glob("episodes_*.json")]:
-            left.unlink()  # of a search whose tune.json was removed
-        return [], {}
-    try:
-        stored = read_json(file)
-        known, choices = stored["key"], stored["choices"]
-        drawn = [DosingNumbers.model_validate(one["numbers"]) for one in choices]
-        rows = {k: one["episodes"] for k, one in enumerate(choices) if one["episodes"]}
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ConfigError(f"--out {path}: {FILE} cannot be read ({error}); give another folder") from None
-    if known != key:
-        raise ConfigError(f"--out {path}: holds a search with other numbers, another task, other episodes or code; "
-                          f"give the arguments and files of that search, or another folder")
-    return drawn, rows
 
 
 def find_best(rows: dict[int, list[dict[str, Any]]], duration: float) -> int:

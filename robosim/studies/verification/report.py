@@ -1,4 +1,4 @@
-"""`robosim report`: verification cases, error against run time, as a page, JSON and JSON lines."""
+"""`robosim report`: verification cases, error against run time, as a page and JSON."""
 
 import re
 import subprocess
@@ -9,7 +9,7 @@ from typing import Any
 
 from robosim.base import input_files
 from robosim.base.errors import ConfigError
-from robosim.base.jobs import Runner
+from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
 from robosim.studies.verification.analysis import replace_non_finite, summarize_case
@@ -26,13 +26,13 @@ YARDSTICK = "reference_layout.py"
 
 
 def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, points: Path | None = None,
-           yardsticks: Path | None = None, compare: Path | None = None, runner: Runner | None = None) -> int:
-    """Run cases, all when the list is empty, and write index.html, report.json and report.jsonl.
+           yardsticks: Path | None = None, compare: Path | None = None, launcher: Launcher | None = None) -> int:
+    """Run cases, all when the list is empty, and write index.html and report.json.
 
     names: of cases, or of subjects such as "forces", which stand for all of their cases.
     quick: their quick sweeps. jobs: runs at a time. points: JSON file with other codes' results on the column collapse.
     yardsticks: folder of YARDSTICK, to convert their seconds. compare: report.json of an earlier run.
-    runner: runs the runs elsewhere.
+    launcher: runs the runs elsewhere.
     Returns 0 if every claim passes, else 1. Raises ConfigError, UnknownName for what cannot be used.
     """
     names = expand(names)
@@ -41,7 +41,7 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
     peers = read_peers(points) if points else None
     earlier = read_json(compare) if compare else None
     with OutputFolder(out) as folder:
-        runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path / "report.jsonl", jobs, runner)
+        runs = execute_runs(plan_runs(names or list(NAMES), quick), folder.path, jobs, launcher)
         speed = measure_yardstick(yardsticks) if yardsticks else None
         results = {name: summarize_case(name, [run for run in runs if run.case == name]) for name in names or NAMES}
         content = replace_non_finite({"made_by": provenance(), "yardstick_ns": speed, "cases": results,

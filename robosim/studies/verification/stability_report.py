@@ -1,30 +1,23 @@
 """`robosim stability`: stiff and extreme cases as a heat map, a table and JSON."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import mpm
 from robosim.base.digests import code_digest
-from robosim.base.errors import ConfigError
-from robosim.base.input_files import check_form, read_json
-from robosim.base.jobs import Runner, run_jobs
+from robosim.base.jobs import Launcher
 from robosim.base.output_folder import OutputFolder
-from robosim.base.progress import Progress
 from robosim.base.provenance import provenance
+from robosim.base.study import Job, Study
 from robosim.reports.page import HeatCell, Page
 from robosim.studies.verification.analysis import replace_non_finite
-from robosim.studies.verification.runs import WORKER
+from robosim.studies.verification.stability import field
 from robosim.studies.verification.stability.cell import CellResult
 from robosim.studies.verification.stability.field import AXES, find_axis
 
-REPORT = {"code": str, "cells": [{"axis": str, "value": object, "verdict": str, "reason": str,
-                                  "readings": {str: (float, None)}}]}
-"""Form of stability.json."""
 CELLS = "robosim.studies.verification.stability.field"
 """Module whose code the cells exercise."""
-ENDED = "the process ended: "
-"""Beginning of the reason of a cell whose process gave no result; such a cell is run again."""
 DEFINITIONS = {
     "particles": "finite; every principal stretch between 0.05 and 20; no particle outside the walls; speeds below "
     "twice what the drop gives plus a tenth of the sound speed; energy never more than 1 % above the start's; momentum "
@@ -37,29 +30,19 @@ DEFINITIONS = {
 """What "stable" means for each subject."""
 
 
-def stability(axes: list[str], out: Path, jobs: int = 1, runner: Runner | None = None) -> int:
+def stability(axes: list[str], out: Path, jobs: int = 1, launcher: Launcher | None = None) -> int:
     """Run the cells of axes, all when the list is empty, and write index.html and stability.json.
 
-    Cells that the folder has from the same code are not run again. jobs: cells at a time, here; runner: runs
-    them elsewhere.
-    Returns 0 if no cell is unstable, else 1. Raises UnknownName for an axis that does not exist, ConfigError for a
-    stability.json that is no stability report.
+    Cells that the folder has from the same code are not run again. jobs: cells at a time, here; launcher: runs
+    them elsewhere. Returns 0 if no cell is unstable, else 1. Raises UnknownName for an axis that does not exist.
     """
-    cells = [(axis, value) for axis in axes or AXES for value in find_axis(axis)[1]]
+    cells = [Job("robosim.studies.verification.stability_report:run_cell", {"axis": axis, "value": value},
+                 exercises=CELLS) for axis in axes or AXES for value in find_axis(axis)[1]]
     with OutputFolder(out) as folder:
-        code = code_digest(CELLS)
-        known = {cell_key(r["axis"], r["value"]): r for r in read_results(folder.path / "stability.json", code)}
-        waiting = [(axis, value) for axis, value in cells if cell_key(axis, value) not in known]
-        work = [(WORKER, ("--cell", axis, json.dumps(value))) for axis, value in waiting]
-        progress = Progress(initial=len(cells) - len(waiting), total=len(cells), desc="stability", unit="cells")
-        for index, result, reason in run_jobs(work, jobs, runner):
-            axis, value = waiting[index]
-            ended = CellResult(axis, value, "unstable", f"{ENDED}{reason}")
-            known[cell_key(axis, value)] = replace_non_finite(result) or asdict(ended)
-            folder.write_json("stability.json", {"made_by": provenance(), "code": code, "cells": list(known.values())})
-            progress.update()
-        progress.close()
-        results = [known[cell_key(*cell)] for cell in cells]
+        rows = Study(folder.path, jobs, launcher).rows(cells, "stability", "cells")
+        results = [replace_non_finite(row.value) or asdict(CellResult(
+            **row.job.arguments, verdict="unstable", reason=f"the process ended: {row.failed}")) for row in rows]
+        folder.write_json("stability.json", {"made_by": provenance(), "code": code_digest(CELLS), "cells": results})
         folder.write_text("index.html", make_page(results).html())
     for result in results:
         print(f"{result['axis']:20} {result['value']!s:16} {result['verdict']:9} {result['reason']}")
@@ -67,27 +50,10 @@ def stability(axes: list[str], out: Path, jobs: int = 1, runner: Runner | None =
     return int(any(result["verdict"] == "unstable" for result in results))
 
 
-def cell_key(axis: str, value: float | str) -> str:
-    """Return a key that is the same for the same cell."""
-    return json.dumps([axis, value])
-
-
-def read_results(path: Path, code: str) -> list[dict[str, Any]]:
-    """Read the results of an earlier run with the same code; none where there is no file.
-
-    Raises ConfigError for a file that holds anything else, and leaves it unchanged.
-    """
-    if not path.is_file():
-        return []
-    try:
-        content = read_json(path)
-        check_form(content, REPORT)
-        cells = content["cells"]
-        check_form([cell["value"] for cell in cells if not isinstance(cell["value"], str)], [float], "value")
-        return [cell for cell in cells if not cell["reason"].startswith(ENDED)] if content["code"] == code else []
-    except (ValueError, KeyError, TypeError) as error:
-        raise ConfigError(f"{path}: not a stability report ({type(error).__name__}: {error}); it is left as it is: "
-                          f"give another --out, or move the file away") from error
+def run_cell(axis: str, value: float | str) -> dict[str, Any]:
+    """Run a cell; return its result."""
+    mpm.init()
+    return asdict(field.run_cell(axis, value))
 
 
 def make_page(results: list[dict[str, Any]]) -> Page:

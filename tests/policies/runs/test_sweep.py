@@ -10,11 +10,11 @@ from types import SimpleNamespace
 import pytest
 
 import mpm
-from policies.learning.files import read_last_line
 from policies.learning.presets import load_preset
 from policies.runs.sweep import sweep
 from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.base.errors import ConfigError
+from robosim.base.jobs import read_last_line
 
 
 def test_unknown_tasks_are_refused_before_any_run(tmp_path):

@@ -1,6 +1,7 @@
 """The command: card, figures and page, exit status, continuation, and the field itself."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -146,11 +147,11 @@ def test_an_interrupted_search_continues_to_the_same_result(tmp_path: Path, monk
     assert main(command) == 130
     assert json.loads((tmp_path / "out" / "status.json").read_text())["state"] == "interrupted"
     assert not (tmp_path / "out" / "index.html").exists()
-    assert len(json.loads((tmp_path / "out" / "runs.json").read_text())["runs"]) == 17
+    assert len(list((tmp_path / "out" / "rows").glob("*.json"))) == 17
     monkeypatch.setattr(experiment, "simulate_heap", simulate)
     main(command)
     continued, n = figures(tmp_path), len(seeds)
-    (tmp_path / "out" / "runs.json").write_text("{")  # damaged: all is simulated again
+    shutil.rmtree(tmp_path / "out" / "rows")
     main(command)
     assert len(seeds) - n == n
     assert figures(tmp_path) == continued

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from study_stand_in import StandIn
 
 from robosim.base.errors import UnknownName
 from robosim.config.materials import law_of, load_material, overridden
@@ -51,29 +52,27 @@ def test_deviation_is_the_mean_distance_up_to_the_shorter_end():
     assert rows["sand"]["td_mm"] is None and "2.0 (-)" in format_table(["SpoonPour"], {"SpoonPour": rows})
 
 
-def test_finished_episodes_are_kept(tmp_path, monkeypatch, capsys):
+def test_finished_episodes_are_kept(tmp_path, capsys):
     """An episode that fails is named and the others are kept; another motion is run from the start."""
-    started, killed = [], ["SpoonPour", "learned", "flour"]
+    killed = [("SpoonPour", "flour")]
 
-    def run_jobs(work, jobs, runner):
-        for index, (_, arguments) in enumerate(work):
-            started.append(arguments)
-            is_killed = arguments == killed
-            yield (index, None, "killed by signal 9") if is_killed else (index, make_episode(1.0, [[0.0] * 3]), "")
+    def run(task, name, label):
+        if (task, label) in killed:
+            raise RuntimeError("killed by signal 9")
+        return make_episode(1.0, [[0.0] * 3])
 
-    monkeypatch.setattr(command, "run_jobs", run_jobs)
-    tasks = ["SpoonTranslate", "SpoonPour", "SpoonPour"]
-    assert command.materials(tasks, tmp_path) == 1
-    assert "SpoonPour in flour: killed by signal 9" in capsys.readouterr().err and len(started) == 28
+    tasks, launcher = ["SpoonTranslate", "SpoonPour", "SpoonPour"], StandIn(run)
+    assert command.materials(tasks, tmp_path, launcher=launcher) == 1
+    assert "SpoonPour in flour: killed by signal 9" in capsys.readouterr().err and len(launcher.asked) == 28
     assert len(json.loads((tmp_path / "materials.json").read_text())["rows"]) == 13
-    killed = []
-    assert command.materials(tasks, tmp_path) == 0
-    assert started[28:] == [["SpoonPour", "learned", "flour"]]
+    killed, launcher.asked = [], []
+    assert command.materials(tasks, tmp_path, launcher=launcher) == 0
+    assert launcher.asked == [{"task": "SpoonPour", "name": "learned", "label": "flour"}]
     assert len(json.loads((tmp_path / "materials.json").read_text())["rows"]) == 26
     assert (tmp_path / "materials.png").stat().st_size > 10_000 and "1.0 (0.0)" in capsys.readouterr().out
     assert len((tmp_path / "materials.csv").read_text().splitlines()) == 27
-    command.materials(["SpoonPour"], tmp_path, name="scripted")
-    assert len(started) == 29 + 14 and started[29][:2] == ["SpoonPour", "scripted"]
+    command.materials(["SpoonPour"], tmp_path, name="scripted", launcher=launcher)
+    assert len(launcher.asked) == 1 + 14 and launcher.asked[1]["name"] == "scripted"
 
 
 @pytest.mark.parametrize("tasks, name, message", [

@@ -1,35 +1,34 @@
 """Episodes of a trial with an environment that is made up: which are run, and when they are written."""
 
-import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-import yaml
 from pouring_plant import SALT, VIBRATION
 
+from robosim.dosing.numbers import DosingNumbers
 from robosim.studies.tuning import trial
-from robosim.studies.tuning.trial import TrialJob, run_trial
+from robosim.studies.tuning.trial import run_trial
 
 DOSE = SimpleNamespace(tolerance_percent=5.0, tolerance_g=0.3)
 READINGS = {"target_mass": 10e-3, "poured": 10.2e-3, "dose_error": 0.2e-3, "overshoot": 0.2e-3, "spilled": 0.0}
 
 
 class Environment:
-    """Ends each episode after three steps; keeps the seeds, and what the file holds as each begins."""
+    """Ends each episode after three steps; keeps the seeds, and how many files the folder has as each begins."""
 
     def __init__(self, path: Path, fails: int | None = None) -> None:
         self.task, self.path, self.fails = SimpleNamespace(dose=DOSE), path, fails
         self.seeds: list[int] = []
-        self.stored: list[list[int]] = []
+        self.stored: list[int] = []
         self.is_closed = False
 
     def reset(self, seed: int) -> None:
         if seed == self.fails:
             raise RuntimeError("killed")
         self.seeds.append(seed)
-        self.stored.append([row["seed"] for row in json.loads(self.path.read_text())] if self.path.is_file() else [])
+        self.stored.append(len(list(self.path.glob("*.json"))))
         self.steps = 0
 
     def step(self, action: float) -> tuple[Any, ...]:
@@ -41,12 +40,13 @@ class Environment:
         self.is_closed = True
 
 
-@pytest.fixture
-def job(tmp_path: Path) -> TrialJob:
-    numbers = tmp_path / "numbers.yaml"
-    numbers.write_text(yaml.safe_dump({"task": "Mine", "tool": "spoon", "curve": SALT.model_dump(mode="json"),
-                                       "vibration": VIBRATION}))
-    return TrialJob("Mine", "pi", str(numbers), str(tmp_path / "episodes.json"), 7, 4, "salt", "nominal")
+NUMBERS = DosingNumbers.model_validate({"task": "Mine", "tool": "spoon", "curve": SALT, "vibration": VIBRATION})
+SEARCH = {"task": "Mine", "controller": "pi", "material": "salt", "randomize": "nominal"}
+
+
+def run(path: Path) -> list[dict[str, Any]]:
+    """Run four episodes from seed 7 on."""
+    return run_trial(SEARCH, NUMBERS.model_dump(mode="json"), 7, 4, str(path))
 
 
 def use(monkeypatch: pytest.MonkeyPatch, env: Environment) -> Environment:
@@ -56,21 +56,20 @@ def use(monkeypatch: pytest.MonkeyPatch, env: Environment) -> Environment:
     return env
 
 
-def test_each_episode_is_written_as_it_ends(monkeypatch: pytest.MonkeyPatch, job: TrialJob) -> None:
-    env = use(monkeypatch, Environment(Path(job.episodes)))
-    rows = run_trial(job)
-    assert env.seeds == [7, 8, 9, 10] and env.stored == [[], [7], [7, 8], [7, 8, 9]] and env.is_closed
-    assert rows == json.loads(Path(job.episodes).read_text())
+def test_each_episode_is_written_as_it_ends(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    env = use(monkeypatch, Environment(tmp_path))
+    rows = run(tmp_path)
+    assert env.seeds == [7, 8, 9, 10] and env.stored == [0, 1, 2, 3] and env.is_closed
     assert rows[0] == READINGS | {"seed": 7, "is_success": True, "diverged": "", "seconds": 6.0,
                                   "accepted_error": pytest.approx(0.5e-3)}
 
 
-def test_episodes_that_the_file_has_are_not_run_again(monkeypatch: pytest.MonkeyPatch, job: TrialJob) -> None:
-    use(monkeypatch, Environment(Path(job.episodes), fails=9))
+def test_episodes_that_the_folder_has_are_not_run_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    use(monkeypatch, Environment(tmp_path, fails=9))
     with pytest.raises(RuntimeError, match="killed"):
-        run_trial(job)
-    again = use(monkeypatch, Environment(Path(job.episodes)))
-    rows = run_trial(job)
+        run(tmp_path)
+    again = use(monkeypatch, Environment(tmp_path))
+    rows = run(tmp_path)
     assert again.seeds == [9, 10] and [row["seed"] for row in rows] == [7, 8, 9, 10]
-    none = use(monkeypatch, Environment(Path(job.episodes)))
-    assert run_trial(job) == rows and none.seeds == []
+    none = use(monkeypatch, Environment(tmp_path))
+    assert run(tmp_path) == rows and none.seeds == []

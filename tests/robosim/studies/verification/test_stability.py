@@ -5,10 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from study_stand_in import StandIn
 
 import mpm
-from robosim.base.errors import ConfigError
-from robosim.studies.verification import stability_report
 from robosim.studies.verification.cases.fluid import lock_gate
 from robosim.studies.verification.stability.field import AXES, run_cell
 from robosim.studies.verification.stability_report import stability
@@ -59,15 +58,9 @@ def test_unstable_cells_fail_the_command(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert "TypeError" in cells[1]["reason"]
     page = (tmp_path / "index.html").read_text()
     assert 'class="unstable" title=' in page and "1 stable, 0 refused, 1 unstable" in page
-    started = []
-    outcomes = iter([(0, None, "again")])
-    monkeypatch.setattr(stability_report, "run_jobs", lambda work, jobs, runner: started.extend(work) or outcomes)
-    assert stability(["payload"], tmp_path) == 1
-    assert [arguments for _, arguments in started] == [("--cell", "payload", '"heavy"')]  # without a result: again
-    (tmp_path / "stability.json").write_text("{")
-    with pytest.raises(ConfigError, match="left as it is"):
-        stability(["payload"], tmp_path)
-    assert (tmp_path / "stability.json").read_text() == "{"
+    again = StandIn(lambda axis, value: cells[0])
+    assert stability(["payload"], tmp_path, launcher=again) == 0
+    assert again.asked == [{"axis": "payload", "value": "heavy"}]  # without a result: again
 
 
 @pytest.mark.slow

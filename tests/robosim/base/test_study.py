@@ -1,0 +1,96 @@
+"""Studies: rows are kept as they come, a crash costs one, and what is known is not run again."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from study_stand_in import StandIn
+
+from robosim.base.study import Job, Store, Study
+
+MODULE = """
+import ctypes, math, os, sys, time
+
+def measure(x, out=""):
+    print("on the way")
+    if x == 1:
+        raise ValueError("no such grain")
+    if x == 2:
+        ctypes.string_at(0)
+    return {"x": x, "nan": math.nan, "cores": len(os.sched_getaffinity(0)), "threads": os.environ["OMP_NUM_THREADS"]}
+
+def wait(x):
+    time.sleep(30.0 * x)
+"""
+
+
+@pytest.fixture
+def jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Job]:
+    """Jobs of which the second raises an error and the third ends its process."""
+    (tmp_path / "measuring.py").write_text(MODULE)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    return [Job("measuring:measure", {"x": x}, exercises="robosim.base.errors") for x in range(4)]
+
+
+def test_a_job_that_fails_costs_its_own_row(tmp_path: Path, jobs: list[Job]) -> None:
+    """With the reason; each job is alone on a core; finished rows say what made them and are not made again."""
+    rows = Study(tmp_path / "out", 2).rows(jobs, "test")
+    crashed = f"killed by signal {signal.SIGSEGV.value}"
+    assert [row.failed for row in rows] == ["", "ValueError: no such grain", crashed, ""]
+    assert rows[3].value["x"] == 3 and rows[3].value["nan"] != rows[3].value["nan"]
+    assert rows[3].value["threads"] == "1" and (sys.platform != "linux" or rows[3].value["cores"] == 1)
+    files = sorted((tmp_path / "out" / "rows").glob("*.json"))
+    stored = json.loads(files[0].read_text())
+    assert len(files) == 2 and {"function", "arguments", "code", "commit", "machine"} <= stored.keys()
+    again = StandIn(lambda x: {"x": x})
+    rows = Study(tmp_path / "out", launcher=again).rows(jobs, "test")
+    assert again.asked == [{"x": 1}, {"x": 2}] and [row.value["x"] for row in rows] == [0, 1, 2, 3]
+
+
+def test_a_row_belongs_to_arguments_code_and_what_else_it_depends_on(tmp_path: Path, jobs: list[Job]) -> None:
+    """And not to where it writes."""
+    job = jobs[0]
+    Study(tmp_path, launcher=StandIn(lambda x: x)).rows([job], "test")
+    for other, is_known in ((job._replace(places={"out": "b"}), True), (job._replace(arguments={"x": 5}), False),
+                            (job._replace(depends="a file"), False), (job._replace(function="measuring:wait"), False),
+                            (job._replace(exercises="robosim.base.files"), False)):
+        launcher = StandIn(lambda x: x)
+        Study(tmp_path, launcher=launcher).rows([other], "test")
+        assert (launcher.asked == []) == is_known, other
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[1]", '{"key": "k", "checksum": "x", "value": 1}'])
+def test_a_damaged_row_is_made_anew(tmp_path: Path, damage: str, capsys: pytest.CaptureFixture[str]) -> None:
+    store = Store(tmp_path)
+    assert store.find("k") is None
+    store.keep("k", {"a": [1, (2, 3)]})
+    assert store.find("k") == ({"a": [1, [2, 3]]},)
+    store.path("k").write_text(damage)
+    assert store.find("k") is None and "it is made anew" in capsys.readouterr().err
+
+
+def test_jobs_end_with_a_study_that_is_killed(tmp_path: Path, jobs: list[Job]) -> None:
+    script = f"""
+from pathlib import Path
+from robosim.base.study import Job, Study
+Study(Path({str(tmp_path)!r}), 2).rows([Job("measuring:wait", {{"x": 1}}, exercises="robosim.base.errors")], "test")
+"""
+    study = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.DEVNULL)
+    children: Any = []
+    while not children and study.poll() is None:
+        time.sleep(0.05)
+        children = Path(f"/proc/{study.pid}/task/{study.pid}/children").read_text().split()
+    time.sleep(1.0)  # until the job has asked for its end
+    study.kill()
+    study.wait()
+    for _ in range(100):
+        if not any(Path(f"/proc/{child}").exists() for child in children):
+            return
+        time.sleep(0.05)
+    pytest.fail(f"{children} goes on")
