@@ -35,7 +35,7 @@ TRIALS = {
     "demo": Trial(("demo", "SpoonTranslate", "--n", "1", "--iterations", "3", "--action-repeat", "50", "--no-video"),
                   "demonstration_0.unfinished.npz"),
     "evaluate": Trial(("evaluate", "SpoonTranslate", "--policy", "random", "--episodes", "2"), "*.rec*"),
-    "report": Trial(("report", "free_fall", "--quick"), "report.jsonl"),
+    "report": Trial(("report", "free_fall", "--quick"), "rows/[!.]*.json"),
     "sweep": Trial(("sweep", "sweep.yaml"), "Pendulum-v1/sac/seed_0/episodes.csv"),
     "rehearse": Trial(("rehearse", "spoon", "--no-video"), "*.rec*", False),
     "pipeline": Trial(("pipeline", "shovel", "--iterations", "2", "--episodes", "2", "--no-video"),

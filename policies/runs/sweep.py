@@ -13,7 +13,7 @@ from typing import Any
 import mpm
 from policies.runs.sweep_file import SweepRun, load_sweep, plan_runs
 from robosim.base.files import keep_status, write_json
-from robosim.base.jobs import read_last_line
+from robosim.base.jobs import describe_end
 from robosim.base.output_folder import is_locked
 from robosim.base.progress import Progress
 from robosim.config.settings import Setting
@@ -84,7 +84,7 @@ def run_queue(runs: list[SweepRun], jobs: int, total: int) -> list[tuple[SweepRu
                     continue
                 progress.update()
                 if process.returncode != 0 and run.state != "finished":
-                    failed.append((run, failure_reason(run, process.returncode)))
+                    failed.append((run, describe_end(process.returncode, run.out / "log.txt")))
     finally:
         progress.close()
         interrupt([process for _, process in active])
@@ -111,13 +111,6 @@ def interrupt(processes: list[subprocess.Popen]) -> None:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(GRACE)
         process.kill()
-
-
-def failure_reason(run: SweepRun, code: int) -> str:
-    """Return why a process ended: the signal that killed it, or the last line of its log."""
-    if code < 0:
-        return f"killed by signal {-code}"
-    return read_last_line(run.out / "log.txt") or f"exit status {code}"
 
 
 def run_elsewhere(runs: list[SweepRun], launcher: Any, folder: Path, total: int) -> list[tuple[SweepRun, str]]:

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -46,7 +46,7 @@ class Launcher(Protocol):
         ...
 
 
-def run_here(commands: Sequence[Command], processes: int) -> Iterator[Ended]:
+def run_here(commands: Sequence[Command], processes: int) -> Generator[Ended, None, None]:
     """Run commands, as many at a time as there are processes, and yield each as it ends.
 
     Processes that run when the caller leaves are killed.
@@ -67,6 +67,7 @@ def run_here(commands: Sequence[Command], processes: int) -> Iterator[Ended]:
     finally:
         for _, _, process in running.values():
             process.kill()
+            process.wait()
 
 
 def _start(command: Command, core: int) -> subprocess.Popen:
@@ -84,15 +85,20 @@ def describe_end(code: int, log: Path) -> str:
     """Return why a process failed: the signal that killed it, or the last line of its log; empty for code 0."""
     if code < 0:
         return f"killed by signal {-code}"
-    return (read_last_line(log) or f"ended with exit code {code}") if code else ""
+    return (read_last_line(log) or f"exit status {code}") if code else ""
 
 
 def read_last_line(path: Path) -> str:
-    """Return the last line of a log that is not empty, from its last LOG_END bytes; "" where there is none."""
+    """Return the last line of a log that is not empty; "" where there is none."""
+    return (read_end(path) or [""])[-1]
+
+
+def read_end(path: Path) -> list[str]:
+    """Return the lines in the last LOG_END bytes of a log that are not empty, each state of a bar as a line."""
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - LOG_END))
-        lines = file.read(LOG_END).decode(errors="replace").strip().splitlines()
-    return lines[-1] if lines else ""
+        text = file.read(LOG_END).decode(errors="replace").replace("\r", "\n")
+    return [line.strip() for line in text.splitlines() if line.strip()]
 
 
 def end_with(parent: int) -> None:

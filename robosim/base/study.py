@@ -115,17 +115,15 @@ class Study:
             else:
                 yield k, Row(job, *found)
         self.store.folder.mkdir(parents=True, exist_ok=True)
-        if self.launcher is None:  # others may be writing
-            remove_temporary(self.store.folder)
         commands = []
         for k in waiting:
             job = jobs[k]
             order = self.store.path(job.key).with_suffix(".job")
-            write_text(order, json.dumps({**job._asdict(), "code": job.code, "key": job.key}))
+            write_text(order, json.dumps({**job._asdict(), "key": job.key}))
             commands.append((["robosim.base.study", str(order)], order.with_suffix(".log")))
-        ends = run_here(commands, self.processes) if self.launcher is None else \
+        ends: Any = run_here(commands, self.processes) if self.launcher is None else \
             self.launcher.run(commands, (self.folder / "launch").resolve(), resumes=False)
-        with contextlib.closing(ends):  # pyright: ignore[reportArgumentType]  (generators)
+        try:
             for index, reason in ends:
                 job, (_, log) = jobs[waiting[index]], commands[index]
                 found = None if reason else self.store.find(job.key)
@@ -135,6 +133,10 @@ class Study:
                     for path in (log, log.with_suffix(".job")):
                         path.unlink(missing_ok=True)
                     yield waiting[index], Row(job, *found)
+        finally:
+            if self.launcher is None:  # jobs elsewhere may be writing
+                ends.close()
+                remove_temporary(self.store.folder)
 
     def rows(self, jobs: Sequence[Job], name: str, unit: str = "runs") -> list[Row]:
         """Return the rows of all jobs, in order. name, unit: of the progress bar."""
@@ -147,15 +149,13 @@ class Study:
 
 
 def run_job(order: Path) -> None:
-    """Run the job that a file has, and store its row beside it; raises RuntimeError where the code has changed."""
+    """Run the job that a file has, and store its row beside it, with the digest of the code and libraries here."""
     written = json.loads(order.read_text())
     job = Job(**{name: written[name] for name in Job._fields})
-    if job.key != written["key"]:
-        raise RuntimeError(f"the code has changed since the job was made (then {written['code']}, now {job.code})")
     module, _, name = job.function.partition(":")
     with contextlib.redirect_stdout(sys.stderr):
         value = getattr(import_module(module), name)(**job.arguments, **job.places)
-    Store(order.parent).keep(job.key, value, function=job.function, arguments=job.arguments, code=job.code,
+    Store(order.parent).keep(written["key"], value, function=job.function, arguments=job.arguments, code=job.code,
                              commit=commit(), machine=processor())
 
 

@@ -8,14 +8,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+from robosim.base.jobs import read_end
+
 POLL = 0.2
 """Time [s] between two looks at a command."""
 TERMINATED = (-signal.SIGTERM, 128 + signal.SIGTERM)
 """Statuses of a command that was ended from outside, as where its node fails."""
 GRACE = 60.0
 """Time [s] that a command has to write its checkpoint after SIGTERM."""
-MOST_READ = 20_000
-"""Bytes at the end of a log that are read."""
 SHOWN_LINES = 3
 """Last lines of a failed command's output that are shown."""
 CACHES = {"ROBOSIM_CACHE": "robosim", "MPM_CACHE": "mpm"}
@@ -90,13 +90,9 @@ def local_caches() -> dict[str, str]:
 
 
 def describe_failure(log: Path, status: int) -> str:
-    """Return the last lines of a log, and how its process ended."""
+    """Return how a process ended, and the last lines of its log."""
     ended = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
     try:
-        with log.open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - MOST_READ))
-            text = file.read().decode(errors="replace").replace("\r", "\n")
+        return " | ".join([ended, *read_end(log)[-SHOWN_LINES:]])
     except OSError as error:
         return f"{ended}; {log}: {error.strerror}"
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return " | ".join([ended, *lines[-SHOWN_LINES:]])
