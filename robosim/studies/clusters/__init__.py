@@ -1,6 +1,6 @@
 """Many runs of `robosim` on other machines: arrays of SLURM jobs, or Ray.
 
-Imports: base, config, mpm.
+Imports: base, config.
 """
 
 LAUNCHERS = ("local", "slurm", "ray")
