@@ -1,7 +1,7 @@
 """Commands in processes of their own, each pinned to a core, so that they do not disturb each other's times.
 
 A command is arguments of `python -m`, and the file that its output is appended to. `run_here` runs them on this
-machine; the launchers of `robosim.studies.clusters` on others.
+machine; a `Launcher` on others.
 """
 
 import ctypes
