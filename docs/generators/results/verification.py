@@ -1,11 +1,12 @@
 """The pages of verification cases and of stability, from files of `robosim report` and `robosim stability`."""
 
 import re
+from importlib import import_module
 
 from generators.markdown import code, table
 from generators.results.measured import origin, stored
 from robosim.base.digests import code_digest
-from robosim.studies.verification.cases import NAMES, SUBJECTS, find, module_name
+from robosim.studies.verification.cases import NAMES, SUBJECTS, module_name
 from robosim.studies.verification.stability.field import AXES
 
 VERDICTS = {"pass": "passed", "fail": "**failed**", "not run": "not run"}
@@ -18,13 +19,13 @@ def choices(values: dict) -> str:
 
 
 def case_section(name: str, result: dict, runs: list[dict]) -> str:
-    """Claims and runs of one case."""
+    """Expectations and runs of one case."""
     mine = [run for run in runs if run["case"] == name]
     texts = [re.sub(r"([*<_])", r"\\\1", text) for text in paragraphs(name)]
     parts = [f"### {name}\n", *(f"{text}\n" for text in texts), f"Source: {result['source']}\n"]
     claims = [c for c in result["claims"] if c["verdict"] != "not run"]
     if claims:
-        parts.append(table(["claim", "measured", "accepted from", "to", "verdict"],
+        parts.append(table(["expectation", "measured", "accepted from", "to", "verdict"],
                            [[c["claim"], c["found"], c["low"], c["high"], VERDICTS[c["verdict"]]] for c in claims]))
     records = [run["record"] for run in mine if run["record"]]
     if records:
@@ -46,7 +47,7 @@ def note_on_age(runs: list[dict]) -> str:
 
 def paragraphs(name: str) -> list[str]:
     """Paragraphs of a case's docstring: what is simulated; what is measured, and the reference."""
-    texts = (find(name).__doc__ or "").strip().split("\n\n")
+    texts = (import_module(module_name(name)).__doc__ or "").strip().split("\n\n")
     return [" ".join(text.split()) for text in texts]
 
 
@@ -57,7 +58,7 @@ def overview() -> str:
 
 
 def page() -> str:
-    """All cases, then the claims and runs of those in the stored report."""
+    """All cases, then the expectations and runs of those in the stored report."""
     report = stored("report")
     text = f"## Cases\n\n{overview()}\n"
     if not report:
@@ -65,8 +66,8 @@ def page() -> str:
     measured = report["cases"]
     verdicts = [c["verdict"] for result in measured.values() for c in result["claims"]]
     text += f"\n## Results\n\n{origin(report['made_by'])}\n{len(measured)} cases, {len(report['runs'])} runs: " \
-            f"{verdicts.count('pass')} claims passed, {verdicts.count('fail')} failed, {verdicts.count('not run')} " \
-            f"need runs that `--quick` does not include.\n\n{note_on_age(report['runs'])}"
+            f"{verdicts.count('pass')} expectations met, {verdicts.count('fail')} failed, " \
+            f"{verdicts.count('not run')} need runs that `--quick` does not include.\n\n{note_on_age(report['runs'])}"
     return text + "\n".join(case_section(name, result, report["runs"]) for name, result in measured.items())
 
 

@@ -48,7 +48,7 @@ def measure_kinematics() -> dict[str, float]:
     """Time the inverse kinematics of poses of the arm, from mid-range to 1e-6."""
     from robosim.studies.verification.cases import find
 
-    record = find("ik_poses").measure(poses=500)
+    record = find("ik_poses")(poses=500)
     return {"inverse kinematics, mean [ms]": record.readings["mean_ms"],
             "inverse kinematics, 95th percentile [ms]": record.readings["p95_ms"],
             "poses solved [%]": 100 * (1 - record.errors["failed"])}

@@ -1,50 +1,30 @@
-"""Analysis of a case's runs: claims, Pareto front of error and time, orders of convergence, time to 1 % error."""
+"""Analysis of a case's runs: expectations, Pareto front of error and time, orders of convergence, time to 1 % error."""
 
-from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from robosim.studies.verification.cases import find
-from robosim.studies.verification.cases.claims import Finding, Within, value_of
-from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.cases.case import Record
+from robosim.studies.verification.cases.expectations import judge, value_of
 from robosim.studies.verification.runs import Run
 
 TARGET_ERROR = 0.01
 """Error whose run time is reported."""
-UNITS = {
-    "heap": {"change": "deg", "excess": "deg"}, "block_at_rest": {"drift": "m/s"}, "column_collapse": {"drift": "m/s"},
-    "collapse_profile": {name + when: "m/s" for name in ("creep", "drift") for when in ("", ", woken", ", settled")},
-    "rotating_drum": {"slope": "deg", "slope by mass": "deg", "change": "deg"},
-    "sliding_block": {"gap": "cells"}, "rest_height": {"gap": "cells"},
-    "shell_leak": {"crossed": "particles"}, "jerk_limits": {"end": "rad"},
-    "ik_poses": {"mean_ms": "ms", "p95_ms": "ms"},
-    "two_models": {"pose": "m"}, "free_fall": {"max": "m"}, "sleeping_scenes": {"score": "points"},
-    "arm_limits": {"saturated": "steps"},
-}
-"""Case -> errors and readings that are not relative, with their units."""
-
-
-def evaluate_claims(case: str, records: list[Record]) -> list[Finding]:
-    """Return what the runs show for each claim of a case."""
-    units = UNITS.get(case, {})
-    return [replace(claim.evaluate(records), unit=units.get(claim.name, "") if isinstance(claim, Within) else "")
-            for claim in find(case).CLAIMS]
-
 
 def group_series(case: str, records: list[Record]) -> dict[str, list[Record]]:
     """Group runs that differ only in resolution, coarse to fine; the label names their common choices."""
-    module, groups = find(case), {}
+    physics, groups = find(case), {}
     varied = [key for key in (records[0].choices if records else {})
-              if len({str(r.choices.get(key)) for r in records}) > 1 and key != module.RESOLUTION]
+              if len({str(r.choices.get(key)) for r in records}) > 1 and key != physics.resolution]
     for record in records:
-        if module.MAIN_ERROR in record.errors:
+        if physics.main_error in record.errors:
             label = ", ".join(f"{key} {record.choices.get(key)}" for key in varied) or "all"
             groups.setdefault(label, []).append(record)
-    sign = -1.0 if module.RESOLUTION == "cell" else 1.0  # a cell's size shrinks with refinement
+    sign = -1.0 if physics.resolution == "cell" else 1.0  # a cell's size shrinks with refinement
     for members in groups.values():
-        members.sort(key=lambda r: sign * float(r.choices.get(module.RESOLUTION) or 0.0) if module.RESOLUTION else 0.0)
+        members.sort(key=lambda r: sign * float(r.choices.get(physics.resolution or "") or 0.0))
     return groups
 
 
@@ -80,18 +60,18 @@ def observed_orders(records: list[Record], name: str, resolution: str | None) ->
 
 def summarize_case(case: str, runs: list[Run]) -> dict[str, Any]:
     """Return a case's part of report.json."""
-    module = find(case)
+    physics = find(case)
     records = [run.record for run in runs if run.record is not None]
     summary: dict[str, Any] = {
-        "case": case, "source": module.SOURCE, "headline": module.MAIN_ERROR,
-        "claims": [{**asdict(f), "verdict": f.verdict, "high": finite_or_none(f.high), "low": finite_or_none(f.low),
-                    "found": finite_or_none(f.found)} for f in evaluate_claims(case, records)],
+        "case": case, "source": physics.source, "headline": physics.main_error,
+        "claims": [{**f._asdict(), "verdict": f.verdict, "high": finite_or_none(f.high), "low": finite_or_none(f.low),
+                    "found": finite_or_none(f.found)} for f in judge(physics, records)],
         "failed": [{"choices": run.choices, "reason": run.failed} for run in runs if run.failed], "series": []}
     for label, members in group_series(case, records).items():
-        points = [(r.seconds, abs(value_of(r, module.MAIN_ERROR))) for r in members]
+        points = [(r.seconds, abs(value_of(r, physics.main_error))) for r in members]
         summary["series"].append({
             "label": label, "points": points, "front": pareto_front(points),
-            "orders": observed_orders(members, module.MAIN_ERROR, module.RESOLUTION),
+            "orders": observed_orders(members, physics.main_error, physics.resolution),
             "seconds_to_1_percent": time_to_error(TARGET_ERROR, points)})
     return summary
 

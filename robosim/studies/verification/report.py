@@ -14,7 +14,7 @@ from robosim.base.output_folder import OutputFolder
 from robosim.base.provenance import provenance
 from robosim.studies.verification.analysis import replace_non_finite, summarize_case
 from robosim.studies.verification.cases import NAMES, expand
-from robosim.studies.verification.cases.claims import describe
+from robosim.studies.verification.cases.expectations import describe
 from robosim.studies.verification.report_page import add_comparison, make_page
 from robosim.studies.verification.runs import execute_runs, plan_runs
 
@@ -33,7 +33,7 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
     quick: their quick sweeps. jobs: runs at a time. points: JSON file with other codes' results on the column collapse.
     yardsticks: folder of YARDSTICK, to convert their seconds. compare: report.json of an earlier run.
     launcher: runs the runs elsewhere.
-    Returns 0 if every claim passes, else 1. Raises ConfigError, UnknownName for what cannot be used.
+    Returns 0 if every expectation is met, else 1. Raises ConfigError, UnknownName for what cannot be used.
     """
     names = expand(names)
     if jobs < 1:
@@ -55,7 +55,7 @@ def report(names: list[str], out: Path, *, quick: bool = False, jobs: int = 1, p
 
 
 def print_summary(results: dict[str, Any], path: Path, quick: bool) -> int:
-    """Print the verdicts; return 1 where a claim or a run failed, or a whole report leaves a claim without a run."""
+    """Print the verdicts; return 1 for a failure, and where a whole report leaves an expectation without a run."""
     bad = 0
     for name, result in results.items():
         verdicts = [claim["verdict"] for claim in result["claims"]]

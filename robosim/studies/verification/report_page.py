@@ -1,4 +1,4 @@
-"""Page of `robosim report`: claims, error against run time of each case, and a comparison with an earlier report."""
+"""Page of `robosim report`: expectations, error against run time, and a comparison with an earlier report."""
 
 import json
 import math
@@ -11,9 +11,8 @@ from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.studies.verification.analysis import group_series, pareto_front
 from robosim.studies.verification.cases import find
-from robosim.studies.verification.cases.claims import Within, describe, select, value_of
-from robosim.studies.verification.cases.comparison import Comparison
-from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.cases.case import Comparison, Record
+from robosim.studies.verification.cases.expectations import Within, describe, select, value_of
 from robosim.studies.verification.runs import Run
 
 REPORT = {"made_by": {"commit": object, "machine": object}, "runs": [{
@@ -31,9 +30,9 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
     particle and substep of the yardstick on this machine, to convert the peers' seconds.
     """
     page = Page("Verification: error against run time")
-    page.add_heading("Claims")
+    page.add_heading("Expectations")
     page.add_text("Errors are relative, unless they have a unit.")
-    page.add_table(["case", "claim", "found", "from", "to", "unit", "verdict"],
+    page.add_table(["case", "expectation", "found", "from", "to", "unit", "verdict"],
                    [[name, c["claim"], c["found"], c["low"], c["high"], c["unit"], c["verdict"]]
                     for name, result in results.items() for c in result["claims"]])
     for name, result in results.items():
@@ -46,19 +45,14 @@ def make_page(results: dict[str, Any], runs: list[Run], peers: dict[str, Any] | 
                            [[one["label"], len(one["points"]), ", ".join(f"{o:.2f}" for o in one["orders"]),
                              one["seconds_to_1_percent"], min(p[1] for p in one["points"])]
                             for one in result["series"]])
-            _add_comparisons(page, name, records)
+            for comparison in find(name).compare(records):
+                kind = "relative" if comparison.is_relative else "absolute"
+                page.add_plot(draw_comparison(comparison), f"Reference: {comparison.source or result['source']}. Its "
+                              f"uncertainty: {comparison.uncertainty:g}, {kind}.")
             _add_runs(page, records)
         for failed in result["failed"]:
             page.add_text(f"No result at {describe(failed['choices'])}: {failed['reason']}")
     return page
-
-
-def _add_comparisons(page: Page, name: str, records: list[Record]) -> None:
-    """Add the plots of a case's runs beside reference data, where it has some."""
-    for comparison in getattr(find(name), "compare", lambda records: [])(records):
-        kind = "relative" if comparison.is_relative else "absolute"
-        page.add_plot(draw_comparison(comparison), f"Reference: {comparison.source}. Its uncertainty: "
-                      f"{comparison.uncertainty:g}, {kind}.")
 
 
 def draw_comparison(comparison: Comparison) -> str:
@@ -91,22 +85,22 @@ def _add_runs(page: Page, records: list[Record]) -> None:
 
 def draw_case(name: str, records: list[Record], peers: dict[str, Any] | None, speed: float | None) -> str:
     """Draw a case's main error against seconds; return it as HTML."""
-    module = find(name)
-    plot = Plot(name.replace("_", " "), "seconds", f"error ({module.MAIN_ERROR})")
+    case = find(name)
+    plot = Plot(name.replace("_", " "), "seconds", f"error ({case.main_error})")
     all_points = []
     for label, members in group_series(name, records).items():
-        points = [(r.seconds, max(abs(value_of(r, module.MAIN_ERROR)), 1e-17)) for r in members]
+        points = [(r.seconds, max(abs(value_of(r, case.main_error)), 1e-17)) for r in members]
         tooltips = [f"{describe(r.choices)}\n{r.particles} particles, {r.steps} steps\n{r.seconds:.3g} s, "
-                    f"{module.MAIN_ERROR} {value_of(r, module.MAIN_ERROR):.3g}" for r in members]
+                    f"{case.main_error} {value_of(r, case.main_error):.3g}" for r in members]
         plot.add_series(points, tooltips, label)
         all_points += points
     plot.add_front([all_points[k] for k in pareto_front(all_points)])
     if name == "column_collapse" and peers is not None:
         draw_peers(plot, peers, speed)
-    for claim in module.CLAIMS:
-        if isinstance(claim, Within) and claim.name == module.MAIN_ERROR and claim.high > 0 \
-                and select(records, claim.where):  # one of f64 says nothing about runs of f32
-            plot.add_band(claim.high, f" at {describe(claim.where)}" if claim.where else "")
+    for one in case.expectations:
+        if isinstance(one, Within) and one.name == case.main_error and one.high > 0 \
+                and select(records, one.where):  # one of f64 says nothing about runs of f32
+            plot.add_band(one.high, f" at {describe(one.where)}" if one.where else "")
     return plot.html()
 
 

@@ -9,7 +9,7 @@ import mpm
 from robosim.base.jobs import Launcher
 from robosim.base.study import Job, Study
 from robosim.studies.verification.cases import find, module_name
-from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.cases.case import Record
 
 MEASURE = "robosim.studies.verification.runs:measure_case"
 """Function of the jobs."""
@@ -21,7 +21,7 @@ class Run:
 
     case: str
     choices: dict[str, Any]
-    """Arguments of the case's `measure`."""
+    """Arguments of the case."""
     code: str
     """Digest of the code that the case exercises."""
     record: Record | None = None
@@ -33,7 +33,7 @@ class Run:
 def plan_runs(names: list[str], quick: bool) -> list[Job]:
     """Return the runs of cases; quick: of their quick sweeps."""
     return [Job(MEASURE, {"case": name, "choices": choices}, exercises=module_name(name))
-            for name in names for choices in (find(name).QUICK_SWEEP if quick else find(name).SWEEP)]
+            for name in names for choices in (find(name).quick if quick else find(name).sweep)]
 
 
 def execute_runs(jobs: list[Job], folder: Path, processes: int, launcher: Launcher | None = None) -> list[Run]:
@@ -48,4 +48,4 @@ def measure_case(case: str, choices: dict[str, Any]) -> dict[str, Any]:
     mpm.init()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mpm.StrongCompression)  # some cases compress on purpose
-        return asdict(find(case).measure(**choices))
+        return asdict(find(case)(**choices))

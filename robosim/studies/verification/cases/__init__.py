@@ -1,40 +1,34 @@
 """Cases with independent reference solutions: each a file with its set-up, its reference and the source of that.
 
-A case is a module with `NAME`; `SOURCE` of the reference; `measure(**choices) -> Record`; `BANDS`, the accepted errors;
-`SWEEP` and `QUICK_SWEEP`, the choices that a whole and a quick report run; `CLAIMS` about the runs; `MAIN_ERROR`, the
-error that is plotted against run time; and `RESOLUTION`, the choice that refines a run, or None. It may have
-`compare(records) -> list[Comparison]`, plots of its runs beside reference data.
+A case is the function `measure(**choices)` of the module of its name, which `case` makes a `Case` of.
 
-Imports: base, scene, mpm.
+Imports: base, coupling, scene, mpm.
 """
 
 from collections.abc import Iterable
 from importlib import import_module
-from types import ModuleType
+from typing import TYPE_CHECKING
 
 from robosim.base.errors import UnknownName
 
-SUBJECTS = {
-    "free_fall": "continuum", "slow_translation": "continuum", "axis_aligned": "continuum", "bar": "continuum",
-    "vortex": "continuum",
-    "spin": "continuum", "elastic_energy": "continuum", "uniaxial": "continuum", "column_weight": "continuum",
-    "hydrostatic": "fluid", "dam_break": "fluid", "return_mapping": "granular", "element_path": "granular",
-    "slope": "granular", "heap": "granular", "column_collapse": "granular", "collapse_profile": "granular",
-    "orifice": "granular", "rotating_drum": "granular",
-    "chute_flow": "granular", "small_hole": "granular",
-    "sleeping": "granular", "lock_gate": "fluid",
-    "shell_leak": "coupling", "closed_system": "coupling", "bar_impact": "coupling", "floating_cube": "coupling",
-    "block_at_rest": "coupling", "sliding_block": "coupling", "rest_height": "coupling", "carried_load": "coupling",
-    "added_mass": "coupling", "swinging_ball": "coupling", "driven_wheel": "coupling",
-    "plate_map": "forces", "plate_pull": "forces", "plate_drag": "forces", "retaining_wall": "forces",
-    "silo_load": "forces", "dropped_sphere": "forces",
-    "sleeping_scenes": "scenes",
-    "ik_poses": "robot", "jerk_limits": "robot", "arm_limits": "robot", "two_models": "robot",
+if TYPE_CHECKING:
+    from robosim.studies.verification.cases.case import Case
+
+CASES = {
+    "continuum": ("free_fall", "slow_translation", "axis_aligned", "bar", "vortex", "spin", "elastic_energy",
+                  "uniaxial", "column_weight"),
+    "fluid": ("hydrostatic", "dam_break", "lock_gate"),
+    "granular": ("return_mapping", "element_path", "slope", "heap", "column_collapse", "collapse_profile", "orifice",
+                 "rotating_drum", "chute_flow", "small_hole", "sleeping"),
+    "coupling": ("shell_leak", "closed_system", "bar_impact", "floating_cube", "block_at_rest", "sliding_block",
+                 "rest_height", "carried_load", "added_mass", "swinging_ball", "driven_wheel"),
+    "forces": ("plate_map", "plate_pull", "plate_drag", "retaining_wall", "silo_load", "dropped_sphere"),
+    "scenes": ("sleeping_scenes",),
+    "robot": ("ik_poses", "jerk_limits", "arm_limits", "two_models"),
 }
-"""Name of each case -> its folder, in the order of the report."""
-NAMES = tuple(SUBJECTS)
-GROUPS = tuple(dict.fromkeys(SUBJECTS.values()))
-"""Subjects, each of which names all of its cases."""
+"""Subject, which is a folder and names all of its cases -> their names, in the order of the report."""
+SUBJECTS = {name: subject for subject, names in CASES.items() for name in names}
+NAMES, GROUPS = tuple(SUBJECTS), tuple(CASES)
 
 
 def expand(names: Iterable[str]) -> list[str]:
@@ -44,9 +38,9 @@ def expand(names: Iterable[str]) -> list[str]:
     """
     cases: dict[str, None] = {}
     for name in names:
-        if name not in SUBJECTS and name not in GROUPS:
+        if name not in SUBJECTS and name not in CASES:
             raise UnknownName("case", name, (*NAMES, *GROUPS))
-        cases |= dict.fromkeys(case for case, subject in SUBJECTS.items() if name in (case, subject))
+        cases |= dict.fromkeys(CASES.get(name, (name,)))
     return list(cases)
 
 
@@ -57,6 +51,6 @@ def module_name(name: str) -> str:
     return f"{__name__}.{SUBJECTS[name]}.{name}"
 
 
-def find(name: str) -> ModuleType:
-    """Import the module of a case. Raises UnknownName for a case that does not exist."""
-    return import_module(module_name(name))
+def find(name: str) -> "Case":
+    """Import a case. Raises UnknownName for a case that does not exist."""
+    return import_module(module_name(name)).measure

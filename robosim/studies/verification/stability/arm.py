@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 
 from mpm import Pose
-from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.robot.assembly import assemble
 from robosim.robot.joint_control import Servo
 from robosim.robot.joint_path import solve_path
@@ -19,7 +18,7 @@ from robosim.robot.model import Arm
 from robosim.robot.timing import JointState, SmoothMotion
 from robosim.scene.build import build_scene_spec
 from robosim.scene.compiled import Scene, compile_scene
-from robosim.studies.verification.stability.cell import CellResult, G, cell_result
+from robosim.studies.verification.stability.cell import G, Outcome
 
 TOOL = "spoon"
 SHIFT = np.array([0.0, 0.35, 0.0, 0.3, 0.2, -0.3, 0.2])
@@ -51,7 +50,7 @@ def build_scene(host_step: float) -> tuple[Scene, mujoco.MjData, Servo]:
 
 
 def follow(made: Scene, data: mujoco.MjData, servo: Servo, target: Callable[[float], JointState], until: float,
-           load: float = 0.0) -> tuple[str, dict[str, float]]:
+           load: float = 0.0) -> Outcome:
     """Follow joint states until a time [s] with a load [kg] at the tool; return what failed first, and readings."""
     readings = {"fastest_joint": 0.0, "saturated": 0.0}
     data.xfrc_applied[made.tool, 2] = -load * G
@@ -73,12 +72,9 @@ def follow(made: Scene, data: mujoco.MjData, servo: Servo, target: Callable[[flo
     return "", readings
 
 
-def arm_host_step(step: float) -> CellResult:
+def arm_host_step(step: float) -> Outcome:
     """Run a motion of a second, then half a second of rest, at MuJoCo steps [s]."""
-    try:
-        made, data, servo = build_scene(step)
-    except ConfigError as error:
-        return CellResult("arm_host_step", step, "refused", str(error))
+    made, data, servo = build_scene(step)
     times = np.linspace(0.0, 1.0, 101)
     ease = times**3 * (10 - 15 * times + 6 * times**2)
     q, limits = arm().home + ease[:, None] * SHIFT, arm().step_limits()
@@ -90,17 +86,17 @@ def arm_host_step(step: float) -> CellResult:
         failure = f"the tool {1e3 * readings['tool_error_m']:.2g} mm from its target at rest"
     if not failure and readings["fastest_joint"] > 1.0:
         failure = f"a joint at {readings['fastest_joint']:.2g} of its speed limit"
-    return cell_result("arm_host_step", step, failure, readings)
+    return failure, readings
 
 
-def payload(mass: float) -> CellResult:
+def payload(mass: float) -> Outcome:
     """Hold the home posture for a second with a load [kg] on the tool.
 
     From 14 kg on the motors saturate, and the arm sinks.
     """
     made, data, servo = build_scene(1e-3)
     still = JointState(arm().home, np.zeros(7), np.zeros(7))
-    return cell_result("payload", mass, *follow(made, data, servo, lambda _: still, 1.0, mass))
+    return follow(made, data, servo, lambda _: still, 1.0, mass)
 
 
 def edge_path(kind: str) -> list[Pose]:
@@ -115,19 +111,12 @@ def edge_path(kind: str) -> list[Pose]:
     return [Pose(start.position + away + s * inward, start.quaternion) for s in np.linspace(0.0, 0.03, 31)]
 
 
-def arm_pose(kind: str) -> CellResult:
+def arm_pose(kind: str) -> Outcome:
     """Solve and follow a path of 3 cm in a second from a singular or extreme pose; it may be refused."""
     path = edge_path(kind)
-    try:
-        solution = solve_path(arm(), path, [(0, "start"), (len(path) - 1, "end")], 1.0 / (len(path) - 1))
-    except UnreachableWaypoint as error:
-        return CellResult("arm_pose", kind, "refused", str(error))
-    times = np.linspace(0.0, 1.0, len(path))
-    try:
-        motion = SmoothMotion(times, solution.q, arm().step_limits(),
-                              {"start": 0.0, "end": 1.0}, arm().joints)
-    except ConfigError as error:
-        return CellResult("arm_pose", kind, "refused", str(error))
+    solution = solve_path(arm(), path, [(0, "start"), (len(path) - 1, "end")], 1.0 / (len(path) - 1))
+    motion = SmoothMotion(np.linspace(0.0, 1.0, len(path)), solution.q, arm().step_limits(), {"start": 0.0, "end": 1.0},
+                          arm().joints)
     speeds = np.array([motion.state(t).qd for t in np.arange(0.0, motion.duration, 1e-3)])
     readings = {"position_error_m": float(solution.errors[:, 0].max()), "margin": solution.margin,
                 "fastest_joint": float(np.abs(speeds / arm().velocity).max())}
@@ -136,10 +125,10 @@ def arm_pose(kind: str) -> CellResult:
         failure = f"{readings['position_error_m']:.2g} m off"
     elif readings["fastest_joint"] > 1.0 + 1e-9:
         failure = f"a joint at {readings['fastest_joint']:.2g} of its speed limit"
-    return cell_result("arm_pose", kind, failure, readings)
+    return failure, readings
 
 
-ROBOT_AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
+ROBOT_AXES: dict[str, tuple[Callable[..., Outcome], tuple]] = {
     "arm_host_step": (arm_host_step, (1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)),
     "payload": (payload, (1.0, 5.0, 14.0, 30.0, 60.0)),
     "arm_pose": (arm_pose, ("home", "stretched", "wrist aligned", "near a limit", "over the shoulder", "beyond reach")),

@@ -26,9 +26,8 @@ class CellResult:
     """Largest or smallest values over the run."""
 
 
-def cell_result(axis: str, value: float | str, failure: str, readings: dict[str, float]) -> CellResult:
-    """Return the result of a run: unstable where something failed, otherwise stable."""
-    return CellResult(axis, value, "unstable" if failure else "stable", failure, readings)
+Outcome = tuple[str, dict[str, float]]
+"""What failed first, "" if nothing did, and readings. A function that runs a cell may raise what refuses the scene."""
 
 
 def make_sand(E: float = 1e5, phi: float = 30.0) -> mpm.DruckerPrager:

@@ -6,7 +6,7 @@ more than 1 % above the start's; momentum accounted for to 1e-5 of what was exch
 
 import warnings
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import mujoco
 import numpy as np
@@ -14,10 +14,10 @@ import numpy as np
 import mpm
 from robosim.base.errors import BodyLeftGrid, RobotDiverged
 from robosim.coupling.plugin import Coupling, GranularPlugin
+from robosim.studies.verification.cases.rigid_body import couple, one_body
 from robosim.studies.verification.stability.cell import (
-    CellResult,
     G,
-    cell_result,
+    Outcome,
     make_sand,
     principal_stretches,
     sound_speed,
@@ -29,22 +29,10 @@ TOUCHED = 1500.0 * SIDE**2 * 1.75 * CELL
 HEIGHT_TOLERANCE = 3e-4
 """Largest difference [m] of a body's rest height between host steps."""
 
-BOX = """
-<mujoco>
-  <option timestep="{host_step}" integrator="implicitfast"/>
-  <worldbody>
-    <body name="box" pos="{x} {y} {z}" quat="{quat}" gravcomp="{gravcomp}">
-      <freejoint/>
-      <geom type="box" size="{half} {half} {half}" mass="{mass}" friction="0.3"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-
 
 def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: float, lift: float,
-          bed: tuple[float, float, float], quat: str = "1 0 0 0", floats: bool = False,
-          dt: float = 2e-4) -> GranularPlugin:
+                bed: tuple[float, float, float], quat: str = "1 0 0 0", floats: bool = False,
+                dt: float = 2e-4) -> GranularPlugin:
     """Build a box above a bed of sand.
 
     mass [kg]; half: of its side [m]; lift: of its lower face above the bed [m]; bed: size [m]; floats: without weight.
@@ -53,13 +41,13 @@ def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: floa
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (bed[0], bed[1], bed[2] + 0.12), CELL), walls=mpm.Walls(friction=0.5),
                         bodies=[mpm.Body(make_sand(E), positions, volume=float(np.prod(bed)) / len(positions))], dt=dt)
     x = bed[0] / 2 if not floats else 0.3 * bed[0]
-    model = mujoco.MjModel.from_xml_string(BOX.format(
-        host_step=host_step, half=half, mass=mass, x=x, y=bed[1] / 2, z=bed[2] + lift + half, quat=quat,
-        gravcomp=int(floats)))
-    return GranularPlugin(model, mujoco.MjData(model), solver, bodies={"box": None}, coupling=coupling)
+    scene = one_body(f'type="box" size="{half} {half} {half}" mass="{mass}" friction="0.3"',
+                     (x, bed[1] / 2, bed[2] + lift + half), host_step=host_step,
+                     body=f'quat="{quat}" gravcomp="{int(floats)}"')
+    return couple(scene, solver, coupling)
 
 
-def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> tuple[str, dict[str, float]]:
+def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> Outcome:
     """Advance and check every step; return what failed first and when, "" if nothing did, and readings.
 
     duration [s]; speed [m/s] of the tool.
@@ -109,11 +97,10 @@ def advance_and_check(plugin: GranularPlugin, duration: float, speed: float) -> 
     return "", readings
 
 
-def ploughing(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3, axis: str = "mass_ratio",
-              value: float | None = None) -> CellResult:
+def plough(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3) -> Outcome:
     """Push a box, half sunk and without weight, through sand.
 
-    ratio: of its mass to that of the particles in contact with it; speed [m/s]; axis, value: of the cell.
+    ratio: of its mass to that of the particles in contact with it; speed [m/s].
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mpm.GrainsInSolid)  # the box is emptied below
@@ -121,8 +108,7 @@ def ploughing(ratio: float, coupling: Coupling = "mobility", speed: float = 0.3,
                              floats=True)
     _empty_the_box(plugin)
     plugin.data.qvel[0] = speed
-    result = advance_and_check(plugin, min(0.1, 0.06 / speed), speed)
-    return cell_result(axis, ratio if value is None else value, *result)
+    return advance_and_check(plugin, min(0.1, 0.06 / speed), speed)
 
 
 def _empty_the_box(plugin: GranularPlugin) -> None:
@@ -134,22 +120,7 @@ def _empty_the_box(plugin: GranularPlugin) -> None:
     solver.load(state)
 
 
-def mass_ratio(ratio: float) -> CellResult:
-    """Plough with the default coupling."""
-    return ploughing(ratio)
-
-
-def lagged_mass_ratio(ratio: float) -> CellResult:
-    """Plough with the lagged coupling of other codes, for comparison."""
-    return ploughing(ratio, "lagged", axis="lagged_mass_ratio")
-
-
-def tool_speed(speed: float) -> CellResult:
-    """Plough with a heavy tool at a speed [m/s]."""
-    return ploughing(1e3, speed=speed, axis="tool_speed", value=speed)
-
-
-def rest_height(host_step: float, coupling: Coupling = "mobility") -> tuple[str, dict[str, float]]:
+def rest_height(host_step: float, coupling: Coupling = "mobility") -> Outcome:
     """Drop a tilted box of 10 g on 200 g of sand; the readings include its rest height [m]."""
     plugin = build_scene(0.01, host_step, coupling, half=0.01, lift=0.02, bed=(0.08, 0.08, 0.0208),
                          quat="0.98 0.15 0.1 0", dt=1e-4)
@@ -163,35 +134,25 @@ def _reference_height() -> float:
     return rest_height(2e-4)[1]["height_m"]
 
 
-def host_step(step: float) -> CellResult:
+def compare_rest_heights(step: float, coupling: Coupling = "mobility") -> Outcome:
     """Compare the rest height at MuJoCo steps [s] with that at 0.2 ms: within 0.3 mm."""
-    failure, readings = rest_height(step)
-    return _check_height("host_step", step, failure, readings)
-
-
-def lagged_host_step(step: float) -> CellResult:
-    """Compare rest heights with the lagged coupling of other codes."""
-    failure, readings = rest_height(step, "lagged")
-    return _check_height("lagged_host_step", step, failure, readings)
-
-
-def _check_height(axis: str, step: float, failure: str, readings: dict[str, float]) -> CellResult:
-    """Return the result of a rest height."""
+    failure, readings = rest_height(step, coupling)
     if not failure and abs(readings["height_m"] - _reference_height()) > HEIGHT_TOLERANCE:
         failure = (f"rests at {1e3 * readings['height_m']:.2f} mm; with steps of 0.2 ms at "
                    f"{1e3 * _reference_height():.2f} mm")
-    return cell_result(axis, step, failure, readings)
+    return failure, readings
 
 
 RATIOS = (1e-3, 1e-2, 0.1, 1.0, 10.0, 1e3)
-COUPLED_AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
-    "mass_ratio": (mass_ratio, RATIOS),
-    "host_step": (host_step, (5e-4, 2e-3, 1e-2)),
-    "tool_speed": (tool_speed, (0.01, 0.1, 0.5, 1.0, 2.0, 5.0)),
+STEPS = (5e-4, 2e-3, 1e-2)
+COUPLED_AXES: dict[str, tuple[Callable[..., Outcome], tuple]] = {
+    "mass_ratio": (plough, RATIOS),
+    "host_step": (compare_rest_heights, STEPS),
+    "tool_speed": (lambda speed: plough(1e3, speed=speed), (0.01, 0.1, 0.5, 1.0, 2.0, 5.0)),
 }
 """Axis -> (function that runs a cell, values)."""
-COMPARISONS: dict[str, tuple[Callable[..., CellResult], tuple]] = {
-    "lagged_mass_ratio": (lagged_mass_ratio, RATIOS),
-    "lagged_host_step": (lagged_host_step, (5e-4, 2e-3, 1e-2)),
+COMPARISONS: dict[str, tuple[Callable[..., Outcome], tuple]] = {
+    "lagged_mass_ratio": (partial(plough, coupling="lagged"), RATIOS),
+    "lagged_host_step": (partial(compare_rest_heights, coupling="lagged"), STEPS),
 }
 """Axes of the lagged coupling, for comparison; run only when they are named."""

@@ -7,13 +7,13 @@ momentum accounted for to 1e-5 of what was exchanged.
 
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 import mpm
-from robosim.base.errors import UnknownName
+from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
+from robosim.studies.verification.cases.expectations import judge
 from robosim.studies.verification.cases.fluid import lock_gate
 from robosim.studies.verification.stability import SLEEPING_AXES, SLEEPING_PREFIX
 from robosim.studies.verification.stability.arm import ROBOT_AXES
@@ -22,7 +22,7 @@ from robosim.studies.verification.stability.cell import (
     NU,
     CellResult,
     G,
-    cell_result,
+    Outcome,
     make_sand,
     principal_stretches,
     sound_speed,
@@ -36,7 +36,7 @@ WINDOW = 5e-3
 """Time [s] between checks of the state."""
 
 
-def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: float) -> tuple[str, dict[str, float]]:
+def advance_and_check(solver: mpm.Solver, duration: float, drop: float, wave: float) -> Outcome:
     """Advance and check; return what failed first and when, "" if nothing did, and readings.
 
     duration [s]; drop: largest fall of a particle [m]; wave: sound speed [m/s].
@@ -100,46 +100,42 @@ def build_block(material: mpm.DruckerPrager, drop: float = 0.0, dt: float | None
                       sleep=sleep)
 
 
-def stiffness(E: float) -> CellResult:
+def stiffness(E: float) -> Outcome:
     """Load a bed of Young's modulus E [Pa] by its weight: from 0.1 MPa on its height stays within 1 %."""
     solver = build_bed(make_sand(E))
     failure, readings = advance_and_check(solver, 0.25, 0.1, sound_speed(E))
     top = solver.positions()[:, 2].max() + CELL / 4 if not failure else np.nan
     if not failure and E >= 1e5 and abs(top / 0.1 - 1) > 0.01:
         failure = f"settled height {top:.4g} m of 0.1 m"
-    return cell_result("E", E, failure, readings | {"height_m": float(top)})
+    return failure, readings | {"height_m": float(top)}
 
 
-def friction_angle(phi: float, sleep: bool = False) -> CellResult:
+def friction_angle(phi: float, sleep: bool = False) -> Outcome:
     """Spread a block of friction angle phi [deg]: a fluid at 0, outside Mohr-Coulomb's range at 60."""
-    outcome = advance_and_check(build_block(make_sand(phi=phi), sleep=sleep), 0.3, 0.04, sound_speed(1e5))
-    return cell_result("friction_angle_deg", phi, *outcome)
+    return advance_and_check(build_block(make_sand(phi=phi), sleep=sleep), 0.3, 0.04, sound_speed(1e5))
 
 
-def courant(number: float, sleep: bool = False) -> CellResult:
+def courant(number: float, sleep: bool = False) -> Outcome:
     """Spread a block at a Courant number: its mean height stays within 3 % of the reference's.
 
     The number is the substep in units of cell over sound speed; an isolated particle's bound is 0.734 at nu = 0.3,
     of which 0.83 is accepted.
     """
-    try:
-        solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5), sleep=sleep)
-    except mpm.MpmError as error:
-        return CellResult("courant", number, "refused", str(error))
+    solver = build_block(make_sand(), dt=number * CELL / sound_speed(1e5), sleep=sleep)
     failure, readings = advance_and_check(solver, 0.3, 0.04, sound_speed(1e5))
     height = float(solver.positions()[:, 2].mean())
     if not failure and number != REFERENCE_COURANT and abs(height / _reference_height() - 1) > 0.03:
         failure = f"settled height {height:.4g} m, {_reference_height():.4g} m at Courant number {REFERENCE_COURANT}"
-    return cell_result("courant", number, failure, readings | {"height_m": height})
+    return failure, readings | {"height_m": height}
 
 
 @lru_cache
 def _reference_height() -> float:
     """Return the settled mean height [m] of the particles at the reference Courant number."""
-    return courant(REFERENCE_COURANT).readings["height_m"]
+    return courant(REFERENCE_COURANT)[1]["height_m"]
 
 
-def drop_height(height: float, sleep: bool = False) -> CellResult:
+def drop_height(height: float, sleep: bool = False) -> Outcome:
     """Drop a block from a height [m]: it rebounds with at most 5 % of its energy.
 
     E = 1 MPa, because at 0.1 MPa the fall from 5 m reaches the sound speed and compresses the block to half its height.
@@ -148,21 +144,18 @@ def drop_height(height: float, sleep: bool = False) -> CellResult:
     failure, readings = advance_and_check(solver, 0.3, height + 0.04, sound_speed(1e6))
     if not failure and readings["rebound"] > 0.05:
         failure = f"rebound {readings['rebound']:.2%} of the energy"
-    return cell_result("drop_height", height, failure, readings)
+    return failure, readings
 
 
-def shell_thickness(cells: float) -> CellResult:
+def shell_thickness(cells: float) -> Outcome:
     """Separate deep from shallow water by a plate of a thickness in cells: no leak, thrust within 3 %."""
-    try:
-        errors = lock_gate.measure(thickness_cells=cells, duration=0.5).errors
-    except mpm.MpmError as error:
-        refused = not isinstance(error, mpm.SimulationDiverged)
-        return CellResult("shell_thickness", cells, "refused" if refused else "unstable", str(error))
-    wrong = [f"{name} off by {error:.2%}" for name, error in errors.items() if not abs(error) <= lock_gate.BANDS[name]]
-    return cell_result("shell_thickness", cells, ", ".join(wrong), {name: float(v) for name, v in errors.items()})
+    record = lock_gate.measure(thickness_cells=cells, duration=0.5)
+    findings = judge(lock_gate.measure, [record])
+    wrong = [f"{finding.claim} off by {finding.found:.2%}" for finding in findings if finding.verdict == "fail"]
+    return ", ".join(wrong), record.errors
 
 
-def lone_grains(place: str) -> CellResult:
+def lone_grains(place: str) -> Outcome:
     """Let one particle, strained by 1e-3, fall free, at a wall or in a corner, for 20 000 substeps."""
     where = {"free": (0.05, 0.05, 0.08), "wall": (0.0012, 0.05, 0.02), "corner": (0.0012, 0.0012, 0.0012)}[place]
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.1, 0.1, 0.1), CELL), precision="f64", bodies=[
@@ -170,10 +163,10 @@ def lone_grains(place: str) -> CellResult:
     state = solver.state()
     state["e"][:, :3] = 2e-3
     solver.load(state)
-    return cell_result("lone_grain", place, *advance_and_check(solver, 20_000 * solver.dt, 0.1, sound_speed(1e5)))
+    return advance_and_check(solver, 20_000 * solver.dt, 0.1, sound_speed(1e5))
 
 
-def degenerate(kind: str) -> CellResult:
+def degenerate(kind: str) -> Outcome:
     """Start from rest, equal stretches, strong compression, or a velocity gradient that would invert F."""
     solver = build_block(make_sand())
     if kind == "rest":
@@ -185,10 +178,10 @@ def degenerate(kind: str) -> CellResult:
         solver.load(state)
     # the prescribed strain is part of the start's energy
     solver.advance(solver.dt)
-    return cell_result("degenerate", kind, *advance_and_check(solver, 0.1, 0.04, 20 * sound_speed(1e5)))
+    return advance_and_check(solver, 0.1, 0.04, 20 * sound_speed(1e5))
 
 
-AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
+AXES: dict[str, tuple[Callable[..., Outcome], tuple]] = {
     "E": (stiffness, (1e3, 1e4, 1e5, 1e6, 1e7, 1e8)),
     "friction_angle_deg": (friction_angle, (0.0, 1.0, 15.0, 30.0, 42.0, 45.0, 60.0)),
     "courant": (courant, (0.1, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0)),
@@ -202,20 +195,12 @@ AXES: dict[str, tuple[Callable[..., CellResult], tuple]] = {
 """Axis -> (function that runs a cell, values)."""
 
 
-def with_sleep(axis: str) -> Callable[..., CellResult]:
-    """Return the function that runs a cell of an axis with particles that sleep once they are at rest."""
-    def run(value: float | str) -> CellResult:
-        return replace(AXES[axis][0](value, sleep=True), axis=SLEEPING_PREFIX + axis)
-
-    return run
-
-
-SLEEPING = {name: (with_sleep(name.removeprefix(SLEEPING_PREFIX)), AXES[name.removeprefix(SLEEPING_PREFIX)][1])
-            for name in SLEEPING_AXES}
+SLEEPING = {SLEEPING_PREFIX + name: (partial(AXES[name][0], sleep=True), AXES[name][1])
+            for name in (axis.removeprefix(SLEEPING_PREFIX) for axis in SLEEPING_AXES)}
 """The same with particles that sleep; run only when they are named."""
 
 
-def find_axis(name: str) -> tuple[Callable[..., CellResult], tuple]:
+def find_axis(name: str) -> tuple[Callable[..., Outcome], tuple]:
     """Return the function that runs a cell, and the values of an axis.
 
     Raises UnknownName for an axis that does not exist.
@@ -228,6 +213,13 @@ def find_axis(name: str) -> tuple[Callable[..., CellResult], tuple]:
 
 def run_cell(axis: str, value: float | str) -> CellResult:
     """Run one cell. Raises UnknownName for an axis that does not exist."""
+    run = find_axis(axis)[0]
     with warnings.catch_warnings():  # some cells are compressed by their own weight on purpose
         warnings.simplefilter("ignore", mpm.StrongCompression)
-        return find_axis(axis)[0](value)
+        try:
+            failure, readings = run(value)
+        except mpm.SimulationDiverged as error:
+            return CellResult(axis, value, "unstable", str(error))
+        except (mpm.MpmError, ConfigError, UnreachableWaypoint) as error:
+            return CellResult(axis, value, "refused", str(error))
+    return CellResult(axis, value, "unstable" if failure else "stable", failure, readings)

@@ -1,18 +1,16 @@
-"""Planted errors: each makes a claim fail that passes without it."""
+"""Planted errors: each makes an expectation fail that passes without it."""
 
 import pytest
 
 import mpm
-from robosim.studies.verification.analysis import evaluate_claims
-from robosim.studies.verification.cases.continuum import bar
-from robosim.studies.verification.cases.coupling import closed_system
-from robosim.studies.verification.cases.granular import slope
-from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.cases import find
+from robosim.studies.verification.cases.expectations import judge
 
 
-def verdicts(case: str, record: Record) -> dict[str, str]:
-    """Verdicts of a case's claims on one run."""
-    return {finding.claim: finding.verdict for finding in evaluate_claims(case, [record])}
+def verdicts(name: str, **choices) -> dict[str, str]:
+    """Verdicts on a run of a case."""
+    case = find(name)
+    return {finding.claim: finding.verdict for finding in judge(case, [case(**choices)])}
 
 
 def test_a_scaled_reaction_fails(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,9 +20,8 @@ def test_a_scaled_reaction_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     def scaled(self: mpm.Solver, *which, **about) -> mpm.Wrench:
         return mpm.Wrench(*(0.9 * part for part in whole(self, *which, **about)))
 
-    choices = {"precision": "f32", "mass_ratio": 1.0, "material": "sand"}
     monkeypatch.setattr(mpm.Solver, "collider_impulse", scaled)
-    assert "fail" in verdicts("closed_system", closed_system.measure(**choices)).values()
+    assert "fail" in verdicts("closed_system", precision="f32", material="sand").values()
 
 
 @pytest.mark.slow
@@ -33,9 +30,9 @@ def test_a_wall_half_a_cell_off_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     box = mpm.sample_box
     choices = {"cells": 50, "courant": 0.2, "precision": "f64", "periods": 1}
     claim = "frequency at cells 50, courant 0.2, precision f64"
-    assert verdicts("bar", bar.measure(**choices))[claim] == "pass"
-    monkeypatch.setattr(bar.mpm, "sample_box", lambda low, high, spacing: box(low, high, spacing) + [spacing, 0, 0])
-    assert verdicts("bar", bar.measure(**choices))[claim] == "fail"
+    assert verdicts("bar", **choices)[claim] == "pass"
+    monkeypatch.setattr(mpm, "sample_box", lambda low, high, spacing: box(low, high, spacing) + [spacing, 0, 0])
+    assert verdicts("bar", **choices)[claim] == "fail"
 
 
 @pytest.mark.slow
@@ -43,4 +40,4 @@ def test_a_wall_half_a_cell_off_fails(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_friction_wrong_by_a_tenth_fails(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
     alpha = mpm.DruckerPrager.alpha.fget
     monkeypatch.setattr(mpm.DruckerPrager, "alpha", property(lambda self: factor * alpha(self)))
-    assert verdicts("slope", slope.measure(cells=32))["acceleration at cells 32"] == "fail"
+    assert verdicts("slope", cells=32)["acceleration at cells 32"] == "fail"

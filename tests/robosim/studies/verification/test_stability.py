@@ -1,13 +1,14 @@
 """Stiff and extreme cases are stable or refused, as defined in `robosim.studies.verification.stability`."""
 
 import json
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from study_stand_in import StandIn
 
 import mpm
+from robosim.studies.verification.cases.case import Cost, make_record
 from robosim.studies.verification.cases.fluid import lock_gate
 from robosim.studies.verification.stability.field import AXES, run_cell
 from robosim.studies.verification.stability_report import stability
@@ -33,10 +34,11 @@ def test_steps_above_the_bound_are_refused_with_both_numbers(number: float) -> N
 
 
 def test_a_plate_must_stay_within_the_bands_of_its_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = lock_gate.measure
     for errors, verdict in (({"force": 0.01, "torque": 0.02, "crossed": 0.0}, "stable"),
                             ({"force": -0.05, "torque": 0.02, "crossed": 0.1}, "unstable")):
-        record = SimpleNamespace(errors=errors)
-        monkeypatch.setattr(lock_gate, "measure", lambda record=record, **choices: record)
+        record = make_record([Cost(1, 1, 1.0)], errors, {})
+        monkeypatch.setattr(lock_gate, "measure", replace(whole, simulate=lambda record=record, **choices: record))
         result = run_cell("shell_thickness", 0.5)
         assert result.verdict == verdict
     assert result.reason == "force off by -5.00%, crossed off by 10.00%"

@@ -7,34 +7,29 @@ Reference: P_zz = -rho0 g (l0 - Z) for any law; E ln l / l = P for the settlemen
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.case import Record, TimedSolver, case
+from robosim.studies.verification.cases.expectations import Within
 
-NAME = "column_weight"
-SOURCE = ("statics; error measure of Coombs & Augarde 2020, Adv. Eng. Softw. 139:102748; settlement of the Hencky "
-          "column from E ln l / l = P")
-BANDS = {"stress at 20 cells": 0.03, "stress at 40 cells": 0.015, "settlement": 0.02}
-"""Relative errors at most."""
-SWEEP = [{"cells": n, "precision": p, "integrator": i}
-         for p, i in (("f32", "series"), ("f32", "exact"), ("f64", "exact")) for n in (10, 20, 40)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": n, "precision": "f32", "integrator": "series"} for n in (10, 20, 40)]
-MAIN_ERROR, RESOLUTION = "stress", "cells"
-CLAIMS = (Within("stress", BANDS["stress at 20 cells"], {"cells": 20}),
-          Within("stress", BANDS["stress at 40 cells"], {"cells": 40}),
-          *(Within("settlement", BANDS["settlement"], {"cells": n}) for n in (20, 40)))
 LENGTH, E, NU, DENSITY, G = 0.2, 1e5, 0.3, 1500.0, 9.81
 SETTLEMENT = 2.139780e-3
 
 
+@case(
+    source="statics; error measure of Coombs & Augarde 2020, Adv. Eng. Softw. 139:102748; settlement of the Hencky "
+           "column from E ln l / l = P",
+    sweep=[{"cells": n, "precision": p, "integrator": i}
+           for p, i in (("f32", "series"), ("f32", "exact"), ("f64", "exact")) for n in (10, 20, 40)],
+    quick=[{"cells": n, "precision": "f32", "integrator": "series"} for n in (10, 20, 40)],
+    expectations=(Within("stress", 0.03, {"cells": 20}), Within("stress", 0.015, {"cells": 40}),
+                  *(Within("settlement", 0.02, {"cells": n}) for n in (20, 40))),
+    main_error="stress", resolution="cells")
 def measure(*, cells: int = 20, precision: str = "f32", integrator: str | None = None) -> Record:
     """Run the case; return the errors of axial stress and settlement. cells: along the column."""
     cell = LENGTH / cells
     positions = mpm.sample_box((0, 0, 0), (4 * cell, 4 * cell, LENGTH), cell / 2)
     depth = LENGTH - positions[:, 2]
     law = mpm.Elastic(E=E, nu=NU, density=DENSITY)
-    rollers = mpm.Walls.all("roller")
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.25), cell), walls=rollers,
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.25), cell), walls=mpm.Walls.all("roller"),
                         bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)], precision=precision,
                         integrator=integrator)
     timed = TimedSolver(solver)
@@ -43,6 +38,5 @@ def measure(*, cells: int = 20, precision: str = "f32", integrator: str | None =
     stress = (2 * law.mu * h[:, 2] + law.lam * h.sum(1)) / np.exp(h[:, 2])
     top = depth < cell
     settled = (LENGTH - depth - solver.positions()[:, 2])[top].mean()
-    errors = {"stress": np.abs(stress + DENSITY * G * depth).mean() / (DENSITY * G * LENGTH),
-              "settlement": settled / SETTLEMENT - 1}
-    return timed.record(NAME, {"cells": cells, "precision": precision, "integrator": integrator}, errors)
+    return timed.record({"stress": np.abs(stress + DENSITY * G * depth).mean() / (DENSITY * G * LENGTH),
+                         "settlement": settled / SETTLEMENT - 1})

@@ -7,26 +7,25 @@ per period. Reference: the first law of thermodynamics; the energies of the laws
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import each_within
 
-NAME = "elastic_energy"
-SOURCE = "first law of thermodynamics for a hyperelastic body; energies of the three laws in closed form"
-BANDS = {"growth": 0.02, "slope": 0.0, "rise": 0.05, "lost per period": 0.2}
-"""Most that the energy rises above its start, and from any moment to a later one, as shares of the first (a stored
-energy that is a tenth wrong swings by a tenth); most that its trend over all periods gains, and that a period takes."""
 LAWS = ("hencky", "neo_hookean", "fixed_corotated")
-SWEEP = [{"model": m, "courant": c, "strides": s} for m in LAWS for c in (0.1, 0.2, 0.3) for s in (True, False)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"model": m, "courant": 0.3} for m in LAWS]
-MAIN_ERROR, RESOLUTION = "lost per period", "courant"
-CLAIMS = tuple(Within(name, bound, low=-np.inf) for name, bound in BANDS.items())
 SIDE, E, NU, DENSITY, RATE = 0.1, 1e5, 0.3, 1000.0, 20.0
 """RATE [1/s]: the block begins to stretch along x and to shrink across, by some 15 % at the most."""
 PERIOD = 2.0 * SIDE / np.sqrt(E / DENSITY)
 """[s] of a wave along the block and back."""
 
 
+@case(
+    source="first law of thermodynamics for a hyperelastic body; energies of the three laws in closed form",
+    sweep=grid(model=LAWS, courant=(0.1, 0.2, 0.3), strides=(True, False)),
+    quick=grid(model=LAWS, courant=(0.3,)),
+    # most that the energy rises above its start, and from any moment to a later one, as shares of the first (a stored
+    # energy that is a tenth wrong swings by a tenth); that its trend over all periods gains, and that a period takes
+    expectations=each_within({"growth": 0.02, "slope": 0.0, "rise": 0.05, "lost per period": 0.2}, low=-np.inf),
+    main_error="lost per period", resolution="courant")
 def measure(*, model: str = "hencky", cells: int = 12, courant: float = 0.3, precision: str = "f32",
             strides: bool = True, periods: int = 10) -> Record:
     """Run the case; return the energy's rise, trend and loss per period. cells: along a side."""
@@ -38,7 +37,7 @@ def measure(*, model: str = "hencky", cells: int = 12, courant: float = 0.3, pre
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (room, room, room), cell), gravity=(0, 0, 0), precision=precision,
         bodies=[mpm.Body(law, positions, volume=SIDE**3 / len(positions), velocities=velocities)],
-        transfer_interval=None if strides else 0.0, dt=courant * cell / np.sqrt((law.lam + 2 * law.mu) / DENSITY))
+        transfer_interval=None if strides else 0.0, dt=courant_step(courant, cell, law))
     timed = TimedSolver(solver)
     times, energies = [0.0], [sum(solver.energy())]
     timed.advance(solver.dt)  # the affine part is there from the first gather on
@@ -50,6 +49,5 @@ def measure(*, model: str = "hencky", cells: int = 12, courant: float = 0.3, pre
     share = np.array(energies) / energies[0]
     trend = np.polyfit(times, share, 1)[0]
     rise = (share - np.minimum.accumulate(share)).max()
-    choices = {"model": model, "cells": cells, "courant": courant, "precision": precision, "strides": strides}
-    return timed.record(NAME, choices, {"growth": share.max() - 1, "slope": trend, "rise": rise,
+    return timed.record({"growth": share.max() - 1, "slope": trend, "rise": rise,
                                         "lost per period": 1 - share[-1] ** (1 / periods)}, energy_left=share[-1])

@@ -8,20 +8,17 @@ is stays where it is.
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
-
-NAME = "slow_translation"
-SOURCE = "x = x0 + v t, as without forces"
-BANDS = {"f64": 1e-5, "f32": 0.03}
-"""Relative error of the displacement, by precision; 0.03 is half of what is resolved at 1 m, over 4 micrometres and
-more."""
-SWEEP = [{"precision": p, "strides": s} for p in ("f32", "f64") for s in (True, False)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP, MAIN_ERROR, RESOLUTION = SWEEP, "displacement", None
-CLAIMS = tuple(Within("displacement", BANDS[p], {"precision": p}) for p in ("f64", "f32"))
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Within
 
 
+@case(
+    source="x = x0 + v t, as without forces",
+    sweep=grid(precision=("f32", "f64"), strides=(True, False)),
+    quick=grid(precision=("f32", "f64"), strides=(True, False)),
+    # 0.03 is half of what is resolved at 1 m, over 4 micrometres and more
+    expectations=[Within("displacement", high, {"precision": p}) for p, high in (("f64", 1e-5), ("f32", 0.03))],
+    main_error="displacement")
 def measure(*, precision: str = "f32", speed: float = 1e-5, steps: int = 4000, dt: float = 2e-4,
             strides: bool = True) -> Record:
     """Run the case; return the relative error of the displacement. speed [m/s] along each axis."""
@@ -34,5 +31,4 @@ def measure(*, precision: str = "f32", speed: float = 1e-5, steps: int = 4000, d
     timed = TimedSolver(solver)
     timed.advance(steps * dt)
     moved = (solver.positions() - start).mean(0)
-    return timed.record(NAME, {"precision": precision, "speed": speed, "dt": dt, "strides": strides},
-                        {"displacement": np.abs(moved / (speed * steps * dt) - 1.0).max()})
+    return timed.record({"displacement": np.abs(moved / (speed * steps * dt) - 1.0).max()})

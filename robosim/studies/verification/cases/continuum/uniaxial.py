@@ -8,13 +8,10 @@ the walls; then one wall is removed, and the momentum gained in the first subste
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case
+from robosim.studies.verification.cases.expectations import each_within
 
-NAME = "uniaxial"
-SOURCE = "uniaxial stress of each law in closed form: the lateral stretch leaves no lateral stress"
-BANDS = {"stress": 0.005, "stretch": 0.005}
-"""Relative errors of the first Piola stress and of the lateral strain."""
 EXACT = {
     ("hencky", 0.9): (-11706.724, 1.032113), ("hencky", 1.1): (8664.562, 0.9718119),
     ("hencky", 0.99): (-1015.185, 1.0030197), ("hencky", 1.01): (985.181, 0.9970194),
@@ -23,14 +20,15 @@ EXACT = {
     ("neo_hookean", 0.9): (-10872.219, 1.031702), ("neo_hookean", 1.1): (9307.743, 0.9714929),
     ("neo_hookean", 0.99): (-1007.813, 1.0030160), ("neo_hookean", 1.01): (992.365, 0.9970158)}
 """First Piola stress [Pa] and lateral stretch of a law at an axial stretch, for the numbers below."""
-SWEEP = [{"model": m, "stretch": s, "cells": n} for m, s in EXACT for n in (4, 8, 12)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"model": m, "stretch": s, "cells": 8} for m, s in EXACT if s in (0.9, 1.1)]
-MAIN_ERROR, RESOLUTION = "stress", "cells"
-CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 E, NU, DENSITY, WIDTH = 1e5, 0.3, 1000.0, 0.08
 
 
+@case(
+    source="uniaxial stress of each law in closed form: the lateral stretch leaves no lateral stress",
+    sweep=[{"model": m, "stretch": s, "cells": n} for m, s in EXACT for n in (4, 8, 12)],
+    quick=[{"model": m, "stretch": s, "cells": 8} for m, s in EXACT if s in (0.9, 1.1)],
+    expectations=each_within({"stress": 0.005, "stretch": 0.005}),
+    main_error="stress", resolution="cells")
 def measure(*, model: str = "hencky", stretch: float = 0.9, cells: int = 8, courant: float = 0.3,
             precision: str = "f32") -> Record:
     """Run the case on a quarter of the bar; return both errors. cells: across the whole bar."""
@@ -39,12 +37,11 @@ def measure(*, model: str = "hencky", stretch: float = 0.9, cells: int = 8, cour
     half, length = WIDTH / 2, 4 * cell
     positions = mpm.sample_box((0, 0, 0), (length, half, half), cell / 2)
     body = mpm.Body(law, positions, volume=length * half * half / stretch / len(positions))
-    rollers = mpm.Walls.all("roller")
-    dt = courant * cell / np.sqrt((law.lam + 2 * law.mu) / DENSITY)
+    dt = courant_step(courant, cell, law)
 
     def between_walls(room: float) -> mpm.Solver:
-        return mpm.Solver(grid=mpm.Grid((0, 0, 0), (room, half + 4 * cell, half + 4 * cell), cell), walls=rollers,
-                          gravity=(0, 0, 0), bodies=[body], precision=precision, dt=dt)
+        return mpm.Solver(grid=mpm.Grid((0, 0, 0), (room, half + 4 * cell, half + 4 * cell), cell),
+                          walls=mpm.Walls.all("roller"), gravity=(0, 0, 0), bodies=[body], precision=precision, dt=dt)
 
     solver = between_walls(length)
     state = solver.state()
@@ -61,5 +58,4 @@ def measure(*, model: str = "hencky", stretch: float = 0.9, cells: int = 8, cour
     stress = -(free.momentum().linear[0] - before) / dt / half**2
     expected, thinner = EXACT[model, stretch]
     errors = {"stress": stress / expected - 1, "stretch": (lateral - 1) / (thinner - 1) - 1}
-    choices = {"model": model, "stretch": stretch, "cells": cells, "courant": courant, "precision": precision}
-    return timed.record(NAME, choices, errors, stress=stress, lateral=lateral, moving=np.abs(e[:, 3:]).max())
+    return timed.record(errors, stress=stress, lateral=lateral, moving=np.abs(e[:, 3:]).max())

@@ -8,22 +8,9 @@ rims stay free of stress and displacement, so that no boundary condition takes p
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Order, Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Order, Within
 
-NAME = "vortex"
-SOURCE = "Kamojjala et al. 2015, Eng. w. Computers 31:193 (generalized vortex); parameters of Uintah's MMS.cc"
-BANDS = {"rms at 40 cells per metre": 0.02, "order 20 to 40": 1.5}
-"""Error at most [amplitudes in m], order at least."""
-SWEEP = [{"cells": n, "courant": c, "precision": p} for p in ("f64", "f32") for c in (0.2, 0.5) for n in (10, 20, 40)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": n, "courant": 0.2, "precision": "f64"} for n in (10, 20, 40)]
-MAIN_ERROR, RESOLUTION = "rms", "cells"
-FINEST = {"courant": 0.2, "precision": "f64"}
-"""What is claimed is claimed at Courant number 0.2: at 0.5 the step's own error, of first order, outweighs the cells'.
-The force changes with every substep, so that no stride is longer."""
-CLAIMS = (Within("rms", BANDS["rms at 40 cells per metre"], {"cells": 40, "courant": 0.2}),
-          Order("rms", "cells", (20, 40), BANDS["order 20 to 40"], FINEST))
 E, NU, DENSITY = 1000.0, 0.3, 1000.0
 MU, LAM = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
 
@@ -59,6 +46,14 @@ def acceleration(X: np.ndarray, t: float, amplitude: float) -> np.ndarray:
     return np.stack([radial * cosine - around * sine, radial * sine + around * cosine], 1)
 
 
+@case(
+    source="Kamojjala et al. 2015, Eng. w. Computers 31:193 (generalized vortex); parameters of Uintah's MMS.cc",
+    sweep=grid(precision=("f64", "f32"), courant=(0.2, 0.5), cells=(10, 20, 40)),
+    quick=grid(courant=(0.2,), precision=("f64",), cells=(10, 20, 40)),
+    # [amplitudes in m]; at Courant number 0.2, as in `axis_aligned`
+    expectations=(Within("rms", 0.02, {"cells": 40, "courant": 0.2}),
+                  Order("rms", "cells", (20, 40), 1.5, {"courant": 0.2, "precision": "f64"})),
+    main_error="rms", resolution="cells")
 def measure(*, cells: int = 40, courant: float = 0.2, precision: str = "f64", amplitude: float = 0.1) -> Record:
     """Run the case over a period of 1 s; return rms errors [m per radian of twist]. cells: per metre."""
     cell = 1.0 / cells
@@ -85,5 +80,4 @@ def measure(*, cells: int = 40, courant: float = 0.2, precision: str = "f64", am
         if step % max(1, steps // 20) == 0:
             error = np.linalg.norm(solver.positions()[:, :2] - position(X, solver.time, amplitude), axis=1) / amplitude
             rms, worst = max(rms, float(np.sqrt((error**2).mean()))), max(worst, float(error.max()))
-    choices = {"cells": cells, "courant": courant, "precision": precision, "amplitude": amplitude}
-    return timed.record(NAME, choices, {"rms": rms, "max": worst})
+    return timed.record({"rms": rms, "max": worst})

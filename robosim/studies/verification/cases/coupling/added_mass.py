@@ -6,41 +6,18 @@ radius a in a hollow sphere of radius b carries C = (b^3 + 2 a^3) / (2 (b^3 - a^
 
 from typing import Literal
 
-import mujoco
 import numpy as np
 import trimesh
 
 import mpm
-from robosim.coupling.plugin import GranularPlugin
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Within
+from robosim.studies.verification.cases.rigid_body import couple, one_body
 
-NAME = "added_mass"
-SOURCE = ("Stokes (1843): a ball of radius a in the middle of a hollow sphere of radius b carries "
-          "C = (b^3 + 2 a^3) / (2 (b^3 - a^3)) of the mass of the fluid that it displaces")
-BANDS = {"frequency": 0.03}
-"""Accepted relative error of the frequency; the water is compressible, which has to be far quicker than the spring."""
-SWEEP = [{"cell": c, "mass_ratio": m} for c in (0.006, 0.004, 0.003) for m in (2.0, 0.1)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cell": 0.006, "mass_ratio": 2.0, "swings": 1.2}]
-MAIN_ERROR, RESOLUTION = "frequency", "cell"
-CLAIMS = (Within("frequency", BANDS["frequency"], {"cell": 0.003, "mass_ratio": 2.0}),)
 RADIUS, STIFFNESS, DENSITY, SOUND = 0.03, 200.0, 1000.0, 30.0
 KICK = 0.1
 """[m/s] with which the ball starts: it swings by a tenth of its radius."""
 HOST_STEP = 0.001
-
-BALL = """
-<mujoco>
-  <option timestep="{host_step}" integrator="implicitfast" gravity="0 0 0"/>
-  <worldbody>
-    <body name="ball">
-      <joint type="slide" axis="1 0 0" stiffness="{stiffness}"/>
-      <geom type="sphere" size="{radius}" mass="{mass}" friction="0"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
 
 
 def hollow(radius: float, wall: float) -> trimesh.Trimesh:
@@ -66,6 +43,14 @@ def swing(x: np.ndarray, step: float) -> tuple[float, float]:
     return float(np.pi / ((low - high) * step) / np.sqrt(1 - damping**2)), float(damping)
 
 
+@case(
+    source="Stokes (1843): a ball of radius a in the middle of a hollow sphere of radius b carries "
+           "C = (b^3 + 2 a^3) / (2 (b^3 - a^3)) of the mass of the fluid that it displaces",
+    sweep=grid(cell=(0.006, 0.004, 0.003), mass_ratio=(2.0, 0.1)),
+    quick=[{"cell": 0.006, "mass_ratio": 2.0, "swings": 1.2}],
+    # the water is compressible, which has to be far quicker than the spring
+    expectations=[Within("frequency", 0.03, {"cell": 0.003, "mass_ratio": 2.0})],
+    main_error="frequency", resolution="cell")
 def measure(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2.0, swings: float = 2.0,
             precision: str = "f32", volume_rate: Literal["particle", "cell"] = "particle",
             transfer_interval: float | None = None) -> Record:
@@ -87,19 +72,16 @@ def measure(*, cell: float = 0.006, mass_ratio: float = 2.0, radii: float = 2.0,
                         bodies=[mpm.Body(water, positions, volume=volume)], gravity=(0, 0, 0),
                         transfer_interval=transfer_interval)
     displaced = DENSITY * 4 / 3 * np.pi * RADIUS**3
-    model = mujoco.MjModel.from_xml_string(BALL.format(host_step=HOST_STEP, stiffness=STIFFNESS, radius=RADIUS,
-                                                       mass=mass_ratio * displaced))
-    data = mujoco.MjData(model)
-    plugin = GranularPlugin(model, data, solver, bodies={"ball": None})
-    data.qvel[0] = KICK
+    plugin = couple(one_body(f'type="sphere" size="{RADIUS}" mass="{mass_ratio * displaced}" friction="0"', (0, 0, 0),
+                             joint=f'<joint type="slide" axis="1 0 0" stiffness="{STIFFNESS}"/>', host_step=HOST_STEP,
+                             gravity=(0, 0, 0)), solver)
+    plugin.data.qvel[0] = KICK
     ratio = (radii**3 + 2) / (2 * (radii**3 - 1))
     expected = np.sqrt(STIFFNESS / ((mass_ratio + ratio) * displaced))
     timed, places = TimedSolver(solver), [0.0]
     for _ in range(round(swings * 2 * np.pi / expected / HOST_STEP)):
         timed.run(plugin.step)
-        places.append(float(data.qpos[0]))
+        places.append(float(plugin.data.qpos[0]))
     frequency, damping = swing(np.array(places), HOST_STEP)
-    choices = {"cell": cell, "mass_ratio": mass_ratio, "radii": radii, "precision": precision,
-               "volume_rate": volume_rate, "transfer_interval": transfer_interval}
-    return timed.record(NAME, choices, {"frequency": frequency / expected - 1}, damping_ratio=damping,
-                        frequency_in_vacuum=float(np.sqrt(STIFFNESS / (mass_ratio * displaced)) / expected))
+    return timed.record({"frequency": frequency / expected - 1}, damping_ratio=damping,
+                        frequency_in_vacuum=np.sqrt(STIFFNESS / (mass_ratio * displaced)) / expected)

@@ -4,27 +4,18 @@ Measured: relative error of the load on the wrist's force sensor, at rest and un
 second law, force = (mass of the spoon + mass of the grains) (acceleration - gravity).
 """
 
-import mujoco
 import numpy as np
 
 import mpm
 from mpm.scene.features import Contact
 from robosim.config.materials import law_of, load_material
-from robosim.coupling.plugin import GranularPlugin
+from robosim.coupling.plugin import Coupling
 from robosim.scene.field import build_tool_sdf
 from robosim.shapes.vessels import BOWL
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import each_within
+from robosim.studies.verification.cases.rigid_body import couple
 
-NAME = "carried_load"
-SOURCE = "Newton's second law: force at the wrist = (mass of spoon + mass of grains) (acceleration - gravity)"
-BANDS = {"at_rest": 0.02, "accelerated": 0.02}
-"""Error of the force that is left to the grains, relative to theirs."""
-SWEEP = [{"material": m, "acceleration": a} for m in ("salt", "sugar", "flour") for a in (2.0, 5.0)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"material": "salt", "acceleration": 2.0}]
-MAIN_ERROR, RESOLUTION = "accelerated", None
-CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 HOST_STEP, SPOON_MASS = 1e-3, 0.133
 
 GANTRY = """
@@ -45,20 +36,26 @@ GANTRY = """
 """
 
 
+@case(
+    source="Newton's second law: force at the wrist = (mass of spoon + mass of grains) (acceleration - gravity)",
+    sweep=grid(material=("salt", "sugar", "flour"), acceleration=(2.0, 5.0)),
+    quick=[{"material": "salt", "acceleration": 2.0}],
+    # of the force that is left to the grains
+    expectations=each_within({"at_rest": 0.02, "accelerated": 0.02}),
+    main_error="accelerated")
 def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 0.005, thickness: float = 0.0025,
-            coupling: str = "mobility", contact: Contact = "near") -> Record:
+            coupling: Coupling = "mobility", contact: Contact = "near") -> Record:
     """Run the case; return the errors of the load, at rest and accelerated.
 
     acceleration [m/s^2]; cell, thickness [m]. contact: see `mpm.Solver`.
     """
-    model = mujoco.MjModel.from_xml_string(GANTRY.format(host_step=HOST_STEP, mass=SPOON_MASS))
-    data = mujoco.MjData(model)
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], cell / 2)
     inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
     body = mpm.Body(law_of(load_material(material)), inside + [0.08, 0.06, 0.08], volume=(cell / 2) ** 3)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body], contact=contact,
                         colliders=[mpm.Collider(build_tool_sdf("spoon", thickness), friction=0.1)])
-    plugin = GranularPlugin(model, data, solver, bodies={"spoon": 0}, coupling=coupling)  # pyright: ignore[reportArgumentType]
+    plugin = couple(GANTRY.format(host_step=HOST_STEP, mass=SPOON_MASS), solver, coupling, {"spoon": 0})
+    data = plugin.data
     mass, timed, errors = float(solver.masses().sum()), TimedSolver(solver), {}
     gravity = np.array([0.0, 0.0, -9.81])
     for name, a, duration in (("at_rest", 0.0, 0.3), ("accelerated", acceleration, 0.25)):
@@ -72,7 +69,5 @@ def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 
         measured = np.mean(forces, axis=0) - SPOON_MASS * (np.array([a, 0.0, 0.0]) - gravity)
         errors[name] = np.linalg.norm(measured - expected) / np.linalg.norm(expected)
     local = solver.positions() - data.body("spoon").xpos
-    choices = {"material": material, "acceleration": acceleration, "cell": cell, "coupling": coupling,
-               "contact": contact}
-    return timed.record(NAME, choices, errors, mass=mass, speed=float(data.qvel[0]), left=float(np.mean(
-        ((local / (BOWL + 0.004)) ** 2).sum(1) > 1.0)))
+    return timed.record(errors, mass=mass, speed=data.qvel[0],
+                        left=np.mean(((local / (BOWL + 0.004)) ** 2).sum(1) > 1.0))

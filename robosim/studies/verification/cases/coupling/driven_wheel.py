@@ -4,28 +4,17 @@ Measured: excess of the drawbar pull over its limit, and whether the pull rises 
 negative at zero slip, rises with slip and stays below W tan(phi), the shear that sand can give under the load W.
 """
 
-import mujoco
 import numpy as np
 
 import mpm
-from robosim.coupling.plugin import GranularPlugin
-from robosim.studies.verification.cases.claims import Rising, Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Rising, Within
+from robosim.studies.verification.cases.rigid_body import G, couple
 
-NAME = "driven_wheel"
-SOURCE = ("Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar pull is negative at zero slip, rises "
-          "with slip, and levels out below W tan(phi), the most that shear under the load W can give")
-BANDS = {"above_limit": 0.0}
-"""Accepted excess of the pull over its limit, in units of the limit."""
-SWEEP = [{"slip": s} for s in (0.0, 0.15, 0.3, 0.5)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"slip": 0.3, "duration": 1.0}]
-MAIN_ERROR, RESOLUTION = "above_limit", None
-CLAIMS = (Within("above_limit", BANDS["above_limit"], low=0.0), Rising("pull", "slip"))
 RADIUS, WIDTH, LOAD, SPEED = 0.05, 0.04, 5.0, 0.1
 """[m], [m], [N], [m/s] at the rim."""
 BED = (0.40, 0.14, 0.05)
-FRICTION_ANGLE, HOST_STEP, G = 35.0, 0.002, 9.81
+FRICTION_ANGLE, HOST_STEP = 35.0, 0.002
 
 WHEEL = """
 <mujoco>
@@ -45,6 +34,14 @@ WHEEL = """
 """
 
 
+@case(
+    source="Wong, Theory of Ground Vehicles, ch. 2: on dry sand a wheel's drawbar pull is negative at zero slip, rises "
+           "with slip, and levels out below W tan(phi), the most that shear under the load W can give",
+    sweep=grid(slip=(0.0, 0.15, 0.3, 0.5)),
+    quick=[{"slip": 0.3, "duration": 1.0}],
+    # in units of the limit
+    expectations=(Within("above_limit", 0.0, low=0.0), Rising("pull", "slip")),
+    main_error="above_limit")
 def measure(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, precision: str = "f32") -> Record:
     """Run the case; return the excess of the pull over W tan(phi), over the second half.
 
@@ -55,10 +52,9 @@ def measure(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, pr
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (BED[0], BED[1], BED[2] + 0.12), cell), precision=precision,
                         bodies=[mpm.Body(sand, positions, volume=np.prod(BED) / len(positions))],
                         walls=mpm.Walls.all("slip"))
-    model = mujoco.MjModel.from_xml_string(WHEEL.format(host_step=HOST_STEP, y=BED[1] / 2, z=BED[2] + RADIUS,
-                                                        radius=RADIUS, half=WIDTH / 2, mass=LOAD / G - 0.01))
-    data = mujoco.MjData(model)
-    plugin = GranularPlugin(model, data, solver, bodies={"wheel": None})
+    plugin = couple(WHEEL.format(host_step=HOST_STEP, y=BED[1] / 2, z=BED[2] + RADIUS, radius=RADIUS, half=WIDTH / 2,
+                                 mass=LOAD / G - 0.01), solver, bodies={"wheel": None})
+    data = plugin.data
     timed, pulls, sinkages = TimedSolver(solver), [], []
     for step in range(round(duration / HOST_STEP)):
         # the carriage is too heavy, the axle too stiffly driven, for the sand to change their speeds within a step
@@ -69,6 +65,5 @@ def measure(*, slip: float = 0.3, cell: float = 0.008, duration: float = 2.0, pr
             sinkages.append(BED[2] + RADIUS - data.xpos[2][2])
     limit = LOAD * np.tan(np.radians(FRICTION_ANGLE))
     pull = float(np.mean(pulls)) / limit
-    choices = {"slip": slip, "cell": cell, "precision": precision}
-    return timed.record(NAME, choices, {"above_limit": max(pull - 1.0, 0.0)}, pull=pull,
-                        sinkage=float(np.mean(sinkages)), pull_over_load=float(np.mean(pulls)) / LOAD)
+    return timed.record({"above_limit": max(pull - 1.0, 0.0)}, pull=pull, sinkage=np.mean(sinkages),
+                        pull_over_load=float(np.mean(pulls)) / LOAD)

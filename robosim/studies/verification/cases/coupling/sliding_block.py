@@ -8,41 +8,21 @@ face as it lies. The block is laid flush, or lowered from above. While it lies o
 
 import math
 
-import mujoco
 import numpy as np
 
 import mpm
 from mpm.scene.features import Contact
-from robosim.coupling.plugin import GranularPlugin
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.coupling.plugin import Coupling
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.coupling.bed import build_bed
+from robosim.studies.verification.cases.expectations import Within
+from robosim.studies.verification.cases.rigid_body import G, couple, damp, one_body
 
-NAME = "sliding_block"
-SOURCE = "Coulomb's law: a = g (sin - mu cos)"
-BANDS = {"acceleration": 0.05, "on_face": 0.05, "frictionless": 0.03, "drag": 0.03, "gap": 0.15}
-"""Relative error of the acceleration with friction, by the incline and by the block's lower face, and without friction;
-drag of a level block without friction over its weight; and cells between block and bed, which gives way under a heavy
-one."""
 BEDS, STARTS, CELLS, MASSES = ("elastic", "sand"), ("flush", "lowered"), (0.008, 0.005, 0.004), (0.1, 0.25, 2.5, 5.0)
 """Cells [m], masses [kg]."""
 LEVEL = {"bed": "sand", "incline_deg": 0.0, "friction": 0.0}
-SWEEP = [*({"bed": b, "start": s, "cell": c, "mass": m} for b in BEDS for s in STARTS for c in CELLS for m in MASSES),
-         *({"bed": b, "start": s, "cell": c, "friction": 0.0} for b in BEDS for s in STARTS for c in CELLS),
-         *({**LEVEL, "start": s, "cell": c, "mass": m} for s in STARTS for c in CELLS for m in (0.25, 5.0)),
-         *({"bed": b, "mass": 0.001, "start": s} for b in BEDS for s in STARTS),
-         *({"bed": b, "coupling": "lagged"} for b in BEDS), *({"bed": b, "contact": "near"} for b in BEDS),
-         {"bed": "sand", "offset_cells": 0.3}, {"bed": "sand", "offset_cells": 0.6}]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"bed": "sand", "start": "lowered"}, {"bed": "elastic", "friction": 0.0}, {**LEVEL, "start": "lowered"}]
-MAIN_ERROR, RESOLUTION = "acceleration", "cell"
 TOUCHING = {"contact": "touching"}
-CLAIMS = (*(Within("acceleration", BANDS["acceleration"], {**TOUCHING, "bed": b, "start": s, "cell": c})
-            for b in BEDS for s in STARTS for c in CELLS),
-          *(Within("on_face", BANDS["on_face"], {**TOUCHING, "bed": b}) for b in BEDS),
-          Within("acceleration", BANDS["frictionless"], {**TOUCHING, "friction": 0.0}),
-          Within("drag", BANDS["drag"], TOUCHING),
-          *(Within("gap", BANDS["gap"], {**TOUCHING, "start": "lowered", "cell": c}) for c in CELLS))
-INCLINE_DEG, G = 27.0, 9.81
+INCLINE_DEG = 27.0
 BED = (0.32, 0.16, 0.032)
 SIDE, HEIGHT = 0.096, 0.03
 """Of the block [m], which is so large that sand bears 5 kg."""
@@ -51,22 +31,26 @@ HOST_STEP, HELD, SLID = 0.002, 0.15, 0.2
 START, SPEED = 0.08, 0.2
 """Where the block's middle lies at first [m], and how fast it begins to slide on a level bed [m/s]."""
 
-BLOCK = """
-<mujoco>
-  <option timestep="{host_step}" integrator="implicitfast" gravity="{gx} 0 {gz}"/>
-  <worldbody>
-    <body name="block" pos="{x} {y} {z}">
-      <freejoint/>
-      <geom type="box" size="{half} {half} {half_height}" mass="{mass}" friction="{friction}"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
 
-
+@case(
+    source="Coulomb's law: a = g (sin - mu cos)",
+    sweep=[*grid(bed=BEDS, start=STARTS, cell=CELLS, mass=MASSES),
+           *grid(bed=BEDS, start=STARTS, cell=CELLS, friction=(0.0,)),
+           *({**LEVEL, **one} for one in grid(start=STARTS, cell=CELLS, mass=(0.25, 5.0))),
+           *grid(bed=BEDS, mass=(0.001,), start=STARTS), *grid(bed=BEDS, coupling=("lagged",)),
+           *grid(bed=BEDS, contact=("near",)), *grid(bed=("sand",), offset_cells=(0.3, 0.6))],
+    quick=[{"bed": "sand", "start": "lowered"}, {"bed": "elastic", "friction": 0.0}, {**LEVEL, "start": "lowered"}],
+    # with friction by the incline and by the block's lower face, and without; drag over the weight; the bed gives way
+    # under a heavy block
+    expectations=(*(Within("acceleration", 0.05, {**TOUCHING, **one})
+                    for one in grid(bed=BEDS, start=STARTS, cell=CELLS)),
+                  *(Within("on_face", 0.05, {**TOUCHING, "bed": b}) for b in BEDS),
+                  Within("acceleration", 0.03, {**TOUCHING, "friction": 0.0}), Within("drag", 0.03, TOUCHING),
+                  *(Within("gap", 0.15, {**TOUCHING, "start": "lowered", "cell": c}) for c in CELLS)),
+    main_error="acceleration", resolution="cell", units={"gap": "cells"})
 def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, friction: float = 0.3, cell: float = 0.008,
-            coupling: str = "mobility", offset_cells: float = 0.0, contact: Contact = "touching",
-            incline_deg: float = INCLINE_DEG, precision: str = "f32") -> Record:
+            coupling: Coupling = "mobility", offset_cells: float = 0.0, contact: Contact = "touching",
+            incline_deg: float = INCLINE_DEG) -> Record:
     """Run the case; return the error of the acceleration, or with incline_deg 0 the drag.
 
     bed: "sand" or "elastic". start: "flush" on the bed, or "lowered" from 1.5 cells above it. mass [kg]; cell [m];
@@ -74,47 +58,33 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
     by itself, or with 0 begins with `SPEED`; the drag is then over its weight, less that of its friction.
     """
     angle = math.radians(incline_deg)
-    gravity = np.array([G * math.sin(angle), 0.0, -G * math.cos(angle)])
+    gravity = (G * math.sin(angle), 0.0, -G * math.cos(angle))
     top = BED[2] + offset_cells * cell
+    solver = build_bed(bed, (*BED[:2], top), cell, headroom=0.1, contact=contact, gravity=gravity)
     positions = mpm.sample_box((0.0, 0.0, 0.0), (*BED[:2], top), cell / 2)
-    elastic = bed == "elastic"
-    law = mpm.Elastic(E=5e5, nu=0.0, density=1000.0) if elastic else \
-        mpm.DruckerPrager(E=3e5, nu=0.2, density=1500.0, friction_angle_deg=40.0)
-    solver = mpm.Solver(
-        grid=mpm.Grid((0.0, 0.0, 0.0), (*BED[:2], top + 0.1), cell), precision=precision, gravity=tuple(gravity),
-        bodies=[mpm.Body(law, positions, volume=BED[0] * BED[1] * top / len(positions))], walls=mpm.Walls.all("stick"),
-        contact=contact,
-        # an elastic bed bears the block alone, not itself
-        body_acceleration=np.tile(-gravity, (len(positions), 1)) if elastic else None)
     height = top + HEIGHT / 2 + (1.5 * cell if start == "lowered" else 0.0)
-    model = mujoco.MjModel.from_xml_string(BLOCK.format(
-        host_step=HOST_STEP, gx=gravity[0], gz=gravity[2], x=START, y=BED[1] / 2, z=height, half=SIDE / 2,
-        half_height=HEIGHT / 2, mass=mass, friction=friction))
-    data = mujoco.MjData(model)
-    plugin = GranularPlugin(model, data, solver, bodies={"block": None}, coupling=coupling)  # pyright: ignore[reportArgumentType]
+    size = f"{SIDE / 2} {SIDE / 2} {HEIGHT / 2}"
+    plugin = couple(one_body(f'type="box" size="{size}" mass="{mass}" friction="{friction}"',
+                             (START, BED[1] / 2, height), host_step=HOST_STEP, gravity=gravity), solver, coupling)
+    data = plugin.data
     timed, speeds, gaps, shares, pitches, is_released = TimedSolver(solver), [], [], [], [], False
     is_top = positions[:, 2] > top - 0.5 * cell
     for step in range(round((HELD + SLID) / HOST_STEP)):
         if step * HOST_STEP < HELD:
             data.qvel[[0, 3, 4, 5]] = 0.0
             if step % 5 == 0:
-                state = solver.state()
-                state["v"] *= 0.8
-                solver.load(state)
-                data.qvel *= 0.8
+                damp(plugin, 0.8)
         elif incline_deg == 0.0 and not is_released:
             data.qvel[0], is_released = SPEED, True
         timed.run(plugin.step)
         if (step - 10) * HOST_STEP > HELD:
             speeds.append(data.qvel[0])
             gaps.append(_gap(data.qpos, solver.positions()[is_top], top - positions[:, 2].max(), cell))
-            shares.append(plugin.wrench("block").force)
+            shares.append(plugin.wrench("body").force)
             pitches.append(2.0 * math.asin(data.qpos[5]))
     acceleration = np.polyfit(HOST_STEP * np.arange(len(speeds)), speeds, 1)[0]
     exact = G * (math.sin(angle) - friction * math.cos(angle))
     along, _, normal = np.mean(shares, axis=0)
-    choices = {"bed": bed, "start": start, "mass": mass, "friction": friction, "cell": cell, "coupling": coupling,
-               "offset_cells": offset_cells, "contact": contact, "incline_deg": incline_deg, "precision": precision}
     if incline_deg == 0.0:
         errors = {"drag": (exact - acceleration) / G}
     else:
@@ -122,8 +92,8 @@ def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, fric
         tipped = G * (math.sin(angle) - math.cos(angle) * np.tan(math.atan(friction) - np.array(pitches)).mean())
         errors = {"acceleration": acceleration / exact - 1, "on_face": acceleration / tipped - 1}
     errors["gap"] = np.mean(gaps)
-    return timed.record(NAME, choices, errors, tangential_share=float(-along / normal),
-                        pitch_deg=math.degrees(pitches[-1]), mean_pitch_deg=math.degrees(np.mean(pitches)))
+    return timed.record(errors, tangential_share=-along / normal, pitch_deg=math.degrees(pitches[-1]),
+                        mean_pitch_deg=math.degrees(np.mean(pitches)))
 
 
 def _gap(place: np.ndarray, grains: np.ndarray, half: float, cell: float) -> float:

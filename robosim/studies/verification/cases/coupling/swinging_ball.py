@@ -8,56 +8,27 @@ displaces, with s the velocity that its images in the walls give to its place, r
 
 from typing import Literal
 
-import mujoco
 import numpy as np
 import trimesh
 
 import mpm
 from mpm.geometry.shell import SHELL_FACE
-from robosim.coupling.plugin import GranularPlugin
 from robosim.scene.settle import settle
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import UPRIGHT, load_pressure
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Within
+from robosim.studies.verification.cases.rigid_body import G, couple, one_body
 
-NAME = "swinging_ball"
-SOURCE = ("added mass of a sphere between walls by its image dipoles: 1/2 in unbounded water (Lamb, Hydrodynamics); "
-          "thrust of the displaced water (Archimedes)")
 HOST_STEP = 1e-3
-BANDS = {"damping": 0.08, "frequency": 0.03, "thrust": 0.03}
-"""Largest damping ratio, and relative errors of frequency and thrust. Real water would damp this ball by 0.01, see
-`boundary_layer_damping`; the simulated one is inviscid and slides along ball and walls: 0."""
-SWEEP = [{"ball": "pendulum"}, {"ball": "pendulum", "volume_rate": "cell"},
-         {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": HOST_STEP},
-         {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": 4 * HOST_STEP, "host_step": 4 * HOST_STEP},
-         *({"ball": ball, "volume_rate": rate} for ball in ("solid", "shell") for rate in ("particle", "cell")),
-         *({"ball": "shell", "volume_rate": rate, "face_cells": 0.51} for rate in ("particle", "cell"))]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"ball": "solid"}]
-MAIN_ERROR, RESOLUTION = "thrust", None
-CLAIMS = (Within("damping", BANDS["damping"], {"ball": "pendulum"}),
-          Within("frequency", BANDS["frequency"], {"ball": "pendulum"}),
-          *(Within("thrust", BANDS["thrust"], {"ball": ball}) for ball in ("solid", "shell")))
 RADIUS, LENGTH, WIDTH = 0.02, 0.1, 0.1
 """Of the ball, from its middle to the pendulum's axis, and of the box [m]."""
-DENSITY, DENSITY_RATIO, SOUND, G = 1000.0, 2.5, 12.0, 9.81
+DENSITY, DENSITY_RATIO, SOUND = 1000.0, 2.5, 12.0
 RELEASE = 0.04
 """Angle [rad] from which the pendulum starts: 4 mm, a fifth of the radius."""
 THICKNESS = 1e-3
 """Of the shell [m]."""
 SETTLING = 0.1
 """Time [s] for which the water comes to rest."""
-
-PENDULUM = """
-<mujoco>
-  <option timestep="{host_step}" integrator="implicitfast"/>
-  <worldbody>
-    <body name="ball" pos="{x} {x} {top}">
-      <joint type="hinge" axis="0 1 0"/>
-      <geom type="sphere" pos="0 0 -{length}" size="{radius}" mass="{mass}" friction="0"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
 
 
 def image_velocity(radius: float, width: float, reach: int = 100) -> float:
@@ -90,6 +61,20 @@ def boundary_layer_damping(frequency: float, carried: float, viscosity: float = 
     return float(6 * np.pi * viscosity * RADIUS * (1 + RADIUS / layer) / (2 * carried * frequency))
 
 
+@case(
+    source="added mass of a sphere between walls by its image dipoles: 1/2 in unbounded water (Lamb, Hydrodynamics); "
+           "thrust of the displaced water (Archimedes)",
+    sweep=[{"ball": "pendulum"}, {"ball": "pendulum", "volume_rate": "cell"},
+           {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": HOST_STEP},
+           {"ball": "pendulum", "volume_rate": "cell", "transfer_interval": 4 * HOST_STEP, "host_step": 4 * HOST_STEP},
+           *grid(ball=("solid", "shell"), volume_rate=("particle", "cell")),
+           *grid(ball=("shell",), volume_rate=("particle", "cell"), face_cells=(0.51,))],
+    quick=[{"ball": "solid"}],
+    # real water would damp this ball by 0.01, see `boundary_layer_damping`; the simulated one is inviscid and slides
+    # along ball and walls: 0
+    expectations=(Within("damping", 0.08, {"ball": "pendulum"}), Within("frequency", 0.03, {"ball": "pendulum"}),
+                  *(Within("thrust", 0.03, {"ball": ball}) for ball in ("solid", "shell"))),
+    main_error="thrust")
 def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: float = 0.005,
             volume_rate: Literal["particle", "cell"] = "particle", transfer_interval: float | None = None,
             face_cells: float = SHELL_FACE, host_step: float = HOST_STEP, precision: str = "f32") -> Record:
@@ -108,18 +93,14 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
     displaced = 4 / 3 * np.pi * RADIUS**3
     volume = (WIDTH**3 - displaced) / len(positions)
     water = mpm.NewtonianFluid(bulk_modulus=DENSITY * SOUND**2, density=DENSITY, volume_rate=volume_rate)
-    pose = mpm.Pose(middle, mpm.Pose.identity().quaternion)
+    pose = mpm.Pose(middle, UPRIGHT)
     held = {"pendulum": [], "solid": [mpm.Collider(mpm.Sdf.sphere(RADIUS), friction=0.0, pose=pose)],
             "shell": [mpm.Collider(mpm.Shell.from_mesh(trimesh.creation.icosphere(4, RADIUS - THICKNESS / 2),
                                                        THICKNESS, face_cells=face_cells), friction=0.0, pose=pose)]}
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (WIDTH, WIDTH, WIDTH), cell), walls=mpm.Walls.all("roller"),
                         precision=precision, colliders=held[ball], transfer_interval=transfer_interval,
                         bodies=[mpm.Body(water, positions, volume=volume)])
-    state = solver.state()
-    state["j"][:, 0] = -DENSITY * G * (WIDTH - positions[:, 2]) / water.bulk_modulus
-    solver.load(state)
-    choices = {"ball": ball, "cell": cell, "volume_rate": volume_rate, "transfer_interval": transfer_interval,
-               "host_step": host_step, "precision": precision} | ({"face_cells": face_cells} if ball == "shell" else {})
+    load_pressure(solver, water, WIDTH - positions[:, 2])
     timed = TimedSolver(solver)
     if ball == "pendulum":
         errors, readings = _swing(timed, displaced, host_step)
@@ -132,7 +113,7 @@ def measure(*, ball: Literal["pendulum", "solid", "shell"] = "pendulum", cell: f
         thrust = np.mean(impulses) / HOST_STEP
         errors = {"thrust": thrust / (DENSITY * G * displaced) - 1}
         readings = {"ripple": float(np.std(impulses) / HOST_STEP / (DENSITY * G * displaced))}
-    return timed.record(NAME, choices, errors, **readings)
+    return timed.record(errors, **readings)
 
 
 def _swing(timed: TimedSolver, displaced: float, host_step: float) -> tuple[dict[str, float], dict[str, float]]:
@@ -141,15 +122,16 @@ def _swing(timed: TimedSolver, displaced: float, host_step: float) -> tuple[dict
     host_step: of MuJoCo [s]. Return the errors of damping and frequency, and readings.
     """
     mass = DENSITY_RATIO * DENSITY * displaced
-    model = mujoco.MjModel.from_xml_string(PENDULUM.format(
-        host_step=host_step, x=WIDTH / 2, top=WIDTH / 2 + LENGTH, length=LENGTH, radius=RADIUS, mass=mass))
-    data = mujoco.MjData(model)
+    scene = one_body(f'type="sphere" pos="0 0 -{LENGTH}" size="{RADIUS}" mass="{mass}" friction="0"',
+                     (WIDTH / 2, WIDTH / 2, WIDTH / 2 + LENGTH), joint='<joint type="hinge" axis="0 1 0"/>',
+                     host_step=host_step)
+    plugin = couple(scene, timed.solver)
+    model, data = plugin.model, plugin.data
     data.qpos[0] = RELEASE
     carried = mass + added_mass(RADIUS, WIDTH) * DENSITY * displaced
     inertia = carried * LENGTH**2 + 0.4 * mass * RADIUS**2
     stiffness = (mass - DENSITY * displaced) * G * LENGTH
     expected = np.sqrt(stiffness / inertia)
-    plugin = GranularPlugin(model, data, timed.solver, bodies={"ball": None})
     model.dof_armature[0] = 1e9  # held while the water comes to rest
     settle(timed.solver, lambda window: [timed.run(plugin.step) for _ in range(round(window / host_step))],
            SETTLING, max(2e-3, host_step))

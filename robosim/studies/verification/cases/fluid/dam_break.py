@@ -10,19 +10,10 @@ from typing import Literal
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import load_pressure
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import each_within
 
-NAME = "dam_break"
-SOURCE = "Martin & Moyce 1952, Phil. Trans. R. Soc. A 244:312, fig. 3, a = 2.25 in, digitised in PySPH's db_exp_data.py"
-BANDS = {"mean": 0.15, "max": 0.18, "front speed": 0.08}
-"""Relative errors at most, of the front for T <= 5.1 and of its speed from T = 2 to 5.1; the mean is signed."""
-SWEEP = [*({"cells": n, "courant": c} for c in (0.2, 0.4) for n in (10, 20, 40)),
-         *({"cells": n, "courant": 0.4, "tension": False} for n in (10, 20))]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": n, "courant": 0.4} for n in (10, 20)]
-MAIN_ERROR, RESOLUTION = "mean", "cells"
-CLAIMS = tuple(Within(name, bound, {"cells": n}) for n in (20, 40) for name, bound in BANDS.items())
 WIDTH = 0.05715
 FRONT = np.array([
     (0.832, 1.217), (1.219, 1.474), (1.997, 2.292), (2.547, 2.995), (3.345, 4.134), (4.034, 4.944), (4.418, 5.881),
@@ -33,6 +24,15 @@ TIP = 0.0025
 DENSITY, G = 1000.0, 9.81
 
 
+@case(
+    source="Martin & Moyce 1952, Phil. Trans. R. Soc. A 244:312, fig. 3, a = 2.25 in, digitised in PySPH's "
+           "db_exp_data.py",
+    sweep=[*grid(courant=(0.2, 0.4), cells=(10, 20, 40)), *grid(courant=(0.4,), tension=(False,), cells=(10, 20))],
+    quick=grid(courant=(0.4,), cells=(10, 20)),
+    # of the front for T <= 5.1 and of its speed from T = 2 to 5.1; the mean is signed
+    expectations=[one for n in (20, 40)
+                  for one in each_within({"mean": 0.15, "max": 0.18, "front speed": 0.08}, {"cells": n})],
+    main_error="mean", resolution="cells")
 def measure(*, cells: int = 20, courant: float = 0.4, precision: str = "f32", sound: float = 12.0,
             tension: bool = True, volume_rate: Literal["particle", "cell"] = "particle") -> Record:
     """Run the case; return the errors of the front. cells: across the column.
@@ -48,9 +48,7 @@ def measure(*, cells: int = 20, courant: float = 0.4, precision: str = "f32", so
     room = (8.5 * WIDTH, cell, 1.2 * height)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), room, cell), walls=walls, dt=courant * cell / sound,
                         bodies=[mpm.Body(water, positions, volume=(cell / 2) ** 3)], precision=precision)
-    state = solver.state()
-    state["j"][:, 0] = -DENSITY * G * (height - positions[:, 2]) / water.bulk_modulus
-    solver.load(state)
+    load_pressure(solver, water, height - positions[:, 2])
     timed = TimedSolver(solver)
     unit = np.sqrt(WIDTH / (2 * G))
     times, front = [0.0], [1.0]
@@ -59,10 +57,8 @@ def measure(*, cells: int = 20, courant: float = 0.4, precision: str = "f32", so
         times.append(solver.time / unit)
         front.append(float(np.quantile(solver.positions()[:, 0], 1 - TIP) / WIDTH))
     error = np.interp(FRONT[:, 0], times, front) / FRONT[:, 1] - 1
-    window = (FRONT[:, 0] >= 1.9)
+    window = FRONT[:, 0] >= 1.9
     computed = np.polyfit(FRONT[window, 0], np.interp(FRONT[window, 0], times, front), 1)[0]
     filmed = np.polyfit(FRONT[window, 0], FRONT[window, 1], 1)[0]
     errors = {"mean": error.mean(), "max": np.abs(error).max(), "front speed": computed / filmed - 1}
-    choices = {"cells": cells, "courant": courant, "precision": precision, "sound": sound, "tension": tension,
-               "volume_rate": volume_rate}
-    return timed.record(NAME, choices, errors, front_at_5=float(np.interp(5.0, times, front)))
+    return timed.record(errors, front_at_5=np.interp(5.0, times, front))

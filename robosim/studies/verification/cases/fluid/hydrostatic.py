@@ -9,22 +9,18 @@ from typing import Literal
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import each_within
 
-NAME = "hydrostatic"
-SOURCE = "J = 1 - rho0 g Z / K for p = K (1 - J): height 0.0995095 m of 0.1 m at K = 1e5 Pa; peer: CB-Geo's column"
-BANDS = {"gradient": 0.02, "base": 0.02, "height": 2e-4}
-"""Relative errors at most."""
-SWEEP = [{"cells": n, "precision": p, "material": m} for m in ("water", "sand") for p in ("f32", "f64")
-         for n in (10, 20)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": 20, "precision": "f32", "material": m} for m in ("water", "sand")]
-MAIN_ERROR, RESOLUTION = "gradient", "cells"
-CLAIMS = tuple(Within(name, bound, {"cells": 20}) for name, bound in BANDS.items())
 DEPTH, BULK, DENSITY, G, HEIGHT = 0.1, 1e5, 1000.0, 9.81, 0.0995095
 
 
+@case(
+    source="J = 1 - rho0 g Z / K for p = K (1 - J): height 0.0995095 m of 0.1 m at K = 1e5 Pa; peer: CB-Geo's column",
+    sweep=grid(material=("water", "sand"), precision=("f32", "f64"), cells=(10, 20)),
+    quick=grid(cells=(20,), precision=("f32",), material=("water", "sand")),
+    expectations=each_within({"gradient": 0.02, "base": 0.02, "height": 2e-4}, {"cells": 20}),
+    main_error="gradient", resolution="cells")
 def measure(*, cells: int = 20, precision: str = "f32", material: str = "water",
             volume_rate: Literal["particle", "cell"] = "particle") -> Record:
     """Run the case; return the errors of gradient, base pressure and height.
@@ -38,8 +34,7 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water",
     law = mpm.NewtonianFluid(bulk_modulus=BULK, density=DENSITY, viscosity=0.001, volume_rate=volume_rate)
     if material == "sand":
         law = mpm.DruckerPrager(E=3e5 * (1 - 2 * 0.3), nu=0.3, density=DENSITY, friction_angle_deg=0.0)
-    rollers = mpm.Walls.all("roller")
-    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.12), cell), walls=rollers,
+    solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (4 * cell, 4 * cell, 0.12), cell), walls=mpm.Walls.all("roller"),
                         bodies=[mpm.Body(law, positions, volume=(cell / 2) ** 3)], precision=precision)
     timed = TimedSolver(solver)
     timed.settle(0.2)
@@ -51,7 +46,6 @@ def measure(*, cells: int = 20, precision: str = "f32", material: str = "water",
     gradient, surface = np.polyfit(depth, pressure, 1)
     top = depth < cell
     base = surface + gradient * DEPTH
-    errors = {"gradient": gradient / (DENSITY * G) - 1, "base": base / (DENSITY * G * DEPTH) - 1,
-              "height": (solver.positions()[top, 2] + depth[top]).mean() / HEIGHT - 1}
-    return timed.record(NAME, {"cells": cells, "precision": precision, "material": material,
-                               "volume_rate": volume_rate}, errors)
+    return timed.record({
+        "gradient": gradient / (DENSITY * G) - 1, "base": base / (DENSITY * G * DEPTH) - 1,
+        "height": (solver.positions()[top, 2] + depth[top]).mean() / HEIGHT - 1})

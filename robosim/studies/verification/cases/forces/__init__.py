@@ -1,4 +1,4 @@
 """Cases of forces of sand on plates, walls, silos and spheres.
 
-Imports: base, config, coupling, mpm.
+Imports: base, config, mpm.
 """

@@ -6,38 +6,18 @@ Uehara et al. (2003) for dry grains, d = 0.14 / mu (rho_b / rho_g)^(1/2) D^(2/3)
 
 import math
 
-import mujoco
 import numpy as np
 
 import mpm
-from robosim.coupling.plugin import GranularPlugin
-from robosim.studies.verification.cases.claims import Power, Within
-from robosim.studies.verification.cases.comparison import Comparison
+from mpm.scene.features import Contact
+from robosim.studies.verification.cases.beds import resting_body
+from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Power, Within
 from robosim.studies.verification.cases.forces.plate_bed import DENSITY, E, G, make_sand
 from robosim.studies.verification.cases.forces.resistive_force import read_reference
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.rigid_body import couple, one_body
 
-NAME = "dropped_sphere"
-SOURCE = ("Uehara et al. 2003, Phys. Rev. Lett. 90:194301; Katsuragi & Durian 2007, Nat. Phys. 3:420, for the force; "
-          "configs/references/impact.yaml")
-BANDS = {"depth": 0.20, "least power of drop": 0.25, "most power of drop": 0.41, "least power of density": 0.38,
-         "most power of density": 0.62}
-"""Relative error of the depth in every run; powers of the whole drop and of the densities' ratio in the depth."""
-CELLS = (0.006, 0.005, 0.004, 0.003)
-"""[m]: every one of them is held to the same range, as the error crosses zero between them."""
-SWEEP = [*({"cell": 0.004, "drop": h} for h in (0.05, 0.1, 0.2, 0.4)),
-         *({"cell": 0.004, "density_ratio": r} for r in (0.8, 1.8)), *({"cell": c} for c in CELLS if c != 0.004),
-         {"friction_deg": 30.0}, {"stiffness": 4e6}, {"contact": "near"}]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cell": 0.006, "drop": h} for h in (0.05, 0.2)]
-MAIN_ERROR, RESOLUTION = "depth", "cell"
 USUAL = {"cell": 0.004, "friction_deg": 24.0, "stiffness": E, "contact": "touching"}
-CLAIMS = (*(Within("depth", BANDS["depth"], {"cell": c, "contact": "touching"}) for c in CELLS),
-          Within("depth", BANDS["depth"], {"contact": "near"}),
-          Power("stopped", "fallen", BANDS["least power of drop"], BANDS["most power of drop"],
-                {**USUAL, "density_ratio": 5.1}),
-          Power("scaled_depth", "ratio", BANDS["least power of density"], BANDS["most power of density"],
-                {**USUAL, "drop": 0.1}))
 DIAMETER, BALL_FRICTION = 0.0254, 0.3
 BED = (4.0, 6.0)
 """Half width and height of the bed [diameters]."""
@@ -45,18 +25,6 @@ HOST_STEP, LONGEST = 5e-4, 0.6
 """[s]: of MuJoCo, and time after which a ball that still moves is given up."""
 AT_REST = 5e-3
 """Speed [m/s] below which the ball has stopped."""
-
-BALL = """
-<mujoco>
-  <option timestep="{host_step}" integrator="implicitfast"/>
-  <worldbody>
-    <body name="ball" pos="0 0 {z}">
-      <joint type="slide" axis="0 0 1"/>
-      <geom type="sphere" size="{radius}" mass="{mass}" friction="{friction}"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
 
 
 def predict(drop: float, density_ratio: float, mu: float, diameter: float = DIAMETER) -> float:
@@ -81,8 +49,34 @@ def predict_by_force(drop: float, density_ratio: float, mu: float, diameter: flo
     return float(z[np.argmax(energy < 0)])
 
 
+def compare(records: list[Record]) -> list[Comparison]:
+    """Return the measured depth beside that of Uehara's law, for every run."""
+    measured: dict[str, list] = {}
+    for record in records:
+        label = record.label("friction_deg", "cell", "stiffness")
+        measured.setdefault(label, []).append((
+            record.readings["expected"], record.readings["stopped"],
+            f"{label}, {record.label('drop', 'density_ratio')}"))
+    law = read_reference("impact")
+    return [Comparison(title="depth of dropped spheres", x="Uehara's law [m]", y="measured [m]", measured=measured,
+                       line=((0.01, 0.01), (0.1, 0.1)), uncertainty=law["uncertainty"], is_relative=True,
+                       is_logarithmic=True, source=law["source"])]
+
+
+@case(
+    source="Uehara et al. 2003, Phys. Rev. Lett. 90:194301; Katsuragi & Durian 2007, Nat. Phys. 3:420, for the force; "
+           "configs/references/impact.yaml",
+    sweep=[*grid(cell=(0.004,), drop=(0.05, 0.1, 0.2, 0.4)), *grid(cell=(0.004,), density_ratio=(0.8, 1.8)),
+           *grid(cell=(0.006, 0.005, 0.003)), {"friction_deg": 30.0}, {"stiffness": 4e6}, {"contact": "near"}],
+    quick=grid(cell=(0.006,), drop=(0.05, 0.2)),
+    # the error crosses zero between the cells; powers of the whole drop and of the densities' ratio
+    expectations=(*(Within("depth", 0.20, {"cell": c, "contact": "touching"}) for c in (0.006, 0.005, 0.004, 0.003)),
+                  Within("depth", 0.20, {"contact": "near"}),
+                  Power("stopped", "fallen", 0.25, 0.41, {**USUAL, "density_ratio": 5.1}),
+                  Power("scaled_depth", "ratio", 0.38, 0.62, {**USUAL, "drop": 0.1})),
+    main_error="depth", resolution="cell", compare=compare)
 def measure(*, drop: float = 0.1, density_ratio: float = 5.1, friction_deg: float = 24.0, cell: float = 0.005,
-            stiffness: float = E, contact: str = "touching", precision: str = "f32") -> Record:
+            stiffness: float = E, contact: Contact = "touching", precision: str = "f32") -> Record:
     """Run the case; return the relative error of the depth.
 
     drop: free fall [m]; density_ratio: of ball to bed, 5.1 for steel; friction_deg: whose tangent the sand carries in
@@ -95,15 +89,14 @@ def measure(*, drop: float = 0.1, density_ratio: float = 5.1, friction_deg: floa
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (width, width, height + 4 * DIAMETER), cell), precision=precision,
         walls=mpm.Walls(lower=("roller", "roller", "friction"), upper=("slip", "slip", "slip")),
-        bodies=[mpm.Body(sand, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, sand))],
-        contact=contact, gravity=(0, 0, -G))  # pyright: ignore[reportArgumentType]
+        bodies=[resting_body(sand, positions, volume)], contact=contact, gravity=(0, 0, -G))
     # a quarter of the bed carries a quarter of the ball
     mass = math.pi / 6 * DIAMETER**3 * density_ratio * DENSITY / 4
     near = cell  # where the computed fall begins, above contact
-    model = mujoco.MjModel.from_xml_string(BALL.format(
-        host_step=HOST_STEP, radius=DIAMETER / 2, mass=mass, friction=BALL_FRICTION, z=height + DIAMETER / 2 + near))
-    data = mujoco.MjData(model)
-    plugin = GranularPlugin(model, data, solver, bodies={"ball": None})
+    plugin = couple(one_body(f'type="sphere" size="{DIAMETER / 2}" mass="{mass}" friction="{BALL_FRICTION}"',
+                             (0, 0, height + DIAMETER / 2 + near), joint='<joint type="slide" axis="0 0 1"/>',
+                             host_step=HOST_STEP), solver)
+    data = plugin.data
     data.qvel[0] = -math.sqrt(2 * G * (drop - near))
     timed, has_hit = TimedSolver(solver), False
     while solver.time < LONGEST and not (has_hit and data.qvel[0] > -AT_REST):
@@ -111,22 +104,6 @@ def measure(*, drop: float = 0.1, density_ratio: float = 5.1, friction_deg: floa
         has_hit = has_hit or data.qpos[0] < -near - 0.25 * DIAMETER
     depth = -float(data.qpos[0]) - near if has_hit and solver.time < LONGEST else np.nan
     expected = predict(drop, density_ratio, mu)
-    choices = {"drop": drop, "density_ratio": density_ratio, "friction_deg": friction_deg, "cell": cell,
-               "stiffness": stiffness, "contact": contact, "precision": precision}
-    return timed.record(NAME, choices, {"depth": depth / expected - 1}, stopped=depth, expected=expected,
+    return timed.record({"depth": depth / expected - 1}, stopped=depth, expected=expected,
                         by_force=predict_by_force(drop, density_ratio, mu), fallen=drop + depth, ratio=density_ratio,
                         scaled_depth=depth / (drop + depth) ** (1 / 3), stop_time=solver.time)
-
-
-def compare(records: list[Record]) -> list[Comparison]:
-    """Return the measured depth beside that of Uehara's law, for every run."""
-    measured: dict[str, list] = {}
-    for record in records:
-        label = ", ".join(f"{key} {record.choices[key]:g}" for key in ("friction_deg", "cell", "stiffness"))
-        measured.setdefault(label, []).append((
-            record.readings["expected"], record.readings["stopped"],
-            f"{label}, drop {record.choices['drop']:g}, density ratio {record.choices['density_ratio']:g}"))
-    law = read_reference("impact")
-    return [Comparison(title="depth of dropped spheres", x="Uehara's law [m]", y="measured [m]", measured=measured,
-                       line=((0.01, 0.01), (0.1, 0.1)), uncertainty=law["uncertainty"], is_relative=True,
-                       is_logarithmic=True, source=law["source"])]

@@ -5,6 +5,7 @@ Directions as in resistive force theory: the plate rises by the attack angle bet
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,9 @@ import trimesh
 
 import mpm
 from robosim.base.errors import UnknownName
+from robosim.studies.verification.cases.beds import carry, courant_step, resting_body
+from robosim.studies.verification.cases.case import Cost, TimedSolver
 from robosim.studies.verification.cases.dense_sand import DenseSand, critical_angle, dense_sand
-from robosim.studies.verification.cases.record import Cost, TimedSolver
 
 SIDE = 0.04
 """Length of the plate [m], and its width where it is square."""
@@ -74,46 +76,56 @@ def attitude(beta_deg: float) -> np.ndarray:
     return np.array([math.cos(half), 0.0, math.sin(half), 0.0])
 
 
-def push(sand: mpm.DruckerPrager | DenseSand, *, beta_deg: float, gamma_deg: float, start_depth: float, travel: float,
-         cell: float, square: bool = False, courant: float = 0.5, precision: str = "f32", speed: float = SPEED,
-         side: float = SIDE, plate_friction: float = PLATE_FRICTION,
-         bed: tuple[float, float, float] | None = None) -> Pushed:
-    """Drive a plate through a bed; return the stresses that it met.
+@dataclass(frozen=True, kw_only=True)
+class Plate:
+    """A plate, and the straight way on which it is driven through a bed."""
 
-    sand: see `make_sand`. start_depth: [m] of the plate's centre; negative above the surface. travel: [m]; cell: [m].
-    square: a plate as wide as it is long, of which one half is computed; otherwise a strip in plane strain, of which
-    one cell is. side: length of the plate [m]. bed: length, half width and height [m]; None: in proportion to the
-    plate. Others: see the constants.
-    """
-    gamma = math.radians(gamma_deg)
+    beta_deg: float
+    gamma_deg: float
+    start_depth: float
+    """Of the plate's centre [m]; negative above the surface."""
+    travel: float
+    """[m]"""
+    cell: float
+    """[m]"""
+    square: bool = False
+    """As wide as it is long, of which one half is computed; otherwise a strip in plane strain, of which one cell is."""
+    side: float = SIDE
+    """Length of the plate [m]."""
+    friction: float = PLATE_FRICTION
+    speed: float = SPEED
+    bed: tuple[float, float, float] | None = None
+    """Length, half width and height [m]; None: in proportion to the plate."""
+    precision: str = "f32"
+
+
+def push(sand: mpm.DruckerPrager | DenseSand, plate: Plate) -> Pushed:
+    """Drive a plate through a bed of sand (`make_sand`); return the stresses that it met."""
+    cell, side, square, travel, speed = plate.cell, plate.side, plate.square, plate.travel, plate.speed
+    gamma = math.radians(plate.gamma_deg)
     course = np.array([math.cos(gamma), 0.0, -math.sin(gamma)])
-    room = bed or [part * side for part in (SQUARE_BED if square else STRIP_BED)]
+    room = plate.bed or [part * side for part in (SQUARE_BED if square else STRIP_BED)]
     length, half, height = (_whole(part, cell) for part in room)
     width = half if square else cell
     positions = mpm.sample_box((0, 0, 0), (length, width, height), cell / 2)
     volume = length * width * height / len(positions)
-    begin = np.array([0.5 * (length - travel * course[0]), 0.0 if square else width / 2, height - start_depth])
-    plate = mpm.Collider(mpm.Shell.from_mesh(plate_mesh(side, side if square else 4 * width), 0.5 * cell),
-                         friction=plate_friction, pose=mpm.Pose(begin, attitude(beta_deg)))
+    begin = np.array([0.5 * (length - travel * course[0]), 0.0 if square else width / 2, height - plate.start_depth])
+    shell = mpm.Collider(mpm.Shell.from_mesh(plate_mesh(side, side if square else 4 * width), 0.5 * cell),
+                         friction=plate.friction, pose=mpm.Pose(begin, attitude(plate.beta_deg)))
     sides = "slip" if square else "periodic"
     solver = mpm.Solver(
-        grid=mpm.Grid((0, 0, 0), (length, width, height + _whole(side, cell)), cell), precision=precision,
-        colliders=[plate],
+        grid=mpm.Grid((0, 0, 0), (length, width, height + _whole(side, cell)), cell), precision=plate.precision,
+        colliders=[shell],
         walls=mpm.Walls(lower=("slip", "roller" if square else sides, "friction"), upper=("slip", sides, "slip")),
-        bodies=[mpm.Body(sand, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, sand))],
-        gravity=(0, 0, -G), dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        bodies=[resting_body(sand, positions, volume)], gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed = TimedSolver(solver)
     timed.settle(0.04)
     area = side * (side / 2 if square else width)
-    depths, travels, stresses, here = [], [], [], plate.pose
-    for k in range(round(travel / speed / WINDOW)):
-        there = mpm.Pose(plate.pose.position + (k + 1) * WINDOW * speed * course, plate.pose.quaternion)
-        solver.set_collider_motion(0, here, there)
-        timed.advance(WINDOW)
+    depths, travels, stresses = [], [], []
+    for k in carry(timed, lambda k: k * WINDOW * speed * course, round(travel / speed / WINDOW), WINDOW):
         travels.append((k + 0.5) * WINDOW * speed)
-        depths.append(start_depth + travels[-1] * math.sin(gamma))
+        depths.append(plate.start_depth + travels[-1] * math.sin(gamma))
         stresses.append(solver.collider_impulse(0).force / (WINDOW * area))
-        here = there
     cost = timed.cost
     solver.close()
     return Pushed(cost, np.array(depths), np.array(travels), np.array(stresses))

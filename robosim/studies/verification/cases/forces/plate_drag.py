@@ -9,26 +9,11 @@ import math
 
 import numpy as np
 
-from robosim.studies.verification.cases.claims import Power, Ratio, Within
-from robosim.studies.verification.cases.comparison import Comparison
+from robosim.studies.verification.cases.case import Comparison, Record, case, grid, make_record
+from robosim.studies.verification.cases.expectations import Power, Ratio, Within
 from robosim.studies.verification.cases.forces.earth_pressure import coulomb_passive
-from robosim.studies.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, E, G, make_sand, push
-from robosim.studies.verification.cases.record import Record, record_of_several
+from robosim.studies.verification.cases.forces.plate_bed import DENSITY, FRICTION_DEG, E, G, Plate, make_sand, push
 
-NAME = "plate_drag"
-SOURCE = ("Coulomb's wedge (1776): 0.5 rho g d^2 K_p cos(delta), with a plane slip surface; speed: friction does not "
-          "depend on it")
-BANDS = {"force": 0.35, "least exponent": 1.8, "most exponent": 2.2, "rate": 0.10}
-"""Relative error of the force, its power of the depth, and its relative change from 1 to 10 cm/s."""
-SWEEP = [*({"depth": d} for d in (0.03, 0.045, 0.06)), *({"depth": 0.06, "cell": c} for c in (0.01, 0.0075)),
-         *({"depth": 0.06, "cell": 0.0075, "speed": v} for v in (0.01, 0.1)), {"depth": 0.06, "friction": 0.0}]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"depth": d, "cell": 0.01} for d in (0.04, 0.06)]
-MAIN_ERROR, RESOLUTION = "force", "cell"
-CLAIMS = (Within("force", BANDS["force"]),
-          Power("drag", "depth", BANDS["least exponent"], BANDS["most exponent"],
-                {"cell": 0.005, "friction": 0.4, "speed": 0.05}),
-          Ratio("drag", "speed", (0.01, 0.1), 1 - BANDS["rate"], 1 + BANDS["rate"], {"cell": 0.0075, "depth": 0.06}))
 BED = (0.6, 0.2)
 """Length and height [m]."""
 SPEED = 0.05
@@ -39,6 +24,29 @@ BEGIN, END = 0.15, 0.30
 """Way of the blade [depths] over which the force is averaged."""
 
 
+def compare(records: list[Record]) -> list[Comparison]:
+    """Return the measured force by depth beside that of the wedge."""
+    depths = np.linspace(0.02, 0.07, 21)
+    measured: dict[str, list] = {}
+    for record in records:
+        label = record.label("friction", "cell", "speed")
+        measured.setdefault(label, []).append((record.choices["depth"], record.readings["drag"], label))
+    published = {f"wedge, friction {mu:g}": [(float(d), predict(float(d), mu), "") for d in depths] for mu in
+                 sorted({float(record.choices["friction"] or 0.0) for record in records})}
+    return [Comparison(title="drag of a blade", x="depth [m]", y="force [N/m]", measured=measured, published=published,
+                       uncertainty=0.2, is_relative=True, is_logarithmic=True)]
+
+
+@case(
+    source="Coulomb's wedge (1776): 0.5 rho g d^2 K_p cos(delta), with a plane slip surface; speed: friction does not "
+           "depend on it",
+    sweep=[*grid(depth=(0.03, 0.045, 0.06)), *grid(depth=(0.06,), cell=(0.01, 0.0075)),
+           *grid(depth=(0.06,), cell=(0.0075,), speed=(0.01, 0.1)), {"depth": 0.06, "friction": 0.0}],
+    quick=grid(depth=(0.04, 0.06), cell=(0.01,)),
+    expectations=(Within("force", 0.35),
+                  Power("drag", "depth", 1.8, 2.2, {"cell": 0.005, "friction": 0.4, "speed": 0.05}),
+                  Ratio("drag", "speed", (0.01, 0.1), 0.9, 1.1, {"cell": 0.0075, "depth": 0.06})),
+    main_error="force", resolution="cell", compare=compare)
 def measure(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.4, speed: float = SPEED,
             friction_deg: float = FRICTION_DEG, stiffness: float = E, precision: str = "f32") -> Record:
     """Run the case; return the relative error of the force.
@@ -46,15 +54,13 @@ def measure(*, depth: float = 0.06, cell: float = 0.005, friction: float = 0.4, 
     depth, cell [m]; friction: on the blade; speed [m/s]; friction_deg: whose tangent the sand carries in simple shear;
     stiffness: Young's modulus [Pa].
     """
-    pushed = push(make_sand(friction_deg, stiffness), beta_deg=90.0, gamma_deg=0.0, start_depth=0.0,
-                  travel=END * depth, cell=cell, side=2 * depth, bed=(BED[0], 0.0, BED[1]), plate_friction=friction,
-                  speed=speed, precision=precision)
+    pushed = push(make_sand(friction_deg, stiffness), Plate(
+        beta_deg=90.0, gamma_deg=0.0, start_depth=0.0, travel=END * depth, cell=cell, side=2 * depth,
+        bed=(BED[0], 0.0, BED[1]), friction=friction, speed=speed, precision=precision))
     slips = pushed.travels > BEGIN * depth
     drag = -float(np.mean(pushed.stresses[slips, 0])) * 2 * depth
     expected = predict(depth, friction, friction_deg)
-    choices = {"depth": depth, "cell": cell, "friction": friction, "speed": speed, "friction_deg": friction_deg,
-               "stiffness": stiffness, "precision": precision}
-    return record_of_several([pushed.cost], NAME, choices, {"force": drag / expected - 1},
+    return make_record([pushed.cost], {"force": drag / expected - 1},
                              {"drag": drag, "expected": expected, "depth": depth, "immersion": depth + REACH * cell})
 
 
@@ -63,16 +69,3 @@ def predict(depth: float, friction: float, friction_deg: float = FRICTION_DEG) -
     wall = math.degrees(math.atan(friction))
     phi = math.degrees(math.asin(math.tan(math.radians(friction_deg))))
     return 0.5 * DENSITY * G * depth**2 * coulomb_passive(phi, wall) * math.cos(math.radians(wall))
-
-
-def compare(records: list[Record]) -> list[Comparison]:
-    """Return the measured force by depth beside that of the wedge."""
-    depths = np.linspace(0.02, 0.07, 21)
-    measured: dict[str, list] = {}
-    for record in records:
-        label = ", ".join(f"{key} {record.choices[key]:g}" for key in ("friction", "cell", "speed"))
-        measured.setdefault(label, []).append((record.choices["depth"], record.readings["drag"], label))
-    published = {f"wedge, friction {mu:g}": [(float(d), predict(float(d), mu), "") for d in depths] for mu in
-                 sorted({float(record.choices["friction"] or 0.0) for record in records})}
-    return [Comparison(title="drag of a blade", x="depth [m]", y="force [N/m]", measured=measured, published=published,
-                       uncertainty=0.2, is_relative=True, is_logarithmic=True, source=SOURCE)]

@@ -13,8 +13,8 @@ from itertools import product
 
 import numpy as np
 
-from robosim.studies.verification.cases.claims import Power, Within
-from robosim.studies.verification.cases.comparison import Comparison
+from robosim.studies.verification.cases.case import Comparison, Record, case, make_record
+from robosim.studies.verification.cases.expectations import Power, Within
 from robosim.studies.verification.cases.forces.plate_bed import (
     DENSITY,
     FRICTION_DEG,
@@ -23,6 +23,7 @@ from robosim.studies.verification.cases.forces.plate_bed import (
     STRIP_BED,
     E,
     G,
+    Plate,
     Pushed,
     make_sand,
     push,
@@ -34,16 +35,7 @@ from robosim.studies.verification.cases.forces.resistive_force import (
     space_alpha,
     space_scale,
 )
-from robosim.studies.verification.cases.record import Record, record_of_several
 
-NAME = "plate_map"
-SOURCE = ("resistive force theory: Li, Zhang & Goldman 2013, Science 339:1408, in a plane; Agarwal, Goldman & Kamrin "
-          "2023, PNAS 120:e2214017120, in space; configs/references/resistive_force_2d.yaml, resistive_force_3d.yaml")
-BANDS = {"rms": 0.20, "least scale": 40.6, "most scale": 99.9, "least drag": 0.2, "most drag": 0.5, "straight": 0.97,
-         "least power": 0.9, "most power": 1.1}
-"""rms over the directions in vertical intrusions; vertical stress over density, gravity and depth: from that of loose
-poppy seeds to that of the theory in space for a friction coefficient of tan 30 deg; drag over vertical intrusion; least
-R^2 of a straight line through the force of vertical intrusion in depth; power of the area in that force."""
 DIRECTIONS = {
     "down": ((0, 90),),
     "few": ((0, 90), (30, 90), (90, 0), (30, 45), (-30, 0)),
@@ -53,20 +45,6 @@ DIRECTIONS = {
 """(beta, gamma) [deg]; the first is vertical intrusion. At gamma = 90, beta and -beta mirror each other."""
 SIDES, AREA_CELLS = (0.02, 0.04, 0.06), (0.008, 0.005)
 """Lengths of the plate, and cells, for the power of the plate's area [m]."""
-SWEEP = [{"cell": 0.008}, {"cell": 0.01, "square": True}, {"cell": 0.005}, {"cell": 0.008, "friction_deg": 25.0},
-         {"cell": 0.008, "stiffness": 4e6}, {"cell": 0.004},
-         *({"cell": c, "directions": "down", "side": s} for c in AREA_CELLS for s in SIDES)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cell": 0.01, "directions": "few"}]
-MAIN_ERROR, RESOLUTION = "rms", "cell"
-CLAIMS = (Within("rms", BANDS["rms"], {"square": False}), Within("rms", BANDS["rms"], {"square": True}),
-          Within("scale", BANDS["most scale"], {"square": False, "friction_deg": FRICTION_DEG}, BANDS["least scale"]),
-          Within("scale", BANDS["most scale"], {"square": True}, BANDS["least scale"]),
-          Within("drag", BANDS["most drag"], {"square": False}, BANDS["least drag"]),
-          Within("straight", 1.0, {"square": False}, BANDS["straight"]),
-          Within("straight", 1.0, {"square": True}, BANDS["straight"]),
-          *(Power("force", "area", BANDS["least power"], BANDS["most power"],
-                  {"square": False, "directions": "down", "cell": c}) for c in AREA_CELLS))
 DEEP, STEADY, TOUCH = 2.0, 0.5, 3.0
 """Depth [lengths of the plate] to which it is pushed, share of its way after which the stress counts, and depth [cells]
 below which the force is compared with a straight line."""
@@ -108,6 +86,43 @@ def expected(beta_deg: float, gamma_deg: float, square: bool, doubtful: bool = F
     return Alpha(-float(r), float(z))
 
 
+def compare(records: list[Record]) -> list[Comparison]:
+    """Return measured against published stress, both in units of vertical intrusion, for every run."""
+    comparisons = []
+    for square, name in ((False, "resistive_force_2d"), (True, "resistive_force_3d")):
+        reference = read_reference(name)
+        series = {}
+        for record in (r for r in records if r.choices["square"] == square):
+            series[record.label("cell", "friction_deg", "stiffness", "side")] = [
+                (getattr(expected(direction[0], direction[1], square), component),
+                 record.readings[name_of(component, *direction)] / record.readings["scale"],
+                 f"alpha_{component}, beta {direction[0]}, gamma {direction[1]}")
+                for direction in DIRECTIONS[str(record.choices["directions"])] for component in ("x", "z")]
+        if series:
+            comparisons.append(Comparison(
+                title="square plate against the theory in space" if square else "strip against the theory in a plane",
+                x="published, in vertical intrusions", y="measured, in vertical intrusions", measured=series,
+                line=((-0.5, -0.5), (1.2, 1.2)), uncertainty=reference["uncertainty"], source=reference["source"]))
+    return comparisons
+
+
+@case(
+    source="resistive force theory: Li, Zhang & Goldman 2013, Science 339:1408, in a plane; Agarwal, Goldman & Kamrin "
+           "2023, PNAS 120:e2214017120, in space; configs/references/resistive_force_2d.yaml, resistive_force_3d.yaml",
+    sweep=[{"cell": 0.008}, {"cell": 0.01, "square": True}, {"cell": 0.005}, {"cell": 0.008, "friction_deg": 25.0},
+           {"cell": 0.008, "stiffness": 4e6}, {"cell": 0.004},
+           *({"cell": c, "directions": "down", "side": s} for c in AREA_CELLS for s in SIDES)],
+    quick=[{"cell": 0.01, "directions": "few"}],
+    # rms in vertical intrusions; vertical stress over density, gravity and depth: from that of loose poppy seeds to
+    # that of the theory in space for a friction coefficient of tan 30 deg; drag over vertical intrusion; R^2 of a
+    # straight line through the force of vertical intrusion in depth; power of the area in that force
+    expectations=(*(Within("rms", 0.20, {"square": s}) for s in (False, True)),
+                  Within("scale", 99.9, {"square": False, "friction_deg": FRICTION_DEG}, 40.6),
+                  Within("scale", 99.9, {"square": True}, 40.6), Within("drag", 0.5, {"square": False}, 0.2),
+                  *(Within("straight", 1.0, {"square": s}, 0.97) for s in (False, True)),
+                  *(Power("force", "area", 0.9, 1.1, {"square": False, "directions": "down", "cell": c})
+                    for c in AREA_CELLS)),
+    main_error="rms", resolution="cell", compare=compare)
 def measure(*, cell: float = 0.008, directions: str = "map", square: bool = False, friction_deg: float = FRICTION_DEG,
             stiffness: float = E, side: float = SIDE, precision: str = "f32") -> Record:
     """Run the case; return the rms difference from the theory, except for the direction "down" alone.
@@ -119,8 +134,8 @@ def measure(*, cell: float = 0.008, directions: str = "map", square: bool = Fals
     sand, found, costs, straight = make_sand(friction_deg, stiffness), {}, [], math.nan
     for beta, gamma in DIRECTIONS[directions]:
         start, way = path_of(beta, gamma, side)
-        pushed = push(sand, beta_deg=beta, gamma_deg=gamma, start_depth=start, travel=way, cell=cell, square=square,
-                      side=side, bed=(room[0], room[1], room[2]), precision=precision)
+        pushed = push(sand, Plate(beta_deg=beta, gamma_deg=gamma, start_depth=start, travel=way, cell=cell,
+                                  square=square, side=side, bed=(room[0], room[1], room[2]), precision=precision))
         found[beta, gamma] = stress_per_depth(pushed)
         if (beta, gamma) == (0, 90):
             straight = straightness(pushed, TOUCH * cell)
@@ -137,9 +152,7 @@ def measure(*, cell: float = 0.008, directions: str = "map", square: bool = Fals
         readings["drag"] = found[90, 0].x / scale
         errors["rms"] = rms(found, scale, square)
         readings["rms_doubtful" if square else "rms_in_space"] = rms(found, scale, True, square)
-    choices = {"cell": cell, "directions": directions, "square": square, "friction_deg": friction_deg,
-               "stiffness": stiffness, "side": side, "precision": precision}
-    return record_of_several(costs, NAME, choices, errors, readings)
+    return make_record(costs, errors, readings)
 
 
 def rms(found: dict[tuple[int, int], Alpha], scale: float, square: bool, doubtful: bool = False) -> float:
@@ -152,23 +165,3 @@ def rms(found: dict[tuple[int, int], Alpha], scale: float, square: bool, doubtfu
 def name_of(component: str, beta_deg: float, gamma_deg: float) -> str:
     """Return the name of the reading of a direction."""
     return f"alpha_{component} {beta_deg:g} {gamma_deg:g}"
-
-
-def compare(records: list[Record]) -> list[Comparison]:
-    """Return measured against published stress, both in units of vertical intrusion, for every run."""
-    comparisons = []
-    for square, name in ((False, "resistive_force_2d"), (True, "resistive_force_3d")):
-        reference = read_reference(name)
-        series = {}
-        for record in (r for r in records if r.choices["square"] == square):
-            label = ", ".join(f"{key} {record.choices[key]:g}" for key in ("cell", "friction_deg", "stiffness", "side"))
-            series[label] = [(getattr(expected(direction[0], direction[1], square), component),
-                              record.readings[name_of(component, *direction)] / record.readings["scale"],
-                              f"alpha_{component}, beta {direction[0]}, gamma {direction[1]}")
-                             for direction in DIRECTIONS[str(record.choices["directions"])] for component in ("x", "z")]
-        if series:
-            comparisons.append(Comparison(
-                title="square plate against the theory in space" if square else "strip against the theory in a plane",
-                x="published, in vertical intrusions", y="measured, in vertical intrusions", measured=series,
-                line=((-0.5, -0.5), (1.2, 1.2)), uncertainty=reference["uncertainty"], source=reference["source"]))
-    return comparisons

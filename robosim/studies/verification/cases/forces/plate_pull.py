@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.comparison import Comparison
+from robosim.studies.verification.cases.case import Comparison, Record, case, make_record
+from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.forces.plate_bed import (
     DENSITY,
     FRICTION_DEG,
@@ -22,29 +22,15 @@ from robosim.studies.verification.cases.forces.plate_bed import (
     SIDE,
     SQUARE_BED,
     STRIP_BED,
-    E,
     G,
+    Plate,
     Pushed,
     make_sand,
     push,
 )
 from robosim.studies.verification.cases.forces.plate_map import STEADY, stress_per_depth
 from robosim.studies.verification.cases.forces.resistive_force import plane_alpha, read_reference
-from robosim.studies.verification.cases.record import Record, record_of_several
 
-NAME = "plate_pull"
-SOURCE = ("resistive force theory, Li, Zhang & Goldman 2013, Science 339:1408: withdrawal takes 0.20 to 0.25 of "
-          "intrusion; configs/references/resistive_force_2d.yaml")
-BANDS = {"least ratio": 0.1, "most ratio": 0.4}
-"""Force of withdrawal over that of intrusion, at equal depth."""
-SWEEP = [*({"cell": c} for c in (0.008, 0.005, 0.004)), {"cell": 0.005, "friction_deg": 25.0},
-         {"law": "dense"}, *({"cohesion": c} for c in (50.0, 200.0)),
-         *({"cell": c, "square": True} for c in (0.01, 0.008)), {"cell": 0.01, "square": True, "depth": 5.0}]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cell": 0.01}]
-MAIN_ERROR, RESOLUTION = "ratio", "cell"
-CLAIMS = (*(Within("ratio", BANDS["most ratio"], {"square": s}, BANDS["least ratio"]) for s in (True, False)),
-          Within("deep ratio", BANDS["most ratio"], {"square": True, "depth": 5.0}, BANDS["least ratio"]))
 DEPTH, BELOW = 2.5, {False: 3.5, True: 2.5}
 """Lengths of the plate: depth from which it is pulled, and room below it for a strip and for a square plate."""
 EARLY = (0.5, 1.0)
@@ -52,29 +38,50 @@ EARLY = (0.5, 1.0)
 faded, and the sand above it is undisturbed."""
 
 
+def compare(records: list[Record]) -> list[Comparison]:
+    """Return the measured ratio by cell, beside that of the published tables."""
+    reference = read_reference("resistive_force_2d")
+    cells = sorted({float(record.choices["cell"] or 0.0) for record in records})
+    measured: dict[str, list] = {}
+    for record in records:
+        label = f"{'square' if record.choices['square'] else 'strip'}, {record.choices['friction_deg']:g} deg, "
+        label += f"{record.choices['law']}, {record.choices['cohesion']:g} Pa"
+        measured.setdefault(label, []).append((record.choices["cell"], record.errors["ratio"], label))
+    published = {medium: [(cell, -plane_alpha(0.0, -90.0, medium).z / plane_alpha(0.0, 90.0, medium).z, medium)
+                          for cell in cells] for medium in reference["media"]}
+    return [Comparison(title="withdrawal over intrusion", x="cell [m]", y="ratio", measured=measured,
+                       published=published, uncertainty=0.05, source=reference["source"])]
+
+
+@case(
+    source="resistive force theory, Li, Zhang & Goldman 2013, Science 339:1408: withdrawal takes 0.20 to 0.25 of "
+           "intrusion; configs/references/resistive_force_2d.yaml",
+    sweep=[*({"cell": c} for c in (0.008, 0.005, 0.004)), {"cell": 0.005, "friction_deg": 25.0},
+           {"law": "dense"}, *({"cohesion": c} for c in (50.0, 200.0)),
+           *({"cell": c, "square": True} for c in (0.01, 0.008)), {"cell": 0.01, "square": True, "depth": 5.0}],
+    quick=[{"cell": 0.01}],
+    expectations=(*(Within("ratio", 0.4, {"square": s}, 0.1) for s in (True, False)),
+                  Within("deep ratio", 0.4, {"square": True, "depth": 5.0}, 0.1)),
+    main_error="ratio", resolution="cell", compare=compare)
 def measure(*, cell: float = 0.008, square: bool = False, depth: float = DEPTH, friction_deg: float = FRICTION_DEG,
-            stiffness: float = E, law: str = LAWS[0], cohesion: float = 0.0, relative_density: float = 0.7,
-            precision: str = "f32") -> Record:
+            law: str = LAWS[0], cohesion: float = 0.0) -> Record:
     """Run the case; return the ratio of withdrawal to intrusion.
 
-    cell [m]; square: a square plate; depth: from which it is pulled [lengths of the plate]; friction_deg, stiffness,
-    law, cohesion, relative_density: of the sand, see `plate_bed.make_sand`.
+    cell [m]; square: a square plate; depth: from which it is pulled [lengths of the plate]; friction_deg, law,
+    cohesion: of the sand, see `plate_bed.make_sand`.
     """
-    sand = make_sand(friction_deg, stiffness, law, cohesion, relative_density)
+    sand = make_sand(friction_deg, law=law, cohesion=cohesion)
     room = SQUARE_BED if square else STRIP_BED
     bed = (room[0] * SIDE, room[1] * SIDE, (depth + BELOW[square]) * SIDE)
     way = (depth - 0.5) * SIDE
-    down, up = (push(sand, beta_deg=0.0, gamma_deg=gamma, start_depth=start, travel=way, cell=cell, square=square,
-                     bed=bed, precision=precision) for gamma, start in ((90.0, 0.0), (-90.0, depth * SIDE)))
+    down, up = (push(sand, Plate(beta_deg=0.0, gamma_deg=gamma, start_depth=start, travel=way, cell=cell,
+                                 square=square, bed=bed)) for gamma, start in ((90.0, 0.0), (-90.0, depth * SIDE)))
     intrusion, withdrawal = stress_per_depth(down).z, -stress_per_depth(up).z
     late = up.depths[up.travels > STEADY * way]
     bound = float(late @ (late * lifting_bound(late / SIDE, friction_deg, square)) / (late @ late))
     deep = [_mean_at(pushed, depth) for pushed in (down, up)]
     deep_bound = float(lifting_bound(np.array(depth - np.mean(EARLY)), friction_deg, square))
-    choices = {"cell": cell, "square": square, "depth": depth, "friction_deg": friction_deg, "stiffness": stiffness,
-               "law": law, "cohesion": cohesion, "relative_density": relative_density, "precision": precision}
-    return record_of_several([down.cost, up.cost], NAME, choices,
-                             {"ratio": withdrawal / intrusion, "deep ratio": -deep[1] / deep[0]},
+    return make_record([down.cost, up.cost], {"ratio": withdrawal / intrusion, "deep ratio": -deep[1] / deep[0]},
                              {"intrusion": intrusion, "withdrawal": withdrawal, "bound": bound,
                               "deep intrusion": deep[0], "deep withdrawal": -deep[1], "deep bound": deep_bound})
 
@@ -94,18 +101,3 @@ def lifting_bound(depth: np.ndarray, friction_deg: float, square: bool) -> np.nd
     """
     spread = depth * math.tan(math.asin(math.tan(math.radians(friction_deg))))
     return 1.0 + 2.0 * spread + math.pi / 3.0 * spread**2 if square else 1.0 + spread
-
-
-def compare(records: list[Record]) -> list[Comparison]:
-    """Return the measured ratio by cell, beside that of the published tables."""
-    reference = read_reference("resistive_force_2d")
-    cells = sorted({float(record.choices["cell"] or 0.0) for record in records})
-    measured: dict[str, list] = {}
-    for record in records:
-        label = f"{'square' if record.choices['square'] else 'strip'}, {record.choices['friction_deg']:g} deg, "
-        label += f"{record.choices['law']}, {record.choices['cohesion']:g} Pa"
-        measured.setdefault(label, []).append((record.choices["cell"], record.errors["ratio"], label))
-    published = {medium: [(cell, -plane_alpha(0.0, -90.0, medium).z / plane_alpha(0.0, 90.0, medium).z, medium)
-                          for cell in cells] for medium in reference["media"]}
-    return [Comparison(title="withdrawal over intrusion", x="cell [m]", y="ratio", measured=measured,
-                       published=published, uncertainty=0.05, source=reference["source"])]

@@ -5,25 +5,14 @@ Janssen's exponential, with the ratio of horizontal to vertical stress that the 
 thick is computed.
 """
 
-import math
 
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.comparison import Comparison
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import UPRIGHT, carry, courant_step, resting_body
+from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case
+from robosim.studies.verification.cases.expectations import each_within
 
-NAME = "silo_load"
-SOURCE = "Janssen 1895, Z. Ver. dt. Ing. 39:1045, for a slot: sigma = rho g W / (2 mu K) (1 - exp(-2 mu K z / W))"
-BANDS = {"load": 0.08, "profile": 0.10, "balance": 0.005}
-"""Relative error of the load; rms of the stress in its largest value; what load, walls and weight leave over, in
-weights."""
-SWEEP = [*({"cells": n} for n in (10, 20)), {"cells": 20, "wall_friction": 0.2}, {"cells": 20, "slenderness": 2.0}]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": 10}]
-MAIN_ERROR, RESOLUTION = "load", "cells"
-CLAIMS = tuple(Within(name, BANDS[name]) for name in BANDS)
 WIDTH, DENSITY, NU, E, G, PHI_DEG = 0.1, 1500.0, 0.3, 1e6, 9.81, 30.0
 SPEED, WAY, WINDOW = 0.01, 0.004, 5e-3
 """Of the floor [m/s], its way [m], and time between readings [s]; the second half of the way counts."""
@@ -40,6 +29,27 @@ def janssen(depth: np.ndarray | float, width: float, friction: float, ratio: flo
     return DENSITY * G * length * -np.expm1(-np.asarray(depth) / length)
 
 
+def compare(records: list[Record]) -> list[Comparison]:
+    """Return the measured vertical stress by depth beside Janssen's, for every run."""
+    measured, published = {}, {}
+    for record in records:
+        label = record.label("cells", "wall_friction", "slenderness")
+        depths = [float(name.rpartition(" ")[2]) for name in record.readings if name.startswith("stress at ")]
+        measured[label] = [(d, record.readings[f"stress at {d:.4f}"], label) for d in depths]
+        friction = float(record.choices["wall_friction"] or 0.0)
+        curve = janssen(np.array(depths), WIDTH, friction, record.readings["ratio"])
+        published[f"Janssen, {label}"] = [(d, float(s), label) for d, s in zip(depths, curve)]
+    return [Comparison(title="vertical stress in a slot", x="depth [m]", y="stress [Pa]", measured=measured,
+                       published=published, uncertainty=0.10, is_relative=True)]
+
+
+@case(
+    source="Janssen 1895, Z. Ver. dt. Ing. 39:1045, for a slot: sigma = rho g W / (2 mu K) (1 - exp(-2 mu K z / W))",
+    sweep=[*({"cells": n} for n in (10, 20)), {"cells": 20, "wall_friction": 0.2}, {"cells": 20, "slenderness": 2.0}],
+    quick=[{"cells": 10}],
+    # rms of the stress in its largest value; what load, walls and weight leave over, in weights
+    expectations=each_within({"load": 0.08, "profile": 0.10, "balance": 0.005}),
+    main_error="load", resolution="cells", compare=compare)
 def measure(*, cells: int = 20, slenderness: float = 3.0, wall_friction: float = 0.3, phi_deg: float = PHI_DEG,
             stiffness: float = E, precision: str = "f32") -> Record:
     """Run the case; return the errors of load, profile and balance.
@@ -53,38 +63,30 @@ def measure(*, cells: int = 20, slenderness: float = 3.0, wall_friction: float =
     positions = mpm.sample_box((0, 0, base), (WIDTH, cell, base + height), cell / 2)
     volume = WIDTH * cell * height / len(positions)
     half = np.array([WIDTH, 4 * cell, 4 * cell])
-    start = mpm.Pose(np.array([WIDTH / 2, cell / 2, base - half[2]]), mpm.Pose.identity().quaternion)
+    start = mpm.Pose(np.array([WIDTH / 2, cell / 2, base - half[2]]), UPRIGHT)
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (WIDTH, cell, base + height + 4 * cell), cell), precision=precision,
         colliders=[mpm.Collider(mpm.Sdf.box(tuple(half)), friction=0.0, pose=start)], contact="touching",
         walls=mpm.Walls(friction=wall_friction, lower=("friction", "periodic", "slip"),
                         upper=("friction", "periodic", "slip")),
-        bodies=[mpm.Body(sand, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, sand))],
-        gravity=(0, 0, -G),
-        dt=0.5 * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        bodies=[resting_body(sand, positions, volume)], gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed = TimedSolver(solver)
     timed.settle(0.2)
     weight, windows = DENSITY * G * WIDTH * height * cell, round(WAY / SPEED / WINDOW)
-    loads, walls, normals, here = [], [], [], start
-    for k in range(windows):
-        there = mpm.Pose(start.position - [0, 0, (k + 1) / windows * WAY], start.quaternion)
-        solver.set_collider_motion(0, here, there)
-        timed.advance(WINDOW)
+    loads, walls, normals = [], [], []
+    for _ in carry(timed, lambda k: [0, 0, -(k / windows * WAY)], windows, WINDOW):
         sides = [solver.wall_impulse(side).force / WINDOW for side in ("x-", "x+")]
         loads.append(-solver.collider_impulse(0).force[2] / WINDOW)
         walls.append(-sum(side[2] for side in sides))
         normals.append(sides[1][0] - sides[0][0])
-        here = there
     load, friction, normal = (float(np.mean(values[windows // 2:])) for values in (loads, walls, normals))
     depth, vertical, ratio = stress_profile(solver, height)
     predicted = janssen(depth, WIDTH, wall_friction, ratio)
     expected = float(janssen(height, WIDTH, wall_friction, ratio)) * WIDTH * cell
     errors = {"load": load / expected - 1, "balance": (load + friction) / weight - 1,
               "profile": np.sqrt(np.mean((vertical - predicted) ** 2)) / predicted.max()}
-    choices = {"cells": cells, "slenderness": slenderness, "wall_friction": wall_friction, "phi_deg": phi_deg,
-               "stiffness": stiffness, "precision": precision}
     layers = {f"stress at {d:.4f}": s for d, s in zip(depth, vertical)}
-    return timed.record(NAME, choices, errors, ratio=ratio, load_share=load / weight,
+    return timed.record(errors, ratio=ratio, load_share=load / weight,
                         mobilized=friction / (wall_friction * normal), **layers)
 
 
@@ -97,17 +99,3 @@ def stress_profile(solver: mpm.Solver, height: float) -> tuple[np.ndarray, np.nd
     vertical = np.array([-stress[layer == k, 2, 2].mean() for k in range(LAYERS)])
     ratio = stress[:, 0, 0].sum() / stress[:, 2, 2].sum()
     return (np.arange(LAYERS) + 0.5) / LAYERS * height, vertical, float(ratio)
-
-
-def compare(records: list[Record]) -> list[Comparison]:
-    """Return the measured vertical stress by depth beside Janssen's, for every run."""
-    measured, published = {}, {}
-    for record in records:
-        label = ", ".join(f"{key} {record.choices[key]:g}" for key in ("cells", "wall_friction", "slenderness"))
-        depths = [float(name.rpartition(" ")[2]) for name in record.readings if name.startswith("stress at ")]
-        measured[label] = [(d, record.readings[f"stress at {d:.4f}"], label) for d in depths]
-        friction = float(record.choices["wall_friction"] or 0.0)
-        curve = janssen(np.array(depths), WIDTH, friction, record.readings["ratio"])
-        published[f"Janssen, {label}"] = [(d, float(s), label) for d, s in zip(depths, curve)]
-    return [Comparison(title="vertical stress in a slot", x="depth [m]", y="stress [Pa]", measured=measured,
-                       published=published, uncertainty=BANDS["profile"], is_relative=True, source=SOURCE)]

@@ -10,23 +10,11 @@ import math
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Order, Within
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Order, Within
 from robosim.studies.verification.cases.granular.slope import shear_ratio
-from robosim.studies.verification.cases.record import Record, TimedSolver
 
-NAME = "chute_flow"
-SOURCE = ("Jop, Forterre & Pouliquen (2006), Nature 441:727: u(z) = 2/3 I / d sqrt(rho g cos theta / rho_grain) "
-          "(h^1.5 - (h - z)^1.5), tan theta = mu(I)")
-BANDS = {"coarse profile": 0.06, "profile": 0.03, "flux": 0.02}
-"""Relative errors at most, of the profile with 10 cells over the depth, and of both with 20."""
-SWEEP = [*({"cells": n, "theta_deg": theta} for theta in (23.0, 26.0) for n in (10, 20)),
-         {"cells": 20, "theta_deg": 23.0, "E": 1e6}]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": 10, "theta_deg": 23.0}]
-MAIN_ERROR, RESOLUTION = "profile", "cells"
-CLAIMS = (Within("profile", BANDS["coarse profile"], {"cells": 10}),
-          *(Within(name, BANDS[name], {"cells": 20}) for name in ("profile", "flux")),
-          *(Order("profile", "cells", (10, 20), 0.5, {"theta_deg": theta, "E": 2e5}) for theta in (23.0, 26.0)))
 HEIGHT, G = 0.04, 9.81
 BULK, GRAIN, DIAMETER, INERTIAL = 1470.0, 2450.0, 2e-3, 0.279
 """Densities [kg/m^3] of bulk and grain, diameter [m] of a grain, inertial number I0."""
@@ -45,6 +33,15 @@ def reference(z: np.ndarray, theta_deg: float) -> np.ndarray:
     return scale * (HEIGHT**1.5 - np.maximum(HEIGHT - z, 0.0) ** 1.5)
 
 
+@case(
+    source="Jop, Forterre & Pouliquen (2006), Nature 441:727: u(z) = 2/3 I / d sqrt(rho g cos theta / rho_grain) "
+           "(h^1.5 - (h - z)^1.5), tan theta = mu(I)",
+    sweep=[*grid(theta_deg=(23.0, 26.0), cells=(10, 20)), {"cells": 20, "theta_deg": 23.0, "E": 1e6}],
+    quick=[{"cells": 10, "theta_deg": 23.0}],
+    expectations=(Within("profile", 0.06, {"cells": 10}), Within("profile", 0.03, {"cells": 20}),
+                  Within("flux", 0.02, {"cells": 20}),
+                  *(Order("profile", "cells", (10, 20), 0.5, {"theta_deg": t, "E": 2e5}) for t in (23.0, 26.0))),
+    main_error="profile", resolution="cells")
 def measure(*, cells: int = 20, theta_deg: float = 26.0, E: float = 2e5, courant: float = 0.5, duration: float = 9.0,
             precision: str = "f32") -> Record:
     """Run the case; return the errors of profile and flux. cells: over the depth; E [Pa]; duration [s]."""
@@ -60,14 +57,12 @@ def measure(*, cells: int = 20, theta_deg: float = 26.0, E: float = 2e5, courant
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (cell, cell, 1.2 * HEIGHT), cell), walls=walls, precision=precision,
         gravity=(G * math.sin(theta), 0, -G * math.cos(theta)),
-        dt=courant * cell / math.sqrt((law.lam + 2 * law.mu) / BULK),
+        dt=courant_step(courant, cell, law),
         bodies=[mpm.Body(law, grains, volume=volume, velocities=speed, stress=stress)])
     timed = TimedSolver(solver)
     timed.advance(duration)
     z, found = solver.positions()[:, 2], solver.state()["v"][:, 0]
     expected = reference(z, theta_deg)
     errors = {"profile": np.abs(found - expected).max() / expected.max(), "flux": found.sum() / expected.sum() - 1}
-    choices = {"cells": cells, "theta_deg": theta_deg, "E": E, "courant": courant, "duration": duration,
-               "precision": precision}
-    return timed.record(NAME, choices, errors, surface_speed=float(found.max()),
-                        surface_reference=float(expected.max()), height=float(z.max() + cell / 4))
+    return timed.record(errors, surface_speed=found.max(), surface_reference=expected.max(),
+                        height=z.max() + cell / 4)

@@ -16,16 +16,18 @@ collapse.
 """
 
 import math
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 import mpm
 from robosim.base.errors import UnknownName
 from robosim.scene.settle import settle
-from robosim.studies.verification.cases.claims import Approach, Within
-from robosim.studies.verification.cases.comparison import Comparison
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Comparison, Record, TimedSolver, case, grid
 from robosim.studies.verification.cases.dense_sand import DenseSand, dense_sand
+from robosim.studies.verification.cases.expectations import Approach, Within
 from robosim.studies.verification.cases.granular.column_collapse import (
     ANGLES_DEG,
     DENSITY,
@@ -44,44 +46,14 @@ from robosim.studies.verification.cases.granular.deposit import (
     profile_difference,
     volume_of,
 )
-from robosim.studies.verification.cases.record import Record, TimedSolver
 
-NAME = "collapse_profile"
-SOURCE = ("Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a < 1.7, r0 (1 + 1.6 sqrt(a)) above; "
-          "h = r0 a for a < 1, 0.88 r0 a^(1/6) from 1.7, taken from a = 1 on")
-BANDS = {"run-out": 0.08, "run-out, a = 4": 0.10, "height": 0.15, "compression": 0.01, "creep": 1e-3,
-         "drift": 1e-3}
-"""Relative errors of run-out and height; mean compression by the weight; rms displacement of the last tenth of the run
-over its time, and rms velocity at the end, to which elastic vibration adds [m/s]; in a continuation,
-the largest."""
 SHORT, CELLS, FINE, FINEST = (0.5, 1.0, 2.0), (12, 16, 24), 24, 32
 """Columns that are claimed in full, height over radius; cells per radius of their runs, of the claims on errors, and of
 the finest run, which shows whether an error goes on rising."""
-SWEEP = [*({"a": a, "cells": n} for a in SHORT for n in CELLS), {"a": 4.0, "cells": 12}, {"a": 4.0, "cells": 16},
-         {"a": 1.0, "cells": FINEST},
-         *({"a": a, "cells": n, "sleep": 0.0} for a, n in ((0.5, FINE), (1.0, 16), (1.0, FINE))),
-         {"a": 1.0, "cells": FINE, "sleep": 0.0, "strides": False},
-         {"a": 1.0, "cells": FINE, "sleep": 0.0, "duration": 1.8},
-         *({"a": a, "cells": n, "law": law} for law in ("drucker_prager", "mu_i")
-           for a, n in ((0.5, 16), (1.0, 12), (1.0, 16), (1.0, FINE), (2.0, 16))),
-         *({"a": 1.0, "cells": 16, **choice} for choice in (
-             {"relative_density": 0.3}, {"relative_density": 0.9}, {"floor": 0.6}, {"floor": 1.0}, {"E": 1e6},
-             {"strides": False}, {"per_cell": 8}, {"sleep": 4.0})), {"a": 1.0, "cells": FINE, "floor": 1.0}]
-QUICK_SWEEP = [{"a": 1.0, "cells": 12}, {"a": 1.0, "cells": 12, "law": "drucker_prager"}]
-MAIN_ERROR, RESOLUTION = "profile", "cells"
 LAWS = ("dense", "drucker_prager", "mu_i")
+MOTIONS, WHENS = ("creep", "drift"), ("", ", woken", ", settled")
 _USUAL = {"law": "dense", "floor": 0.5, "relative_density": 0.7, "E": 1e5, "strides": True, "per_cell": 4,
           "sleep": 1.0}
-CLAIMS = (*(Within(name, BANDS[name], {**_USUAL, "a": a, "cells": FINE})
-            for a in SHORT for name in ("run-out", "height")),
-          *(Approach(name, "cells", CELLS, {**_USUAL, "a": a}) for a in SHORT for name in ("run-out", "height")),
-          *(Approach("profile", "cells", (16, FINE), {**_USUAL, "a": a}) for a in SHORT),
-          *(Approach(name, "cells", (FINE, FINEST), {**_USUAL, "a": 1.0}) for name in ("run-out", "height", "profile")),
-          Within("run-out", BANDS["run-out, a = 4"], {**_USUAL, "a": 4.0, "cells": 16}),
-          Within("compression", BANDS["compression"], _USUAL),
-          *(Within(f"{name}{when}", BANDS[name], _USUAL) for name in ("creep", "drift")
-            for when in ("", ", woken", ", settled")),
-          *(Within(name, BANDS[name], {**_USUAL, "sleep": 0.0}) for name in ("creep", "drift")))
 LIMIT_DEG, GRAIN_DIAMETER, GRAIN_DENSITY = 38.2, 5e-4, 2600.0
 """mu(I): angle [deg] of the cone that carries tan 42 deg in simple shear, diameter [m] and density [kg/m^3] of a grain
 of quartz sand."""
@@ -115,17 +87,42 @@ def make_law(law: str, E: float, relative_density: float) -> mpm.DruckerPrager |
     raise UnknownName("law", law, LAWS)
 
 
-def build(*, a: float, cells: int, law: str, relative_density: float, E: float, floor: float, per_cell: int,
-          strides: bool, sleep: float, courant: float, precision: str) -> mpm.Solver:
-    """Return a quarter of the column before its release; arguments are those of `measure`."""
-    cell = RADIUS / cells
-    sand, grains = make_law(law, E * max(a, 1.0), relative_density), fill(a, cell, per_cell, quarter=True)
+@dataclass(frozen=True)
+class Collapse:
+    """Choices of a run."""
+
+    a: float = 1.0
+    """Height over radius."""
+    cells: int = 16
+    """Per radius."""
+    law: str = "dense"
+    """One of LAWS."""
+    relative_density: float = 0.7
+    E: float = 1e5
+    """Young's modulus [Pa] of columns up to a = 1; of taller ones a times as much."""
+    floor: float = 0.5
+    """Friction coefficient."""
+    per_cell: int = 4
+    strides: bool = True
+    sleep: float = 1.0
+    """Factor on the thresholds of sleeping, 0 for none."""
+    courant: float = 0.5
+    precision: str = "f32"
+    duration: float | None = None
+    """[s]; None: LONGER times the source's time."""
+
+
+def build(run: Collapse, sleep: float) -> mpm.Solver:
+    """Return a quarter of the column before its release."""
+    a, cell = run.a, RADIUS / run.cells
+    sand = make_law(run.law, run.E * max(a, 1.0), run.relative_density)
+    grains = fill(a, cell, run.per_cell, quarter=True)
     volume, room = math.pi * RADIUS**3 * a / 4 / len(grains), math.ceil(1.6 * rim(a) / cell) * cell
     return mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (room, room, 1.2 * a * RADIUS + 3 * cell), cell),
-        walls=mpm.Walls(friction=floor, lower=("roller", "roller", "friction")),
-        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), precision=precision, sleep=sleep or False,
-        transfer_interval=None if strides else 0.0, dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        walls=mpm.Walls(friction=run.floor, lower=("roller", "roller", "friction")),
+        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), precision=run.precision,
+        sleep=sleep or False, transfer_interval=None if run.strides else 0.0, dt=courant_step(run.courant, cell, sand))
 
 
 class Motion(NamedTuple):
@@ -151,20 +148,59 @@ def rms(vectors: np.ndarray) -> float:
     return float(np.sqrt((vectors**2).sum(1).mean()))
 
 
-def measure(*, a: float = 1.0, cells: int = 16, law: str = "dense", relative_density: float = 0.7, E: float = 1e5,
-            floor: float = 0.5, per_cell: int = 4, strides: bool = True, sleep: float = 1.0, courant: float = 0.5,
-            precision: str = "f32", duration: float | None = None) -> Record:
-    """Run the case; return the errors of run-out, height and profile.
+def compare(records: list[Record]) -> list[Comparison]:
+    """Return depth over radius for each height of the column, beside the reference's closed profile."""
+    comparisons = []
+    for a in sorted({float(record.choices["a"] or 0.0) for record in records}):
+        end, top = rim(a) / RADIUS, crest(a) / RADIUS
+        line = np.linspace(0.0, end, 60)
+        series = {}
+        for record in (r for r in records if r.choices["a"] == a):
+            varied = [f"{key} {record.choices[key]}" for key in _USUAL
+                      if key != "law" and record.choices[key] != _USUAL[key]]
+            if record.choices["duration"] is not None:
+                varied.append(f"{record.choices['duration']:g} s")
+            label = ", ".join([str(record.choices["law"]), f"{record.choices['cells']} cells", *varied])
+            series[label] = [(float(name.removeprefix("depth at ")), depth, label)
+                             for name, depth in record.readings.items() if name.startswith("depth at ")]
+        comparisons.append(Comparison(
+            title=f"deposit of a column of {a:g} radii", x="radius, in column radii", y="depth, in column radii",
+            measured=series, line=list(zip(line, closed_depths(line, top, end, math.pi * a))),
+            uncertainty=0.15, is_relative=True, is_joined=True,
+            source="Lube et al. 2004; its shape: from rim, height and the column's volume"))
+    return comparisons
 
-    a: height over radius; cells: per radius; law: one of LAWS; E [Pa]: for columns up to a = 1, for taller ones a times
-    as much; floor: friction coefficient; sleep: factor on the thresholds of sleeping, 0 for none; duration [s]: None
-    for LONGER times the source's time.
-    """
-    duration = duration or LONGER * source_time(a)
-    scene: dict[str, Any] = {"a": a, "cells": cells, "law": law, "relative_density": relative_density, "E": E,
-                             "floor": floor, "per_cell": per_cell, "strides": strides, "sleep": sleep,
-                             "courant": courant, "precision": precision}
-    solver = build(**scene)
+
+@case(
+    source="Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a < 1.7, r0 (1 + 1.6 sqrt(a)) above; "
+           "h = r0 a for a < 1, 0.88 r0 a^(1/6) from 1.7, taken from a = 1 on",
+    sweep=[*grid(a=SHORT, cells=CELLS), {"a": 4.0, "cells": 12}, {"a": 4.0, "cells": 16}, {"a": 1.0, "cells": FINEST},
+           *({"a": a, "cells": n, "sleep": 0.0} for a, n in ((0.5, FINE), (1.0, 16), (1.0, FINE))),
+           {"a": 1.0, "cells": FINE, "sleep": 0.0, "strides": False},
+           {"a": 1.0, "cells": FINE, "sleep": 0.0, "duration": 1.8},
+           *({"a": a, "cells": n, "law": law} for law in ("drucker_prager", "mu_i")
+             for a, n in ((0.5, 16), (1.0, 12), (1.0, 16), (1.0, FINE), (2.0, 16))),
+           *({"a": 1.0, "cells": 16, **choice} for choice in (
+               {"relative_density": 0.3}, {"relative_density": 0.9}, {"floor": 0.6}, {"floor": 1.0}, {"E": 1e6},
+               {"strides": False}, {"per_cell": 8}, {"sleep": 4.0})), {"a": 1.0, "cells": FINE, "floor": 1.0}],
+    quick=[{"a": 1.0, "cells": 12}, {"a": 1.0, "cells": 12, "law": "drucker_prager"}],
+    # mean compression by the weight; rms displacement of the last tenth of the run over its time, and rms velocity at
+    # the end, to which elastic vibration adds; in a continuation, the largest
+    expectations=(*(Within(name, high, {**_USUAL, "a": a, "cells": FINE})
+                    for a in SHORT for name, high in (("run-out", 0.08), ("height", 0.15))),
+                  *(Approach(name, "cells", CELLS, {**_USUAL, "a": a})
+                    for a in SHORT for name in ("run-out", "height")),
+                  *(Approach("profile", "cells", (16, FINE), {**_USUAL, "a": a}) for a in SHORT),
+                  *(Approach(name, "cells", (FINE, FINEST), {**_USUAL, "a": 1.0})
+                    for name in ("run-out", "height", "profile")),
+                  Within("run-out", 0.10, {**_USUAL, "a": 4.0, "cells": 16}), Within("compression", 0.01, _USUAL),
+                  *(Within(name + when, 1e-3, _USUAL) for name in MOTIONS for when in WHENS),
+                  *(Within(name, 1e-3, {**_USUAL, "sleep": 0.0}) for name in MOTIONS)),
+    main_error="profile", resolution="cells", units={name + when: "m/s" for name in MOTIONS for when in WHENS},
+    compare=compare, options=Collapse)
+def measure(run: Collapse) -> Record:
+    """Run the case; return the errors of run-out, height and profile."""
+    a, duration, solver = run.a, run.duration or LONGER * source_time(run.a), build(run, run.sleep)
     timed = TimedSolver(solver)
     timed.advance((1 - LAST) * duration)
     before = solver.positions()
@@ -182,38 +218,14 @@ def measure(*, a: float = 1.0, cells: int = 16, law: str = "dense", relative_den
               "profile": profile_difference(profile, reference),
               "compression": solver.densities().mean() / DENSITY - 1,
               "creep": rms(x - before) / (LAST * duration), "drift": rms(solver.velocities())}
-    awake = build(**{**scene, "sleep": 0.0})
+    awake = build(run, 0.0)
     awake.load(state)
-    if sleep:
+    if run.sleep:
         errors["creep, woken"], errors["drift, woken"] = observe(awake, LAST * duration)
     before = awake.positions()
     settle(awake, awake.advance, LAST * duration, SETTLING_WINDOW)
     settlement = rms(awake.positions() - before) / RADIUS
     errors["creep, settled"], errors["drift, settled"] = observe(awake, LAST * duration)
     depths = {f"depth at {r:.2f}": h for r, h in zip(*profile)}
-    return timed.record(NAME, scene | {"duration": duration}, errors, edge=edge, summit=summit, outermost=radii.max(),
-                        awake=solver.awake.mean(), settlement=settlement,
-                        expansion=volume_of(profile) / (math.pi * a) - 1, **depths)
-
-
-def compare(records: list[Record]) -> list[Comparison]:
-    """Return depth over radius for each height of the column, beside the reference's closed profile."""
-    comparisons = []
-    for a in sorted({float(record.choices["a"] or 0.0) for record in records}):
-        end, top = rim(a) / RADIUS, crest(a) / RADIUS
-        line = np.linspace(0.0, end, 60)
-        series = {}
-        for record in (r for r in records if r.choices["a"] == a):
-            varied = [f"{key} {record.choices[key]}" for key in _USUAL
-                      if key != "law" and record.choices[key] != _USUAL[key]]
-            if not math.isclose(float(record.choices["duration"] or 0.0), source_time(a) * LONGER):
-                varied.append(f"{record.choices['duration']:g} s")
-            label = ", ".join([str(record.choices["law"]), f"{record.choices['cells']} cells", *varied])
-            series[label] = [(float(name.removeprefix("depth at ")), depth, label)
-                             for name, depth in record.readings.items() if name.startswith("depth at ")]
-        comparisons.append(Comparison(
-            title=f"deposit of a column of {a:g} radii", x="radius, in column radii", y="depth, in column radii",
-            measured=series, line=list(zip(line, closed_depths(line, top, end, math.pi * a))),
-            uncertainty=BANDS["height"], is_relative=True, is_joined=True,
-            source=f"{SOURCE}; its shape: from rim, height and the column's volume"))
-    return comparisons
+    return timed.record(errors, edge=edge, summit=summit, outermost=radii.max(), awake=solver.awake.mean(),
+                        settlement=settlement, expansion=volume_of(profile) / (math.pi * a) - 1, **depths)

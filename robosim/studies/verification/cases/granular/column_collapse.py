@@ -7,34 +7,18 @@ symmetry, would save any solver as much.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 import mpm
 from mpm.scene.sampling import JITTER
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Within
 
-NAME = "column_collapse"
-SOURCE = ("Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a < 1.7, r0 (1 + 1.6 sqrt(a)) above; "
-          "h = r0 a for a < 1, 0.88 r0 a^(1/6) from 1.7; at rest after 3 sqrt(h0 / g)")
-BANDS = {"least run-out, a = 1": 0.85, "most run-out, a = 1": 1.5, "rim, a = 1": 0.012, "run-out, a = 3": 0.35,
-         "height": 0.25, "drift": 0.005}
-"""(r99 - r0) / r0 for a = 1, relative error of its rim, relative error of the run-out for a = 3 and of the height; rms
-velocity at the end [m/s]."""
-SWEEP = [*({"cells": n, "quarter": q} for q in (True, False) for n in (8, 12, 16, 20)), {"a": 3.0, "cells": 12},
-         *({"cells": n, "cone": "plane_strain"} for n in (8, 12, 16, 20)),
-         *({"cells": 12, "courant": c} for c in (0.1, 0.2, 0.4)),
-         *({"cells": n, "strides": False} for n in (8, 12, 16, 20)),
-         *({"cells": 12, "courant": c, "strides": False} for c in (0.1, 0.2, 0.4))]
-"""Choices that the report runs. Transfers are a drag: without strides, the column runs out less with every halving of
-the step."""
-QUICK_SWEEP = [{"cells": n} for n in (6, 8, 12, 16)] + [{"cells": 12, "cone": "plane_strain"}]
-MAIN_ERROR, RESOLUTION = "rim", "cells"
 ROUND = {"a": 1.0, "cells": 12, "cone": "compression", "strides": True}
-CLAIMS = (Within("run_out", BANDS["most run-out, a = 1"], ROUND, BANDS["least run-out, a = 1"]),
-          Within("rim", BANDS["rim, a = 1"], ROUND),
-          Within("run-out", BANDS["run-out, a = 3"], {"a": 3.0}), Within("drift", BANDS["drift"], {"a": 3.0}))
+ROUND = {"a": 1.0, "cells": 12, "cone": "compression", "strides": True}
 RADIUS, DENSITY, NU, G = 0.1, 1600.0, 0.3, 9.81
 FLOOR_FRICTION = 0.5
 ANGLES_DEG = {"compression": 25.377, "plane_strain": 35.264}
@@ -73,46 +57,70 @@ def fill(a: float, cell: float, per_cell: int, quarter: bool) -> np.ndarray:
     return grains + np.random.default_rng(0).uniform(-JITTER, JITTER, grains.shape) * half
 
 
-def column(a: float, cell: float, per_cell: int, quarter: bool, E: float, courant: float, precision: str,
-           cone: str = "compression", strides: bool = True, sleep: bool | float = False) -> mpm.Solver:
+@dataclass(frozen=True)
+class Column:
+    """Choices of a run."""
+
+    a: float = 1.0
+    """Height over radius."""
+    cells: float = 20
+    """Per radius."""
+    per_cell: int = 4
+    """Particles, see `fill`."""
+    E: float = 2e4
+    """Young's modulus [Pa] for a = 1. It grows with a, so that columns of all heights are compressed alike, by 3 % on
+    average at 2e4. The rim is the same to some 1 % for half or one and a half times that; the height is not: soft or
+    coarse columns sag at the axis."""
+    courant: float = 0.55
+    precision: str = "f32"
+    quarter: bool = True
+    duration: float | None = None
+    """[s]; None: twice the source's time."""
+    cone: str = "compression"
+    strides: bool = True
+
+
+def build_column(column: Column, sleep: bool | float = False) -> mpm.Solver:
     """Build the column before its release, about the z axis."""
-    sand = mpm.DruckerPrager(E=E, nu=NU, density=DENSITY, friction_angle_deg=ANGLES_DEG[cone], cone=cone)
-    grains = fill(a, cell, per_cell, quarter)
-    volume = math.pi * RADIUS**2 * a * RADIUS / (4 if quarter else 1) / len(grains)
+    a, cell, cone = column.a, RADIUS / column.cells, column.cone
+    sand = mpm.DruckerPrager(E=column.E * a, nu=NU, density=DENSITY, friction_angle_deg=ANGLES_DEG[cone], cone=cone)
+    grains = fill(a, cell, column.per_cell, column.quarter)
+    volume = math.pi * RADIUS**2 * a * RADIUS / (4 if column.quarter else 1) / len(grains)
     room = math.ceil(1.5 * rim(a) / cell) * cell
-    near = 0.0 if quarter else -room
-    side = "roller" if quarter else "friction"
-    walls = mpm.Walls(friction=FLOOR_FRICTION, lower=(side, side, "friction"))
+    near = 0.0 if column.quarter else -room
+    side = "roller" if column.quarter else "friction"
     return mpm.Solver(
-        grid=mpm.Grid((near, near, 0), (room, room, 1.2 * a * RADIUS + 2 * cell), cell), walls=walls,
-        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), precision=precision,
-        transfer_interval=None if strides else 0.0, sleep=sleep,
-        dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        grid=mpm.Grid((near, near, 0), (room, room, 1.2 * a * RADIUS + 2 * cell), cell),
+        walls=mpm.Walls(friction=FLOOR_FRICTION, lower=(side, side, "friction")),
+        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), precision=column.precision, sleep=sleep,
+        transfer_interval=None if column.strides else 0.0, dt=courant_step(column.courant, cell, sand))
 
 
-def measure(*, a: float = 1.0, cells: float = 20, per_cell: int = 4, E: float = 2e4, courant: float = 0.55,
-            precision: str = "f32", quarter: bool = True, duration: float | None = None,
-            cone: str = "compression", strides: bool = True) -> Record:
-    """Run the case; return the errors of rim, run-out and height.
-
-    a: height over radius; cells: per radius; E [Pa]: for a = 1; duration [s]: None for twice the source's time.
-    E grows with a, so that columns of all heights are compressed alike, by 3 % on average at 2e4. The rim is the same
-    to some 1 % for half or one and a half times that; the height is not: soft or coarse columns sag at the axis.
-    """
-    cell, duration = RADIUS / cells, duration or 0.6 * math.sqrt(a)
-    solver = column(a, cell, per_cell, quarter, E * a, courant, precision, cone, strides)
+@case(
+    source="Lube et al. 2004, J. Fluid Mech. 508:175: r = r0 (1 + 1.24 a) for a < 1.7, r0 (1 + 1.6 sqrt(a)) above; "
+           "h = r0 a for a < 1, 0.88 r0 a^(1/6) from 1.7; at rest after 3 sqrt(h0 / g)",
+    # transfers are a drag: without strides, the column runs out less with every halving of the step
+    sweep=[*grid(quarter=(True, False), cells=(8, 12, 16, 20)), {"a": 3.0, "cells": 12},
+           *grid(cells=(8, 12, 16, 20), cone=("plane_strain",)), *grid(cells=(12,), courant=(0.1, 0.2, 0.4)),
+           *grid(cells=(8, 12, 16, 20), strides=(False,)),
+           *grid(cells=(12,), courant=(0.1, 0.2, 0.4), strides=(False,))],
+    quick=[*grid(cells=(6, 8, 12, 16)), {"cells": 12, "cone": "plane_strain"}],
+    # run_out: (r99 - r0) / r0; drift: rms velocity at the end
+    expectations=(Within("run_out", 1.5, ROUND, 0.85), Within("rim", 0.012, ROUND),
+                  Within("run-out", 0.35, {"a": 3.0}), Within("drift", 0.005, {"a": 3.0})),
+    main_error="rim", resolution="cells", units={"drift": "m/s"}, options=Column)
+def measure(column: Column) -> Record:
+    """Run the case; return the errors of rim, run-out and height."""
+    a, solver = column.a, build_column(column)
     timed = TimedSolver(solver)
-    timed.advance(duration)
+    timed.advance(column.duration or 0.6 * math.sqrt(a))
     positions = solver.positions()
     radii = np.hypot(*positions[:, :2].T)
     r99 = np.quantile(radii, 0.99)
     height = np.quantile(positions[radii < 0.2 * RADIUS, 2], 0.99)
     errors = {"rim": r99 / rim(a) - 1, "run-out": (r99 - RADIUS) / (rim(a) - RADIUS) - 1,
               "height": height / crest(a) - 1, "drift": np.sqrt((solver.velocities() ** 2).sum(1).mean())}
-    choices = {"a": a, "cells": cells, "per_cell": per_cell, "E": E, "courant": courant, "precision": precision,
-               "quarter": quarter, "duration": duration, "cone": cone,
-               "strides": strides}
     newton = np.exp(np.interp(np.log(abs(errors["rim"])), np.log(1 - NEWTON[::-1, 2] / rim(1.0)),
                               np.log(NEWTON[::-1, 1])))
-    return timed.record(NAME, choices, errors, r99=r99, newton_seconds_at_this_error=newton,
+    return timed.record(errors, r99=r99, newton_seconds_at_this_error=newton,
                         run_out=(r99 - RADIUS) / RADIUS, crest=height, outermost=radii.max())

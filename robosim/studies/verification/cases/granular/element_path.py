@@ -7,20 +7,11 @@ constant lateral pressure; in shear, also the difference between the normal stre
 import numpy as np
 from scipy.optimize import brentq
 
-from robosim.studies.verification.cases.claims import Within
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import each_within
 from robosim.studies.verification.cases.granular.return_mapping import build_solver, deform, make_sand, tensors
 from robosim.studies.verification.cases.granular.slope import shear_ratio
-from robosim.studies.verification.cases.record import Record, TimedSolver
 
-NAME = "element_path"
-SOURCE = "Drucker-Prager flow at constant volume: m3 = 3 alpha / sqrt(2) in simple shear and in plane strain"
-BANDS = {"ratio": 0.01, "normal": 0.015}
-"""Relative error of the shear ratio, and relative difference of the normal stresses in simple shear."""
-SWEEP = [{"path": path, "phi_deg": phi} for path in ("shear", "passive") for phi in (20.0, 30.0, 40.0)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"path": path, "phi_deg": 30.0} for path in ("shear", "passive")]
-MAIN_ERROR, RESOLUTION = "ratio", None
-CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
 PRESSURE, STEP, STEPS = 1000.0, 2e-3, {"shear": 60, "passive": 300}
 """Pressure [Pa], strain per step, and number of steps of each path."""
 
@@ -33,6 +24,12 @@ def stress(law, state: dict[str, np.ndarray]) -> np.ndarray:  # noqa: ANN001
     return (axes * (2 * law.mu * h + law.lam * h.sum())) @ axes.T / np.sqrt(np.linalg.det(b))
 
 
+@case(
+    source="Drucker-Prager flow at constant volume: m3 = 3 alpha / sqrt(2) in simple shear and in plane strain",
+    sweep=grid(path=("shear", "passive"), phi_deg=(20.0, 30.0, 40.0)),
+    quick=grid(path=("shear", "passive"), phi_deg=(30.0,)),
+    expectations=each_within({"ratio": 0.01, "normal": 0.015}),
+    main_error="ratio")
 def measure(*, path: str = "shear", phi_deg: float = 30.0, precision: str = "f64") -> Record:
     """Run the case; return the errors of the shear ratio and of the normal stresses."""
     law, solver = make_sand(phi_deg), build_solver(phi_deg, 4, precision, "exact")
@@ -57,4 +54,4 @@ def measure(*, path: str = "shear", phi_deg: float = 30.0, precision: str = "f64
     errors = {"ratio": ratio / m3 - 1}
     if path == "shear":
         errors["normal"] = np.abs(normal / -PRESSURE - 1).max()
-    return timed.record(NAME, {"path": path, "phi_deg": phi_deg, "precision": precision}, errors, ratio=ratio)
+    return timed.record(errors, ratio=ratio)

@@ -10,25 +10,21 @@ import math
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Within
 from robosim.studies.verification.cases.granular.slope import shear_ratio
-from robosim.studies.verification.cases.record import Record, TimedSolver
 
-NAME = "heap"
-SOURCE = "limit equilibrium of a slope without cohesion: it stands up to atan(m3)"
-BANDS = {"stands": 2.0, "slumps, most": 1.0, "slumps, least": -8.0}
-"""[deg]: change of a slope 3 deg below the limit, either way; where one 8 deg steeper than the limit ends, from it."""
-SWEEP = [{"phi_deg": p, "beyond_deg": b, "cells": n} for p in (20.0, 25.0, 30.0) for b in (-3.0, 8.0)
-         for n in (16, 32)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"phi_deg": 25.0, "beyond_deg": b, "cells": 16} for b in (-3.0, 8.0)]
-MAIN_ERROR, RESOLUTION = "excess", "cells"
-CLAIMS = (Within("change", BANDS["stands"], {"beyond_deg": -3.0}),
-          Within("excess", BANDS["slumps, most"], {"beyond_deg": 8.0}, BANDS["slumps, least"]))
 BASE, DENSITY, NU, E, FLOOR_FRICTION = 0.2, 1500.0, 0.3, 1e5, 1.0
 """A floor that sticks would pin the toe: at 16 cells a heap of 43 deg then stands."""
 
 
+@case(
+    source="limit equilibrium of a slope without cohesion: it stands up to atan(m3)",
+    sweep=grid(phi_deg=(20.0, 25.0, 30.0), beyond_deg=(-3.0, 8.0), cells=(16, 32)),
+    quick=grid(phi_deg=(25.0,), beyond_deg=(-3.0, 8.0), cells=(16,)),
+    expectations=(Within("change", 2.0, {"beyond_deg": -3.0}), Within("excess", 1.0, {"beyond_deg": 8.0}, -8.0)),
+    main_error="excess", resolution="cells", units={"change": "deg", "excess": "deg"})
 def measure(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32, courant: float = 0.5,
             precision: str = "f32", duration: float = 1.5, cone: str = "compression") -> Record:
     """Run the case; return the slope's change and its excess over the limit [deg].
@@ -48,14 +44,12 @@ def measure(*, phi_deg: float = 25.0, beyond_deg: float = -3.0, cells: int = 32,
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (room, cell, 1.2 * height), cell), walls=walls, precision=precision,
         bodies=[mpm.Body(sand, positions, volume=0.5 * BASE * height * cell / len(positions))],
-        dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        dt=courant_step(courant, cell, sand))
     timed = TimedSolver(solver)
     timed.advance(duration)
     end = surface_slope(solver.positions(), cell)
-    choices = {"phi_deg": phi_deg, "beyond_deg": beyond_deg, "cells": cells, "courant": courant,
-               "precision": precision, "duration": duration, "cone": cone}
     speed = np.sqrt((solver.velocities() ** 2).sum(1).mean())
-    return timed.record(NAME, choices, {"change": end - begin, "excess": end - limit}, limit=limit, begin=begin,
+    return timed.record({"change": end - begin, "excess": end - limit}, limit=limit, begin=begin,
                         slope=end, speed=speed)
 
 

@@ -15,37 +15,16 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import UnknownName
-from robosim.studies.verification.cases.claims import Power, Slope, Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import UPRIGHT, courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Power, Slope, Within
 
-NAME = "orifice"
-SOURCE = ("Q = C sqrt(g) D^(3/2) per thickness (Beverloo et al. 1961 in a plane); C = 1.50 of the mu(I) continuum, "
-          "Staron, Lagree & Popinet 2012, Phys. Fluids 24:103301, by the fit distributed with Basilisk")
-BANDS = {"prefactor": 0.30, "prefactor, mu_i": 0.10, "steadiness": 0.05, "least exponent": 1.4,
-         "most exponent": 1.6}
-"""Relative error of C with any friction, and with that of the reference; relative change of the rate from the first
-half to the second, after a quarter of the time; power of the free width. The slope of the root is that of C within
-0.1."""
-SWEEP = [*({"orifice_cells": d, "courant": c} for c in (0.3, 0.6) for d in (7, 9, 13)),
-         *({"orifice_cells": d, "law": "mu_i"} for d in (7, 9, 13)), {"law": "slow"},
-         *({"law": "mu_i", **choice} for choice in ({"strides": False}, {"E": 4e5}, {"floor_friction": 1.0},
-                                                    {"floor_cells": 2}))]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"orifice_cells": d, "law": "mu_i"} for d in (9, 13)]
-MAIN_ERROR, RESOLUTION = "prefactor", "orifice_cells"
 C = 1.504
 CELL, HALF, HEIGHT, FALL = 0.0025, 0.10, 0.20, 0.15
 """[m]: cell, half of the silo's width, height of the fill above the floor, room below it."""
 DENSITY, NU, G, E, PHI_DEG = 1500.0, 0.3, 9.81, 1e5, 25.377
 """The angle with which the cone of triaxial compression carries tan 30 deg in simple shear."""
-_POWER = (BANDS["least exponent"], BANDS["most exponent"])
 _USUAL = {"E": E, "floor_friction": 0.5, "floor_cells": 4, "strides": True}
-CLAIMS = (Within("prefactor", BANDS["prefactor"]),
-          Within("prefactor", BANDS["prefactor, mu_i"], {"law": "mu_i"}), Within("steadiness", BANDS["steadiness"]),
-          *(Power("rate", "free_width", *_POWER, {**_USUAL, "courant": c, "law": law})
-            for c, law in ((0.3, "drucker_prager"), (0.6, "drucker_prager"), (0.6, "mu_i"))),
-          Slope("root", "slot", (0.9 * C) ** (2 / 3), (1.1 * C) ** (2 / 3),
-                {**_USUAL, "law": "mu_i"}))
 CLOGGED = 1.0
 """Cells by which the floor's two edges narrow the slot: half a cell each."""
 LAWS = ("drucker_prager", "slow", "mu_i")
@@ -69,6 +48,20 @@ def make_sand(law: str, E: float) -> mpm.DruckerPrager:
                            cone="plane_strain", grain_diameter=GRAIN, grain_density=DENSITY, inertial_number=I0)
 
 
+@case(
+    source="Q = C sqrt(g) D^(3/2) per thickness (Beverloo et al. 1961 in a plane); C = 1.50 of the mu(I) continuum, "
+           "Staron, Lagree & Popinet 2012, Phys. Fluids 24:103301, by the fit distributed with Basilisk",
+    sweep=[*grid(courant=(0.3, 0.6), orifice_cells=(7, 9, 13)), *grid(orifice_cells=(7, 9, 13), law=("mu_i",)),
+           {"law": "slow"}, *({"law": "mu_i", **choice} for choice in (
+               {"strides": False}, {"E": 4e5}, {"floor_friction": 1.0}, {"floor_cells": 2}))],
+    quick=grid(orifice_cells=(9, 13), law=("mu_i",)),
+    # the prefactor with any friction, and with that of the reference; change of the rate from the first half to the
+    # second, after a quarter of the time; the slope of the root is that of C within 0.1
+    expectations=(Within("prefactor", 0.30), Within("prefactor", 0.10, {"law": "mu_i"}), Within("steadiness", 0.05),
+                  *(Power("rate", "free_width", 1.4, 1.6, {**_USUAL, "courant": c, "law": law})
+                    for c, law in ((0.3, "drucker_prager"), (0.6, "drucker_prager"), (0.6, "mu_i"))),
+                  Slope("root", "slot", (0.9 * C) ** (2 / 3), (1.1 * C) ** (2 / 3), {**_USUAL, "law": "mu_i"})),
+    main_error="prefactor", resolution="orifice_cells")
 def measure(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "f32", E: float = E,
             law: str = LAWS[0], floor_friction: float = 0.5, floor_cells: int = 4, strides: bool = True) -> Record:
     """Run the case; return the errors of the discharge's prefactor and steadiness.
@@ -83,14 +76,13 @@ def measure(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "
     thick, reach = floor_cells * CELL, HALF  # the floor goes on beyond the silo's wall
     floor = mpm.Collider(
         mpm.Sdf.box(((HALF + reach - half_slot) / 2, 4 * CELL, thick / 2)), static=True, friction=floor_friction,
-        pose=mpm.Pose(np.array([(HALF + reach + half_slot) / 2, CELL / 2, FALL - thick / 2]),
-                      mpm.Pose.identity().quaternion))
+        pose=mpm.Pose(np.array([(HALF + reach + half_slot) / 2, CELL / 2, FALL - thick / 2]), UPRIGHT))
     walls = mpm.Walls(lower=("roller", "periodic", "friction"), upper=("slip", "periodic", "slip"))
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (HALF, CELL, FALL + HEIGHT + 2 * CELL), CELL), colliders=[floor], walls=walls,
         bodies=[mpm.Body(sand, positions, volume=volume)], precision=precision,
         transfer_interval=None if strides else 0.0,
-        dt=courant * CELL / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        dt=courant_step(courant, CELL, sand))
     timed, times, passed = TimedSolver(solver), [0.0], [0.0]
     share = 0.0
     while share < 0.4 and solver.time < 4.0:
@@ -106,7 +98,5 @@ def measure(*, orifice_cells: int = 13, courant: float = 0.6, precision: str = "
     width = (orifice_cells - CLOGGED) * CELL
     errors = {"prefactor": rate / (C * math.sqrt(G) * width**1.5) - 1,
               "steadiness": late / early - 1 if early > 0 else np.nan}  # nothing runs out of a slot that clogs
-    choices = {"orifice_cells": orifice_cells, "courant": courant, "precision": precision, "E": E, "law": law,
-               "floor_friction": floor_friction, "floor_cells": floor_cells, "strides": strides}
-    return timed.record(NAME, choices, errors, rate=rate, free_width=width, slot=orifice_cells * CELL,
+    return timed.record(errors, rate=rate, free_width=width, slot=orifice_cells * CELL,
                         root=(rate / math.sqrt(G)) ** (2 / 3), emptied=share, time=t[-1])

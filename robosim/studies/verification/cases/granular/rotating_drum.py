@@ -15,32 +15,12 @@ import numpy as np
 import mpm
 from mpm.backend import ti
 from mpm.geometry.shape import Shape
-from robosim.studies.verification.cases.claims import Ratio, Within
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case
+from robosim.studies.verification.cases.expectations import Ratio, each_within
 from robosim.studies.verification.cases.granular.slope import shear_ratio
-from robosim.studies.verification.cases.record import Record, TimedSolver
 
-NAME = "rotating_drum"
-SOURCE = ("uniform slope with steady flow: tan(slope) = m3, the cone's shear ratio at constant volume; balance of "
-          "moments about the drum's axis")
-BANDS = {"slope": 3.0, "change": 1.5, "torque": 0.03, "volume": 0.02, "outside": 0.0, "least ratio": 0.95,
-         "most ratio": 1.05}
-"""[deg]: slope by either measure from that of simple shear, and its change from the first half of the measurement to
-the second. Relative errors of the torque and of the volume, share of the sand outside, ratio of the slopes of two
-fills."""
-SWEEP = [*({"cells": n} for n in (12, 16, 24)), *({"fill": f} for f in (0.35, 0.65)),
-         *({"friction_deg": d} for d in (20.0, 25.0)), *({"froude": f} for f in (1e-3, 1.6e-2)),
-         *({"wall_friction": f} for f in (0.7, 2.0))]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": 12}, {"cells": 12, "fill": 0.35}]
-MAIN_ERROR, RESOLUTION = "slope", "cells"
 _USUAL = {"friction_deg": 30.0, "froude": 4e-3, "wall_friction": 1.0}
-CLAIMS = (Within("slope", BANDS["slope"], {"froude": 4e-3}), Within("slope by mass", BANDS["slope"], {"froude": 4e-3}),
-          Within("change", BANDS["change"]), Within("torque", BANDS["torque"]), Within("volume", BANDS["volume"]),
-          Within("outside", BANDS["outside"]),
-          Ratio("inclination", "fill", (0.5, 0.35), BANDS["least ratio"], BANDS["most ratio"],
-                {**_USUAL, "cells": 16}),
-          Ratio("inclination", "fill", (0.5, 0.65), BANDS["least ratio"], BANDS["most ratio"],
-                {**_USUAL, "cells": 16}))
 RADIUS, DENSITY, NU, G, E = 0.1, 1500.0, 0.3, 9.81, 1e5
 WALL = 4.0
 """Thickness of the drum's wall [cells]."""
@@ -87,13 +67,24 @@ def share_of(level: float) -> float:
     return 0.5 + (level * math.sqrt(1.0 - level**2) + math.asin(level)) / math.pi
 
 
+@case(
+    source="uniform slope with steady flow: tan(slope) = m3, the cone's shear ratio at constant volume; balance of "
+           "moments about the drum's axis",
+    sweep=[*({"cells": n} for n in (12, 16, 24)), *({"fill": f} for f in (0.35, 0.65)),
+           *({"friction_deg": d} for d in (20.0, 25.0)), *({"froude": f} for f in (1e-3, 1.6e-2)),
+           *({"wall_friction": f} for f in (0.7, 2.0))],
+    quick=[{"cells": 12}, {"cells": 12, "fill": 0.35}],
+    # change: of the slope from the first half of the measurement to the second; ratio: of the slopes of two fills
+    expectations=(*each_within({"slope": 3.0, "slope by mass": 3.0}, {"froude": 4e-3}),
+                  *each_within({"change": 1.5, "torque": 0.03, "volume": 0.02, "outside": 0.0}),
+                  *(Ratio("inclination", "fill", (0.5, f), 0.95, 1.05, {**_USUAL, "cells": 16}) for f in (0.35, 0.65))),
+    main_error="slope", resolution="cells", units={"slope": "deg", "slope by mass": "deg", "change": "deg"})
 def measure(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 30.0, froude: float = 4e-3,
-            wall_friction: float = 1.0, courant: float = 0.5, strides: bool = True, E: float = E,
-            precision: str = "f32") -> Record:
+            wall_friction: float = 1.0) -> Record:
     """Run the case; return the differences of the slope [deg] and the error of the torque.
 
     cells: over the radius; fill: share of the drum; friction_deg: whose tangent the sand carries in simple shear;
-    froude: angular velocity^2 x radius / gravity; wall_friction: coefficient; E: Young's modulus [Pa].
+    froude: angular velocity^2 x radius / gravity; wall_friction: coefficient.
     """
     cell = RADIUS / cells
     phi = math.degrees(math.asin(math.tan(math.radians(friction_deg))))
@@ -105,11 +96,9 @@ def measure(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 30.0, f
     volume = fill * math.pi * RADIUS**2 * cell / len(grains)
     drum = mpm.Collider(Drum(RADIUS, WALL * cell), friction=wall_friction)
     solver = mpm.Solver(
-        grid=mpm.Grid((-half, 0, -half), (half, cell, half), cell), colliders=[drum], precision=precision,
+        grid=mpm.Grid((-half, 0, -half), (half, cell, half), cell), colliders=[drum], precision="f32",
         walls=mpm.Walls(lower=("slip", "periodic", "slip"), upper=("slip", "periodic", "slip")),
-        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G),
-        transfer_interval=None if strides else 0.0,
-        dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        bodies=[mpm.Body(sand, grains, volume=volume)], gravity=(0, 0, -G), dt=courant_step(0.5, cell, sand))
     timed = TimedSolver(solver)
     timed.settle(0.05)
     before = share_of(surface_line(solver.positions(), cell)[1] / RADIUS)
@@ -131,9 +120,7 @@ def measure(*, cells: int = 16, fill: float = 0.5, friction_deg: float = 30.0, f
               "change": second.mean() - first.mean(), "torque": torques.mean() / moments.mean() - 1,
               "volume": volumes[-LOOKS // 4:].mean() / before - 1,
               "outside": outside.max()}
-    choices = {"cells": cells, "fill": fill, "friction_deg": friction_deg, "froude": froude,
-               "wall_friction": wall_friction, "courant": courant, "strides": strides, "E": E, "precision": precision}
-    return timed.record(NAME, choices, errors, inclination=slopes.mean(), limit=limit, spread=slopes.std(),
+    return timed.record(errors, inclination=slopes.mean(), limit=limit, spread=slopes.std(),
                         torque=torques.mean(), moment=moments.mean())
 
 

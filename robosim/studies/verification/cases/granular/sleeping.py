@@ -12,27 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.granular.column_collapse import RADIUS, column
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import UPRIGHT
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Within
+from robosim.studies.verification.cases.granular.column_collapse import RADIUS, Column, build_column
 
-NAME = "sleeping"
-SOURCE = "the same scene without sleeping"
-BANDS = {"deposit": 0.01, "force": 0.03, "creep": 0.02, "unaccounted": 1e-5}
-"""Errors of a deposit's radius or height, of mean forces, and of a path; momentum that the ledger lacks, of what was
-exchanged, in single precision."""
-KNOBS = (0.1, 1.0, 4.0)
-SWEEP = [{"scene": scene, "sleep": knob} for scene in ("collapse", "plough", "creep", "vibration") for knob in KNOBS]
-QUICK_SWEEP = [{"scene": "collapse"}, {"scene": "plough", "pause": 1.0}]
-MAIN_ERROR, RESOLUTION = "deposit", "sleep"
-CLAIMS = (Within("rim", BANDS["deposit"], {"scene": "collapse", "sleep": 1.0}),
-          Within("crest", BANDS["deposit"], {"scene": "collapse", "sleep": 1.0}),
-          Within("first force", BANDS["force"], {"scene": "plough", "sleep": 1.0}),
-          Within("second force", BANDS["force"], {"scene": "plough", "sleep": 1.0}),
-          Within("path", BANDS["creep"], {"scene": "creep", "sleep": 0.1}),
-          Within("height", BANDS["deposit"], {"scene": "vibration", "sleep": 1.0}),
-          Within("unaccounted", BANDS["unaccounted"]))
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
 CELL, STEP = 0.01, 0.01
 SPEED, STROKE, BALL, DEPTH = 0.1, 0.12, 0.015, 0.02
@@ -79,7 +63,7 @@ class Watch:
 
 def collapse(sleep: float, pause: float) -> Outcome:
     """Release a column; measure the rim and the crest of its deposit after 1.5 s."""
-    solver = column(1.0, RADIUS / 12, 4, True, 2e4, 0.55, "f32", sleep=sleep or False)
+    solver = build_column(Column(cells=12), sleep or False)
     watch = Watch(solver)
     for _ in range(150):
         watch.advance(STEP)
@@ -154,6 +138,17 @@ RUNS: dict[str, Callable[[float, float], Outcome]] = {"collapse": collapse, "plo
                                                       "vibration": vibration}
 
 
+@case(
+    source="the same scene without sleeping",
+    sweep=grid(scene=("collapse", "plough", "creep", "vibration"), sleep=(0.1, 1.0, 4.0)),
+    quick=[{"scene": "collapse"}, {"scene": "plough", "pause": 1.0}],
+    # momentum that the ledger lacks, of what was exchanged, in single precision
+    expectations=(*(Within(name, high, {"scene": scene, "sleep": sleep}) for name, high, scene, sleep in (
+                      ("rim", 0.01, "collapse", 1.0), ("crest", 0.01, "collapse", 1.0),
+                      ("first force", 0.03, "plough", 1.0), ("second force", 0.03, "plough", 1.0),
+                      ("path", 0.02, "creep", 0.1), ("height", 0.01, "vibration", 1.0))),
+                  Within("unaccounted", 1e-5)),
+    main_error="deposit", resolution="sleep")
 def measure(*, scene: str = "collapse", sleep: float = 1.0, pause: float = 10.0) -> Record:
     """Run a scene awake and with sleeping; return the errors of its readings.
 
@@ -163,6 +158,6 @@ def measure(*, scene: str = "collapse", sleep: float = 1.0, pause: float = 10.0)
     errors = {name: asleep.readings[name] / value - 1.0 for name, value in awake.readings.items()}
     errors["unaccounted"] = asleep.unaccounted
     saved = awake.timed.seconds / asleep.timed.seconds
-    return asleep.timed.record(NAME, {"scene": scene, "sleep": sleep, "pause": pause}, errors, speedup=saved,
+    return asleep.timed.record(errors, speedup=saved,
                                seconds_awake=awake.timed.seconds, awake_share=asleep.awake,
                                **{f"{name} awake": value for name, value in awake.readings.items()})

@@ -10,20 +10,10 @@ import math
 import numpy as np
 
 import mpm
-from robosim.studies.verification.cases.claims import Order, Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.beds import courant_step
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import Order, Within
 
-NAME = "slope"
-SOURCE = "balance of momentum of an infinite slope; m3 = 3 alpha / sqrt(2), the cone's shear ratio at constant volume"
-BANDS = {"low at 32 cells": -0.20, "high at 32 cells": 0.10}
-"""Relative error of the acceleration. It shrinks from 8 cells to 16 to 32, and the acceleration is nearer to the
-prediction than to g (sin theta - tan phi cos theta), the reading `by_angle`."""
-SWEEP = [{"cells": n, "courant": c} for c in (0.2, 0.5) for n in (8, 16, 32)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"cells": n, "courant": 0.5} for n in (8, 16)]
-MAIN_ERROR, RESOLUTION = "acceleration", "cells"
-CLAIMS = (Within("acceleration", BANDS["high at 32 cells"], {"cells": 32}, BANDS["low at 32 cells"]),
-          *(Order("acceleration", "cells", ends, 0.0, {"courant": 0.5}) for ends in ((8, 16), (16, 32))))
 HEIGHT, DENSITY, NU, G = 0.05, 1600.0, 0.3, 9.81
 SETTLING, RAMP, FIT_FROM, END = 0.03, 0.03, 0.12, 0.30
 """[s]: damped rest under the normal pull, then from zero on the tangential pull's rise, and the span of the fit."""
@@ -37,6 +27,15 @@ def shear_ratio(phi_deg: float, cone: str) -> float:
     return sine if cone == "plane_strain" else 2.0 * math.sqrt(3.0) * sine / (3.0 - sine)
 
 
+@case(
+    source="balance of momentum of an infinite slope; m3 = 3 alpha / sqrt(2), the cone's shear ratio at constant "
+           "volume",
+    sweep=grid(courant=(0.2, 0.5), cells=(8, 16, 32)),
+    quick=grid(courant=(0.5,), cells=(8, 16)),
+    # the acceleration is nearer to the prediction than to g (sin theta - tan phi cos theta), the reading `by_angle`
+    expectations=(Within("acceleration", 0.10, {"cells": 32}, -0.20),
+                  *(Order("acceleration", "cells", ends, 0.0, {"courant": 0.5}) for ends in ((8, 16), (16, 32)))),
+    main_error="acceleration", resolution="cells")
 def measure(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, E: float = 2e5, courant: float = 0.5,
             precision: str = "f32", cone: str = "compression") -> Record:
     """Run the case; return the error of the acceleration. cells: over the height; E [Pa]."""
@@ -49,7 +48,7 @@ def measure(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, 
     solver = mpm.Solver(
         grid=mpm.Grid((0, 0, 0), (cell, cell, 1.2 * HEIGHT), cell), walls=walls, gravity=(0, 0, -across),
         bodies=[mpm.Body(sand, grains, volume=(cell / 2) ** 3)], precision=precision,
-        dt=courant * cell / math.sqrt((sand.lam + 2 * sand.mu) / DENSITY))
+        dt=courant_step(courant, cell, sand))
     timed = TimedSolver(solver)
     timed.settle(SETTLING)
     begin, mass = solver.time, solver.masses().sum()
@@ -64,7 +63,5 @@ def measure(*, cells: int = 32, phi_deg: float = 30.0, theta_deg: float = 40.0, 
     acceleration = np.polyfit(np.array(times)[late], np.array(speeds)[late], 1)[0]
     predicted = along - shear_ratio(phi_deg, cone) * across
     by_angle = along - math.tan(math.radians(phi_deg)) * across
-    choices = {"cells": cells, "phi_deg": phi_deg, "theta_deg": theta_deg, "E": E, "courant": courant,
-               "precision": precision, "cone": cone}
-    return timed.record(NAME, choices, {"acceleration": acceleration / predicted - 1}, acceleration=acceleration,
+    return timed.record({"acceleration": acceleration / predicted - 1}, acceleration=acceleration,
                         predicted=predicted, by_angle=by_angle, height=solver.positions()[:, 2].max() + cell / 4)

@@ -10,24 +10,21 @@ import gymnasium
 import numpy as np
 
 from robosim.studies.evaluation.policies import ScriptedPolicy
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record, TimedSolver
+from robosim.studies.verification.cases.case import Record, TimedSolver, case, grid
+from robosim.studies.verification.cases.expectations import each_within
 
-NAME = "arm_limits"
-SOURCE = "KUKA LBR iiwa 14 R820 data sheet: torques and speeds of A1 to A7"
-BANDS = {"torque": 0.0, "speed": 0.0, "saturated": 0.0}
-"""Most by which the torque that the servo asks for and a joint's speed pass their limits, as shares of these; steps in
-which a torque was cut."""
-SWEEP = [{"task": task, "material": material} for task in ("SpoonScoop", "ScoopScoop")
-         for material in ("salt", "sugar", "flour")]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP, MAIN_ERROR, RESOLUTION = [{"task": "SpoonScoop", "material": "salt"}], "torque", None
-CLAIMS = tuple(Within(name, bound, low=-1.0) for name, bound in BANDS.items())
 TORQUES = np.array([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0])
 SPEEDS = np.radians([85.0, 85.0, 100.0, 75.0, 130.0, 135.0, 135.0])
 """[N m], [rad/s]"""
 
 
+@case(
+    source="KUKA LBR iiwa 14 R820 data sheet: torques and speeds of A1 to A7",
+    sweep=grid(task=("SpoonScoop", "ScoopScoop"), material=("salt", "sugar", "flour")),
+    quick=[{"task": "SpoonScoop", "material": "salt"}],
+    # torque that the servo asks for and joint speeds, beyond their limits; steps in which a torque was cut
+    expectations=each_within({"torque": 0.0, "speed": 0.0, "saturated": 0.0}, low=-1.0),
+    main_error="torque", units={"saturated": "steps"})
 def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
     """Run the case on the task's scripted policy, in steps of 2 ms; return the excesses over the limits."""
     import robosim  # noqa: F401  (its environments are registered with it)
@@ -47,5 +44,4 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
         torque = max(torque, float(np.abs(carrier.servo.demanded_torque / TORQUES).max()))
         speed = max(speed, float(np.abs(carrier.data.qvel[carrier.scene.arm_dofs] / SPEEDS).max()))
     errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturations}
-    return timed.record(NAME, {"task": task, "material": material}, errors, score=info["tcs"],
-                        tool_lag_m=carrier.arm_readings["tool_lag_max_m"])
+    return timed.record(errors, score=info["tcs"], tool_lag_m=carrier.arm_readings["tool_lag_max_m"])

@@ -4,7 +4,6 @@ Measured: share of poses without a solution, mean and 95th percentile of the tim
 wrong. Reference: MuJoCo's forward kinematics; success and time of TRAC-IK on the same arm.
 """
 
-import resource
 import time
 
 import mujoco
@@ -16,24 +15,22 @@ from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.cases.case import Cost, Record, case, make_record
+from robosim.studies.verification.cases.expectations import each_within
 
-NAME = "ik_poses"
-SOURCE = ("success and time of TRAC-IK on a KUKA LBR iiwa 14, 10 000 poses: 99.92 % and 0.28 ms at 1e-5 (README of "
-          "TRAC-IK 1.5.1); poses are recomputed here by MuJoCo")
-BANDS = {"failed": 0.005, "mean_ms": 2.0, "p95_ms": 10.0, "wrong": 0.0}
-"""Share without a solution; milliseconds a pose; share of solutions that MuJoCo does not confirm."""
-ARMS = ("iiwa14", "panda", "ur5e", "xarm7")
-SWEEP = [{"restarts": n} for n in (1, 3, 10, 30)] + [{"restarts": 30, "robot": robot} for robot in ARMS[1:]]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP = [{"restarts": n, "poses": 300} for n in (1, 30)]
-MAIN_ERROR, RESOLUTION = "failed", None
-CLAIMS = tuple(Within(name, bound, {"restarts": 30}, low=0.0) for name, bound in BANDS.items())
 ACCURACY = 1e-6
 """[m] and [rad] that MuJoCo's pose may be off."""
 
 
+@case(
+    source="success and time of TRAC-IK on a KUKA LBR iiwa 14, 10 000 poses: 99.92 % and 0.28 ms at 1e-5 (README of "
+           "TRAC-IK 1.5.1); poses are recomputed here by MuJoCo",
+    sweep=[*({"restarts": n} for n in (1, 3, 10, 30)),
+           *({"restarts": 30, "robot": robot} for robot in ("panda", "ur5e", "xarm7"))],
+    quick=[{"restarts": n, "poses": 300} for n in (1, 30)],
+    # wrong: share of solutions that MuJoCo does not confirm
+    expectations=each_within({"failed": 0.005, "mean_ms": 2.0, "p95_ms": 10.0, "wrong": 0.0}, {"restarts": 30}, 0.0),
+    main_error="failed", units={"mean_ms": "ms", "p95_ms": "ms"})
 def measure(*, restarts: int = 30, poses: int = 1000, robot: str = "iiwa14") -> Record:
     """Run the case; return the shares of poses not solved and solved wrongly.
 
@@ -68,9 +65,6 @@ def measure(*, restarts: int = 30, poses: int = 1000, robot: str = "iiwa14") -> 
         wrong += int(error > ACCURACY or not within)
         worst = max(worst, float(error))
     times_ms = 1e3 * np.array(seconds)
-    return Record(
-        case=NAME, choices={"restarts": restarts, "poses": poses, "robot": robot}, particles=0, steps=poses,
-        seconds=float(sum(seconds)), compile_seconds=0.0, errors={"failed": failed / poses, "wrong": wrong / poses},
-        readings={"mean_ms": float(times_ms.mean()), "p95_ms": float(np.percentile(times_ms, 95)),
-                  "worst_pose_error": worst},
-        peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    return make_record(
+        [Cost(0, poses, float(sum(seconds)))], {"failed": failed / poses, "wrong": wrong / poses},
+        {"mean_ms": times_ms.mean(), "p95_ms": np.percentile(times_ms, 95), "worst_pose_error": worst})

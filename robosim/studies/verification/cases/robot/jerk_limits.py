@@ -4,7 +4,6 @@ Measured: relative excess of speed, acceleration and jerk over their limits, and
 the limits; between the samples of a motion of bounded jerk, the mean jerk has the same bound.
 """
 
-import resource
 import time
 
 import numpy as np
@@ -13,25 +12,22 @@ from robosim.config.rehearsal import load_rehearsal
 from robosim.robot.assembly import assemble
 from robosim.robot.model import Arm
 from robosim.robot.timing import SmoothMotion
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record
-
-NAME = "jerk_limits"
-SOURCE = "the limits themselves; between the samples of a motion of bounded jerk, mean jerk is bounded by the same"
-BANDS = {"velocity": 1e-9, "acceleration": 1e-9, "jerk": 1e-6, "end": 1e-7}
-"""Excess over the limits, relative; error of the end [rad]."""
-SWEEP = [{"host_dt": dt} for dt in (1e-3, 2e-3, 5e-3)]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP, MAIN_ERROR, RESOLUTION = [{"host_dt": 1e-3, "motions": 5}], "jerk", None
-CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
+from robosim.studies.verification.cases.case import Cost, Record, case, make_record
+from robosim.studies.verification.cases.expectations import each_within
 
 
+@case(
+    source="the limits themselves; between the samples of a motion of bounded jerk, mean jerk is bounded by the same",
+    sweep=[{"host_dt": dt} for dt in (1e-3, 2e-3, 5e-3)],
+    quick=[{"host_dt": 1e-3, "motions": 5}],
+    expectations=each_within({"velocity": 1e-9, "acceleration": 1e-9, "jerk": 1e-6, "end": 1e-7}),
+    main_error="jerk", units={"end": "rad"})
 def measure(*, host_dt: float = 1e-3, motions: int = 20) -> Record:
     """Run the case on random smooth joint paths of two seconds, at samples every host_dt [s]."""
     arm, rng = Arm(assemble("spoon")), np.random.default_rng(0)
     limits = arm.limits(load_rehearsal("spoon").limits)
     speed = limits.velocity
-    worst, most = dict.fromkeys(BANDS, 0.0), {}
+    worst, most = dict[str, float](velocity=0.0, acceleration=0.0, jerk=0.0, end=0.0), {}
     begin, samples = time.perf_counter(), 0
     for _ in range(motions):
         times = np.linspace(0.0, 2.0, 201)
@@ -49,7 +45,5 @@ def measure(*, host_dt: float = 1e-3, motions: int = 20) -> Record:
             share = float((values / limit).max())
             worst[name], most[name] = max(worst[name], share - 1.0, 0.0), max(most.get(name, 0.0), share)
         worst["end"] = max(worst["end"], float(np.abs(states[-1].q - q[-1]).max()))
-    return Record(case=NAME, choices={"host_dt": host_dt, "motions": motions}, particles=0, steps=samples,
-                  seconds=time.perf_counter() - begin, compile_seconds=0.0, errors=worst,
-                  readings={f"{name}_share": value for name, value in most.items()},
-                  peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    return make_record([Cost(0, samples, time.perf_counter() - begin)], worst,
+                       {f"{name}_share": value for name, value in most.items()})

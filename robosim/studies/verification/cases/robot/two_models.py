@@ -4,7 +4,6 @@ Measured: largest differences of mass matrix, bias torques and tool pose in rand
 independent implementations is the other's.
 """
 
-import resource
 import time
 
 import mujoco
@@ -14,19 +13,16 @@ import pinocchio
 from robosim.robot.assembly import assemble
 from robosim.robot.mjspec import compile_spec
 from robosim.robot.model import Arm
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record
-
-NAME = "two_models"
-SOURCE = "two independent implementations of rigid-body dynamics (Featherstone 2008) on one MJCF file"
-BANDS = {"mass": 1e-10, "bias": 1e-10, "pose": 1e-10}
-"""Largest differences: mass matrix relative to its largest entry, bias torques to theirs, pose [m], [-]."""
-SWEEP = [{"states": 500}]
-"""Choices of the runs in a whole report."""
-QUICK_SWEEP, MAIN_ERROR, RESOLUTION = SWEEP, "mass", None
-CLAIMS = tuple(Within(name, bound) for name, bound in BANDS.items())
+from robosim.studies.verification.cases.case import Cost, Record, case, make_record
+from robosim.studies.verification.cases.expectations import each_within
 
 
+@case(
+    source="two independent implementations of rigid-body dynamics (Featherstone 2008) on one MJCF file",
+    sweep=[{"states": 500}], quick=[{"states": 500}],
+    # mass matrix and bias torques relative to their largest entries
+    expectations=each_within({"mass": 1e-10, "bias": 1e-10, "pose": 1e-10}),
+    main_error="mass", units={"pose": "m"})
 def measure(*, states: int = 500) -> Record:
     """Run the case; return the largest differences over random states of arm, fingers and tool."""
     assembly = assemble("spoon")
@@ -53,7 +49,4 @@ def measure(*, states: int = 500) -> Record:
             np.abs(P[np.ix_(v_index, v_index)] - M).max() / np.abs(M).max(),
             np.abs(bias[v_index] - data.qfrc_bias).max() / np.abs(data.qfrc_bias).max(),
             max(np.abs(place.translation - tool.xpos).max(), np.abs(place.rotation.ravel() - tool.xmat).max())])
-    return Record(case=NAME, choices={"states": states}, particles=0, steps=states,
-                  seconds=time.perf_counter() - begin, compile_seconds=0.0,
-                  errors=dict(zip(BANDS, map(float, worst))),
-                  peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    return make_record([Cost(0, states, time.perf_counter() - begin)], dict(zip(("mass", "bias", "pose"), worst)), {})

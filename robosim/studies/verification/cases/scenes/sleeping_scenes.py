@@ -4,7 +4,6 @@ Scenes: a rehearsal of configs/rehearsals, or an episode of a sub-task with its 
 Reference: the same scene with field.sleep = false, run in the same process.
 """
 
-import resource
 import time
 from typing import Any
 
@@ -19,24 +18,9 @@ from robosim.rehearsal.planning.motion_sequence import place_target
 from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.run import RehearsalRun
 from robosim.studies.evaluation.policies import make_policy
-from robosim.studies.verification.cases.claims import Within
-from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.cases.case import Cost, Record, case, grid, make_record
+from robosim.studies.verification.cases.expectations import Within
 from robosim.tasks.task import load_task
-
-NAME = "sleeping_scenes"
-SOURCE = "the same scene without sleeping"
-BANDS = {"mass": 0.005, "score": 0.5, "unaccounted": 1e-5}
-"""Error of the mass that a rehearsal's tool lifts; difference of an episode's score, of 44 at most; momentum that the
-rehearsal's ledger lacks, of what was exchanged."""
-KNOBS = (0.25, 1.0, 4.0)
-SWEEP = [{"scene": scene, "sleep": knob} for scene in ("spoon", "SpoonScoop", "ScoopScoop", "ShovelMove")
-         for knob in KNOBS]
-QUICK_SWEEP = [{"scene": "SpoonScoop", "sleep": 1.0}]
-MAIN_ERROR, RESOLUTION = "change", "sleep"
-CLAIMS = (Within("mass", BANDS["mass"], {"scene": "spoon", "sleep": 1.0}),
-          *(Within("score", BANDS["score"], {"scene": scene, "sleep": 1.0})
-            for scene in ("SpoonScoop", "ScoopScoop", "ShovelMove")),
-          Within("unaccounted", BANDS["unaccounted"], {"scene": "spoon"}))
 
 
 class Outcome:
@@ -86,6 +70,17 @@ def play(task: str, sleep: float) -> Outcome:
     return outcome
 
 
+@case(
+    source="the same scene without sleeping",
+    sweep=grid(scene=("spoon", "SpoonScoop", "ScoopScoop", "ShovelMove"), sleep=(0.25, 1.0, 4.0)),
+    quick=[{"scene": "SpoonScoop", "sleep": 1.0}],
+    # mass that a rehearsal's tool lifts; an episode's score, of 44 at most; momentum that the rehearsal's ledger lacks,
+    # of what was exchanged
+    expectations=(Within("mass", 0.005, {"scene": "spoon", "sleep": 1.0}),
+                  *(Within("score", 0.5, {"scene": scene, "sleep": 1.0})
+                    for scene in ("SpoonScoop", "ScoopScoop", "ShovelMove")),
+                  Within("unaccounted", 1e-5, {"scene": "spoon"})),
+    main_error="change", resolution="sleep", units={"score": "points"})
 def measure(*, scene: str = "SpoonScoop", sleep: float = 1.0) -> Record:
     """Run a scene awake and with sleeping; return the errors of its readings. sleep: factor on the thresholds.
 
@@ -100,12 +95,10 @@ def measure(*, scene: str = "SpoonScoop", sleep: float = 1.0) -> Record:
         lost = after["mass"] / before["mass"] - 1.0
         errors = {"mass": lost, "change": lost, "delivered": after["delivered"] - before["delivered"],
                   "unaccounted": after["unaccounted"]}
-    return Record(
-        case=NAME, choices={"scene": scene, "sleep": sleep}, particles=asleep.particles,
-        steps=asleep.steps, seconds=asleep.seconds, compile_seconds=asleep.compile_seconds, errors=errors,
-        readings={"speedup": awake.seconds / asleep.seconds, "seconds_awake": awake.seconds,
-                  "awake_share": after["awake"], **{f"{name} awake": value for name, value in before.items()}},
-        peak_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    cost = Cost(asleep.particles, asleep.steps, asleep.seconds, asleep.compile_seconds)
+    return make_record([cost], errors, {
+        "speedup": awake.seconds / asleep.seconds, "seconds_awake": awake.seconds, "awake_share": after["awake"],
+        **{f"{name} awake": value for name, value in before.items()}})
 
 
 def _number(value: object) -> float:

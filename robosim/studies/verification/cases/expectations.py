@@ -1,4 +1,4 @@
-"""Claims of a case about its runs, in a form that a report can evaluate."""
+"""Expectations of a case about its runs, in a form that a report can evaluate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -7,29 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from robosim.studies.verification.cases.record import Record
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A claim and the value found for it."""
-
-    claim: str
-    found: float | None
-    """The value furthest from the accepted range; None: no run measures it."""
-    low: float
-    """Lower end of the accepted range."""
-    high: float
-    """Upper end of the accepted range."""
-    unit: str = ""
-    """Of all three; empty where the error is relative."""
-
-    @property
-    def verdict(self) -> str:
-        """"pass", "fail" or "not run"; a value that is not a number fails."""
-        if self.found is None:
-            return "not run"
-        return "pass" if self.low <= self.found <= self.high else "fail"
+from robosim.studies.verification.cases.case import Case, Finding, Record
 
 
 def select(records: Sequence[Record], where: dict[str, Any]) -> list[Record]:
@@ -44,13 +22,21 @@ def value_of(record: Record, name: str) -> float:
 
 def describe(choices: dict[str, Any]) -> str:
     """Format choices as text."""
-    return ", ".join(f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
-                     for key, value in choices.items())
+    return ", ".join(f"{key} {_text(value)}" for key, value in choices.items())
 
 
-def _condition(where: dict[str, Any]) -> str:
-    """Format the choices that a claim is limited to."""
-    return f" at {describe(where)}" if where else ""
+def _text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _limited(text: str, where: dict[str, Any]) -> str:
+    """Append the choices to which an expectation is limited."""
+    return f"{text} at {describe(where)}" if where else text
+
+
+def _values(records: Sequence[Record], name: str, where: dict[str, Any]) -> list[float]:
+    """Return the values of the runs that have these choices."""
+    return [value_of(record, name) for record in select(records, where)]
 
 
 @dataclass(frozen=True)
@@ -65,10 +51,16 @@ class Within:
     def evaluate(self, records: Sequence[Record]) -> Finding:
         """Find the value furthest out of the range."""
         low = -self.high if self.low is None else self.low
-        values = [value_of(record, self.name) for record in select(records, self.where)
-                  if self.name in record.errors or self.name in record.readings]
+        measured = [record for record in records if self.name in record.errors or self.name in record.readings]
+        values = _values(measured, self.name, self.where)
         furthest = max(values, key=lambda v: np.inf if np.isnan(v) else max(v - self.high, low - v), default=None)
-        return Finding(self.name + _condition(self.where), furthest, low, self.high)
+        return Finding(_limited(self.name, self.where), furthest, low, self.high)
+
+
+def each_within(tolerances: dict[str, float], where: dict[str, Any] | None = None,
+                low: float | None = None) -> tuple[Within, ...]:
+    """Return the expectations that several errors lie within their tolerances."""
+    return tuple(Within(name, high, where or {}, low) for name, high in tolerances.items())
 
 
 @dataclass(frozen=True)
@@ -87,13 +79,11 @@ class Order:
 
     def evaluate(self, records: Sequence[Record]) -> Finding:
         """Find the observed order of convergence."""
-        errors = [[abs(value_of(r, self.name)) for r in select(records, {**self.where, self.resolution: end})]
-                  for end in self.ends]
-        claim = f"order of {self.name}, {self.resolution} {self.ends[0]:g} to {self.ends[1]:g}" + _condition(self.where)
-        if not all(errors):
-            return Finding(claim, None, self.least, np.inf)
-        order = np.log(errors[0][0] / errors[1][0]) / abs(np.log(self.ends[1] / self.ends[0]))
-        return Finding(claim, float(order), self.least, np.inf)
+        coarse, fine = (_values(records, self.name, {**self.where, self.resolution: end}) for end in self.ends)
+        claim = _limited(f"order of {self.name}, {self.resolution} {self.ends[0]:g} to {self.ends[1]:g}", self.where)
+        order = float(np.log(abs(coarse[0]) / abs(fine[0])) / abs(np.log(self.ends[1] / self.ends[0]))) \
+            if coarse and fine else None
+        return Finding(claim, order, self.least, np.inf)
 
 
 @dataclass(frozen=True)
@@ -110,10 +100,9 @@ class Approach:
 
     def evaluate(self, records: Sequence[Record]) -> Finding:
         """Find the ratio of an error to that of the next coarser run which is furthest from the range 0 to 1."""
-        errors = [[value_of(r, self.name) for r in select(records, {**self.where, self.resolution: value})]
-                  for value in self.values]
-        claim = f"ratio of successive {self.name}, {self.resolution} " \
-                + ", ".join(f"{value:g}" for value in self.values) + _condition(self.where)
+        errors = [_values(records, self.name, {**self.where, self.resolution: value}) for value in self.values]
+        claim = _limited(f"ratio of successive {self.name}, {self.resolution} "
+                         + ", ".join(f"{value:g}" for value in self.values), self.where)
         if not all(errors):
             return Finding(claim, None, 0.0, 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -143,7 +132,7 @@ class Ratio:
 
     name: str
     along: str
-    ends: tuple[float, float]
+    ends: tuple[float | str, float | str]
     """Values of the choice; the reading at the second is divided by that at the first."""
     low: float
     high: float
@@ -151,33 +140,11 @@ class Ratio:
 
     def evaluate(self, records: Sequence[Record]) -> Finding:
         """Find the ratio of the means at both ends."""
-        first, second = ([value_of(r, self.name) for r in select(records, {**self.where, self.along: end})]
-                         for end in self.ends)
-        claim = f"ratio of {self.name}, {self.along} {self.ends[0]:g} to {self.ends[1]:g}" + _condition(self.where)
+        first, second = (_values(records, self.name, {**self.where, self.along: end}) for end in self.ends)
+        ends = " to ".join(_text(end) for end in self.ends)
+        claim = _limited(f"ratio of {self.name}, {self.along} {ends}", self.where)
         found = float(np.mean(second) / np.mean(first)) if first and second else None
         return Finding(claim, found, self.low, self.high)
-
-
-@dataclass(frozen=True)
-class Power:
-    """A reading grows with a power of another one: the slope of a straight line through their logarithms."""
-
-    name: str
-    by: str
-    low: float
-    high: float
-    where: dict[str, Any] = field(default_factory=dict)
-
-    def evaluate(self, records: Sequence[Record]) -> Finding:
-        """Find the power; not a number where a reading is not positive."""
-        rows = [(value_of(record, self.by), value_of(record, self.name)) for record in select(records, self.where)]
-        claim = f"power of {self.by} in {self.name}" + _condition(self.where)
-        if any(not number > 0 for row in rows for number in row):
-            return Finding(claim, np.nan, self.low, self.high)
-        if len({row[0] for row in rows}) < 2:
-            return Finding(claim, None, self.low, self.high)
-        x, y = np.log(np.array(rows)).T
-        return Finding(claim, float(np.polyfit(x, y, 1)[0]), self.low, self.high)
 
 
 @dataclass(frozen=True)
@@ -191,10 +158,22 @@ class Slope:
     where: dict[str, Any] = field(default_factory=dict)
 
     def evaluate(self, records: Sequence[Record]) -> Finding:
-        """Find the slope."""
-        rows = [(value_of(record, self.by), value_of(record, self.name)) for record in select(records, self.where)]
-        claim = f"slope of {self.name} over {self.by}" + _condition(self.where)
-        if len({row[0] for row in rows}) < 2:
-            return Finding(claim, None, self.low, self.high)
-        x, y = np.array(rows).T
-        return Finding(claim, float(np.polyfit(x, y, 1)[0]), self.low, self.high)
+        """Find the slope; of a `Power` not a number where a reading is not positive."""
+        x, y = (np.array(_values(records, name, self.where)) for name in (self.by, self.name))
+        is_power, found = isinstance(self, Power), None
+        if is_power and not (np.all(x > 0) and np.all(y > 0)):
+            found = np.nan
+        elif len(set(x)) > 1:
+            found = float(np.polyfit(np.log(x) if is_power else x, np.log(y) if is_power else y, 1)[0])
+        text = f"power of {self.by} in {self.name}" if is_power else f"slope of {self.name} over {self.by}"
+        return Finding(_limited(text, self.where), found, self.low, self.high)
+
+
+class Power(Slope):
+    """A reading grows with a power of another one: the slope of a straight line through their logarithms."""
+
+
+def judge(case: Case, records: Sequence[Record]) -> list[Finding]:
+    """Return what runs of a case show for each of its expectations, with units."""
+    return [one.evaluate(records)._replace(unit=case.units.get(one.name, "") if isinstance(one, Within) else "")
+            for one in case.expectations]

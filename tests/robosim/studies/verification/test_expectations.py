@@ -1,25 +1,22 @@
-"""Claims of the verification cases: they can fail, and a whole report measures each of them."""
-
-import inspect
+"""Expectations of the verification cases: they can fail, and a whole report measures each of them."""
 
 import numpy as np
 import pytest
 
 from robosim.studies.verification.analysis import pareto_front, time_to_error
 from robosim.studies.verification.cases import NAMES, find
-from robosim.studies.verification.cases.claims import Approach, Order, Power, Ratio, Rising, Slope, Within
-from robosim.studies.verification.cases.record import Record
+from robosim.studies.verification.cases.case import Record
+from robosim.studies.verification.cases.expectations import Approach, Order, Power, Ratio, Rising, Slope, Within
 
 
-def record(error: float, **choices) -> Record:
+def record(error: float = 0.0, readings: dict[str, float] | None = None, **choices) -> Record:
     return Record(case="bar", choices=choices, particles=1, steps=1, seconds=1.0, compile_seconds=0.0,
-                  errors={"rms": error})
+                  errors={"rms": error}, readings=readings or {})
 
 
 def test_a_power_is_fitted_to_all_runs() -> None:
     """y = 3 x^1.5 passes as a power from 1.4 to 1.6, not as one from 1.6 to 2; one run does not measure it."""
-    records = [Record(case="bar", choices={}, particles=1, steps=1, seconds=1.0, compile_seconds=0.0, errors={},
-                      readings={"x": x, "y": 3.0 * x**1.5}) for x in (0.5, 1.0, 4.0)]
+    records = [record(readings={"x": x, "y": 3.0 * x**1.5}) for x in (0.5, 1.0, 4.0)]
     assert Power("y", "x", 1.4, 1.6).evaluate(records).found == pytest.approx(1.5)
     assert Power("y", "x", 1.4, 1.6).evaluate(records).verdict == "pass"
     assert Power("y", "x", 1.6, 2.0).evaluate(records).verdict == "fail"
@@ -28,8 +25,7 @@ def test_a_power_is_fitted_to_all_runs() -> None:
 
 def test_a_slope_is_fitted_to_all_runs() -> None:
     """y = 3 x - 1 rises by 3 per x; one run, or several of one x, do not measure it."""
-    records = [Record(case="bar", choices={}, particles=1, steps=1, seconds=1.0, compile_seconds=0.0, errors={},
-                      readings={"x": x, "y": 3.0 * x - 1.0}) for x in (0.5, 1.0, 4.0)]
+    records = [record(readings={"x": x, "y": 3.0 * x - 1.0}) for x in (0.5, 1.0, 4.0)]
     assert Slope("y", "x", 2.9, 3.1).evaluate(records).found == pytest.approx(3.0)
     assert [Slope("y", "x", low, 9.0).evaluate(records).verdict for low in (2.9, 3.1)] == ["pass", "fail"]
     assert Slope("y", "x", 2.9, 3.1).evaluate([records[0], records[0]]).verdict == "not run"
@@ -93,28 +89,18 @@ def test_pareto_front_and_time_to_an_error() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_case_makes_claims(name: str) -> None:
+def test_a_whole_report_measures_every_expectation(name: str) -> None:
+    """A sweep has the runs that an expectation is limited to; otherwise it would stay "not run" in every report."""
     case = find(name)
-    keys = {key for choices in (*case.SWEEP, *case.QUICK_SWEEP) for key in choices}
-    assert case.CLAIMS and case.QUICK_SWEEP and case.SOURCE
-    assert case.RESOLUTION is None or case.RESOLUTION in keys
-    for claim in case.CLAIMS:
-        assert claim.evaluate([]).verdict == "not run"
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_whole_report_measures_every_claim(name: str) -> None:
-    """A sweep has the runs that a claim is limited to, with defaults for arguments that it leaves out, and the record
-    holds their choices. Otherwise the claim would stay "not run" in every report."""
-    case = find(name)
-    source, arguments = inspect.getsource(case.measure), inspect.signature(case.measure).parameters
-    runs = [{key: argument.default for key, argument in arguments.items()} | choices for choices in case.SWEEP]
-    for claim in case.CLAIMS:
-        ends = [{claim.resolution: end} for end in claim.ends] if isinstance(claim, Order) else \
-            [{claim.along: end} for end in claim.ends] if isinstance(claim, Ratio) else \
-            [{claim.resolution: value} for value in claim.values] if isinstance(claim, Approach) else [{}]
-        for where in ({**claim.where, **end} for end in ends):
+    assert case.name == name and case.source and case.quick and case.expectations
+    assert case.resolution is None or case.resolution in case.defaults
+    runs = [case.defaults | choices for choices in case.sweep]
+    for one in case.expectations:
+        assert one.evaluate([]).verdict == "not run"
+        ends = [{one.resolution: end} for end in one.ends] if isinstance(one, Order) else \
+            [{one.along: end} for end in one.ends] if isinstance(one, Ratio) else \
+            [{one.resolution: value} for value in one.values] if isinstance(one, Approach) else [{}]
+        for where in ({**one.where, **end} for end in ends):
             matching = [choices for choices in runs if where.items() <= choices.items()]
-            assert matching, f"{claim}: no run at {where}"
-            assert not isinstance(claim, Rising) or len({choices[claim.along] for choices in matching}) > 1
-            assert all(f'"{key}": {key}' in source for key in where), f"{claim}: the record lacks choices of {where}"
+            assert matching, f"{one}: no run at {where}"
+            assert not isinstance(one, Rising) or len({choices[one.along] for choices in matching}) > 1

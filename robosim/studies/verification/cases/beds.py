@@ -1,0 +1,46 @@
+"""Steps, stresses and motions that cases have in common."""
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+import mpm
+from mpm.materials.material import Material
+from robosim.studies.verification.cases.case import TimedSolver
+
+UPRIGHT = mpm.Pose.identity().quaternion
+SLICE = mpm.Walls(lower=("slip", "periodic", "friction"), upper=("slip", "periodic", "slip"))
+"""Walls of a slice in plane strain on a rough floor."""
+
+
+def courant_step(courant: float, cell: float, law: Material) -> float:
+    """Return the substep [s] of a Courant number, in cells over the speed of pressure waves."""
+    return courant * cell / math.sqrt((law.lam + 2 * law.mu) / law.density)
+
+
+def resting_body(law: Material, positions: np.ndarray, volume: float) -> mpm.Body:
+    """Return a bed with the stress of rest under its own weight; volume: of a particle [m^3]."""
+    return mpm.Body(law, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, law))
+
+
+def load_pressure(solver: mpm.Solver, water: mpm.NewtonianFluid, depths: np.ndarray, gravity: float = 9.81) -> None:
+    """Compress the solver's water as its particles' depths [m] (n,) below the surface do."""
+    state = solver.state()
+    state["j"][:, 0] = -water.density * gravity * depths / water.bulk_modulus
+    solver.load(state)
+
+
+def carry(timed: TimedSolver, displacement: Callable[[int], np.ndarray | list[float]], windows: int,
+          window: float) -> Iterator[int]:
+    """Move the first collider on, advance and yield, window [s] by window.
+
+    displacement: from the start [m] (3,), after k windows.
+    """
+    start = here = timed.solver.collider_pose(0)
+    for k in range(windows):
+        there = mpm.Pose(start.position + displacement(k + 1), start.quaternion)
+        timed.solver.set_collider_motion(0, here, there)
+        timed.advance(window)
+        yield k
+        here = there
