@@ -25,11 +25,14 @@ rehearse: $(VENV)/.run gl
 	@if $(HAS_GL); then video=; else video=--no-video; export MUJOCO_GL=disable; fi; \
 	set -x; $(BIN)/robosim rehearse spoon --out $(OUT) $$video
 
+# The tests of a file stay in one process, which has its fixtures and kernels then; how long each took is kept.
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadscope --durations 30 --durations-min 3 --junitxml .cache/tests.xml
+
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(PYTEST) -m "not slow"
 
 test-slow: $(VENV)/.test
-	$(BIN)/python -m pytest -n 2 -m slow
+	$(PYTEST) -m slow
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
@@ -50,7 +53,7 @@ meshes: $(VENV)/.test
 	for script in models/*/*/make_meshes.py; do $(BIN)/python $$script || exit 1; done
 
 clean:
-	rm -rf .venv .venv-* build dist out docs/_build docs/_generated *.egg-info .pytest_cache .ruff_cache
+	rm -rf .venv .venv-* .cache build dist out docs/_build docs/_generated *.egg-info .pytest_cache .ruff_cache
 
 gl:
 	@if $(HAS_GL); then exit 0; fi; \

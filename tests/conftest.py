@@ -1,7 +1,12 @@
-"""One backend for the whole suite: double precision is asked for per solver. One folder of settled starts, too."""
+"""One backend for the whole suite: double precision is asked for per solver. One folder of caches, too.
+
+Compiled kernels, settled starts and distances of meshes are kept in .cache of the checkout, so that a second run needs
+none of them again; each is found by a digest of what it depends on.
+"""
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from browser_window import BrowserWindow
@@ -9,20 +14,12 @@ from browser_window import BrowserWindow
 import mpm
 from robosim.rendering.opengl import choose_graphics
 
+CACHE = Path(__file__).resolve().parents[1] / ".cache"
+os.environ.setdefault("TI_OFFLINE_CACHE_FILE_PATH", str(CACHE / "kernels"))
+os.environ["ROBOSIM_CACHE"], os.environ["MPM_CACHE"] = str(CACHE / "starts"), str(CACHE / "distances")
 choose_graphics()
 
 mpm.init(arch="cpu", precision="f32", threads=1)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def starts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Settled starts and distances of meshes are made once in a run of the suite, and not the user's."""
-    base = tmp_path_factory.getbasetemp()
-    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROBOSIM_CACHE", str(base / "starts"))
-        patch.setenv("MPM_CACHE", str(base / "distances"))
-        yield
 
 
 @pytest.fixture

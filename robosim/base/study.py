@@ -83,7 +83,7 @@ class Store:
         except FileNotFoundError:
             return None
         except (OSError, ValueError, RecursionError) as error:
-            print(f"robosim: {self.path(key)} is damaged ({error}); it is made anew", file=sys.stderr)
+            print(f"robosim: {self.path(key)} is damaged ({error}); running the job again", file=sys.stderr)
             return None
 
     def keep(self, key: str, value: Any, **more: Any) -> None:
