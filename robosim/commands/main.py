@@ -16,7 +16,7 @@ from robosim.base.files import describe_end
 from robosim.commands.arguments import CommandParser
 
 COMMANDS = {"rehearse": "runs.rehearse", "evaluate": "runs.evaluate", "view": "runs.view",
-            "convert": "runs.convert",
+            "film": "runs.film", "convert": "runs.convert",
             "materials": "runs.materials", "chain": "runs.chain", "tune": "runs.tune", "calibrate": "runs.calibrate",
             "explain": "checks.explain", "report": "checks.report", "stability": "checks.stability",
             "bench": "checks.bench", "keys": "keys", "new": "new"}

@@ -17,7 +17,7 @@ from robosim.base.progress import Progress
 from robosim.config.settings import parse_yaml
 from robosim.conversion import messages
 from robosim.conversion.messages import STORE
-from robosim.recordings.reader import Recording, find_recording
+from robosim.recordings.reader import Recording, find_recordings
 
 WORLD = "world"
 """Frame of all poses and grains."""
@@ -42,9 +42,7 @@ def write_bag(run: Path, out: Path, plugin: str) -> dict[str, int]:
     """
     if out.exists():
         raise ConfigError(f"--out {out}: exists; accepted: a new folder")
-    path = find_recording(run)
-    if path is None:
-        raise ConfigError(f"{run}: holds no recording; accepted: the folder of a run of `robosim rehearse`")
+    path = find_recordings(run)[0]
     counts: dict[str, int] = {}
     unfinished = temporary_path(out)
     try:

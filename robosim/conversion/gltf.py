@@ -28,6 +28,8 @@ def write_frame(recording: Recording, time: float, out: Path) -> float:
     whole = trimesh.Scene()
     for body in recording.header.bodies:
         pose = next(moving) if body.moves else np.array([*body.position, *body.quaternion])
+        if body.name not in recording.shapes:
+            continue
         transform = trimesh.transformations.quaternion_matrix(pose[3:])
         transform[:3, 3] = pose[:3]
         part = trimesh.load(io.BytesIO(recording.shapes[body.name]), file_type="glb")

@@ -34,6 +34,8 @@ class RegionEntry(Table):
     """Whether it is a cylinder."""
     is_place: bool = True
     """Whether grains in it are where they may be: those in none of these are drawn as spilled."""
+    is_marked: bool = False
+    """Whether a film marks it on the table."""
 
 
 class WaypointEntry(Table):
@@ -82,6 +84,8 @@ class RecordingHeader(Table):
     kind: Name
     """What was recorded: rehearsal, task, plan or scene."""
     title: Text
+    caption: Text = ""
+    """What pictures of a film say besides the time."""
     command: Text = ""
     commit: Name = ""
     frame_rate: float = Field(gt=0.0, le=1e4)
@@ -97,6 +101,8 @@ class RecordingHeader(Table):
     bodies: Annotated[list[BodyEntry], Field(max_length=MOST_BODIES)]
     tool: Name = ""
     """Body whose path is drawn and at which grains act; empty: none."""
+    hand: Name = ""
+    """Body that holds it, for the camera that follows both; empty: none."""
     curves: Annotated[list[CurveEntry], Field(max_length=MOST_CURVES)] = []  # noqa: RUF012
     regions: Annotated[list[RegionEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
     waypoints: Annotated[list[WaypointEntry], Field(max_length=MAX_ENTRIES)] = []  # noqa: RUF012
@@ -121,9 +127,9 @@ def four(values: ArrayLike) -> tuple[float, float, float, float]:
 
 
 def region_entry(name: str, region: mpm.Region, pose: mpm.Pose | None = None, body: str = "",
-                 is_place: bool = True) -> RegionEntry:
+                 is_place: bool = True, is_marked: bool = False) -> RegionEntry:
     """Make the entry of a region of the field; pose: of its frame in the world, or in that of its body."""
     centre = region.centre if pose is None else pose.apply(np.array([region.centre]))[0]
     return RegionEntry(name=name, body=body, position=three(centre), half=three(np.minimum(region.half, LARGEST_HALF)),
                        quaternion=(1.0, 0.0, 0.0, 0.0) if pose is None else four(pose.quaternion), round=region.round,
-                       is_place=is_place)
+                       is_place=is_place, is_marked=is_marked)

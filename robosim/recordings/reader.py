@@ -2,8 +2,9 @@
 
 import json
 from collections import OrderedDict
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, TypeVar
 
 import numpy as np
 import pydantic
@@ -12,8 +13,8 @@ import zstandard
 from robosim.base.errors import ConfigError
 from robosim.config.table import describe, list_errors
 from robosim.recordings.frames import KEY_INTERVAL, GrainCodec, GrainState, SceneState, unpack_scene
-from robosim.recordings.header import VERSION, RecordingHeader
-from robosim.recordings.writer import BLOCK, GRAINS, HEADER, MAGIC, PATH, SCENE, SHAPE
+from robosim.recordings.header import VERSION, RecordingHeader, WaypointEntry
+from robosim.recordings.writer import APPEARANCE, BLOCK, GRAINS, HEADER, MAGIC, PATH, SCENE, SHAPE, WAYPOINTS
 
 FILE = "recording.rec"
 """Name of a recording in the folder of a run."""
@@ -21,6 +22,10 @@ MOST_BLOCK = 1 << 30
 """Bytes of one block, unpacked."""
 KEPT_GROUPS = 4
 """Groups of frames, from one with whole positions to the next, that are kept unpacked."""
+
+
+WAYPOINT_LIST = pydantic.TypeAdapter(list[WaypointEntry])
+T = TypeVar("T")
 
 
 class Block(NamedTuple):
@@ -43,6 +48,10 @@ class Recording:
         """Body -> .glb file."""
         self.paths: dict[str, np.ndarray] = {}
         """Name -> positions (n, 3) [m]."""
+        self.appearance = b""
+        """What the scene looks like, see `robosim.recordings.appearance`; empty in recordings of earlier versions."""
+        self.waypoints: list[WaypointEntry] = []
+        """Those of the header, and those that were known later."""
         self._header: RecordingHeader | None = None
         self._scenes: list[Block] = []
         self._grains: list[Block] = []
@@ -96,6 +105,11 @@ class Recording:
             self._grains.append(place)
         elif kind == HEADER:
             self._header = self._parse_header(self._content(place))
+            self.waypoints += self._header.waypoints
+        elif kind == APPEARANCE:
+            self.appearance = self._content(place)
+        elif kind == WAYPOINTS:
+            self.waypoints += self._parse(WAYPOINT_LIST.validate_json, self._content(place))
         elif kind in (SHAPE, PATH):
             name, _, content = self._content(place).partition(b"\n")
             if kind == SHAPE:
@@ -158,8 +172,11 @@ class Recording:
             raise ConfigError(f"{self.path}: recording of version {version}; accepted: {VERSION}; record the run again "
                               f"with this robosim, or view it with the one that wrote it (commit "
                               f"{values.get('commit') if isinstance(values, dict) else 'unknown'})")
+        return self._parse(RecordingHeader.model_validate, values)
+
+    def _parse(self, validate: Callable[[Any], T], values: Any) -> T:
         try:
-            return RecordingHeader.model_validate(values)
+            return validate(values)
         except pydantic.ValidationError as error:
             raise ConfigError(f"{self.path}: header: " + list_errors([describe(e, RecordingHeader)
                                                                     for e in error.errors()])) from None
@@ -175,7 +192,20 @@ class Recording:
         self.close()
 
 
-def find_recording(folder: Path) -> Path | None:
-    """Return the recording of a run's folder, the first of several, also an unfinished one; None where it has none."""
-    named = (folder / FILE, folder / f"{FILE}.part", *sorted(folder.glob("*.rec")))
-    return next((path for path in named if path.is_file()), None)
+def find_recordings(run: Path) -> list[Path]:
+    """Return the recordings of a run's folder, also unfinished ones, or the one of a file.
+
+    A folder has that of its run, or else those of its parts, in the order of their names. Raises ConfigError where
+    there is none.
+    """
+    if run.is_dir():
+        own = [path for path in (run / FILE, run / f"{FILE}.part") if path.is_file()]
+        found = own[:1] or sorted(path for end in ("*.rec", "*.rec.part") for path in run.glob(end))
+        if not found:
+            files = ", ".join(sorted(p.name for p in run.iterdir() if not p.name.startswith("."))[:10]) or "nothing"
+            raise ConfigError(f"{run}: holds no {FILE} ({files}); accepted: the folder of a run of `robosim rehearse`, "
+                              f"`robosim evaluate` or `robosim chain`, made with this version")
+        return found
+    if not run.name.endswith((".rec", ".rec.part")) or not run.is_file():
+        raise ConfigError(f"{run}: neither the folder of a run nor a recording; accepted: one with a {FILE}, or a file")
+    return [run]

@@ -9,17 +9,17 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError
+from robosim.recordings.appearance import body_name, pack_appearance, viewed_bodies
 from robosim.recordings.frames import GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CameraEntry, CurveEntry, RecordingHeader, four, three
 from robosim.recordings.writer import RecordingWriter
 from robosim.rendering.body_shapes import body_shapes
+from robosim.rendering.grain_skin import GRAIN_RADIUS
 
 FRAME_RATE = 20.0
 """Frames per second of simulated time, unless one asks for others."""
 PRESSURE_INTERVAL = 4
 """Frames for which the pressure of grains that was read once stands: reading it takes longer than all the rest."""
-RADIUS_SHARE = 0.62
-"""Radius of a drawn grain in distances of neighbours, as in films: a heap looks closed."""
 VIEW_DISTANCE = 0.6
 """Distance [m] from a camera without a target body to the point that a view turns about."""
 NO_GRAINS = GrainState(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool))
@@ -41,7 +41,7 @@ class SceneRecorder:
             raise ConfigError(f"frame rate of a recording: {frame_rate} 1/s; accepted: above 0, up to 1000")
         self._solver, self._interval, self._next = solver, 1.0 / frame_rate, float(data.time)
         shapes = body_shapes(model)
-        drawn = sorted(shapes)
+        drawn = sorted(shapes.keys() | viewed_bodies(model))
         self._moving = [body for body in drawn if moves(model, body)]
         grid = solver.grid if solver is not None else None
         self._pressures = read_grains(solver).pressures  # compiles what reads stresses
@@ -49,12 +49,13 @@ class SceneRecorder:
         header = RecordingHeader(
             version=VERSION, kind=kind, title=title, frame_rate=frame_rate, tool=tool,
             grains=0 if solver is None else int(sum(solver.particles.counts)),
-            grain_radius=RADIUS_SHARE * volume ** (1 / 3), colour=three(np.asarray(colour[:3])),
+            grain_radius=GRAIN_RADIUS * volume ** (1 / 3), colour=three(np.asarray(colour[:3])),
             lower=three(np.zeros(3) if grid is None else grid.lower),
             upper=three(np.ones(3) if grid is None else np.asarray(grid.lower) + grid.cells * grid.cell),
             bodies=[_body_entry(model, data, body, body in self._moving) for body in drawn],
             cameras=list(_cameras(model, data)), curves=list(curves), **more)
-        self.writer = RecordingWriter(path, header, {_name(model, body): shapes[body] for body in drawn}, paths)
+        self.writer = RecordingWriter(path, header, {body_name(model, body): shape for body, shape in shapes.items()},
+                                      paths, pack_appearance(model))
 
     def is_due(self, time: float) -> bool:
         """Return whether a frame is due at a time [s]."""
@@ -78,6 +79,11 @@ class SceneRecorder:
         numbers = np.asarray(values(grains) if values else [], float)
         self.writer.add(SceneState(float(data.time), poses, row, numbers), grains)
         return True
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the file is finished."""
+        return self.writer.is_closed
 
     def close(self) -> None:
         """Finish the file under its name. May be called twice."""
@@ -104,12 +110,8 @@ def _mean_volume(solver: mpm.Solver) -> float:
     return float(np.mean(solver.masses() / solver.densities()))
 
 
-def _name(model: mujoco.MjModel, body: int) -> str:
-    return model.body(body).name or f"body_{body}"
-
-
 def _body_entry(model: mujoco.MjModel, data: mujoco.MjData, body: int, is_moving: bool) -> BodyEntry:
-    return BodyEntry(name=_name(model, body), moves=is_moving, position=three(data.xpos[body]),
+    return BodyEntry(name=body_name(model, body), moves=is_moving, position=three(data.xpos[body]),
                      quaternion=four(data.xquat[body]))
 
 

@@ -2,20 +2,22 @@
 
 import json
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import zstandard
 
 from robosim.recordings.frames import KEY_INTERVAL, GrainCodec, GrainState, SceneState, pack_scene
-from robosim.recordings.header import RecordingHeader
+from robosim.recordings.header import RecordingHeader, WaypointEntry
 
 MAGIC = b"robosim recording\n"
 BLOCK = struct.Struct("<cI")
 """Kind of a block and the number of bytes of its content, which is compressed by Zstandard with a checksum."""
-HEADER, SHAPE, PATH, SCENE, GRAINS = b"H", b"S", b"P", b"R", b"G"
-"""Blocks: the header as JSON; the shape of a body, its name and a line's end before a .glb file; a path, its name and a
-line's end before positions (n, 3) in single precision; poses and readings of a frame, and after them its grains."""
+HEADER, APPEARANCE, SHAPE, PATH, SCENE, GRAINS, WAYPOINTS = b"H", b"A", b"S", b"P", b"R", b"G", b"W"
+"""Blocks: the header as JSON; what the scene looks like, see `robosim.recordings.appearance`; the shape of a body, its
+name and a line's end before a .glb file; a path, its name and a line's end before positions (n, 3) in single precision;
+poses and readings of a frame, and after them its grains; further waypoints as JSON."""
 LEVEL = 3
 """Of compression: 6 would make files a tenth smaller in three times the time."""
 
@@ -25,11 +27,12 @@ class RecordingWriter:
 
     Until `close` it is called `path`.part, which can be read as far as it was written, also after a crash.
 
-    shapes: body -> .glb file. paths: name -> positions (n, 3) [m].
+    shapes: body -> .glb file. paths: name -> positions (n, 3) [m]. appearance: of `pack_appearance`; without it no film
+    can be drawn.
     """
 
     def __init__(self, path: Path, header: RecordingHeader, shapes: dict[str, bytes],
-                 paths: dict[str, np.ndarray] | None = None) -> None:
+                 paths: dict[str, np.ndarray] | None = None, appearance: bytes = b"") -> None:
         self.path, self.frames, self.bytes = path, 0, 0
         self._part = path.with_name(path.name + ".part")
         self._codec = GrainCodec(header.lower, header.upper)
@@ -37,6 +40,8 @@ class RecordingWriter:
         self._file = self._part.open("wb")
         self._file.write(MAGIC)
         self._write(HEADER, json.dumps(header.model_dump(mode="json"), allow_nan=False).encode())
+        if appearance:
+            self._write(APPEARANCE, appearance)
         for name, shape in shapes.items():
             self._write(SHAPE, name.encode() + b"\n" + shape)
         for name, positions in (paths or {}).items():
@@ -48,11 +53,20 @@ class RecordingWriter:
         self._write(GRAINS, self._codec.pack(grains, self.frames % KEY_INTERVAL == 0))
         self.frames += 1
 
+    def add_waypoints(self, waypoints: Sequence[WaypointEntry]) -> None:
+        """Append waypoints whose times were not known at the beginning."""
+        self._write(WAYPOINTS, json.dumps([entry.model_dump(mode="json") for entry in waypoints]).encode())
+
     def _write(self, kind: bytes, content: bytes) -> None:
         block = self._compressor.compress(content)
         self._file.write(BLOCK.pack(kind, len(block)) + block)
         self._file.flush()
         self.bytes += len(block)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the recording is finished."""
+        return self._file.closed
 
     def close(self) -> None:
         """Finish the recording under its name. May be called twice."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.episode.sheet import LOAD
 from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
 from robosim.recordings.places import find_placed
@@ -22,7 +23,7 @@ FORCES = ("Fx", "Fy", "Fz")
 PATH_POINTS = 500
 """Points of the commanded path."""
 CURVES = [
-    CurveEntry(name="in the tool", unit="g", chart="mass"),
+    CurveEntry(name=LOAD, unit="g", chart="mass"),
     CurveEntry(name="outside of tool and places", unit="g", chart="mass"),
     *(CurveEntry(name=name, unit="N", chart="force of the grains on the tool") for name in FORCES),
     *(CurveEntry(name=f"wrist {name}", unit="N", chart="wrist force, without hand and tool") for name in FORCES),
@@ -36,21 +37,34 @@ DOSE_CURVES = [CurveEntry(name=name, unit="g", chart="dose") for name in ("in th
 """The same of a rehearsal with a dose, after those; none before it has begun."""
 
 
-def make_recorder(run: RehearsalRun, path: Path, command: str = "") -> SceneRecorder:
+def make_recorder(run: RehearsalRun, path: Path, frame_rate: float = FRAME_RATE) -> SceneRecorder:
     """Open the recording of a run."""
     config, motion_path = run.config, run.plan.path
     times = np.linspace(0.0, motion_path.duration, PATH_POINTS)
     commanded = np.array([motion_path.pose(t).position for t in times])
-    waypoints = [WaypointEntry(name=name, time=time,
-                               position=three(motion_path.pose(motion_path.times[place]).position))
-                 for time, name in run.planned_passages()
-                 for place in [config.dose_at if name == DOSE else name]]
     return SceneRecorder(
         path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
-        curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=FRAME_RATE,
-        grain_volume=run.grains.grain_volume, colour=run.material.colour,
-        tool=config.tool_name, paths={"commanded": commanded}, regions=list(counting_regions(config)),
-        waypoints=waypoints, command=command, commit=commit())
+        caption=config.material, curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=frame_rate,
+        grain_volume=run.grains.grain_volume, colour=run.material.colour, tool=config.tool_name,
+        hand=run.model.body(run.scene.wrist).name, paths={"commanded": commanded},
+        regions=list(counting_regions(config)), waypoints=list_waypoints(run, run.planned_passages()), commit=commit())
+
+
+def finish_recording(run: RehearsalRun, recorder: SceneRecorder) -> None:
+    """Add the waypoints after a dose, if it came to its end, and close the recording. May be called twice."""
+    try:
+        if run.delay > 0.0 and not recorder.is_closed:
+            recorder.writer.add_waypoints(list_waypoints(run, [(time + run.delay, name) for time, name in
+                                                               run.passages_after_dose()]))
+    finally:
+        recorder.close()
+
+
+def list_waypoints(run: RehearsalRun, passages: list[tuple[float, str]]) -> list[WaypointEntry]:
+    """Return the entries of waypoints at times [s]."""
+    path, places = run.plan.path, {DOSE: run.config.dose_at}
+    return [WaypointEntry(name=name, time=time, position=three(path.pose(path.times[places.get(name, name)]).position))
+            for time, name in passages]
 
 
 def counting_regions(config: RehearsalConfig) -> list[RegionEntry]:
@@ -59,7 +73,7 @@ def counting_regions(config: RehearsalConfig) -> list[RegionEntry]:
     for name, container in config.containers.items():
         entries.append(region_entry(name, *container_region(name, container)))
     if config.area is not None:
-        entries.append(region_entry("area", config.area.region))
+        entries.append(region_entry("area", config.area.region, is_marked=True))
     if config.pile is not None:
         entries.append(region_entry("pile", config.pile.region))
     entries.append(region_entry(config.tool_name, tool_shape(config.tool).interior, body=config.tool_name))

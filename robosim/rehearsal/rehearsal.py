@@ -8,6 +8,8 @@ from typing import Any
 
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.table import validate
+from robosim.episode.film import FilmStyle
+from robosim.recordings.scene_recorder import FRAME_RATE
 from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.result import Result
 from robosim.rehearsal.session import check_config, simulate
@@ -35,15 +37,17 @@ class Rehearsal:
         return plan_motion(self.config)
 
     def run(self, *, out: str | Path | None = None, camera: str | None = None, seed: int = 0,
-            model_errors: int | None = None, **film: Any) -> Result:
+            model_errors: int | None = None, frame_rate: float = FRAME_RATE, **film: Any) -> Result:
         """Simulate the planned motion with the grains.
 
         out: folder of the files; None: a temporary one, until `Result.save`. camera: of the film, None for none; film:
-        frame_rate, height, colour, poster of it. seed: of the grains' initial positions. model_errors: seed of errors
-        by which the robot differs from its model. Raises as `plan`, and mpm.SimulationDiverged, RobotDiverged.
+        height, colour, poster of it. seed: of the grains' initial positions. model_errors: seed of errors by which the
+        robot differs from its model. frame_rate: of recording and film [1/s]. Raises as `plan`, and
+        mpm.SimulationDiverged, RobotDiverged.
         """
         folder = Path(tempfile.mkdtemp(prefix="rehearsal_") if out is None else out)
-        result = simulate(self.config, folder, camera=camera, seed=seed, model_errors=model_errors, **film)
+        result = simulate(self.config, folder, seed=seed, model_errors=model_errors, frame_rate=frame_rate,
+                          film=None if camera is None else FilmStyle(camera, **film))
         if out is None:
             weakref.finalize(result, shutil.rmtree, folder, ignore_errors=True)
         return result

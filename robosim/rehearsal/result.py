@@ -10,9 +10,9 @@ from robosim.base.errors import ConfigError
 from robosim.base.output_folder import OutputFolder
 from robosim.config.motion import JointTrajectoryConfig
 from robosim.config.table import validate
+from robosim.episode.film import FilmFailed
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.rehearsal.dosing.stage import DoseSample
-from robosim.rehearsal.film_process import FilmFailed
 from robosim.rehearsal.readings import align_signs
 from robosim.rehearsal.run import CLOSING_SHARE, RehearsalRun
 from robosim.rendering.video import count_frames, read_frames
@@ -36,8 +36,7 @@ CURVES = ("time", "q", "qd", "qdd", "torque", "sensed_torque", "external_torque"
 class Result:
     """Of a run of a rehearsal, whose files are in a folder."""
 
-    def __init__(self, run: RehearsalRun, figures: dict[str, Any], missed: list[str], folder: Path,
-                 failure: FilmFailed | None = None) -> None:
+    def __init__(self, run: RehearsalRun, figures: dict[str, Any], missed: list[str], folder: Path) -> None:
         self.config = run.config
         self.figures = figures
         """Name -> value; a name ends in the unit, if there is one."""
@@ -45,7 +44,7 @@ class Result:
         """A line for each figure outside its bound; empty where all were held."""
         self.folder = folder
         """Of the files that `robosim rehearse` writes."""
-        self.failure = failure
+        self.failure: FilmFailed | None = None
         """Why there is no film, if one was asked for and could not be made."""
         self.curves = {name: run.readings.stack_steps(name) for name in CURVES}
         """Name -> values of every step (n,) or (n, k); see `robosim.rehearsal.readings.Step`."""

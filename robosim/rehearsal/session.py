@@ -12,21 +12,21 @@ from robosim.base.progress import Progress
 from robosim.config.materials import law_of, load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import JointLog
+from robosim.episode.film import CLOSE, FilmFailed, FilmStyle, check_colour, film_run, find_camera
 from robosim.recordings.reader import FILE as RECORDING
-from robosim.recordings.scene_recorder import SceneRecorder
+from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.dosing.lip_motion import make_lip_motion
 from robosim.rehearsal.dosing.stage import check_target, make_dose_controller
-from robosim.rehearsal.film import FRAME_RATE, check_colour, find_camera
-from robosim.rehearsal.film_process import FilmFailed, FilmProcess
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.page import make_page
 from robosim.rehearsal.planning.motion_sequence import place_target
 from robosim.rehearsal.planning.plan import plan_motion
-from robosim.rehearsal.recorder import RunReadings, make_recorder
+from robosim.rehearsal.recorder import RunReadings, finish_recording, make_recorder
 from robosim.rehearsal.replay.comparison import OPPOSITE
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
 from robosim.rehearsal.result import MISSED_TRAJECTORY, RESULTS, TRAJECTORY, Result
 from robosim.rehearsal.run import RehearsalRun
+from robosim.rendering.renderer import RenderingUnavailable
 from robosim.robot.assembly import check_payload
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import name_joints
@@ -58,10 +58,9 @@ REPLAYED = {
 
 
 def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | None = None,
-             camera: str | None = "close", colour: str = "material", frame_rate: int = FRAME_RATE,
-             height: int = 720, poster: float | None = None, seed: int = 0, trajectory: str | None = None,
-             motions: Path | None = None, recorded: Path | None = None, model_errors: int | None = None,
-             force_export: bool = False) -> int:
+             film: FilmStyle | None = None, frame_rate: float = FRAME_RATE, seed: int = 0,
+             trajectory: str | None = None, motions: Path | None = None, recorded: Path | None = None,
+             model_errors: int | None = None, force_export: bool = False) -> int:
     """Run a rehearsal, write its results into the folder `out`, and print the main figures.
 
     Returns 0, or 1 where a figure missed its bound. trajectory: "script" or "learned", the latter from a folder of
@@ -71,8 +70,7 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     """
     config = check_rehearsal(name, material=material, grasp=grasp, trajectory=trajectory, motions=motions)
     log = None if recorded is None else read_log(recorded, config)
-    result = simulate(config, out, camera=camera, colour=colour, frame_rate=frame_rate, height=height, poster=poster,
-                      seed=seed, log=log, model_errors=model_errors)
+    result = simulate(config, out, film=film, frame_rate=frame_rate, seed=seed, log=log, model_errors=model_errors)
     exports = log is None and config.dose is None
     if exports and result.missed and force_export:
         result.export_ros2(out / MISSED_TRAJECTORY, force=True)
@@ -86,50 +84,47 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     return int(bool(result.missed))
 
 
-def simulate(config: RehearsalConfig, out: Path, *, camera: str | None = "close", colour: str = "material",
-             frame_rate: int = FRAME_RATE, height: int = 720, poster: float | None = None, seed: int = 0,
-             log: JointLog | None = None, model_errors: int | None = None) -> Result:
+def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = None, frame_rate: float = FRAME_RATE,
+             seed: int = 0, log: JointLog | None = None, model_errors: int | None = None) -> Result:
     """Run a rehearsal and write its results into the folder `out`.
 
-    camera: None for no video. colour: of its grains. frame_rate: pictures per second; height: of a picture [pixels];
-    poster: time [s] of a still. log: what the real arm recorded, to be played in the planned motion's place.
-    model_errors: seed of errors by which the robot differs from its model; None: it does not.
+    film: how it is drawn, after the run; None: there is none. frame_rate: of recording and film [1/s]. log: what the
+    real arm recorded, to be played in the planned motion's place. model_errors: seed of errors by which the robot
+    differs from its model; None: it does not.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
     real robot is written last, and only where every bound was held.
     """
     material = load_material(config.material)
-    if camera is not None:
-        find_camera(compile_rehearsal(config).model, camera)
-        check_colour(colour)
+    if film is not None:
+        find_camera(compile_rehearsal(config).model, film.camera or CLOSE)
+        check_colour(film.colour)
     with OutputFolder(out) as folder:
         folder.clear(RESULTS)
         folder.write_yaml("config.yaml", config.model_dump(mode="json"))
         folder.write_yaml("material.yaml", material.model_dump(mode="json"))
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
-            film = None if camera is None else FilmProcess(folder)
-            if film is not None:
-                stack.callback(film.close)
             run = _prepare(config, seed, log, model_errors)
             stack.callback(_write_trajectory, run, folder)
-            recorder = make_recorder(run, folder.path / RECORDING)
-            stack.callback(recorder.close)
-            if film is not None and camera is not None:
-                film.begin(run, camera, colour, frame_rate, height, poster)
+            recorder = make_recorder(run, folder.path / RECORDING, frame_rate)
+            stack.callback(finish_recording, run, recorder)
             try:
-                _simulate(run, film, recorder)
+                _simulate(run, recorder)
             except (mpm.SimulationDiverged, RobotDiverged):
                 folder.write("last_good_state.npz", run.save_last_good_state)
+                finish_recording(run, recorder)
+                if film is not None:  # of what was simulated
+                    _draw_film(folder.path, film)
                 raise
-            failure = _finish(run, film)
         figures = compute_figures(run)
-        missed = find_missed(figures, config)
-        recorder.close()
-        folder.write_text("index.html", make_page(run, figures, missed, folder.path).html())
-        result = Result(run, figures, missed, folder.path, failure)
-        if log is None and not missed and config.dose is None:
-            result.export_ros2(folder.path / TRAJECTORY)
-        folder.write_json("report.json", figures | {"missed": missed})
+        result = Result(run, figures, find_missed(figures, config), folder.path)
+        try:
+            result.failure = None if film is None else _draw_film(folder.path, film)
+        finally:  # an interrupted film costs no result
+            folder.write_text("index.html", make_page(run, figures, result.missed, folder.path).html())
+            if log is None and not result.missed and config.dose is None:
+                result.export_ros2(folder.path / TRAJECTORY)
+            folder.write_json("report.json", figures | {"missed": result.missed})
         return result
 
 
@@ -184,16 +179,15 @@ def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_err
     return run
 
 
-def _finish(run: RehearsalRun, film: FilmProcess | None) -> FilmFailed | None:
-    """Wait for the film; return why there is none, so that the report is written all the same."""
-    began, failure = clock.perf_counter(), None
+def _draw_film(folder: Path, style: FilmStyle) -> FilmFailed | None:
+    """Draw the film; return why there is none, or say on stderr that this machine cannot draw."""
     try:
-        if film is not None:
-            film.close()
+        film_run(folder, style=style)
     except FilmFailed as error:
-        failure = error
-    run.timings["film_wait"] = clock.perf_counter() - began
-    return failure
+        return error
+    except RenderingUnavailable as error:
+        print(f"no video: {error}", file=sys.stderr)
+    return None
 
 
 def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:
@@ -202,14 +196,12 @@ def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:
         folder.write("trajectory.csv", run.readings.write_csv)
 
 
-def _simulate(run: RehearsalRun, film: FilmProcess | None, recorder: SceneRecorder) -> None:
+def _simulate(run: RehearsalRun, recorder: SceneRecorder) -> None:
     """Run with a progress bar: simulated time, real-time factor, time left."""
     readings = RunReadings(run)
     run.timings["record"] = 0.0
     with Progress(total=round(run.duration, 3), desc="simulated", unit="s", decimals=2) as bar:
         def after_step() -> None:
-            if film is not None:
-                film.add_due_frame()
             began = clock.perf_counter()
             bar.total = max(bar.total, round(run.expected_duration, 3))  # a dose makes it longer
             recorder.add(run.data, readings, run.plugin.wrench(run.config.tool_name))

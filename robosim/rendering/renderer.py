@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from robosim.base.errors import RobosimError
 from robosim.config.scene import RegionConfig
-from robosim.rendering.grain_skin import compute_normals, find_hidden, read_facets
+from robosim.rendering.grain_skin import FACES, compute_normals, find_hidden, read_facets
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class SceneRenderer:
         self._model = model
         self._facets = read_facets(model, grain_count)
         self._radius = float(np.linalg.norm(self._facets, axis=2).mean()) if grain_count else 0.0
-        shape = (len(self._facets), -1, 3, 3)
+        shape = (len(self._facets), len(FACES), 3, 3)
         self._normals = compute_normals(self._facets).astype(np.float32).reshape(shape)
         self._facets = self._facets.astype(np.float32).reshape(shape)
         a, b, c = np.moveaxis(self._facets, 2, 0)

@@ -31,9 +31,9 @@ class Mp4Writer:
     another size or an odd one, OSError for a full disk.
     """
 
-    def __init__(self, path: str | Path, fps: int = 30) -> None:
+    def __init__(self, path: str | Path, fps: float = 30) -> None:
         if fps < 1:
-            raise ValueError(f"film {path}: fps is {fps}; accepted: 1 or more")
+            raise ValueError(f"film {path}: fps is {fps:g}; accepted: 1 or more")
         self.path = Path(path)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._part = self.path.with_name(self.path.name + ".part")
@@ -59,8 +59,8 @@ class Mp4Writer:
         height, width = frame.shape[:2]
         if height % 2 or width % 2:  # yuv420p halves the resolution of colour
             raise ValueError(f"film {self.path}: frames are {width} x {height}; accepted: even sides")
-        options = {"crf": "20", "preset": "veryfast", "g": str(KEYFRAME_SECONDS * self._fps)}
-        stream = self._file.add_stream("libx264", rate=Fraction(self._fps), options=options)
+        options = {"crf": "20", "preset": "veryfast", "g": str(round(KEYFRAME_SECONDS * self._fps))}
+        stream = self._file.add_stream("libx264", rate=Fraction(self._fps).limit_denominator(1000), options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         return stream
 

@@ -1,4 +1,4 @@
 """Commands that simulate, and show what was simulated.
 
-Imports: base, conversion, dosing, envs, recordings, rehearsal, rendering, studies.
+Imports: base, conversion, dosing, envs, episode, recordings, rehearsal, studies.
 """

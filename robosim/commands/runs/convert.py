@@ -32,13 +32,9 @@ def run(options: argparse.Namespace) -> int:
         if options.out.suffix != ".glb":
             raise ConfigError(f"--out {options.out}: accepted with --to glb: a file that ends in .glb")
         from robosim.conversion.gltf import write_frame
-        from robosim.recordings.reader import Recording, find_recording
+        from robosim.recordings.reader import Recording, find_recordings
 
-        path = find_recording(options.folder)
-        if path is None:
-            raise ConfigError(f"{options.folder}: holds no recording; accepted: the folder of a run of `robosim "
-                              f"rehearse`")
-        with Recording(path) as recording:
+        with Recording(find_recordings(options.folder)[0]) as recording:
             time = write_frame(recording, options.time, options.out)
         print(f"{options.out}: the frame at {time:.3f} s")
         return 0

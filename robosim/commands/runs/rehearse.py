@@ -7,8 +7,8 @@ from typing import Any
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import config_names, config_path
 from robosim.commands.arguments import one_of
-from robosim.rehearsal import CAMERAS, COLOURS
-from robosim.rendering.cameras import FOLLOW
+from robosim.episode import COLOURS, FOLLOW
+from robosim.rehearsal import CAMERAS
 
 EXAMPLE = """examples:
   robosim rehearse spoon --material sugar --camera close --out out/sugar
@@ -41,8 +41,7 @@ def add_parser(commands: Any) -> None:
                         help=f"camera of the video: {one_of((*CAMERAS, FOLLOW), '')} (default: close)")
     parser.add_argument("--colour", default="material", help="what the colour of the video's grains shows: "
                         "the material, or which grains are awake (default: material)", choices=COLOURS)
-    parser.add_number("--frame-rate", default=20, help="pictures of the video per second (default: 20, at which "
-                      "drawing them holds no simulation up)")
+    parser.add_number("--frame-rate", default=20, help="frames of recording and video per second (default: 20)")
     parser.add_number("--height", default=720, help="height of the video's pictures [pixels], 16 : 9 (default: 720)")
     parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")
     parser.add_argument("--no-video", action="store_true", help="make no video")
@@ -58,8 +57,8 @@ def add_parser(commands: Any) -> None:
     parser.add_launcher()
     parser.add_settings("rehearsal's file", "field.cell=0.005 or waypoints.2.speed=0.1")
     parser.add_threads()
-    parser.set_defaults(run=run, after_interrupt="--out has what was simulated so far; the same command "
-                        "begins again")
+    parser.set_defaults(run=run, after_interrupt="--out has what was simulated so far, of which `robosim "
+                        "film` draws a video; the same command begins again")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -73,12 +72,12 @@ def run(options: argparse.Namespace) -> int:
         if options.perturb is not None:
             return run_perturbed(options, rehearsal)
         refuse(options, {"launch": "local", "launch_file": None, "jobs": 1}, "without --perturb; accepted: with it")
+        from robosim.episode.film import FilmStyle
         from robosim.rehearsal.session import rehearse
 
+        film = FilmStyle(options.camera, options.colour, options.height, options.poster)
         return rehearse(rehearsal, options.out, material=options.material, grasp=options.grasp,
-                        camera=None if options.no_video else options.camera, colour=options.colour,
-                        frame_rate=options.frame_rate, height=options.height,
-                        poster=options.poster, seed=options.seed,
+                        film=None if options.no_video else film, frame_rate=options.frame_rate, seed=options.seed,
                         trajectory=options.trajectory, motions=options.motions,
                         recorded=options.recorded, model_errors=options.model_errors,
                         force_export=options.force_export)

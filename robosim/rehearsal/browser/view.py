@@ -12,7 +12,7 @@ from robosim.base.errors import ConfigError, RobosimError
 from robosim.base.resources import config_names
 from robosim.config.settings import Setting
 from robosim.config.table import read
-from robosim.recordings.reader import FILE, Recording, find_recording
+from robosim.recordings.reader import FILE, Recording, find_recordings
 from robosim.viewer.playback import Playback
 from robosim.viewer.server import choose_token, open_server, stop_server
 
@@ -39,7 +39,8 @@ def view(what: str, *, port: int, host: str, plan: bool = False, material: str |
 
             editor = PlanEditor(what, settings or [])
         else:
-            path = find_path(what) or stack.enter_context(begin_run(what, material, out, settings or []))
+            path = find_recordings(Path(what))[0] if is_recorded(what) else \
+                stack.enter_context(begin_run(what, material, out, settings or []))
             recording = stack.enter_context(Recording(path))
         server, address = open_server(host, port, token)
         stack.callback(stop_server, server)
@@ -51,20 +52,9 @@ def view(what: str, *, port: int, host: str, plan: bool = False, material: str |
     return 0
 
 
-def find_path(what: str) -> Path | None:
-    """Return the recording of a run's folder or a file; None for the name of a rehearsal or a .yaml file.
-
-    Raises ConfigError for a folder without a recording.
-    """
-    path = Path(what)
-    if path.is_dir():
-        found = find_recording(path)
-        if found is None:
-            files = ", ".join(sorted(p.name for p in path.iterdir() if not p.name.startswith("."))[:10]) or "nothing"
-            raise ConfigError(f"{what}: holds no {FILE} ({files}); accepted: the folder of a run of `robosim rehearse` "
-                              f"or `robosim evaluate`, made with this version")
-        return found
-    return path if what.endswith((".rec", ".rec.part")) else None
+def is_recorded(what: str) -> bool:
+    """Return whether a text is the folder of a run or a recording, not the name or the .yaml file of a rehearsal."""
+    return Path(what).is_dir() or what.endswith((".rec", ".rec.part"))
 
 
 @contextlib.contextmanager
@@ -101,11 +91,11 @@ def is_task(name: str) -> bool:
 def wait_for_recording(folder: Path, process: "subprocess.Popen[bytes]") -> Path:
     """Wait until a run has begun its recording; raises RunFailed where it ends before."""
     while True:
-        path = find_recording(folder)
-        if path is not None:
-            with contextlib.suppress(ConfigError):  # its header is still being written
-                Recording(path).close()
-                return path
-        if process.poll() is not None and find_recording(folder) is None:
+        has_ended = process.poll() is not None
+        with contextlib.suppress(ConfigError):  # there is none yet, or its header is still being written
+            path = find_recordings(folder)[0]
+            Recording(path).close()
+            return path
+        if has_ended:
             raise RunFailed(f"nothing to show: the rehearsal ended with status {process.returncode}")
         clock.sleep(WAIT)

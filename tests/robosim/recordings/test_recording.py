@@ -9,7 +9,7 @@ import pytest
 from robosim.base.errors import ConfigError
 from robosim.recordings.frames import KEY_INTERVAL, PRESSURES, SPEEDS, GrainState, SceneState
 from robosim.recordings.header import VERSION, BodyEntry, CurveEntry, RecordingHeader
-from robosim.recordings.reader import Recording, find_recording
+from robosim.recordings.reader import Recording, find_recordings
 from robosim.recordings.writer import MAGIC, RecordingWriter
 
 LOWER, UPPER = np.array([-0.2, 0.1, 0.0]), np.array([0.6, 0.5, 0.3])
@@ -76,7 +76,7 @@ def test_a_recording_is_what_was_recorded_within_its_resolution(opened: Callable
 
 def test_a_recording_is_followed_while_it_is_written(opened: Callable[[Path], Recording], tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "recording.rec", header(), {})
-    part = find_recording(tmp_path)
+    part, = find_recordings(tmp_path)
     assert part is not None and part.name == "recording.rec.part"
     recording, all_frames = opened(part), frames()
     for n, (scene, grains) in enumerate(all_frames[:30], 1):
@@ -85,7 +85,7 @@ def test_a_recording_is_followed_while_it_is_written(opened: Callable[[Path], Re
         assert np.abs(recording.grains(n - 1).positions - np.clip(grains.positions, LOWER, UPPER)).max() < 1e-5
     writer.close()
     assert recording.is_finished and recording.refresh() == 0
-    assert find_recording(tmp_path) == tmp_path / "recording.rec"
+    assert find_recordings(tmp_path) == [tmp_path / "recording.rec"]
 
 
 def test_what_was_written_before_a_crash_is_read(tmp_path: Path) -> None:

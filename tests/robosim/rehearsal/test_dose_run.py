@@ -68,7 +68,7 @@ def test_bounds_ask_for_the_dose_in_place_of_the_delivery(short: RehearsalConfig
 def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The motion goes on where it rested; figures, page and recording have the dose; no motion is exported."""
     monkeypatch.setattr(stage, "make_dose_controller", lambda config: ThereAndBack())
-    result = simulate(short, tmp_path / "out", camera=None)
+    result = simulate(short, tmp_path / "out")
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["dose_kg"] > 1e-3 and report["dose_error_kg"] == pytest.approx(report["dose_kg"] - 0.02)
     assert report["dosing_time_s"] == pytest.approx(2.0 * 75.0 / 60.0, abs=0.1)

@@ -10,7 +10,7 @@ import yaml
 
 import robosim
 from robosim.config.rehearsal import load_rehearsal
-from robosim.rehearsal.film import find_camera
+from robosim.episode.film import find_camera
 from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.scene.build import compile_rehearsal
 

@@ -13,7 +13,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
-from robosim.rehearsal.film import FRAME_RATE
+from robosim.episode.film import FilmStyle
+from robosim.recordings.scene_recorder import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
 from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.readings import name_columns
@@ -49,7 +50,7 @@ def check_the_trajectories(out: Path, rows: np.ndarray, arm: Arm) -> None:
 def test_a_short_rehearsal_writes_all_files(short: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     drawable = os.environ["MUJOCO_GL"] != "disable"
-    assert rehearse(str(short), out, camera="close" if drawable else None,
+    assert rehearse(str(short), out, film=FilmStyle() if drawable else None,
                     force_export=True) == 1  # too short to deliver anything
     assert not (out / TRAJECTORY).exists()
     report = json.loads((out / "report.json").read_text())
@@ -143,7 +144,7 @@ def test_a_snapshot_resumes_to_the_bit(short: Path) -> None:
                                               ("bottle", "learned"), ("shovel", "learned")])
 def test_the_rehearsal_is_within_its_bounds(name: str, trajectory: str, material: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    assert rehearse(name, out, material=material, camera=None, trajectory=trajectory) == 0
+    assert rehearse(name, out, material=material, trajectory=trajectory) == 0
     assert find_missed(json.loads((out / "report.json").read_text()), load_rehearsal(str(out / "config.yaml"))) == []
 
 
@@ -152,7 +153,7 @@ def test_the_spoon_held_by_friction_delivers_as_the_fixed_one(tmp_path: Path) ->
     """Slip in the fingers costs at most five percentage points of the delivery."""
     reports = {}
     for grasp in ("weld", "friction"):
-        assert rehearse("spoon", tmp_path / grasp, grasp=grasp, camera=None) == 0
+        assert rehearse("spoon", tmp_path / grasp, grasp=grasp) == 0
         reports[grasp] = json.loads((tmp_path / grasp / "report.json").read_text())
     assert abs(reports["friction"]["delivered_fraction"] - reports["weld"]["delivered_fraction"]) <= 0.05
     assert 0.0 < reports["friction"]["grasp_slip_m"] < 0.002

@@ -41,7 +41,7 @@ def write_recording(path: Path, times: np.ndarray, angles: np.ndarray) -> Path:
 
 def test_a_run_played_again_is_that_run_with_the_clock_and_the_bias_of_the_recording(short: Path,
                                                                                      tmp_path: Path) -> None:
-    rehearse(str(short), tmp_path / "first", camera=None)
+    rehearse(str(short), tmp_path / "first")
     rows = np.genfromtxt(tmp_path / "first" / "trajectory.csv", delimiter=",", names=True)
     wrench = [f"wrist_{axis}" for axis in AXES]
     table = np.column_stack([rows[name] for name in ("time_s", *ANGLES, *wrench)])

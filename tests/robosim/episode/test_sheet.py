@@ -1,11 +1,9 @@
 """The sheet of a film shows the full tool and the pour, whatever the waypoints are."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from robosim.rehearsal.film import SHEET_FRAMES, Film, FilmState, choose_frames
+from robosim.episode.sheet import SHEET_FRAMES, choose_frames
 
 TIMES = 0.05 * np.arange(200)
 COUNTS = np.interp(TIMES, [0.0, 4.0, 7.0, 7.5, 10.0], [0.0, 100.0, 100.0, 0.0, 0.0])
@@ -37,18 +35,3 @@ def test_a_tool_that_never_holds_anything_shows_its_waypoints() -> None:
     assert "emptying" not in [name for _, name in choose_frames(kept, [(0.0, "start")])]
     digging = np.column_stack([TIMES, np.full(len(TIMES), np.nan)])
     assert choose_frames(digging, []) == [(0, "start")]
-
-
-def test_waypoints_after_a_dose_are_named_once_it_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Their times are those of the plan and the delay, which only the frames after the dose know."""
-    film = object.__new__(Film)
-    film._plan = SimpleNamespace(poster=None, config=SimpleNamespace(material="salt"), passages=[(1.0, "over"),
-                                 (2.0, "dose")], passages_after_dose=[(3.0, "back"), (4.0, "home")])
-    film._passages, film._loads, captions = list(film._plan.passages), [], []
-    film._writer = SimpleNamespace(add=lambda frame: None)
-    monkeypatch.setattr(Film, "draw", lambda self, state: np.zeros((90, 160, 3), np.uint8))
-    monkeypatch.setattr(Film, "_count_load", lambda self, state: 1.0)
-    monkeypatch.setattr("robosim.rehearsal.film.write_caption", lambda picture, text: captions.append(text.split()[-1]))
-    for time, delay in ((0.5, 0.0), (1.5, 0.0), (2.5, 0.0), (9.0, 0.0), (22.5, 20.0), (23.5, 20.0), (24.5, 20.0)):
-        film.add(FilmState(time, np.zeros(7), np.zeros((5, 3)), delay=delay))
-    assert captions == ["grasp", "over", "dose", "dose", "dose", "back", "home"]

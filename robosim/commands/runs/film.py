@@ -1,0 +1,45 @@
+"""`robosim film`: the video of a run, drawn again from its recording."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from robosim.episode import COLOURS
+
+EXAMPLE = """examples:
+  robosim film out/sugar --camera wrist --out out/wrist
+  robosim film out/sugar --camera follow --height 1080 --poster 8.5
+  robosim film out/chain/2-SpoonTranslate.rec"""
+
+
+def add_parser(commands: Any) -> None:
+    """Add `film` to the command line."""
+    parser = commands.add_parser("film", help="draw the video of a run again", epilog=EXAMPLE,
+                                 description="Draw a video from the recording of `rehearse`, `evaluate` or `chain`, "
+                                 "also of a run that was interrupted, with another camera, size or colour.")
+    parser.add_argument("what", type=Path, metavar="RUN", help="folder of a run, or a recording (.rec)")
+    parser.add_argument("--camera", help="camera: close, overview or wrist, and of a rehearsal follow, of a sub-task "
+                        "task or side (default: close, of a sub-task task)")
+    parser.add_argument("--colour", default="material", help="what the colour of the grains shows: the material, or "
+                        "which grains are awake (default: material)", choices=COLOURS)
+    parser.add_number("--height", default=720, help="height of the pictures [pixels], 16 : 9 (default: 720)")
+    parser.add_number("--poster", help="also make poster.png, a still in 1080p, at this time [s]")
+    parser.add_argument("--out", type=Path, help="folder for rehearsal.mp4 and frames.png, episode.mp4 or chain.mp4 "
+                        "(default: the run's, where they are replaced)")
+    parser.set_defaults(run=run, after_interrupt="the recording is unchanged; the same command begins again")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw, and print the file's name."""
+    from robosim.base.output_folder import OutputFolder
+    from robosim.episode.film import FilmStyle, film_run
+    from robosim.recordings.reader import find_recordings
+
+    own = find_recordings(options.what)[0].parent
+    folder = OutputFolder(options.out or own)
+    try:
+        print(film_run(options.what, folder.path, FilmStyle(options.camera, options.colour, options.height,
+                                                            options.poster)))
+    finally:
+        folder.release()
+    return 0

@@ -1,0 +1,179 @@
+"""A film is drawn from a recording: what it shows, its files, and what it cannot be drawn from."""
+
+import errno
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import av
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from robosim.base.errors import ConfigError, UnknownName
+from robosim.commands.main import main
+from robosim.episode.film import FilmFailed, FilmStyle, Pictures, film_run
+from robosim.episode.sheet import LOAD, name_passage
+from robosim.recordings.frames import GrainState, SceneState
+from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry
+from robosim.recordings.reader import Recording
+from robosim.recordings.scene_recorder import SceneRecorder
+from robosim.rendering.renderer import SceneRenderer, apply_quality
+
+SCENE = """<mujoco>
+<visual><headlight ambient="0.4 0.4 0.4" diffuse="0.5 0.5 0.5"/></visual>
+<asset><texture name="dots" type="2d" builtin="checker" width="32" height="32" rgb1="0.8 0.5 0.2" rgb2="0.4 0.3 0.1"/>
+  <material name="dots" texture="dots" texrepeat="3 3" specular="0.9"/><material name="red" rgba="0.7 0.1 0.1 1"/>
+  <mesh name="wedge" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.1"/>
+  <hfield name="hills" nrow="8" ncol="8" size="0.4 0.4 0.03 0.01"/></asset>
+<worldbody>
+  <light pos="0.3 0.2 1.5" dir="0 0 -1" castshadow="true"/>
+  <camera name="close" pos="0.6 -0.5 0.5" mode="targetbody" target="aim"/><body name="aim" pos="0 0 0.1"/>
+  <geom type="plane" size="1 1 0.1" material="dots"/>
+  <body name="arm" pos="0 0 0.2"><joint type="hinge" axis="0 0 1"/>
+    <geom type="capsule" size="0.02" fromto="0 0 0 0.15 0 0" rgba="0.2 0.7 0.3 1"/>
+    <body name="tool" pos="0.2 0 0"><joint type="hinge" axis="1 0 0"/>
+      <geom type="mesh" mesh="wedge" material="red"/><camera name="hand_wrist" pos="0 0 0.3"/></body></body>
+  <geom type="hfield" hfield="hills" pos="-0.5 0 0" rgba="0.6 0.5 0.4 1"/>
+</worldbody></mujoco>"""
+HILLS = np.random.default_rng(0).permutation(np.linspace(0.0, 1.0, 64))
+FRAMES = 12
+RATE = 20
+
+
+class RisingGrains:
+    """Stands for a solver whose 60 grains rise; every second one sleeps."""
+
+    grid = SimpleNamespace(lower=np.full(3, -1.0), cells=np.full(3, 20), cell=0.1)
+    particles = SimpleNamespace(counts=(60,))
+    awake = np.arange(60) % 2 == 0
+    height = 0.05
+
+    def positions(self) -> np.ndarray:
+        grid = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), -1).reshape(-1, 3)[:60]
+        return np.array([-0.05, 0.1, self.height]) + 0.02 * grid
+
+    def velocities(self) -> np.ndarray:
+        return np.zeros((60, 3))
+
+    def stresses(self) -> np.ndarray:
+        return np.zeros((60, 3, 3))
+
+
+def record(path: Path, kind: str = "rehearsal", frames: int = FRAMES) -> mujoco.MjData:
+    """Record the turning arm and the rising grains; return the last state."""
+    path.parent.mkdir(exist_ok=True)
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    model.hfield_data[:] = HILLS
+    data, grains = mujoco.MjData(model), RisingGrains()
+    mujoco.mj_forward(model, data)
+    recorder = SceneRecorder(path, model, data, grains, kind=kind, title="", caption="salt",  # pyright: ignore[reportArgumentType]
+                             frame_rate=RATE, grain_volume=8e-6, tool="tool", hand="arm",
+                             curves=[CurveEntry(name=LOAD, unit="g", chart="mass")],
+                             waypoints=[WaypointEntry(name="dig", time=0.1, position=(0.0, 0.0, 0.0))],
+                             regions=[RegionEntry(name="area", position=(0.2, 0.3, 0.0), half=(0.05, 0.05, 0.01),
+                                                  is_marked=True)])
+    for k in range(frames):
+        data.time, data.qpos[:], grains.height = k / RATE, (0.1 * k, 0.05 * k), 0.05 + 0.01 * k
+        mujoco.mj_forward(model, data)
+        recorder.add(data, lambda _, k=k: [min(k, 6.0)])
+    recorder.close()
+    return data
+
+
+def read_film(path: Path) -> list[np.ndarray]:
+    """Read the frames (height, width, 3) of a film."""
+    with av.open(str(path)) as film:
+        return [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+
+
+def test_a_recorded_scene_looks_like_the_simulated_one(tmp_path: Path) -> None:
+    """Meshes, textures, height fields, lights and cameras, also those of moving bodies."""
+    data = record(tmp_path / "recording.rec")
+    spec = mujoco.MjSpec.from_string(SCENE)
+    apply_quality(spec, 1024)
+    model = spec.compile()
+    model.hfield_data[:] = HILLS
+    for camera, name in (("close", "close"), ("wrist", "hand_wrist")):
+        renderer = SceneRenderer(model, 0, 640, 360)
+        expected = renderer.draw(data, None, name).astype(int)
+        renderer.close()
+        with Recording(tmp_path / "recording.rec") as recording:
+            hidden = recording.header.model_copy(update={"grains": 0, "regions": []})
+            recording._header, recording.grains = hidden, lambda k: GrainState(*4 * [np.zeros((0, 3))])
+            with Pictures(recording, FilmStyle(camera, height=360)) as pictures:
+                drawn = pictures.draw(FRAMES - 1).astype(int)
+        assert np.ptp(expected) > 100 and (np.abs(drawn - expected).max(2) > 8).mean() < 1e-3, camera
+
+
+def test_a_film_has_all_frames_and_a_sheet_and_a_poster(tmp_path: Path) -> None:
+    record(tmp_path / "run" / "recording.rec")
+    assert film_run(tmp_path / "run") == tmp_path / "run" / "rehearsal.mp4"
+    frames = read_film(tmp_path / "run" / "rehearsal.mp4")
+    assert len(frames) == FRAMES and frames[0].shape == (720, 1280, 3)
+    assert 200 < (np.abs(frames[-1] - frames[0]).max(2) > 60).sum() < 0.4 * 720 * 1280
+    assert {p.name for p in (tmp_path / "run").iterdir()} == {"recording.rec", "rehearsal.mp4", "frames.png"}
+    style = FilmStyle("follow", height=90, poster=0.3)
+    film_run(tmp_path / "run", tmp_path, style)
+    assert read_film(tmp_path / "rehearsal.mp4")[0].shape == (90, 160, 3)
+    with Image.open(tmp_path / "poster.png") as poster:
+        assert poster.size == (1920, 1080)
+
+
+def test_grains_that_sleep_are_marked(tmp_path: Path) -> None:
+    record(tmp_path / "recording.rec", frames=1)
+    pictures = []
+    for colour in ("material", "awake"):
+        with Recording(tmp_path / "recording.rec") as recording, Pictures(recording, FilmStyle(colour=colour)) as drawn:
+            pictures.append(drawn.draw(0).astype(int))
+    white, marked = pictures
+    blue = (marked[..., 2] - marked[..., 0] > 40) & (np.abs(white - marked).max(2) > 40)
+    assert 100 < blue.sum() < 0.1 * blue.size
+    assert (np.abs(white - marked).max(2) > 40).sum() < 1.5 * blue.sum()  # the others have kept their colour
+
+
+def test_waypoints_after_a_dose_are_named_once_it_is_over(tmp_path: Path) -> None:
+    """Their times are known only then: the recording has them after its frames."""
+    data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(SCENE))
+    recorder = SceneRecorder(tmp_path / "a.rec", model, data, None, kind="rehearsal", title="a dose", waypoints=[
+        WaypointEntry(name=name, time=time, position=(0.0, 0.0, 0.0)) for name, time in (("over", 1.0), ("dose", 2.0))])
+    recorder.writer.add(SceneState(0.0, np.zeros((2, 7)), np.zeros(6), np.zeros(0)), GrainState(
+        np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, bool)))
+    recorder.writer.add_waypoints([WaypointEntry(name="back", time=23.0, position=(0.0, 0.0, 0.0))])
+    recorder.close()
+    with Recording(tmp_path / "a.rec") as recording:
+        assert [name_passage(recording, t) for t in (0.5, 1.5, 9.0, 24.0)] == ["grasp", "over", "dose", "back"]
+
+
+def test_the_command_films_a_chain_and_an_unfinished_run(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    for k in (1, 2):
+        record(tmp_path / "chain" / f"{k}-Task.rec", "task", 3)
+    small = ["--height", "144", "--camera", "close"]
+    assert main(["film", str(tmp_path / "chain"), *small]) == 0
+    assert len(read_film(tmp_path / "chain" / "chain.mp4")) == 6
+    assert main(["film", str(tmp_path / "chain" / "2-Task.rec"), *small, "--out", str(tmp_path / "one")]) == 0
+    assert capsys.readouterr().out.split()[-1] == str(tmp_path / "one" / "2-Task.mp4")
+    record(tmp_path / "cut" / "recording.rec", frames=3)
+    os.rename(tmp_path / "cut" / "recording.rec", tmp_path / "cut" / "recording.rec.part")
+    assert main(["film", str(tmp_path / "cut"), *small]) == 0
+    assert len(read_film(tmp_path / "cut" / "rehearsal.mp4")) == 3
+
+
+def test_what_cannot_be_drawn_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ConfigError, match=r"empty: holds no recording.rec \(nothing\); accepted: the folder of a run"):
+        film_run(tmp_path / "empty")
+    record(tmp_path / "recording.rec", frames=1)
+    with pytest.raises(UnknownName, match="unknown camera 'top'; valid: close, follow, wrist"):
+        film_run(tmp_path, style=FilmStyle("top"))
+    with pytest.raises(UnknownName, match="colour"):
+        film_run(tmp_path, style=FilmStyle(colour="speed"))
+
+    def fill(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("robosim.episode.film.Mp4Writer.add", fill)
+    with pytest.raises(FilmFailed, match="no film: .*No space left"):
+        film_run(tmp_path)
+    assert [path.name for path in tmp_path.glob("*.*")] == ["recording.rec"]
