@@ -89,8 +89,15 @@ def read_arrays(path: Path, most: int = MAX_ARRAYS, names: Iterable[str] | None 
     size = path.stat().st_size  # raises OSError where there is no file
     if not path.is_file() or size > most:
         raise InvalidValue(f"{path}: has {size} bytes; accepted: a .npz file of up to {most}")
+    with path.open("rb") as file:
+        return parse_arrays(file, path, most, names)
+
+
+def parse_arrays(file: IO[bytes], path: Path, most: int = MAX_ARRAYS,
+                 names: Iterable[str] | None = None) -> StoredArrays:
+    """Read arrays as `read_arrays` does from an open file, which messages call `path`."""
     try:
-        with path.open("rb") as file, zipfile.ZipFile(file) as archive:
+        with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
             _check_members(members, most)
             wanted = None if names is None else set(names)

@@ -1,6 +1,7 @@
 """A film of a run, drawn from its recordings."""
 
 import contextlib
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +20,7 @@ from robosim.episode.sheet import LOAD, choose_frames, name_passage
 from robosim.recordings.appearance import build_appearance
 from robosim.recordings.reader import FILE, Recording, find_recordings
 from robosim.rendering.grain_skin import MARKED_SKIN, add_grain_skin
-from robosim.rendering.renderer import SceneRenderer, add_mark, apply_quality
+from robosim.rendering.renderer import RenderingUnavailable, SceneRenderer, add_mark, apply_quality
 from robosim.rendering.video import Mp4Writer, write_caption, write_contact_sheet
 from robosim.robot.assembly import HAND_PREFIX
 from robosim.robot.mjspec import compile_spec
@@ -62,6 +63,10 @@ class FilmStyle(NamedTuple):
     """Time [s] of a still in 1080p with smooth edges; None: there is none."""
 
 
+EPISODE = FilmStyle(height=480)
+"""How the films of episodes are drawn."""
+
+
 def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = None) -> Path:
     """Draw the film of a run, its folder or one of its recordings; return its file.
 
@@ -89,6 +94,20 @@ def film_run(run: Path, folder: Path | None = None, style: FilmStyle | None = No
         except (OSError, av.FFmpegError) as error:
             raise FilmFailed(f"no film: {error}") from error
     return folder / name
+
+
+def try_film(run: Path, style: FilmStyle) -> FilmFailed | None:
+    """Draw the film of a run whose other results are complete; return why it could not be written.
+
+    Where this machine cannot draw, a line on stderr says so.
+    """
+    try:
+        film_run(run, style=style)
+    except FilmFailed as error:
+        return error
+    except RenderingUnavailable as error:
+        print(f"no video: {error}", file=sys.stderr)
+    return None
 
 
 def _draw_film(recordings: Sequence[Recording], path: Path, style: FilmStyle) -> dict[str, np.ndarray]:
@@ -158,7 +177,7 @@ class Pictures:
     def __init__(self, recording: Recording, style: FilmStyle, shadows: int = SHADOWS, samples: int = 0) -> None:
         check_colour(style.colour)
         self._recording, header = recording, recording.header
-        spec = build_appearance(recording.appearance, header.bodies)
+        spec = build_appearance(recording.appearance, header.bodies, recording.path)
         apply_quality(spec, shadows, samples)
         for region in header.regions:
             if region.is_marked:

@@ -3,12 +3,16 @@
 import io
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import mujoco
 import numpy as np
 
+import mpm
+from mpm.array_files import parse_arrays
+from robosim.base.errors import ConfigError
 from robosim.recordings.header import BodyEntry
 from robosim.rendering.body_shapes import SHOWN_GROUPS
 
@@ -44,10 +48,19 @@ def pack_appearance(model: mujoco.MjModel) -> bytes:
     return stream.getvalue()
 
 
-def build_appearance(content: bytes, bodies: Sequence[BodyEntry]) -> mujoco.MjSpec:
-    """Build a scene without mechanics, in which those of the bodies that move are mocap bodies, in their order."""
-    with np.load(io.BytesIO(content)) as stored:
-        model: Any = SimpleNamespace(**stored)
+def build_appearance(content: bytes, bodies: Sequence[BodyEntry], path: Path) -> mujoco.MjSpec:
+    """Build a scene without mechanics, in which those of the bodies that move are mocap bodies, in their order.
+
+    path: of the recording, for messages. Raises ConfigError for a damaged one.
+    """
+    try:
+        return _build(content, bodies, path)
+    except (mpm.InvalidValue, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        raise ConfigError(f"{path}: damaged: what its scene looks like: {error}; record the run again") from None
+
+
+def _build(content: bytes, bodies: Sequence[BodyEntry], path: Path) -> mujoco.MjSpec:
+    model: Any = SimpleNamespace(**parse_arrays(io.BytesIO(content), path))
     described = json.loads(model.described.tobytes())
     spec = mujoco.MjSpec()
     for part, values in described["visual"].items():

@@ -12,7 +12,7 @@ from robosim.base.progress import Progress
 from robosim.config.materials import law_of, load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import JointLog
-from robosim.episode.film import CLOSE, FilmFailed, FilmStyle, check_colour, film_run, find_camera
+from robosim.episode.film import CLOSE, FilmStyle, check_colour, find_camera, try_film
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.dosing.lip_motion import make_lip_motion
@@ -26,7 +26,6 @@ from robosim.rehearsal.replay.comparison import OPPOSITE
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
 from robosim.rehearsal.result import MISSED_TRAJECTORY, RESULTS, TRAJECTORY, Result
 from robosim.rehearsal.run import RehearsalRun
-from robosim.rendering.renderer import RenderingUnavailable
 from robosim.robot.assembly import check_payload
 from robosim.robot.model_errors import draw_model_errors
 from robosim.robot.ros_trajectory import name_joints
@@ -114,12 +113,12 @@ def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = Non
                 folder.write("last_good_state.npz", run.save_last_good_state)
                 finish_recording(run, recorder)
                 if film is not None:  # of what was simulated
-                    _draw_film(folder.path, film)
+                    try_film(folder.path, film)
                 raise
         figures = compute_figures(run)
         result = Result(run, figures, find_missed(figures, config), folder.path)
         try:
-            result.failure = None if film is None else _draw_film(folder.path, film)
+            result.failure = None if film is None else try_film(folder.path, film)
         finally:  # an interrupted film costs no result
             folder.write_text("index.html", make_page(run, figures, result.missed, folder.path).html())
             if log is None and not result.missed and config.dose is None:
@@ -177,17 +176,6 @@ def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_err
     run = RehearsalRun(plan, seed=seed, replay=replay, errors=errors)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
-
-
-def _draw_film(folder: Path, style: FilmStyle) -> FilmFailed | None:
-    """Draw the film; return why there is none, or say on stderr that this machine cannot draw."""
-    try:
-        film_run(folder, style=style)
-    except FilmFailed as error:
-        return error
-    except RenderingUnavailable as error:
-        print(f"no video: {error}", file=sys.stderr)
-    return None
 
 
 def _write_trajectory(run: RehearsalRun, folder: OutputFolder) -> None:

@@ -16,6 +16,7 @@ from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
 from robosim.tasks.dosing import TARGET_MASS
+from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
 
 RETURN = CurveEntry(name="return", chart="return")
@@ -37,9 +38,11 @@ class EpisodeRecorder:
         self._data = self._bodies.data
         self._info: dict[str, Any] = {"readings": {}}
         self._place()
+        title = f"{env.TASK or task.description}: {policy}"
         self.recorder = SceneRecorder(
-            path, self._model, self._data, solver, kind="task", title=f"{env.TASK or task.description}: {policy}",
+            path, self._model, self._data, solver, kind="task", title=title, caption=title,
             frame_rate=1.0 / (env.action_repeat * task.step_dt), tool=task.tool_name, colour=env.material.colour,
+            grain_volume=grain_volume(task),
             curves=[*self._curves, RETURN], regions=list(places(placed(task, env.carrier.setting.place))),
             commit=commit())
         self._record()

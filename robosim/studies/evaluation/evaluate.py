@@ -1,7 +1,6 @@
 """`robosim evaluate`: episodes of a policy on a sub-task, their scores as text and JSON, and a film of the first."""
 
 import contextlib
-import sys
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,8 @@ from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.envs import make
 from robosim.envs.grain_env import GrainEnv
+from robosim.episode.film import EPISODE, FilmFailed, try_film
 from robosim.recordings.reader import FILE as RECORDING
-from robosim.rendering.renderer import RenderingUnavailable
-from robosim.rendering.video import Mp4Writer
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.page import make_page
 from robosim.studies.evaluation.policies import check_task, make_policy, training_options
@@ -37,55 +35,42 @@ def evaluate(task: str, name: str, out: Path | None, *, episodes: int | None = N
     episodes = episodes or (1 if nominal else 5)
     options |= training_options(name)
     check_task(name, load_task(task), changed)
-    made = make(task, render_mode="rgb_array" if film and out else None, **options)
+    made = make(task, **options)
     env = made.unwrapped
     assert isinstance(env, GrainEnv)
     make_policy(name, env, seed)  # raises for a policy that does not fit
     rows: list[dict[str, Any]] = []
+    failure: FilmFailed | None = None
     with contextlib.ExitStack() as stack:
         stack.callback(made.close)
         folder = stack.enter_context(OutputFolder(out)) if out else None
         if folder:
             folder.clear(RESULTS)
         for k in Progress(range(episodes), desc=f"{task}, {name}", unit="episodes"):
-            with _open_film(folder if k == 0 and film else None, env) as writer:
-                rows.append(_run_episode(env, name, seed + k, writer, nominal, folder if k == 0 else None))
+            rows.append(_run_episode(env, name, seed + k, nominal, folder if k == 0 else None))
             if folder:
                 folder.write_json("evaluation.json", summarize(task, name, rows, episodes))
         values = summarize(task, name, rows, episodes)
         if folder:
-            folder.write_text("index.html", make_page(values, folder.path).html())
+            try:
+                failure = try_film(folder.path, EPISODE) if film else None
+            finally:  # an interrupted film costs no result
+                folder.write_text("index.html", make_page(values, folder.path).html())
     for key in ("return", "tcs", "success_rate", *(k for k in values if k.startswith(("readings.", "arm.")))):
         print(f"{key:28s} {values[key]:.4g}{' deg' if key.endswith('_deg') else ''}")
+    if failure is not None:
+        raise failure
     return 0
 
 
-def _open_film(folder: OutputFolder | None, env: GrainEnv) -> contextlib.AbstractContextManager[Mp4Writer | None]:
-    """Open the film's file; None, and the reason on stderr, where pictures cannot be drawn.
-
-    The film is removed if its episode is interrupted.
-    """
-    if folder is None:
-        return contextlib.nullcontext()
-    try:
-        env.render()
-    except RenderingUnavailable as error:
-        print(f"no film: {error}", file=sys.stderr)
-        return contextlib.nullcontext()
-    return Mp4Writer(folder.path / "episode.mp4", fps=env.metadata["render_fps"])
-
-
-def _run_episode(env: GrainEnv, name: str, seed: int, writer: Mp4Writer | None, nominal: bool,
-                 folder: OutputFolder | None) -> dict[str, Any]:
-    """Run one episode and return its figures; film, and recording in a folder, take a frame after each action."""
+def _run_episode(env: GrainEnv, name: str, seed: int, nominal: bool, folder: OutputFolder | None) -> dict[str, Any]:
+    """Run one episode and return its figures; a recording in a folder takes a frame after each action."""
     env.reset(seed=seed, options={"nominal": nominal})
     policy, total, over, info = make_policy(name, env, seed), 0.0, False, {}
     with EpisodeRecorder(env, folder.path / RECORDING, name) if folder else contextlib.nullcontext() as recorder:
         while not over:
             _, reward, terminated, truncated, info = env.step(policy())
             total, over = total + reward, terminated or truncated
-            if writer is not None and (frame := env.render()) is not None:
-                writer.add(frame)
             if recorder is not None:
                 recorder.add(reward, info)
     return {"seed": seed, "return": total, "tcs": info["tcs"], "tcs_terms": info["tcs_terms"],

@@ -19,19 +19,16 @@ from robosim.base.output_folder import OutputFolder, aligned
 from robosim.base.progress import Progress
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
+from robosim.episode.film import CHAIN, EPISODE, try_film
 from robosim.recordings.reader import Recording
 from robosim.rehearsal.planning.bundled_motions import find_motion
-from robosim.rendering.renderer import RenderingUnavailable
-from robosim.rendering.video import Mp4Writer
 from robosim.reports.page import Page
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.policies import make_policy, training_options
 from robosim.tasks.handover import Load, take_load
 from robosim.viewer.embed import embed_html
 
-FRAME_RATE = 50
-"""Frames per second of simulated time: one for each action of ten steps of 2 ms."""
-RESULTS = ("chain.json", "index.html", "chain.mp4")
+RESULTS = ("chain.json", "index.html", CHAIN)
 """Files that a run writes."""
 STARTS = {"from_settled_start": "its own start", "from_previous": "what was left"}
 """Key of chain.json -> the start's name in the table."""
@@ -55,38 +52,40 @@ def run_chain(name: str, out: Path, *, material: str | None = None, motions: Pat
         folder.clear(RESULTS)
         for old in out.glob("*.rec*"):
             old.unlink()
-        with Mp4Writer(out / "chain.mp4", fps=FRAME_RATE) if film else contextlib.nullcontext() as writer:
-            for task, path in Progress(paths.items(), desc="chain", unit="sub-tasks"):
-                row, load, broken = _replay_sub_task(task, path, config.material, load, writer,
-                                                      out / f"{len(rows) + 1}-{task}.rec")
-                rows.append(row)
-                if not broken and load is None and len(rows) < len(paths):
-                    broken = f"{task} leaves nothing in its tool"
-                folder.write_json("chain.json", {"rehearsal": name, "material": config.material, "broken": broken,
-                                                 "is_complete": bool(broken) or len(rows) == len(paths),
-                                                 "sub_tasks": rows})
-                if broken:
-                    break
-        folder.write_text("index.html", make_page(name, config.material, rows, broken, out).html())
+        for task, path in Progress(paths.items(), desc="chain", unit="sub-tasks"):
+            row, load, broken = _replay_sub_task(task, path, config.material, load, out / f"{len(rows) + 1}-{task}.rec")
+            rows.append(row)
+            if not broken and load is None and len(rows) < len(paths):
+                broken = f"{task} leaves nothing in its tool"
+            folder.write_json("chain.json", {"rehearsal": name, "material": config.material, "broken": broken,
+                                             "is_complete": bool(broken) or len(rows) == len(paths),
+                                             "sub_tasks": rows})
+            if broken:
+                break
+        try:
+            failure = try_film(out, EPISODE) if film else None
+        finally:  # an interrupted film costs no result
+            folder.write_text("index.html", make_page(name, config.material, rows, broken, out).html())
     print(format_rows(rows))
+    if failure is not None:
+        raise failure
     if broken:
         print(f"the chain broke: {broken}", file=sys.stderr)
     return 1 if broken else 0
 
 
-def _replay_sub_task(task: str, path: Path, material: str, load: Load | None, writer: Mp4Writer | None,
+def _replay_sub_task(task: str, path: Path, material: str, load: Load | None,
                      recording: Path) -> tuple[dict[str, Any], Load | None, str]:
-    """Replay a motion from its settled start, and with a load where there is one; film and record the last of them.
+    """Replay a motion from its settled start, and with a load where there is one; record the last of them.
 
     Returns the row of chain.json, the load that is left, and why the chain broke, if it did.
     """
-    figures, left = replay_motion(task, path, material=material, writer=writer if load is None else None,
-                                  recording=recording if load is None else None)
+    figures, left = replay_motion(task, path, material=material, recording=recording if load is None else None)
     row: dict[str, Any] = {"task": task, "from_settled_start": figures}
     broken = ""
     if load is not None:
         try:
-            figures, left = replay_motion(task, path, load=load, writer=writer, recording=recording)
+            figures, left = replay_motion(task, path, load=load, recording=recording)
             row["from_previous"] = figures
         except ConfigError as error:  # too few grains for this sub-task
             broken = str(error)
@@ -96,14 +95,14 @@ def _replay_sub_task(task: str, path: Path, material: str, load: Load | None, wr
 
 
 def replay_motion(task: str, path: Path, *, material: str | None = None, load: Load | None = None,
-                  writer: Mp4Writer | None = None, recording: Path | None = None) -> tuple[dict[str, Any], Load | None]:
+                  recording: Path | None = None) -> tuple[dict[str, Any], Load | None]:
     """Replay one motion in the sub-task's environment.
 
     It begins at its nominal start, or with a load. Returns the episode's figures and what the tool holds after it; None
     where the field diverged or nothing is held.
     """
     wrapped = gymnasium.make(f"robosim/{task}-v0", material=material, load=load,
-                             render_mode="rgb_array" if writer else None, **training_options(str(path)))
+                             **training_options(str(path)))
     env = wrapped.unwrapped
     assert isinstance(env, GrainEnv)
     env.reset(seed=0, options={"nominal": True})
@@ -114,8 +113,6 @@ def replay_motion(task: str, path: Path, *, material: str | None = None, load: L
             is_over = terminated or truncated
             if recorder is not None:
                 recorder.add(reward, info)
-            if writer is not None:
-                writer = _add_frame(env, writer)
     lowest, highest = env.reward.extremes()
     figures = {"grains": env.task.grains.count, "score": info["tcs"], "score_min": lowest, "score_max": highest,
                **info["readings"], "diverged": info.get("diverged"), **_rotation_figures(env)}
@@ -141,24 +138,12 @@ def _rotation_figures(env: GrainEnv) -> dict[str, float]:
             "rotation_relative_error": error / abs(turn.angle_deg)}
 
 
-def _add_frame(env: GrainEnv, writer: Mp4Writer) -> Mp4Writer | None:
-    """Add a frame; None, with the reason on stderr, where none can be drawn."""
-    try:
-        frame = env.render()
-    except RenderingUnavailable as error:
-        print(f"no film: {error}", file=sys.stderr)
-        return None
-    if frame is not None:
-        writer.add(frame)
-    return writer
-
-
 def make_page(name: str, material: str, rows: list[dict[str, Any]], broken: str, folder: Path) -> Page:
     """Make the page of a chain: verdict, film, a recording of each sub-task, figures."""
     page = Page(f"{name} in sequence: {material}")
     page.set_verdict(f"the chain broke: {broken}" if broken else f"{len(rows)} sub-tasks in sequence", holds=not broken)
-    if (folder / "chain.mp4").is_file():
-        page.add_film((folder / "chain.mp4").read_bytes(), "All sub-tasks, each with what the one before left.")
+    if (folder / CHAIN).is_file():
+        page.add_film((folder / CHAIN).read_bytes(), "All sub-tasks, each with what the one before left.")
     for path in sorted(folder.glob("*.rec")):
         with Recording(path) as recording:
             page.add_heading(path.stem.split("-", 1)[-1])

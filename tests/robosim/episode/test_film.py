@@ -165,6 +165,10 @@ def test_what_cannot_be_drawn_is_named(tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(ConfigError, match=r"empty: holds no recording.rec \(nothing\); accepted: the folder of a run"):
         film_run(tmp_path / "empty")
     record(tmp_path / "recording.rec", frames=1)
+    with Recording(tmp_path / "recording.rec") as recording:
+        recording.appearance = recording.appearance[:-2000]
+        with pytest.raises(ConfigError, match=r"recording.rec: damaged: what its scene looks like: .*record the run"):
+            Pictures(recording, FilmStyle())
     with pytest.raises(UnknownName, match="unknown camera 'top'; valid: close, follow, wrist"):
         film_run(tmp_path, style=FilmStyle("top"))
     with pytest.raises(UnknownName, match="colour"):
