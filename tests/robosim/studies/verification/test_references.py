@@ -1,0 +1,51 @@
+"""References and readings of the cases of continua and sand, without a simulation."""
+
+import math
+
+import numpy as np
+import pytest
+
+from robosim.base.errors import UnknownName
+from robosim.studies.verification.cases.continuum import axis_aligned, vortex
+from robosim.studies.verification.cases.granular import orifice, rotating_drum
+
+
+@pytest.mark.parametrize(("model", "expected"), [
+    ("neo_hookean", (833.057067555, -184.990465035, -1243.50864019)),
+    ("fixed_corotated", (875.847657867, -160.854949802, -912.41212371)),
+    ("hencky", (433.066088704, -179.669138527, -1668.19178685))])
+def test_axis_aligned_acceleration(model: str, expected: tuple[float, ...]) -> None:
+    """Values at X = (.31, .62, .17), t = .0037 from differences in 50-digit arithmetic (validation A2)."""
+    value = axis_aligned.acceleration(np.array([[0.31, 0.62, 0.17]]), 0.0037, model)
+    assert value[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_vortex_acceleration() -> None:
+    value = vortex.acceleration(np.array([[0.61, 0.73]]), 0.3, 0.1)
+    assert value[0] == pytest.approx((-0.513507500584, 0.305846682095), rel=1e-9)
+
+
+def test_laws_of_the_slot_have_the_friction_of_the_reference() -> None:
+    """Ratio of shear stress to pressure in slow simple shear: tan 30 deg, and 0.32 of the mu(I) continuum."""
+    ratios = [3.0 / math.sqrt(2.0) * orifice.make_sand(law, 1e5).alpha for law in orifice.LAWS]
+    assert ratios == pytest.approx([math.tan(math.radians(30.0)), 0.32, 0.32], abs=1e-4)
+    with pytest.raises(UnknownName, match="mu_i"):
+        orifice.make_sand("honey", 1e5)
+
+
+def test_a_slope_of_a_drum_is_found_from_its_grains() -> None:
+    """Grains below a plane through a drum, at three slopes and two levels; and the level for a share of the circle."""
+    rng = np.random.default_rng(0)
+    for degrees, level in ((10.0, 0.0), (30.0, 0.0), (35.0, -0.3)):
+        tilt, x = math.radians(degrees), rng.uniform(-0.1, 0.1, (200000, 3))
+        below = x[:, 2] * math.cos(tilt) + x[:, 0] * math.sin(tilt) < level * 0.1
+        x = x[below & (np.hypot(x[:, 0], x[:, 2]) < 0.1)]
+        angle, height = rotating_drum.surface_line(x, 0.005)
+        assert angle == pytest.approx(degrees, abs=0.5) and height == pytest.approx(0.1 * level + 0.00125, abs=5e-4)
+        assert rotating_drum.centre_slope(x) == pytest.approx(degrees, abs=0.5)
+    for share in (0.2, 0.5, 0.8):
+        level = rotating_drum.level_of(share)
+        assert rotating_drum.share_of(level) == pytest.approx(share)
+        strips = np.linspace(-1.0, level, 200001)
+        chords = 2.0 * np.sqrt(np.clip(1.0 - strips**2, 0.0, None))
+        assert np.trapezoid(chords, strips) / math.pi == pytest.approx(share, abs=1e-5)
