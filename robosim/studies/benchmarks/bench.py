@@ -36,7 +36,7 @@ def measure_coupling() -> dict[str, float]:
     """Time a coupled step of a free box of 10 g on a tray of sand, and the part outside the field."""
     from robosim.studies.verification.stability.coupled import build_scene
 
-    plugin = build_scene(0.01, 2e-3, "mobility", half=0.01, lift=0.0, bed=(0.08, 0.08, 0.0208), dt=1e-4)
+    plugin = build_scene(0.01, 2e-3, "mobility", half=0.01, lift=0.0, bed=(0.08, 0.08, 0.0208))
     for _ in range(50):
         plugin.step()
     whole = median_seconds(lambda: [plugin.step() for _ in range(50)]) / 50

@@ -31,15 +31,15 @@ HEIGHT_TOLERANCE = 3e-4
 
 
 def build_scene(mass: float, host_step: float, coupling: Coupling, *, half: float, lift: float,
-                bed: tuple[float, float, float], quat: str = "1 0 0 0", floats: bool = False,
-                dt: float = 2e-4) -> GranularPlugin:
+                bed: tuple[float, float, float], quat: str = "1 0 0 0", floats: bool = False) -> GranularPlugin:
     """Build a box above a bed of sand.
 
     mass [kg]; half: of its side [m]; lift: of its lower face above the bed [m]; bed: size [m]; floats: without weight.
     """
     positions = mpm.sample_box((0, 0, 0), bed, CELL / 2)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (bed[0], bed[1], bed[2] + 0.12), CELL), walls=mpm.Walls(friction=0.5),
-                        bodies=[mpm.Body(make_sand(E), positions, volume=float(np.prod(bed)) / len(positions))], dt=dt)
+                        bodies=[mpm.Body(make_sand(E), positions, volume=float(np.prod(bed)) / len(positions))],
+                        dt=2e-4 if floats else 1e-4)
     x = bed[0] / 2 if not floats else 0.3 * bed[0]
     scene = one_body(f'type="box" size="{half} {half} {half}" mass="{mass}" friction="0.3"',
                      (x, bed[1] / 2, bed[2] + lift + half), host_step=host_step,
@@ -123,7 +123,7 @@ def _empty_the_box(plugin: GranularPlugin) -> None:
 def rest_height(host_step: float, coupling: Coupling = "mobility") -> Outcome:
     """Drop a tilted box of 10 g on 200 g of sand; the readings include its rest height [m]."""
     plugin = build_scene(0.01, host_step, coupling, half=0.01, lift=0.02, bed=(0.08, 0.08, 0.0208),
-                         quat="0.98 0.15 0.1 0", dt=1e-4)
+                         quat="0.98 0.15 0.1 0")
     failure, readings = advance_and_check(plugin, 0.8, np.sqrt(2 * G * 0.03))
     return failure, readings | {"height_m": float(plugin.data.qpos[2])}
 

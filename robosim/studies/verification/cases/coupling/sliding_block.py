@@ -7,6 +7,7 @@ face as it lies. The block is laid flush, or lowered from above. While it lies o
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,6 +33,29 @@ START, SPEED = 0.08, 0.2
 """Where the block's middle lies at first [m], and how fast it begins to slide on a level bed [m/s]."""
 
 
+@dataclass(frozen=True)
+class Slide:
+    """Choices of a run."""
+
+    bed: str = "sand"
+    """Or "elastic"."""
+    start: str = "flush"
+    """On the bed, or "lowered" from 1.5 cells above it."""
+    mass: float = 0.25
+    """[kg]"""
+    friction: float = 0.3
+    cell: float = 0.008
+    """[m]"""
+    coupling: Coupling = "mobility"
+    offset_cells: float = 0.0
+    """Of the bed's top from a plane of nodes."""
+    contact: Contact = "touching"
+    """See `mpm.Solver`."""
+    incline_deg: float = INCLINE_DEG
+    """The block slides down by itself, or with 0 begins with `SPEED`; the drag is then over its weight, less that of
+    its friction."""
+
+
 @case(
     source="Coulomb's law: a = g (sin - mu cos)",
     sweep=[*grid(bed=BEDS, start=STARTS, cell=CELLS, mass=MASSES),
@@ -47,25 +71,19 @@ START, SPEED = 0.08, 0.2
                   *(Within("on_face", 0.05, {**TOUCHING, "bed": b}) for b in BEDS),
                   Within("acceleration", 0.03, {**TOUCHING, "friction": 0.0}), Within("drag", 0.03, TOUCHING),
                   *(Within("gap", 0.15, {**TOUCHING, "start": "lowered", "cell": c}) for c in CELLS)),
-    main_error="acceleration", resolution="cell", units={"gap": "cells"})
-def measure(*, bed: str = "sand", start: str = "flush", mass: float = 0.25, friction: float = 0.3, cell: float = 0.008,
-            coupling: Coupling = "mobility", offset_cells: float = 0.0, contact: Contact = "touching",
-            incline_deg: float = INCLINE_DEG) -> Record:
-    """Run the case; return the error of the acceleration, or with incline_deg 0 the drag.
-
-    bed: "sand" or "elastic". start: "flush" on the bed, or "lowered" from 1.5 cells above it. mass [kg]; cell [m];
-    offset_cells: of the bed's top from a plane of nodes. contact: see `mpm.Solver`. incline_deg: the block slides down
-    by itself, or with 0 begins with `SPEED`; the drag is then over its weight, less that of its friction.
-    """
+    main_error="acceleration", resolution="cell", units={"gap": "cells"}, options=Slide)
+def measure(run: Slide) -> Record:
+    """Run the case; return the error of the acceleration, or with incline_deg 0 the drag."""
+    cell, friction, incline_deg = run.cell, run.friction, run.incline_deg
     angle = math.radians(incline_deg)
     gravity = (G * math.sin(angle), 0.0, -G * math.cos(angle))
-    top = BED[2] + offset_cells * cell
-    solver = build_bed(bed, (*BED[:2], top), cell, headroom=0.1, contact=contact, gravity=gravity)
+    top = BED[2] + run.offset_cells * cell
+    solver = build_bed(run.bed, (*BED[:2], top), cell, headroom=0.1, contact=run.contact, gravity=gravity)
     positions = mpm.sample_box((0.0, 0.0, 0.0), (*BED[:2], top), cell / 2)
-    height = top + HEIGHT / 2 + (1.5 * cell if start == "lowered" else 0.0)
+    height = top + HEIGHT / 2 + (1.5 * cell if run.start == "lowered" else 0.0)
     size = f"{SIDE / 2} {SIDE / 2} {HEIGHT / 2}"
-    plugin = couple(one_body(f'type="box" size="{size}" mass="{mass}" friction="{friction}"',
-                             (START, BED[1] / 2, height), host_step=HOST_STEP, gravity=gravity), solver, coupling)
+    plugin = couple(one_body(f'type="box" size="{size}" mass="{run.mass}" friction="{friction}"',
+                             (START, BED[1] / 2, height), host_step=HOST_STEP, gravity=gravity), solver, run.coupling)
     data = plugin.data
     timed, speeds, gaps, shares, pitches, is_released = TimedSolver(solver), [], [], [], [], False
     is_top = positions[:, 2] > top - 0.5 * cell
