@@ -24,8 +24,8 @@ from robosim.config.settings import read_setting, with_settings
 from robosim.config.table import load, validate
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
 from robosim.robot.robot import load_arm
-from robosim.scene.field import check_field, check_substeps
-from robosim.tasks.field import grain_volume, largest_step
+from robosim.scene.field import check_field, check_substeps, largest_step
+from robosim.scene.grains import grain_volume
 from robosim.tasks.task import TaskConfig, is_task, load_task
 
 CONFIGS, ARM = folder("configs"), folder("models") / "robots" / "iiwa14" / "arm.yaml"

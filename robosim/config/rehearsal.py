@@ -13,10 +13,8 @@ from robosim.config.bounds import (
     Angle,
     FilePath,
     GraspTime,
-    Length,
     Mass,
     Name,
-    Text,
 )
 from robosim.config.motion import (
     DoseConfig,
@@ -26,21 +24,15 @@ from robosim.config.motion import (
     PickConfig,
     WaypointConfig,
 )
-from robosim.config.scene import ContainerConfig, FieldConfig, ObstacleConfig, RegionConfig, check_containers
+from robosim.config.scene import ObstacleConfig, RegionConfig
+from robosim.config.scene_config import SceneConfig
 from robosim.config.settings import Setting
-from robosim.config.table import Table, load
-from robosim.config.tool import Tool, name_tool
+from robosim.config.table import load
 
 
-class RehearsalConfig(Table):
+class RehearsalConfig(SceneConfig):
     """A whole-arm rehearsal. Paths in the file are relative to it."""
 
-    description: Text
-    """Title of its reports."""
-    tool: Tool
-    """Name of a tool of models/tools, the path of a .yaml file of one's own, or a table with its keys."""
-    material: FilePath = "salt"
-    """Name of a material of configs/materials, or the path of a .yaml file."""
     grasp: Grip = "weld"
     """weld: fixed in the hand; friction: held by the fingers alone."""
     tool_container: Annotated[list[Literal["contact", "sdf"]], Field(max_length=2)] = ["contact", "sdf"]  # noqa: RUF012
@@ -48,25 +40,10 @@ class RehearsalConfig(Table):
     the container with a negative signed distance to the tool."""
     host_dt: Annotated[float, Field(ge=1e-5, le=1e-3)] = 1e-3
     """MuJoCo step [s]."""
-    coupling: Literal["one_way", "lagged", "mobility"] = "mobility"
-    """one_way: grains exert no force on the arm; lagged: their force acts one step later; mobility: contact and motion
-    of the arm are solved together."""
-    collision_thickness: Length | Literal["shell"] | None = None
-    """Wall thickness [m] of the tool in the simulation of the grains; thickened outward, the inner volume is kept.
-    null: half a cell; shell: tool and empty containers are thin shells of their real walls, into which no heap sinks
-    and which may stand free; the tool without its handle."""
     grasp_time: GraspTime = 0.5
     """Time [s] for the fingers to close before the arm moves."""
-    containers: dict[Name, ContainerConfig] = {}  # noqa: RUF012
-    """Containers by name: of models/containers, from sizes or from meshes. Filled ones are the sources of the material,
-    empty ones take it."""
-    pile: RegionConfig | None = None
-    """Region of material on the table at the start, before it settles; instead of a filled container."""
-    tool_fill_height: Length | None = None
-    """Height [m] of material in the tool at the start, above its inner bottom; instead of a filled container."""
     area: RegionConfig | None = None
     """Target region of the material, if the target is not a container."""
-    field: FieldConfig = FieldConfig()
     limits: MotionLimitsConfig = MotionLimitsConfig()
     servo: ArmServo | None = None
     """Gains of the joints; null: the robot's."""
@@ -107,37 +84,8 @@ class RehearsalConfig(Table):
     motions: FilePath | None = None
     """Folder with a motion of each sub-task as TASK.npz; null: the bundled motions."""
 
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """The containers that are filled at the start."""
-        return tuple(name for name, container in self.containers.items() if container.fill_height > 0)
-
-    @property
-    def sinks(self) -> tuple[str, ...]:
-        """The containers that take the material."""
-        return tuple(name for name, container in self.containers.items() if container.fill_height == 0)
-
-    @property
-    def shells(self) -> tuple[str, ...]:
-        """The containers that are thin shells in the simulation of the grains."""
-        return self.sinks if self.collision_thickness == "shell" else ()
-
-    @property
-    def grain_wall(self) -> float:
-        """Wall thickness [m] of the tool in the simulation of the grains; of a shell, by which it is filled."""
-        thickness = self.collision_thickness
-        return 0.5 * self.field.cell if thickness is None or thickness == "shell" else thickness
-
-    @property
-    def tool_name(self) -> str:
-        """Name of the tool's body."""
-        return name_tool(self.tool)
-
     @pydantic.model_validator(mode="after")
     def _check_material(self) -> "RehearsalConfig":
-        check_containers(self.containers)
-        if self.tool_name in self.containers:
-            raise ValueError(f"containers: {self.tool_name!r} is the tool's name; accepted: another")
         filled = [c.fill_height > 0 for c in self.containers.values()]
         givers = any(filled) + (self.pile is not None) + (self.tool_fill_height is not None)
         if givers != 1:
@@ -171,9 +119,9 @@ class RehearsalConfig(Table):
                                  f"valid: {', '.join(('world', *self.containers))}")
             if w.dwell and not w.stop:
                 raise ValueError(f"waypoint {w.name!r}: dwell = {w.dwell} s needs stop: true")
-        walls = self.grain_wall / self.field.cell  # half a cell for a shell
+        walls = self.solid_wall / self.field.cell  # half a cell for a shell
         if not 0.5 - 1e-9 <= walls <= 1.0 + 1e-9:
-            raise ValueError(f"collision_thickness = {self.collision_thickness} m is {walls:.2f} cells of "
+            raise ValueError(f"tool_wall = {self.tool_wall} m is {walls:.2f} cells of "
                              f"{self.field.cell} m; accepted: 0.5 to 1 (a thinner wall leaks, "
                              f"a thicker one distorts the {self.tool_name})")
         if self.field.dt is not None and abs(self.host_dt / self.field.dt - round(self.host_dt / self.field.dt)) > 1e-6:
@@ -207,8 +155,8 @@ class RehearsalConfig(Table):
         if self.weigh_at is not None and names.index(self.weigh_at) > index:
             raise ValueError(f"weigh_at: waypoint {self.weigh_at!r} comes after the dose at {waypoint.name!r}; "
                              f"accepted: one before it")
-        if self.collision_thickness != "shell" or not self.sinks or self.trajectory != "script":
-            raise ValueError(f"dose with collision_thickness: {self.collision_thickness}, empty containers: "
+        if self.tool_wall != "shell" or not self.sinks or self.trajectory != "script":
+            raise ValueError(f"dose with tool_wall: {self.tool_wall}, empty containers: "
                              f"{', '.join(self.sinks) or 'none'}, trajectory: {self.trajectory}; accepted: shell (a "
                              f"load sinks into solid walls), one or more, script")
         cup = self.dose.cup

@@ -5,7 +5,7 @@ Errors name the file or setting, the key, the value and what is accepted.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import pydantic
 from pydantic import BaseModel, ConfigDict
@@ -20,6 +20,12 @@ from robosim.config.settings import Setting, parse_yaml, with_settings
 Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 """Along x, y and z."""
 Kind = TypeVar("Kind", bound="Table")
+RENAMED = {
+    "RehearsalConfig": {"collision_thickness": "tool_wall"},
+    "TaskConfig": {"container": "containers", "container_place": "containers.NAME", "receiver": "containers.receiver"},
+    "StartConfig": {"pile": "pile"},
+}
+"""Class -> key of an earlier version -> the key that replaces it, from the file's top; errors name it."""
 SHOWN = 10
 """Errors of a file that are described; a list of 10 000 wrong values has as many."""
 
@@ -28,9 +34,6 @@ class Table(BaseModel):
     """A table of a configuration file: frozen, typed, checked once, before any work."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
-
-    RENAMED: ClassVar[dict[str, str]] = {}
-    """Key of an earlier version -> the key that replaces it; errors name it."""
 
 
 class Quantity(Table):
@@ -86,9 +89,9 @@ def describe(error: Any, kind: type[Any]) -> str:
         table: Any = kind
         for part in error["loc"][:-1]:
             table = _child(table, part)
-        renamed = getattr(table, "RENAMED", {}).get(str(error["loc"][-1]))
+        renamed = RENAMED.get(table.__name__, {}).get(str(error["loc"][-1]))
         if renamed is not None:
-            return f"key {place!r} is now called {'.'.join([*map(str, error['loc'][:-1]), renamed])!r}; rename it"
+            return f"key {place!r} is now called {renamed!r}; rename it"
         return f"unknown key {place!r}; valid: {', '.join(table.model_fields)}"
     if error["type"] == "value_error":
         return f"{place}: {error['ctx']['error']}" if place else str(error["ctx"]["error"])

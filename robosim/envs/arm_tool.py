@@ -93,18 +93,19 @@ class ArmTool(Carrier):
         self._smoother = JointSmoother(self._arm.step_limits(), task.step_dt, self._arm)
         self._q = self._start_q
         self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
-        self._contacts = ContactCounter(self.scene, self.data, task.vessels)
+        self._contacts = ContactCounter(self.scene, self.data, task.containers)
         self._torque_ratio = self._lag = 0.0
         self._behind = np.zeros(len(self._start_q))
         self._close_fingers()
         self._scene_setting = SceneSetting(self.scene, self.servo, task)
         if has_sensors:
             self.sensors = ArmSampler(self.scene, self.data, self._arm)
-        self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool_name: TOOL})
+        self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool_name: TOOL},
+                                     coupling=task.coupling)
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build a new specification of the rigid scene."""
-        spec = build_scene_spec(self._assembly, self._grip, self._task.vessels, self._task.step_dt, contact=True)
+        spec = build_scene_spec(self._assembly, self._grip, self._task.containers, self._task.step_dt, contact=True)
         if self._has_sensors:
             add_wrist_sensor(spec, self._assembly)
             add_torque_sensors(spec, self._assembly)

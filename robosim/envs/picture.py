@@ -9,9 +9,9 @@ from robosim.config.materials import MaterialConfig
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec
+from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.tasks.counting import TOOL
-from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
 
 WIDTH, HEIGHT = 640, 480

@@ -36,7 +36,8 @@ AXES, SPREAD = np.eye(3), np.eye(6)[[0, 3, 4, 3, 1, 5, 4, 5, 2]]
 """Rotation of no angle, and the strain's matrix, row by row (9, 6), out of xx, yy, zz, xy, xz, yz."""
 BLOCK = 1024
 """Rows of an array that are multiplied at once."""
-NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target", "randomize", "dose"}
+NOT_IN_START = {"description", "reward", "success", "script", "action", "goal", "target", "randomize", "dose",
+                "coupling"}
 """Parts of a task that its start does not depend on."""
 
 

@@ -18,10 +18,11 @@ from robosim.envs.start import StartOptions, rotate_grains, settled_state, turne
 from robosim.randomization.draw import HOME, Draw, Setting
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import Ranges, choose_ranges
+from robosim.scene.field import FieldOptions, build_field, build_tool_lattice, check_substeps, largest_step
+from robosim.scene.grains import Filling, fill, grain_volume
 from robosim.senses.perception import Perception, PerceptionOptions
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL, TaskCounter
-from robosim.tasks.field import build_solver, fill_positions, filling_head, grain_volume
 from robosim.tasks.handover import Load, load_positions, load_state, task_with_load
 from robosim.tasks.task import TaskConfig, load_task
 
@@ -90,12 +91,13 @@ class World:
         if load is not None and self.randomization.varies_grains:
             raise ConfigError(f"randomize: {', '.join(ranges)} with load; accepted with load: neither material, nor "
                               f"fill, nor surface_slope_deg")
-        self._name, self.load, positions = name, load, None if load is None else load_positions(self.task, load)
-        self.solver = build_solver(self.task, law_of(self.material), mobile=mobile, positions=positions,
-                                   volume=None if load is None else load.volume,
-                                   dt=self.randomization.step if self.randomization.materials else None,
-                                   moves_containers=self.randomization.moves_places,
-                                   grain_diameter=grain_diameter_of(self.material))
+        self._name, self.load, law = name, load, law_of(self.material)
+        check_substeps("step_dt", self.task.step_dt, largest_step(self.task, law))
+        self.solver = build_field(self.task, law, self.task.start.pose, FieldOptions(
+            is_carried=mobile, moves_containers=self.randomization.moves_places,
+            grain_diameter=grain_diameter_of(self.material),
+            grains=None if load is None else Filling(load_positions(self.task, load), load.volume),
+            dt=self.randomization.step if self.randomization.materials else None)).solver
         self._home = self.task.start.pose
         self._volumes = {1.0: grain_volume_of(self.solver)}
         """Of a grain [m^3], by the fill."""
@@ -131,10 +133,10 @@ class World:
 
     def _volume_of(self, draw: Draw) -> float:
         """Return the volume [m^3] of a grain in an episode."""
-        fill = draw.grains[1]
-        if fill not in self._volumes:
-            self._volumes[fill] = grain_volume(self.randomization.grains(draw))
-        return self._volumes[fill]
+        level = draw.grains[1]
+        if level not in self._volumes:
+            self._volumes[level] = grain_volume(self.randomization.grains(draw))
+        return self._volumes[level]
 
     def settle(self, draw: Draw) -> dict[str, np.ndarray]:
         """Return the settled state of an episode's grains, in the place of the task.
@@ -144,14 +146,15 @@ class World:
         """
         if draw.grains not in self._starts:
             task, material = self.randomization.grains(draw), self.randomization.material(draw)
-            solver, (_, fill, slope) = self.solver, draw.grains
+            solver, (_, level, slope) = self.solver, draw.grains
             solver.set_material(0, law_of(material))
             solver.set_volume(0, grain_volume(task))
             frictions = [task.field.tool_friction, *[task.field.container_friction] * (len(solver.colliders) - 1)]
             set_frictions(solver, frictions)
             self.counter.place(HOME)
-            solver.load(self._unsettled | {"x": fill_positions(task, filling_head(task), slope) - solver.grid.origin})
-            self._starts[draw.grains] = settled_state(self._name, task, material, solver, (fill, slope))
+            grains = fill(task, build_tool_lattice(task), task.start.pose, slope_deg=slope)
+            solver.load(self._unsettled | {"x": grains.positions - solver.grid.origin})
+            self._starts[draw.grains] = settled_state(self._name, task, material, solver, (level, slope))
         return self._starts[draw.grains]
 
     @property

@@ -17,8 +17,9 @@ from robosim.randomization.draw import HOME, Draw, Setting, Vector
 from robosim.randomization.materials import find_material
 from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, Ranges, valid_numbers
 from robosim.randomization.variants import check_fill, displacement, filled
+from robosim.scene.field import largest_step
+from robosim.scene.grains import grain_volume
 from robosim.tasks.dosing import TARGET_MASS, load_mass
-from robosim.tasks.field import grain_volume, largest_step
 from robosim.tasks.task import TaskConfig
 
 Domains = Mapping[str, tuple[float, float]]

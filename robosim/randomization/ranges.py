@@ -56,7 +56,7 @@ IN_LEVELS = ("fill", "surface_slope_deg")
 
 def has(task: TaskConfig, needs: str, arm: bool) -> bool:
     """Return whether a task has what a number needs."""
-    return {"container": bool(task.vessels), "loose grains": not task.carried, "dose": task.dose is not None,
+    return {"container": bool(task.containers), "loose grains": not task.carried, "dose": task.dose is not None,
             "arm": arm}.get(needs, True)
 
 

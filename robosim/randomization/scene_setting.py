@@ -15,7 +15,7 @@ class SceneSetting:
 
     def __init__(self, scene: Scene, servo: Servo, task: TaskConfig) -> None:
         self._scene, self._servo, self._present = scene, servo, STANDARD
-        self._containers = StillBodies(scene.model, list(task.vessels))
+        self._containers = StillBodies(scene.model, list(task.containers))
         self._carried = body_ids_below(scene.model, scene.wrist)
         self._scratch = mujoco.MjData(scene.model)
         """For MuJoCo's computation of the model's constants; to allocate one takes longer than the computation."""

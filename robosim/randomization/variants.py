@@ -1,5 +1,6 @@
 """Tasks with another fill, and with what is placed in another place."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,22 +16,27 @@ def filled(task: TaskConfig, fill: float) -> TaskConfig:
     """Return a task with as many grains that fill another volume: `fill` over the task's own."""
     if fill == 1.0:
         return task
-    if task.container_place is not None:
-        higher = task.container_place.fill_height * fill
-        return task.model_copy(update={"container_place": task.container_place.model_copy(
-            update={"fill_height": higher})})
-    if task.start.pile is not None:
-        x, y, z = task.start.pile.half
-        centre = (*task.start.pile.centre[:2], task.start.pile.centre[2] + (fill - 1.0) * z)
-        pile = task.start.pile.model_copy(update={"half": (x, y, z * fill), "centre": centre})
-        return task.model_copy(update={"start": task.start.model_copy(update={"pile": pile})})
+    if task.sources:
+        return with_sources(task, lambda own: own.model_copy(update={"fill_height": own.fill_height * fill}))
+    if task.pile is not None:
+        x, y, z = task.pile.half
+        centre = (*task.pile.centre[:2], task.pile.centre[2] + (fill - 1.0) * z)
+        return task.model_copy(update={"pile": task.pile.model_copy(update={"half": (x, y, z * fill),
+                                                                            "centre": centre})})
     field = task.field.model_copy(update={"grains_per_cell": task.field.grains_per_cell / fill})
     return task.model_copy(update={"field": field})
 
 
+def with_sources(task: TaskConfig, change: Callable[[ContainerConfig], ContainerConfig]) -> TaskConfig:
+    """Return a task with its filled containers changed."""
+    return task.model_copy(update={"containers": {
+        name: change(own) if name in task.sources else own for name, own in task.containers.items()}})
+
+
 def check_fill(task: TaskConfig, fill: float, slope_deg: float) -> None:
     """Raise ConfigError for grains that stand higher than the rim of their container."""
-    for name, container in task.containers.items():
+    for name in task.sources:
+        container = task.containers[name]
         low, high = container_shape(name, container).bounds
         top = fill * container.fill_height + abs(np.tan(np.radians(slope_deg))) * 0.5 * (high[0] - low[0])
         if top > high[2] - low[2]:
@@ -41,7 +47,7 @@ def check_fill(task: TaskConfig, fill: float, slope_deg: float) -> None:
 
 def pivot(task: TaskConfig) -> np.ndarray:
     """Return the point [m] (3,) that places are turned about."""
-    middle = task.target.centre if task.container_place is None else task.container_place.position
+    middle = task.containers[task.container].position if task.container else task.target.centre
     return np.array(middle, float)
 
 
@@ -62,7 +68,7 @@ def placed(task: TaskConfig, place: mpm.Pose) -> TaskConfig:
     def turned(container: ContainerConfig) -> ContainerConfig:
         return container.model_copy(update={"position": move(container.position), "yaw_deg": container.yaw_deg + yaw})
 
-    return task.model_copy(update={
-        "goal": move(task.goal), "container_place": task.container_place and turned(task.container_place),
+    return with_sources(task, turned).model_copy(update={
+        "goal": move(task.goal),
         **{name: region.model_copy(update={"centre": move(region.centre)})
            for name, region in (("target", task.target), ("bounds", task.bounds))}})

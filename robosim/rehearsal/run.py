@@ -26,7 +26,7 @@ from robosim.robot.timing import JointState
 from robosim.scene.build import assemble_rehearsal, build_rehearsal_spec, standing_pose
 from robosim.scene.collisions import CollisionMonitor
 from robosim.scene.compiled import Scene, compile_scene
-from robosim.scene.field import build_field
+from robosim.scene.field import FieldOptions, build_field
 from robosim.scene.frames import body_pose
 from robosim.scene.grains import is_at_border, is_in_container, is_in_tool
 from robosim.scene.grasp import Grasp, put_tool
@@ -75,7 +75,7 @@ class RehearsalRun:
         mujoco.mj_forward(self.model, self.data)
         self.grasp = Grasp(self.scene, self.data)
         self.sensors = TorqueSensors(self.model, self.data, plan.arm)
-        self.grains = build_field(config, law_of(self.material), self.tool_pose(), seed)
+        self.grains = build_field(config, law_of(self.material), self.tool_pose(), FieldOptions(seed))
         self.solver = self.grains.solver
         self.plugin = GranularPlugin(self.model, self.data, self.solver, bodies={config.tool_name: self.grains.tool},
                                      coupling=config.coupling)

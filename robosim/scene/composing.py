@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 import mpm
 from robosim.config.materials import Law
 from robosim.config.scene import ContainerConfig
-from robosim.scene.field import CONTAINER_SPACING, CONTAINER_WALL
 from robosim.scene.frames import container_pose
-from robosim.scene.grains import is_in_container, leave_out_buried
+from robosim.scene.grains import CONTAINER_SPACING, CONTAINER_WALL, is_in_container, leave_out_buried
 from robosim.scene.models import container_shape
 from robosim.shapes.rigid_models import add_container_body
 

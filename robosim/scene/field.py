@@ -1,6 +1,7 @@
-"""The granular field of a rehearsal: its solver, its colliders, and checks of its configuration."""
+"""The granular field of a scene: its solver, its colliders, and checks of its configuration."""
 
-from collections.abc import Collection
+import functools
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -8,31 +9,28 @@ import numpy as np
 import mpm
 from mpm.backend import is_shared
 from mpm.geometry.sampled_sdf import Lattice
-from mpm.materials.stable_step import accepted_bound, check_step
+from mpm.materials.stable_step import accepted_bound, check_step, choose_step
 from robosim.base.errors import ConfigError
 from robosim.config.bounds import MAX_GRAINS, MAX_SUBSTEPS
 from robosim.config.materials import Law
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.config.scene import ContainerConfig, FieldConfig
+from robosim.config.scene_config import SceneConfig
 from robosim.scene.frames import container_pose, waypoint_pose
-from robosim.scene.grains import fill
+from robosim.scene.grains import Filling, build_container_sdf, fill
 from robosim.scene.models import container_shape
 from robosim.shapes import MeshTool, OwnTool, ToolShape, tool_shape
 
 TOOL_SPACING = 1e-3
 """Lattice spacing [m] of the tool's signed distance: interpolation is exact to 0.1 mm at a sixth of a wall."""
-CONTAINER_SPACING = 2e-3
-"""Lattice spacing [m] of a container's signed distance."""
-CONTAINER_WALL = 3.0
-"""Thickness of a container's collider walls, in cells, grown outward."""
-
-
+HEAD_POINTS = 4
+"""Points of the lattice of a tool's head along a cell, where its handle is left out."""
 REGION_MARGIN = 0.08
 """Distance [m] around containers, waypoints, pile and area to which grains are computed, where no region is given."""
 
 
 class GrainField(NamedTuple):
-    """The solver of a rehearsal, its tool's collider and its grains' volume."""
+    """The solver of a scene, its tool's collider and its grains' volume."""
 
     solver: mpm.Solver
     tool: int
@@ -41,24 +39,95 @@ class GrainField(NamedTuple):
     """[m^3]"""
 
 
-def build_field(config: RehearsalConfig, law: Law, tool_pose: mpm.Pose, seed: int = 0) -> GrainField:
-    """Build the solver of a rehearsal, with the tool at its initial world pose."""
-    field = config.field
-    sdf = build_tool_sdf(config.tool, config.grain_wall)
-    head = tool_shape(config.tool).head_shell() if config.collision_thickness == "shell" else sdf
+class FieldOptions(NamedTuple):
+    """How the field of a scene is used."""
+
+    seed: int = 0
+    """Of the grains' places."""
+    is_carried: bool = True
+    """Whether an arm carries the tool, so that contact moves it where the scene's coupling says so."""
+    moves_containers: bool = False
+    """Whether containers can be put to other places; those that never move make contact cheaper."""
+    grain_diameter: float | None = None
+    """[m] of the material, which a tool with small holes needs; None: the law of small holes does not apply to it."""
+    grains: Filling | None = None
+    """In place of the scene's own."""
+    dt: float | None = None
+    """Substep [s]; None: the scene's own."""
+
+
+RIGHT_AWAY = FieldOptions()
+"""Of a rehearsal."""
+
+
+def build_field(scene: SceneConfig, law: Law, tool_pose: mpm.Pose, options: FieldOptions = RIGHT_AWAY) -> GrainField:
+    """Build the solver of a scene, with the tool at its initial world pose and the grains where they are placed.
+
+    They begin under their own weight, unless the scene comes to rest first. Raises ConfigError for a tool with holes
+    that is a solid, or whose material grain_diameter is missing.
+    """
+    field, tool = scene.field, build_tool_lattice(scene)
+    head = head_shell(tool_shape(scene.tool)) if scene.tool_wall == "shell" else tool
     # as the plugin will want it: a collider that it has to change makes the solver anew
-    colliders = [mpm.Collider(head, friction=field.tool_friction, pose=tool_pose, mobile=config.coupling == "mobility")]
-    colliders += build_container_colliders(config.containers, field, shells=config.shells)
-    walls = {name: build_container_sdf(name, config.containers[name], field) for name in config.sources}
-    positions, volume = fill(config, sdf, walls, tool_pose, np.random.default_rng(seed))
-    solver = mpm.Solver(
-        grid=field.grid,
-        bodies=[mpm.Body(law, positions, volume=volume,
-                         stress=mpm.geostatic_stress(positions, volume, law))], colliders=colliders,
-        walls=mpm.Walls(friction=field.floor_friction), dt=field.dt, transfer_interval=field.transfer_interval,
-        sleep=field.sleep if field.sleep is not None else not is_shared(), contact=field.contact,
-    )
-    return GrainField(solver, 0, volume)
+    colliders = [mpm.Collider(head, friction=field.tool_friction, pose=tool_pose,
+                              mobile=options.is_carried and scene.coupling == "mobility",
+                              orifices=head_orifices(scene, options.grain_diameter))]
+    colliders += build_container_colliders(scene, static=not options.moves_containers)
+    grains = options.grains or fill(scene, tool, tool_pose, options.seed)
+    stress = None if scene.COMES_TO_REST else mpm.geostatic_stress(grains.positions, grains.volume, law)
+    dt = options.dt or (requested_step(scene, law) if scene.COMES_TO_REST else field.dt)
+    sleeps = not (scene.COMES_TO_REST or is_shared()) if field.sleep is None else field.sleep
+    with warnings.catch_warnings():
+        if options.grains is not None:  # grains that have flowed stand in no lattice any more
+            warnings.simplefilter("ignore", mpm.VolumeMismatch)
+        solver = mpm.Solver(grid=field.grid, bodies=[mpm.Body(law, grains.positions, volume=grains.volume,
+                                                              stress=stress)],
+                            colliders=colliders, walls=mpm.Walls(friction=field.floor_friction), dt=dt,
+                            transfer_interval=field.transfer_interval, sleep=sleeps, contact=field.contact)
+    return GrainField(solver, 0, grains.volume)
+
+
+def build_tool_lattice(scene: SceneConfig) -> Lattice:
+    """Build the signed distance of a scene's tool in its own frame, as its grains are placed on it."""
+    shape = tool_shape(scene.tool)
+    if scene.HAS_HANDLE:
+        return build_tool_sdf(scene.tool, scene.solid_wall)
+    return head_distance(shape, scene.solid_wall, scene.field.cell / HEAD_POINTS)
+
+
+@functools.lru_cache(maxsize=8)
+def head_distance(shape: ToolShape | MeshTool, wall: float, spacing: float) -> Lattice:
+    """Return the signed distance of a tool's head with walls of `wall` [m], at points `spacing` [m] apart."""
+    return shape.head_distance(wall, spacing)
+
+
+@functools.lru_cache(maxsize=8)
+def head_shell(shape: ToolShape | MeshTool) -> mpm.Shell:
+    """Return a tool's head as a thin shell; raises ConfigError for a tool that has none."""
+    return shape.head_shell()
+
+
+def head_orifices(scene: SceneConfig, grain_diameter: float | None) -> list[mpm.Orifice]:
+    """Return the small holes of the head of a scene's tool, for grains of a diameter [m]; None: no law for them."""
+    shape = tool_shape(scene.tool)
+    if scene.tool_wall != "shell":
+        check_holes(shape, f"tool_wall of {scene.tool_wall} m")
+    if shape.holes is not None and grain_diameter is None:
+        raise ConfigError(f"tool {shape.name!r} with a material without grain_diameter, by which its holes let grains "
+                          f"pass, or with cohesion, by which grains arch over them; accepted: salt, sugar, sand, "
+                          f"glass_beads, or a file of one's own with that key and cohesion 0")
+    return [] if grain_diameter is None else shape.orifices(grain_diameter)
+
+
+def requested_step(scene: SceneConfig, law: Law) -> float | None:
+    """Return the scene's own substep [s]; None where the law is too stiff for it and the solver chooses."""
+    dt = scene.field.dt
+    return None if dt is None or dt > accepted_bound(scene.field.cell, law) else dt
+
+
+def largest_step(scene: SceneConfig, law: Law) -> float:
+    """Return the largest substep [s] that a scene's field takes with a law."""
+    return choose_step(requested_step(scene, law), scene.field.cell, [law])
 
 
 def choose_region(config: RehearsalConfig) -> RehearsalConfig:
@@ -89,8 +158,7 @@ def build_tool_sdf(tool: str | OwnTool, thickness: float) -> Lattice:
 
 def filled_volume(config: RehearsalConfig) -> float:
     """Return the volume [m^3] of the grains in a tool that is filled at the start, as they are placed."""
-    sdf = build_tool_sdf(config.tool, config.grain_wall)
-    positions, volume = fill(config, sdf, {}, mpm.Pose.identity(), np.random.default_rng(0))
+    positions, volume = fill(config, build_tool_lattice(config), mpm.Pose.identity())
     return volume * len(positions)
 
 
@@ -101,22 +169,14 @@ def check_holes(shape: ToolShape | MeshTool, wall: str) -> None:
                           f"none; accepted: a task with tool_wall: shell, or another tool")
 
 
-def build_container_sdf(name: str, container: ContainerConfig, field: FieldConfig) -> Lattice:
-    """Build the signed distance of a container's walls, grown outward, in its own frame."""
-    return container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
-
-
-def build_container_colliders(containers: dict[str, ContainerConfig], field: FieldConfig, *, static: bool = True,
-                              shells: Collection[str] = ()) -> list[mpm.Collider]:
-    """Build colliders of containers; static: they never move, which makes contact cheaper.
-
-    shells: names of those that are thin shells of their real walls, which stay where they are, too.
-    """
+def build_container_colliders(scene: SceneConfig, *, static: bool = True) -> list[mpm.Collider]:
+    """Build colliders of containers; static: they never move, which makes contact cheaper. Shells are never static."""
     colliders = []
-    for name, container in containers.items():
-        walls = container_shape(name, container).shell() if name in shells else \
-            build_container_sdf(name, container, field)
-        colliders.append(mpm.Collider(walls, static=static and name not in shells, friction=field.container_friction,
+    for name, container in scene.containers.items():
+        is_shell = name in scene.shells
+        walls = container_shape(name, container).shell() if is_shell else build_container_sdf(name, container,
+                                                                                              scene.field)
+        colliders.append(mpm.Collider(walls, static=static and not is_shell, friction=scene.field.container_friction,
                                       pose=container_pose(container)))
     return colliders
 

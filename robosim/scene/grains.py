@@ -1,6 +1,6 @@
 """Grains of a scene: initial positions, and those in a tool, in a container or at the border."""
 
-from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,50 +8,120 @@ import mpm
 from mpm.geometry.sampled_sdf import Lattice
 from mpm.geometry.shape import Shape
 from robosim.base.errors import ConfigError
-from robosim.config.rehearsal import RehearsalConfig
-from robosim.config.scene import ContainerConfig
+from robosim.config.scene import ContainerConfig, FieldConfig
+from robosim.config.scene_config import SceneConfig
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import OwnTool, tool_shape
+from robosim.shapes.containers import BoxShape
 
+CONTAINER_SPACING = 2e-3
+"""Lattice spacing [m] of a container's signed distance."""
+CONTAINER_WALL = 3.0
+"""Thickness of a container's collider walls, in cells, grown outward."""
 BURIED = 0.24
 """Depth in a wall, in distances between grains, from which a grain is left out, before the field warns of it."""
 BORDER = 1e-6
 """Distance [m] from the region's border within which a grain counts as stopped by it."""
 
 
-def fill(config: RehearsalConfig, sdf: Lattice, walls: Mapping[str, Shape], tool_pose: mpm.Pose,
-         rng: np.random.Generator) -> tuple[np.ndarray, float]:
-    """Fill the source container, the pile or the tool with grains, before they settle.
+class Filling(NamedTuple):
+    """Grains of a scene before they settle."""
 
-    sdf: the tool's signed distance in its own frame. walls: those of containers in theirs. Returns positions [m] (n, 3)
-    and the volume [m^3] of one grain.
-    Raises ConfigError where tool_fill_height is too small for any grain.
+    positions: np.ndarray
+    """In the world [m] (n, 3)."""
+    volume: float
+    """Of one grain [m^3]."""
+
+
+def fill(scene: SceneConfig, tool: Lattice, tool_pose: mpm.Pose, seed: int = 0, slope_deg: float = 0.0) -> Filling:
+    """Fill the filled containers, the pile or the tool with grains, before they settle.
+
+    tool: its signed distance in its own frame. slope_deg: of the surface along the x axis of container or pile, where
+    the scene says how many grains there are: these take the lowest places. Raises ConfigError for a height in which no
+    grain fits, mpm.InvalidValue where a number of grains does not fit.
     """
-    spacing = config.field.cell / config.field.grains_per_cell ** (1.0 / 3.0)
-    if config.sources:
+    rng = np.random.default_rng(seed)
+    if scene.grain_count is None:
+        return _fill_to_height(scene, tool, tool_pose, rng)
+    return _fill_with_count(scene, scene.grain_count, tool, tool_pose, rng, float(np.tan(np.radians(slope_deg))))
+
+
+def grain_volume(scene: SceneConfig) -> float:
+    """Return the volume of one grain [m^3] of a scene that says how many there are."""
+    assert scene.grain_count is not None
+    for name in scene.sources:
+        container = scene.containers[name]
+        return container_shape(name, container).filled_volume(container.fill_height) / scene.grain_count
+    if scene.pile is not None:
+        return 8.0 * float(np.prod(scene.pile.half)) / scene.grain_count
+    return scene.field.cell**3 / scene.field.grains_per_cell
+
+
+def _fill_to_height(scene: SceneConfig, tool: Lattice, tool_pose: mpm.Pose, rng: np.random.Generator) -> Filling:
+    """Fill all that is filled up to its height, with as many grains in a cell as the scene says."""
+    spacing = scene.field.cell / scene.field.grains_per_cell ** (1.0 / 3.0)
+    if scene.sources:
         places, total = [], 0.0
-        for name in config.sources:
-            container = config.containers[name]
+        for name in scene.sources:
+            container = scene.containers[name]
             local, volume = container_shape(name, container).fill(container.fill_height, spacing, rng)
-            local = leave_out_buried(local, walls[name], spacing)
+            local = leave_out_buried(local, build_container_sdf(name, container, scene.field), spacing)
             if not len(local):
                 raise ConfigError(f"containers.{name}: fill_height = {container.fill_height} m holds no grain; "
-                                  f"accepted: more than a cell, {config.field.cell} m")
+                                  f"accepted: more than a cell, {scene.field.cell} m")
             places.append(container_pose(container).apply(local))
             total += len(local) * volume
-        return np.concatenate(places), total / sum(map(len, places))
-    if config.pile is not None:
-        centre, half = np.array(config.pile.centre), np.array(config.pile.half)
+        return Filling(np.concatenate(places), total / sum(map(len, places)))
+    if scene.pile is not None:
+        centre, half = np.array(scene.pile.centre), np.array(scene.pile.half)
         positions = mpm.sample_box(centre - half, centre + half, spacing, rng)
-        return positions, float(8.0 * np.prod(half)) / len(positions)
-    region = tool_shape(config.tool).interior
-    local = sample_in_tool(config.tool, sdf, spacing, rng)
-    local = local[local[:, 2] < region.centre[2] - region.half[2] + (config.tool_fill_height or 0.0)]
+        return Filling(positions, float(8.0 * np.prod(half)) / len(positions))
+    region = tool_shape(scene.tool).interior
+    local = sample_in_tool(scene.tool, tool, spacing, rng)
+    local = local[local[:, 2] < region.centre[2] - region.half[2] + (scene.tool_fill_height or 0.0)]
     if not len(local):
-        raise ConfigError(f"tool_fill_height = {config.tool_fill_height} m holds no grain; accepted: more than a cell, "
-                          f"{config.field.cell} m")
-    return tool_pose.apply(local), spacing**3
+        raise ConfigError(f"tool_fill_height = {scene.tool_fill_height} m holds no grain; accepted: more than a cell, "
+                          f"{scene.field.cell} m")
+    return Filling(tool_pose.apply(local), spacing**3)
+
+
+def _fill_with_count(scene: SceneConfig, count: int, tool: Lattice, tool_pose: mpm.Pose, rng: np.random.Generator,
+                     slope: float) -> Filling:
+    """Put a number of grains on the lowest places that the container, the pile or the tool has."""
+    volume = grain_volume(scene)
+    spacing = volume ** (1.0 / 3.0)
+    if scene.sources:
+        name = scene.sources[0]
+        container = scene.containers[name]
+        shape = container_shape(name, container)
+        low, high = shape.bounds
+        rise = 0.5 * abs(slope) * (high[0] - low[0])
+        upper = np.array([high[0], high[1], low[2] + container.fill_height + rise + spacing])
+        local = mpm.sample_box(low, upper, spacing, rng)
+        if not isinstance(shape, BoxShape):  # the rounded edges of a box push out the few grains in them
+            local = local[shape.between_walls(local)]
+        places = container_pose(container).apply(local)
+        keys = places[:, 2] - slope * (local[:, 0] - 0.5 * (low[0] + high[0]))
+    elif scene.pile is not None:
+        centre, half = np.array(scene.pile.centre), np.array(scene.pile.half)
+        places = mpm.sample_box(centre - half, centre + half * [1, 1, 2], spacing, rng)
+        keys = places[:, 2] + 0.3 * np.linalg.norm(places[:, :2] - centre[:2], axis=1)  # a heap, not a slab
+        keys -= slope * (places[:, 0] - centre[0])
+    else:
+        region = tool_shape(scene.tool).interior
+        local = sample_in_tool(scene.tool, tool, spacing, rng)
+        places = tool_pose.apply(local)
+        keys = places[:, 2] + 0.6 * np.linalg.norm(local[:, :2] - np.array(region.centre)[:2], axis=1)
+    if len(places) < count:
+        raise mpm.InvalidValue(f"{count} grains of {volume * 1e9:.0f} mm^3 do not fit: {len(places)} places; accepted: "
+                               f"at most that many grains.count")
+    return Filling(places[np.argsort(keys, kind="stable")[:count]], volume)
+
+
+def build_container_sdf(name: str, container: ContainerConfig, field: FieldConfig) -> Lattice:
+    """Build the signed distance of a container's walls, grown outward, in its own frame."""
+    return container_shape(name, container).distance(CONTAINER_WALL * field.cell, CONTAINER_SPACING)
 
 
 def leave_out_buried(positions: np.ndarray, walls: Shape, spacing: float) -> np.ndarray:

@@ -12,10 +12,10 @@ from robosim.base.errors import ConfigError
 from robosim.config.scene import ContainerConfig
 from robosim.randomization.draw import HOME
 from robosim.scene.frames import container_pose
+from robosim.scene.grains import grain_volume
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_count
 from robosim.shapes import tool_shape
-from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
 
 MOST_PIXELS = 512
@@ -57,7 +57,7 @@ class HeightMapTerm(Term):
     def begin(self, sight: Sight, drawn: Mapping[str, float] = NOTHING) -> Any:
         """Return the heights of table and container, where it stands elsewhere than in the task."""
         place = sight.setting.place
-        return None if place is HOME or not self._task.vessels else self._floor_at.heights(place)
+        return None if place is HOME or not self._task.containers else self._floor_at.heights(place)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:
         """Return the heights (nx, ny), the first index along x."""
@@ -67,21 +67,21 @@ class HeightMapTerm(Term):
 
 def default_region(task: TaskConfig) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners [m] (2,) of the region around a task's container, or else its start and its target."""
-    for name, container in task.vessels.items():
+    for name, container in task.containers.items():
         walls = container_shape(name, container).walls().vertices
         corners = container_pose(container).apply(np.asarray(walls))[:, :2]
         return corners.min(0) - MARGIN, corners.max(0) + MARGIN
     centre, half = np.array(task.target.centre)[:2], np.minimum(np.array(task.target.half)[:2], 0.5)
     start, own = np.array(task.start.position)[:2], np.linalg.norm(tool_shape(task.tool).interior.half[:2])
-    if task.start.pile is not None:
-        start, own = np.array(task.start.pile.centre)[:2], np.array(task.start.pile.half)[:2]
+    if task.pile is not None:
+        start, own = np.array(task.pile.centre)[:2], np.array(task.pile.half)[:2]
     return np.minimum(centre - half, start - own) - MARGIN, np.maximum(centre + half, start + own) + MARGIN
 
 
 def floor_heights(task: TaskConfig, raster: Raster) -> np.ndarray:
     """Return the heights [m] (nx, ny), float32, of table and container without grains."""
     heights = np.zeros(raster.shape, np.float32)
-    for name, container in task.vessels.items():
+    for name, container in task.containers.items():
         walls: trimesh.Trimesh = container_shape(name, container).walls()
         triangles = container_pose(container).apply(np.asarray(walls.triangles).reshape(-1, 3)).reshape(-1, 3, 3)
         draw_from_above(triangles, raster, heights)
@@ -103,7 +103,7 @@ class PlacedFloor:
         """Return the heights [m] (nx, ny), float32, with the containers displaced."""
         heights = np.zeros(len(self._points), np.float32)
         if self._seen is None:
-            self._seen = [self._look_at(name, container) for name, container in self._task.vessels.items()]
+            self._seen = [self._look_at(name, container) for name, container in self._task.containers.items()]
         for home, corner, own in self._seen:
             pose = place @ home
             flat = pose.inverse().apply(self._points)[:, :2]

@@ -12,9 +12,9 @@ from robosim.rendering.depth_noise import find_noise
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec
+from robosim.scene.grains import grain_volume
 from robosim.senses.task_scene import SeenBodies, build_seen_spec
 from robosim.senses.term import SenseScene, Sight, Term, box, check_count, check_option
-from robosim.tasks.field import grain_volume
 
 Camera = str | Mapping[str, Any]
 """Name of a camera, or {"position": [m] (3,), "look_at": [m] (3,), "fovy_deg": 45} for one of one's own."""

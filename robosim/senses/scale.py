@@ -11,7 +11,7 @@ from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.senses.term import NOTHING, SenseScene, Sight, Term, box, check_option
 from robosim.shapes import tool_shape
-from robosim.tasks.task import FAR, RECEIVER, TaskConfig
+from robosim.tasks.task import FAR, TaskConfig
 
 CAPACITY = 2.2
 """Largest mass [kg] that is shown."""
@@ -74,9 +74,10 @@ class ScaleTerm(Term):
 def weighed_region(task: TaskConfig) -> tuple[mpm.Region, mpm.Pose] | tuple[()]:
     """Return the region whose grains a balance carries, and its pose in the world; empty where there is none."""
     if task.receiver is not None:
-        shape = container_shape(RECEIVER, task.receiver)
+        receiver = task.containers[task.receiver]
+        shape = container_shape(task.receiver, receiver)
         (x, y, z), (a, b, c) = shape.region.centre, shape.region.half
-        return mpm.Region((x, y, z - c + FAR), (a, b, FAR), shape.is_round), container_pose(task.receiver)
+        return mpm.Region((x, y, z - c + FAR), (a, b, FAR), shape.is_round), container_pose(receiver)
     for name, container in task.containers.items():
         return container_shape(name, container).region, container_pose(container)
     if task.target.centre[2] - task.target.half[2] > 0.0:

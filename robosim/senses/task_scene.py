@@ -30,7 +30,7 @@ def build_task_spec(task: TaskConfig, arm: mujoco.MjSpec | None, *, marks: bool 
     arm: the scene with the arm; None: the tool alone. marks: whether the target is marked.
     """
     spec = arm if arm is not None else _build_scene_without_arm(task)
-    if marks and not task.vessels:
+    if marks and not task.containers:
         add_mark(spec, task.target)
     if task.stand is not None:
         _add_block(spec, task.stand)
@@ -78,7 +78,7 @@ class SeenBodies:
 
     def __init__(self, model: mujoco.MjModel, task: TaskConfig) -> None:
         self.data = mujoco.MjData(model)
-        names = [*task.vessels, TARGET_MARK]
+        names = [*task.containers, TARGET_MARK]
         self._still = StillBodies(model, [name for name in names if mujoco.mj_name2id(
             model, mujoco.mjtObj.mjOBJ_BODY, name) >= 0])
 
@@ -108,7 +108,7 @@ def _build_scene_without_arm(task: TaskConfig) -> mujoco.MjSpec:
     carrier = spec.worldbody.add_body(name="carrier", mocap=True)
     with quiet_attachment():
         carrier.add_frame().attach_body(load_tool_model(task.tool).spec.body(task.tool_name), "", "")
-        for name, container in task.vessels.items():
+        for name, container in task.containers.items():
             add_container(spec, name, container)
     return spec
 

@@ -106,7 +106,8 @@ def observed_grains(task: TaskConfig) -> np.ndarray:
 def container_points(task: TaskConfig) -> np.ndarray | None:
     """Sample the container's surface: points [m] (WALL_POINTS, 3) in the world; None without a container."""
     points = None
-    for name, container in task.containers.items():
+    for name in task.sources:
+        container = task.containers[name]
         walls = container_shape(name, container).walls()
         points = container_pose(container).apply(trimesh.sample.sample_surface(walls, WALL_POINTS, seed=0)[0])
     return points

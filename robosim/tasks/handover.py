@@ -7,9 +7,9 @@ import numpy as np
 import mpm
 from robosim.base.errors import ConfigError
 from robosim.config.tool import ToolConfig, name_tool
+from robosim.scene.grains import grain_volume
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
-from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
 
 MATRIX_FROM_SIX = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])

@@ -6,8 +6,9 @@ Headings and tables follow Gymnasium's environment pages.
 import numpy as np
 
 from robosim.config.materials import law_of, load_material
+from robosim.scene.field import largest_step
+from robosim.scene.grains import grain_volume
 from robosim.tasks.dosing import DoseReward
-from robosim.tasks.field import grain_volume, largest_step
 from robosim.tasks.observation import DOSING_TERMS, SCOOPING_TERMS, grain_bounds, tool_bounds
 from robosim.tasks.reward import Reward
 from robosim.tasks.sections import DosingConfig

@@ -21,7 +21,6 @@ from robosim.config.bounds import (
     Speed,
     Weight,
 )
-from robosim.config.scene import RegionConfig
 from robosim.config.table import Table, Vector3
 
 LEAST_DOSE, LARGEST_DOSE = 1.0, 60.0
@@ -54,7 +53,7 @@ class GrainsConfig(Table):
 
 
 class StartConfig(Table):
-    """The tool's pose at the start, R = Rz(yaw) Ry(pitch), and a pile of grains."""
+    """The tool's pose at the start, R = Rz(yaw) Ry(pitch), and random displacements."""
 
     position: Vector3
     """Origin of the tool's frame in the world [m]."""
@@ -64,10 +63,8 @@ class StartConfig(Table):
     """Rotation about the tool's lateral axis [deg]."""
     spread: tuple[HalfSize, HalfSize, HalfSize] = (0.0, 0.0, 0.0)
     """Largest random displacement [m] along each axis; grains in the tool are displaced with it."""
-    pile: RegionConfig | None = None
-    """Region that the grains fill if neither the tool nor a container holds them."""
     pile_spread: tuple[HalfSize, HalfSize, HalfSize] = (0.0, 0.0, 0.0)
-    """Largest random displacement [m] of that pile along each axis."""
+    """Largest random displacement [m] of the pile along each axis."""
 
     @property
     def pose(self) -> mpm.Pose:

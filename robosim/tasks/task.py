@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import pydantic
@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 import mpm
 from robosim.base.errors import RobosimError
 from robosim.base.resources import config_names, config_path
-from robosim.config.bounds import MAX_ENTRIES, SAMPLES_PER_PERIOD, FilePath, Length, Name, RangeEnd, Text, TimeStep
-from robosim.config.scene import ContainerConfig, FieldConfig, RegionConfig, check_containers
+from robosim.config.bounds import MAX_ENTRIES, SAMPLES_PER_PERIOD, FilePath, Name, RangeEnd, TimeStep
+from robosim.config.scene import ContainerConfig, RegionConfig
+from robosim.config.scene_config import SceneConfig
 from robosim.config.settings import Setting
-from robosim.config.table import Table, Vector3, load, read, validate
-from robosim.config.tool import Tool, ToolConfig, name_tool
+from robosim.config.table import Vector3, load, read, validate
+from robosim.config.tool import ToolConfig
 from robosim.tasks.sections import (
     ActionConfig,
     DosingConfig,
@@ -36,8 +37,6 @@ MAX_EPISODE = 100_000
 MAX_TIME = 600.0
 """Duration [s] of an episode, as of a path; robosim.config.bounds has the reason."""
 
-RECEIVER = "receiver"
-"""Name of the receiver's body."""
 OF_DOSING = {"reward": {"distance": {"weights": [0, 0, 0], "total": 1, "reference": 1}, "target": 1},
              "success": {"delivered": 1}}
 """What stands in a dosing task for the sections of the published rewards, which it does not have."""
@@ -68,31 +67,22 @@ class ScriptedPath:
         return mpm.Pose(position, rotation.as_quat(scalar_first=True))
 
 
-class TaskConfig(Table):
-    """A sub-task: a start, regions, and the terms of its reward. Paths in the file are relative to it."""
+class TaskConfig(SceneConfig):
+    """A sub-task: a scene, a start, regions, and the terms of its reward. Paths in the file are relative to it.
 
-    description: Text
-    """What the agent has to do; first line of the environment's page."""
-    tool: Tool
-    """Name of a tool of models/tools, the path of a .yaml file of one's own, or a table with its keys."""
-    material: FilePath
-    """Name of a material of configs/materials, or the path of a .yaml file."""
+    It has at most one container: filled, the tool scoops from it; empty, it is the receiver on a balance into which a
+    dosing task pours, upright, of sizes or of models/containers.
+    """
+
+    COMES_TO_REST: ClassVar[bool] = True
+    HAS_HANDLE: ClassVar[bool] = False
+
     grains: GrainsConfig
     """Number of grains, and which are observed and counted."""
     steps: int = Field(ge=1, le=MAX_EPISODE)
     """Steps of an episode; T_s in arXiv 2406.09178."""
     step_dt: TimeStep
     """Duration of a step [s]."""
-    field: FieldConfig
-    """Numerics of the grains."""
-    tool_wall: Length | Literal["shell"]
-    """Wall thickness [m] of the tool in the simulation of the grains, thickened outward; shell: its real wall."""
-    container: Name | None = None
-    """Container that the tool scoops from; name of a model in models/containers, or any with sizes or a mesh."""
-    container_place: ContainerConfig | None = None
-    """Position, yaw and fill height of that container; its sizes or mesh, if it is one of one's own."""
-    receiver: ContainerConfig | None = None
-    """Container on a balance into which a dosing task pours, upright, of sizes or of models/containers."""
     stand: RegionConfig | None = None
     """Block under the tool at the start; only for rendering, grains do not collide with it."""
     start: StartConfig
@@ -120,20 +110,39 @@ class TaskConfig(Table):
     @pydantic.model_serializer(mode="wrap")
     def _serialize(self, standard: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out that nothing is drawn or dosed: what has been learned on a task stays of use."""
-        left_out = {name for name in ("randomize", "receiver", "dose") if not getattr(self, name)}
+        left_out = {name for name in ("randomize", "dose") if not getattr(self, name)}
         left_out |= set() if self.dose is None else set(OF_DOSING)
         left_out |= set() if self.receiver is None else {"target", "bounds"}
         return {name: value for name, value in standard(self).items() if name not in left_out}
 
     @property
-    def containers(self) -> dict[str, ContainerConfig]:
-        """The container, if there is one, by its name."""
-        return {self.container: self.container_place} if self.container and self.container_place else {}
+    def grain_count(self) -> int | None:
+        """Number of grains."""
+        return self.grains.count
 
     @property
-    def vessels(self) -> dict[str, ContainerConfig]:
-        """Container and receiver, by their names."""
-        return self.containers | ({} if self.receiver is None else {RECEIVER: self.receiver})
+    def container(self) -> str | None:
+        """Name of the filled container, if there is one."""
+        return next(iter(self.sources), None)
+
+    @property
+    def receiver(self) -> str | None:
+        """Name of the empty container, if there is one."""
+        return next(iter(self.sinks), None)
+
+    @property
+    def shells(self) -> tuple[str, ...]:
+        """The containers that are thin shells in the simulation of the grains: the receiver."""
+        return self.sinks
+
+    @property
+    def solid_wall(self) -> float:
+        """Wall thickness [m] of the tool in the simulation of the grains.
+
+        A shell has that of a grain's spacing as grains are placed on it: places above it are found by half such steps.
+        """
+        spacing = self.field.cell / self.field.grains_per_cell ** (1.0 / 3.0)
+        return spacing if self.tool_wall == "shell" else super().solid_wall
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -141,14 +150,9 @@ class TaskConfig(Table):
         return self.reward.terms if self.dose is None else tuple(DosingRewardConfig.model_fields)
 
     @property
-    def tool_name(self) -> str:
-        """Name of the tool's body."""
-        return name_tool(self.tool)
-
-    @property
     def carried(self) -> bool:
         """Whether the grains are in the tool at the start."""
-        return self.container is None and self.start.pile is None
+        return self.container is None and self.pile is None
 
     def with_tool(self, tool: str | ToolConfig) -> "TaskConfig":
         """Return the same with another tool, by name, file or configuration; raises ConfigError."""
@@ -173,7 +177,7 @@ class TaskConfig(Table):
         own = dict.fromkeys(("target", "bounds", *OF_DOSING))
         if data.get("dose") is None:
             return own | data
-        regions = {} if data.get("receiver") is None else receiver_regions(data["receiver"])
+        regions = receiver_regions(data.get("containers"))
         given = [name for name in (*OF_DOSING, *regions) if data.get(name) is not None]
         if given:
             raise ValueError(f"dose with {', '.join(given)}; accepted: dose.reward, dose.tolerance_percent and "
@@ -183,21 +187,26 @@ class TaskConfig(Table):
     @pydantic.model_validator(mode="after")
     def _check_dosing(self) -> "TaskConfig":
         """Refuse what does not fit a dose, a receiver or a vibration."""
-        vibration, dose, receiver = self.action.vibration, self.dose, self.receiver
+        vibration, dose = self.action.vibration, self.dose
         if vibration is not None and vibration.frequency[1] * self.step_dt * SAMPLES_PER_PERIOD > 1.0 + 1e-9:
             raise ValueError(f"action.vibration.frequency = {vibration.frequency} Hz with step_dt = {self.step_dt} s; "
                              f"accepted: up to {1.0 / (SAMPLES_PER_PERIOD * self.step_dt):g} Hz, {SAMPLES_PER_PERIOD} "
                              f"steps in a period")
-        if receiver is not None and (dose is None or self.container is not None):
-            raise ValueError("receiver: accepted with a section dose, and without a container")
-        if receiver is not None and (receiver.mesh is not None or any(receiver.tilt_deg) or receiver.fill_height
-                                     or (receiver.radius is None and receiver.yaw_deg % 180.0)):
-            raise ValueError("receiver: accepted: an empty, upright container of size, radius with height, or model, "
-                             "its sides along x and y")
+        if len(self.containers) > 1:
+            raise ValueError(f"containers: {', '.join(self.containers)}; accepted: one")
+        for name in self.sinks:
+            receiver = self.containers[name]
+            if dose is None:
+                raise ValueError(f"containers.{name}: empty; accepted: with a fill_height, or with a section dose")
+            if receiver.mesh is not None or any(receiver.tilt_deg) or \
+                    (receiver.radius is None and receiver.yaw_deg % 180.0):
+                raise ValueError(f"containers.{name}: empty; accepted: an upright container of size, radius with "
+                                 f"height, or model, its sides along x and y")
         if dose is None:
             return self
-        if receiver is None and self.container is None:
-            raise ValueError("dose: neither receiver nor container; accepted: one of them")
+        if not self.containers:
+            raise ValueError("dose without containers; accepted: an empty one to pour into, or a filled one to scoop "
+                             "from")
         if self.grains.observe_every != 1 or self.grains.elites is not None or self.action.dimensions != 6:
             raise ValueError(f"dose with grains.observe_every = {self.grains.observe_every}, grains.elites = "
                              f"{self.grains.elites}, action.dimensions = {self.action.dimensions}; accepted: 1, null "
@@ -207,20 +216,16 @@ class TaskConfig(Table):
     @pydantic.model_validator(mode="after")
     def _check(self) -> "TaskConfig":
         """Refuse sections that do not fit each other."""
-        check_containers(self.vessels)
-        if self.tool_name in self.vessels:
-            raise ValueError(f"container: {self.tool_name!r} is the tool's name; accepted: another")
+        if self.tool_fill_height is not None:
+            raise ValueError("tool_fill_height: accepted in a rehearsal; here grains.count says how full the tool is")
         if self.steps * self.step_dt > MAX_TIME:
             raise ValueError(f"steps = {self.steps} of step_dt = {self.step_dt} s are {self.steps * self.step_dt:.3g} "
                              f"s; accepted: up to {MAX_TIME} s")
         times = [s.time for s in self.script]
         if times[0] <= 0 or any(b <= a for a, b in pairwise(times)):
             raise ValueError(f"script: times {times} s; accepted: positive and rising")
-        if (self.container is None) != (self.container_place is None):
-            raise ValueError(f"container = {self.container!r}, container_place = {self.container_place!r}; accepted: "
-                             f"both, or none of them")
-        if self.container is not None and self.start.pile is not None:
-            raise ValueError("container and start.pile; accepted: one of them, or a tool that is full at the start")
+        if self.container is not None and self.pile is not None:
+            raise ValueError("a filled container and pile; accepted: one of them, or a tool that is full at the start")
         if self.container is None and self.reward.collision:
             raise ValueError(f"reward.collision = {self.reward.collision} without a container; accepted: 0")
         if self.reward.pours and self.reward.lost:
@@ -264,22 +269,26 @@ def load_task(name: str, settings: Sequence[Setting] = ()) -> TaskConfig:
     return load(config_path("tasks", name, "task"), TaskConfig, settings=settings)
 
 
-def receiver_regions(given: Any) -> dict[str, RegionConfig]:
+def receiver_regions(containers: Any) -> dict[str, RegionConfig]:
     """Return target and bounds of a task with a receiver: its inside up to the rim, and all above its rim.
 
-    given: its configuration, or the content of one; of content that cannot be used both are arbitrary, as the receiver
-    itself is refused.
+    containers: as a file gives them, or their configurations. Empty where all are filled. Of content that cannot be
+    used both are arbitrary, as the container itself is refused.
     """
     from robosim.scene.models import container_shape  # MuJoCo, which most files of tasks do not need
 
-    try:
-        receiver = given if isinstance(given, ContainerConfig) else ContainerConfig.model_validate(given)
-        shape = container_shape(RECEIVER, receiver)
-    except (pydantic.ValidationError, RobosimError):
-        nowhere = RegionConfig(centre=(0.0, 0.0, 0.0), half=(0.0, 0.0, 0.0))
-        return {"target": nowhere, "bounds": nowhere}
-    (x, y, z), region, height = receiver.position, shape.region, shape.height
-    bottom = region.centre[2] - region.half[2]
-    half = (region.half[0], region.half[1], 0.5 * (height - bottom))
-    return {"target": RegionConfig(centre=(x, y, z + 0.5 * (height + bottom)), half=half, round=shape.is_round),
-            "bounds": RegionConfig(centre=(x, y, z + height + FAR), half=(FAR, FAR, FAR))}
+    for name, given in containers.items() if isinstance(containers, dict) else ():
+        try:
+            receiver = given if isinstance(given, ContainerConfig) else ContainerConfig.model_validate(given)
+            if receiver.fill_height:
+                continue
+            shape = container_shape(name, receiver)
+        except (pydantic.ValidationError, RobosimError):
+            nowhere = RegionConfig(centre=(0.0, 0.0, 0.0), half=(0.0, 0.0, 0.0))
+            return {"target": nowhere, "bounds": nowhere}
+        (x, y, z), region, height = receiver.position, shape.region, shape.height
+        bottom = region.centre[2] - region.half[2]
+        half = (region.half[0], region.half[1], 0.5 * (height - bottom))
+        return {"target": RegionConfig(centre=(x, y, z + 0.5 * (height + bottom)), half=half, round=shape.is_round),
+                "bounds": RegionConfig(centre=(x, y, z + height + FAR), half=(FAR, FAR, FAR))}
+    return {}

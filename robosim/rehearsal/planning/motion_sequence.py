@@ -66,16 +66,16 @@ def place_target(config: RehearsalConfig) -> RehearsalConfig:
 
 def _compute_first_offset(config: RehearsalConfig, name: str, task: TaskConfig) -> np.ndarray:
     """Translation (3,) [m] from where the first motion was learned to where the rehearsal's material is."""
-    if task.container is not None and task.container_place is not None:
-        own = config.containers.get(task.container)
-        if own is None or task.container not in config.sources or own.yaw_deg != task.container_place.yaw_deg:
+    if task.container is not None:
+        own, learned = config.containers.get(task.container), task.containers[task.container]
+        if own is None or task.container not in config.sources or own.yaw_deg != learned.yaw_deg:
             raise ConfigError(f"learned: {name} was learned over a filled container {task.container!r} with yaw_deg "
-                              f"{task.container_place.yaw_deg:g}; accepted: one like it in containers")
-        return np.array(own.position) - np.array(task.container_place.position)
-    if task.start.pile is not None:
+                              f"{learned.yaw_deg:g}; accepted: one like it in containers")
+        return np.array(own.position) - np.array(learned.position)
+    if task.pile is not None:
         if config.pile is None:
             raise ConfigError(f"learned: {name} was learned on a pile; accepted: a `pile` on the table")
-        return (np.array(config.pile.centre) - np.array(task.start.pile.centre)) * [1, 1, 0]
+        return (np.array(config.pile.centre) - np.array(task.pile.centre)) * [1, 1, 0]
     if config.tool_fill_height is None:
         raise ConfigError(f"learned: {name} begins with a full {task.tool_name}; accepted: a tool_fill_height, or a "
                           f"motion that fills it first")

@@ -131,6 +131,6 @@ def write_scene_file(scene: str, kind: str, setting: dict[str, float], folder: O
             field[key] = float(field[key]) * setting[key]
     if setting.get("dt") and field.get("dt"):
         field["dt"] = float(field["dt"]) * setting["dt"]
-    if config.get("collision_thickness") not in (None, "shell"):
-        config["collision_thickness"] = min(max(config["collision_thickness"], 0.5 * field["cell"]), field["cell"])
+    if config.get("tool_wall") not in (None, "shell"):
+        config["tool_wall"] = min(max(config["tool_wall"], 0.5 * field["cell"]), field["cell"])
     return folder.write_yaml(f"{Path(scene).stem}.yaml", config)

@@ -84,9 +84,9 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     cell = config.field.cell * setting.get("cell", 1.0)
     field = config.field.model_copy(update={"cell": cell, "grains_per_cell": config.field.grains_per_cell
                                             * setting.get("grains_per_cell", 1.0)})
-    is_shell = config.collision_thickness == "shell"
-    wall = "shell" if is_shell else float(np.clip(config.grain_wall, 0.5 * cell, cell))
-    config = config.model_copy(update={"field": field, "collision_thickness": wall})
+    is_shell = config.tool_wall == "shell"
+    wall = "shell" if is_shell else float(np.clip(config.solid_wall, 0.5 * cell, cell))
+    config = config.model_copy(update={"field": field, "tool_wall": wall})
     material = load_material(config.material)
     material = overridden(material, scaled_stiffness(material, setting))
     run = RehearsalRun(plan_motion(config), material=material)

@@ -44,7 +44,7 @@ def check_numbers(numbers: DosingNumbers, task: TaskConfig, name: str) -> Dosing
 def check_receiver(task: TaskConfig, name: str) -> None:
     """Raise ConfigError for a task without a receiver; name: of the task, for messages."""
     if task.receiver is None:
-        raise ConfigError(f"{name}: no section receiver, whose balance dosing controllers read; accepted: dosing tasks "
+        raise ConfigError(f"{name}: no empty container, whose balance dosing controllers read; accepted: dosing tasks "
                           f"that pour into a receiver, as DoseSpoon does")
 
 

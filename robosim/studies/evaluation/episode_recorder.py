@@ -83,4 +83,4 @@ def places(task: TaskConfig) -> list[RegionEntry]:
     entries = [region_entry("target", task.target.region),
                region_entry(task.tool_name, tool_shape(task.tool).interior, body=task.tool_name)]
     return [*entries, *(region_entry(name, *container_region(name, container))
-                        for name, container in task.vessels.items())]
+                        for name, container in task.containers.items())]

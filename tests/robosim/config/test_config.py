@@ -116,7 +116,7 @@ def test_extreme_numbers_are_refused_by_name(setting: str, message: str) -> None
 
 
 @pytest.mark.parametrize(("settings", "message"), [
-    (["field.cell=0.0006", "collision_thickness=0.0006", "field.grains_per_cell=64", "field.region_lower=[0.6,-0.35,0]",
+    (["field.cell=0.0006", "tool_wall=0.0006", "field.grains_per_cell=64", "field.region_lower=[0.6,-0.35,0]",
       "field.region_upper=[0.84,0.35,0.1]"],
      "field.grains_per_cell = 64.0 with field.cell = 0.0006 m: .* grains in the container 'source'; accepted: up to 4"),
 ])

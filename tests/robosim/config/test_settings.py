@@ -1,14 +1,11 @@
 """Settings `key=value`: applied before a configuration is checked, and named in its errors."""
 
-from typing import ClassVar
 
 import pytest
-import yaml
 
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import Setting, read_setting, with_settings
-from robosim.config.table import Table, load
 from robosim.tasks.task import load_task
 
 
@@ -62,27 +59,13 @@ def test_errors_name_the_setting_and_what_is_valid(text: str, message: str) -> N
         load_rehearsal("spoon", settings=settings(text))
 
 
-class Inner(Table):
-    """A table with a key of another name."""
-
-    RENAMED: ClassVar[dict[str, str]] = {"hold": "action_repeat"}
-    action_repeat: int = 10
-
-
-class Outer(Table):
-    """A file."""
-
-    inner: Inner = Inner()
-    several: tuple[Inner, ...] = ()
-
-
-@pytest.mark.parametrize(("table", "message"), [
-    ({"inner": {"hold": 5}}, "mine.yaml: key 'inner.hold' is now called 'inner.action_repeat'; rename it"),
-    ({"several": [{}, {"hold": 5}]}, "key 'several.1.hold' is now called 'several.1.action_repeat'; rename it"),
-    ({"inner": {"held": 5}}, "mine.yaml: unknown key 'inner.held'; valid: action_repeat"),
+@pytest.mark.parametrize(("name", "text", "message"), [
+    ("spoon", "collision_thickness=0.002", "--set collision_thickness: key 'collision_thickness' is now called 'tool_"),
+    ("SpoonScoop", "container=source", "key 'container' is now called 'containers'; rename it"),
+    ("SpoonScoop", "container_place.yaw_deg=90", "key 'container_place' is now called 'containers.NAME'; rename it"),
+    ("DoseSpoon", "receiver.radius=0.04", "key 'receiver' is now called 'containers.receiver'; rename it"),
+    ("ShovelMove", "start.pile=null", "key 'start.pile' is now called 'pile'; rename it"),
 ])
-def test_a_renamed_key_is_named_with_its_new_name(tmp_path, table: dict, message: str) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(yaml.safe_dump(table))
+def test_a_renamed_key_is_named_with_its_new_name(name: str, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        load(path, Outer)
+        (load_rehearsal if name == "spoon" else load_task)(name, settings=settings(text))

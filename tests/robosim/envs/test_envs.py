@@ -14,10 +14,10 @@ import robosim  # noqa: F401  (registers the environments)
 from robosim.config.materials import load_material
 from robosim.envs import BUNDLED, DOSING, TASKS
 from robosim.envs.grain_env import GrainEnv
+from robosim.scene.grains import grain_volume
 from robosim.shapes.vessels import SPOON_INTERIOR
 from robosim.studies.evaluation.policies import make_policy
 from robosim.tasks.counting import TaskCounts
-from robosim.tasks.field import grain_volume
 from robosim.tasks.observation import Observer
 from robosim.tasks.reward import Reward
 from robosim.tasks.task import load_task, task_names

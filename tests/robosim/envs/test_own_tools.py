@@ -11,10 +11,10 @@ from robosim.base.errors import ConfigError
 from robosim.base.resources import config_path
 from robosim.config.tool import ToolConfig
 from robosim.envs import make
-from robosim.shapes import tool_shape
+from robosim.scene.field import build_tool_lattice
+from robosim.scene.grains import fill, grain_volume
 from robosim.studies.evaluation.evaluate import evaluate
 from robosim.tasks.counting import TOOL
-from robosim.tasks.field import fill_positions, grain_volume, head_distance
 from robosim.tasks.task import load_task
 
 RADIUS = 0.08
@@ -37,9 +37,8 @@ def folder(tmp_path: Path) -> Path:
             "handle": {name: list(point) for name, point in HANDLE.items()}}
     (tmp_path / "ladle.yaml").write_text(yaml.safe_dump(tool))
     task = yaml.safe_load(config_path("tasks", "SpoonScoop", "task").read_text())
-    task |= {"tool": "../ladle.yaml", "container": "bowl",
-             "container_place": {"mesh": "../bowl.stl", "scale": 1e-3, "position": [0.78, 0.0, 0.0], "yaw_deg": 90,
-                                 "fill_height": 0.06}}
+    task |= {"tool": "../ladle.yaml", "containers": {"bowl": {"mesh": "../bowl.stl", "scale": 1e-3, "yaw_deg": 90,
+                                                           "position": [0.78, 0.0, 0.0], "fill_height": 0.06}}}
     (tmp_path / "tasks").mkdir()
     (tmp_path / "tasks" / "LadleScoop.yaml").write_text(yaml.safe_dump(task))
     return tmp_path
@@ -53,7 +52,7 @@ def test_grains_fill_a_round_bowl_up_to_their_height(folder: Path) -> None:
     expected = segment(FLOOR + 0.06 - lowest) - segment(FLOOR - lowest)
     assert grain_volume(task) * task.grains.count == pytest.approx(expected, rel=0.02)
     spacing = grain_volume(task) ** (1 / 3)
-    grains = fill_positions(task, head_distance(tool_shape(task.tool), task.tool_wall, 0.002))
+    grains = fill(task, build_tool_lattice(task), task.start.pose).positions
     centre = np.array([0.78, 0.0, CENTRE])
     assert len(grains) == task.grains.count
     assert np.linalg.norm(grains - centre, axis=1).max() < RADIUS + 0.002

@@ -32,7 +32,7 @@ def test_container_stands_where_the_field_has_it(env):
     pose = env.solver.collider_pose(1)
     assert env.carrier.data.xpos[body] == pytest.approx(pose.position, abs=1e-9)
     assert env.carrier.data.xquat[body] == pytest.approx(pose.quaternion, abs=1e-9)
-    assert pose.position[0] - env.task.container_place.position[0] > 0.019
+    assert pose.position[0] - env.task.containers[env.task.container].position[0] > 0.019
 
 
 def test_robot_does_not_know_that_its_tool_sits_askew(env):

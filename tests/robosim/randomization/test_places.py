@@ -25,7 +25,7 @@ def make(name: str, **options):
 def test_container_and_grains_are_put_elsewhere_as_one():
     """In the container's frame all grains lie as before, and the counts and the scale find what they found."""
     env = make("ScoopScoop", obs=["scale", "height_map", "goal"], randomize=PLACE)
-    home = container_pose(env.task.container_place)
+    home = container_pose(env.task.containers[env.task.container])
     local, seen = [], []
     for seed in (0, 1):
         observation, info = env.reset(seed=seed)

@@ -17,7 +17,7 @@ def short(tmp_path: Path) -> Path:
         by_name[name]["position"][2] = 0.12
     dip = by_name["above"] | {"name": "dip", "position": [-0.03, 0, 0.06], "speed": 0.3, "stop": True, "dwell": 0.2}
     data["waypoints"] = [by_name["start"], dip, by_name["home"]]
-    data.update(weigh_at="dip", collision_thickness=0.005, grasp_time=0.2)
+    data.update(weigh_at="dip", tool_wall=0.005, grasp_time=0.2)
     data["field"] |= {"cell": 0.01, "grains_per_cell": 4}
     path = tmp_path / "short.yaml"
     path.write_text(yaml.safe_dump(data))

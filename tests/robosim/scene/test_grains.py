@@ -10,13 +10,12 @@ from robosim.base.errors import ConfigError
 from robosim.config.materials import Law, law_of, load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.table import validate
-from robosim.scene.field import build_field, build_tool_sdf, check_field
+from robosim.scene.field import build_field, build_tool_lattice, check_field
 from robosim.scene.frames import container_pose
 from robosim.scene.grains import fill, leave_out_buried
 from robosim.scene.models import read_inner_size
 from robosim.shapes import tool_shape
 from robosim.shapes.vessels import CONTAINER_CORNER, make_container_shell
-from robosim.tasks.field import build_solver
 from robosim.tasks.task import load_task
 
 TASKS = ["SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTranslate", "ScoopPour", "BottlePickPour",
@@ -25,10 +24,10 @@ TASKS = ["SpoonScoop", "SpoonTranslate", "SpoonPour", "ScoopScoop", "ScoopTransl
 
 def test_material_fills_the_configured_region():
     """In the bottle up to the fill height and not in its wall; on the table as large as the pile."""
-    bottle, rng = load_rehearsal("bottle"), np.random.default_rng(0)
-    sdf = build_tool_sdf("bottle", bottle.grain_wall)
+    bottle = load_rehearsal("bottle")
+    sdf = build_tool_lattice(bottle)
     pose = mpm.Pose(np.array([0.7, 0.1, 0.3]), np.array([1.0, 0.0, 0.0, 0.0]))
-    positions, volume = fill(bottle, sdf, {}, pose, rng)
+    positions, volume = fill(bottle, sdf, pose)
     local, region = positions - pose.position, tool_shape("bottle").interior
     assert region.holds(local).all() and (sdf.distance(local) > 0).all()
     height = local[:, 2].max() - (region.centre[2] - region.half[2])
@@ -36,7 +35,7 @@ def test_material_fills_the_configured_region():
     # a body of 3 cm radius, filled to about 5 cm above its floor
     assert volume * len(positions) == pytest.approx(np.pi * 0.03**2 * 0.052, rel=0.15)
     shovel = load_rehearsal("shovel")
-    positions, volume = fill(shovel, sdf, {}, pose, rng)
+    positions, volume = fill(shovel, sdf, pose)
     assert volume * len(positions) == pytest.approx(0.05 * 0.05 * 0.015, rel=1e-9)
     assert (np.abs(positions - shovel.pile.centre) <= np.array(shovel.pile.half) + 1e-12).all()
     with pytest.raises(ConfigError, match="tool_fill_height = 0.2 m; accepted: up to"):
@@ -59,7 +58,7 @@ def test_no_rehearsal_begins_with_grains_in_a_solid(name: str) -> None:
 @pytest.mark.parametrize("name", TASKS)
 def test_no_sub_task_begins_with_grains_in_a_solid(name: str) -> None:
     task = load_task(name)
-    with build_solver(task, salt()) as solver:
+    with build_field(task, salt(), task.start.pose).solver as solver:
         assert len(solver.positions()) == task.grains.count
 
 
@@ -72,7 +71,7 @@ def test_a_file_sets_the_contact_of_rehearsals_and_sub_tasks(given: dict) -> Non
     for field in (config.field, task.field):
         assert field.contact == contact
         assert ("contact" in field.model_dump(mode="json")) == (contact == "touching")
-    with build_field(config, salt(), pose).solver as solver, build_solver(task, salt()) as other:
+    with build_field(config, salt(), pose).solver as solver, build_field(task, salt(), pose).solver as other:
         assert solver.contact == other.contact == contact
         assert solver.features.touching == other.features.touching == (contact == "touching")
 
@@ -83,8 +82,7 @@ def test_a_container_is_filled_up_to_its_rounded_edges() -> None:
     (source,) = config.sources
     container, size = config.containers[source], read_inner_size(source)
     wall = mpm.Sdf.from_mesh(make_container_shell(size), spacing=1e-3)
-    tool = build_tool_sdf("spoon", config.grain_wall)
-    positions, volume = fill(config, tool, {source: wall}, mpm.Pose.identity(), np.random.default_rng(0))
+    positions, volume = fill(config, build_tool_lattice(config), mpm.Pose.identity())
     depth = wall.distance(container_pose(container).inverse().apply(positions))
     assert depth.min() > -0.25 * np.cbrt(volume)
     edges = 4.0 * (1.0 - np.pi / 4.0) * CONTAINER_CORNER**2 * container.fill_height

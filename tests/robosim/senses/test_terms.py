@@ -11,11 +11,11 @@ from robosim.envs import BUNDLED
 from robosim.rendering.grain_skin import GRAIN_RADIUS, add_grain_skin
 from robosim.rendering.renderer import SceneRenderer, apply_quality
 from robosim.robot.mjspec import compile_spec
+from robosim.scene.grains import grain_volume
 from robosim.senses.senses import TERMS, find_term
 from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
-from robosim.tasks.field import grain_volume
 
 COMBINATIONS = (["tool", "grains"], ["wrist", "height_map", "tool"], ["depth", "time"], ["goal", "point_cloud"],
                 ["time", {"name": "grains", "layout": "moments"}, "tool"],

@@ -20,10 +20,10 @@ from robosim.envs.world import World
 from robosim.randomization.draw import STANDARD
 from robosim.randomization.randomization import Randomization
 from robosim.randomization.ranges import choose_ranges
+from robosim.scene.grains import grain_volume
 from robosim.tasks.actions import ActionScaling
 from robosim.tasks.counting import TaskCounts
 from robosim.tasks.dosing import REST, DoseReward, load_mass
-from robosim.tasks.field import grain_volume
 from robosim.tasks.handover import Load, task_with_load
 from robosim.tasks.objective import build_objective
 from robosim.tasks.task import TaskConfig, load_task
@@ -227,11 +227,12 @@ def test_an_action_of_eight_numbers() -> None:
     ({"action__vibration__frequency": [20, 100]}, r"accepted: up to 62.5 Hz, 8 steps in a period"),
     ({"action__vibration__frequency": [60, 20]}, r"the lowest and then the highest"),
     ({"action__vibration__amplitude": 0.0}, r"action.vibration.amplitude"),
-    ({"receiver__radius": None, "receiver__height": None, "receiver__mesh": "cup.stl"}, r"receiver: accepted: an em"),
-    ({"receiver__tilt_deg": [10, 0]}, r"receiver: accepted: an empty, upright container"),
-    ({"receiver__radius": -1.0}, r"receiver.radius"),
-    ({"receiver": None, "target": {"centre": [0, 0, 0], "half": [1, 1, 1]},
-      "bounds": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose: neither receiver nor container"),
+    ({"containers__receiver__radius": None, "containers__receiver__height": None,
+      "containers__receiver__mesh": "cup.stl"}, r"containers.receiver: empty; accepted: an upright container"),
+    ({"containers__receiver__tilt_deg": [10, 0]}, r"containers.receiver: empty; accepted: an upright container"),
+    ({"containers__receiver__radius": -1.0}, r"containers.receiver.radius"),
+    ({"containers": {}, "target": {"centre": [0, 0, 0], "half": [1, 1, 1]},
+      "bounds": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose without containers; accepted: an empty one"),
     ({"target": {"centre": [0, 0, 0], "half": [1, 1, 1]}}, r"dose with target; accepted"),
     ({"success": {"delivered": 0.5}}, r"dose with success; accepted: dose.reward, dose.tolerance_percent"),
     ({"grains": {"count": 320, "observe_every": 2}}, r"grains.observe_every = 2"),

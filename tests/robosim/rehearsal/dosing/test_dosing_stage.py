@@ -166,7 +166,7 @@ def test_a_tilt_out_of_reach_is_refused_before_the_run(plan: Plan) -> None:
     ("dose.target_g=61", "less than or equal to 60"),
     ("dose.cup=mug", "dose.cup = mug; accepted: one of the empty containers cup"),
     ("dose.controller=pid", "'open_loop', 'pi' or 'shaker'"),
-    ("collision_thickness=0.003", "dose with collision_thickness: 0.003, .*; accepted: shell"),
+    ("tool_wall=0.003", "dose with tool_wall: 0.003, .*; accepted: shell"),
     ("dose.largest_tilt_deg=0", "greater than 0"),
     ("dose.balance.lag=-1", "greater than or equal to 0"),
 ])

@@ -29,7 +29,7 @@ def test_each_motion_begins_where_the_one_before_ends(chained):
     """
     tasks = [load_task(name) for name in chained.learned]
     path = LearnedPath(chained)
-    offset = np.array(chained.containers["source"].position) - tasks[0].container_place.position
+    offset = np.array(chained.containers["source"].position) - tasks[0].containers["source"].position
     begin = np.array(tasks[0].start.position) + offset
     for k, task in enumerate(tasks):
         pose = path.pose(path.times[chained.learned[k]])

@@ -45,7 +45,7 @@ def test_a_shell_stays_one_on_coarser_cells(tmp_path: Path) -> None:
     for name, thickness in (("dose_spoon", "shell"), ("spoon", 0.003)):
         cell = load_rehearsal(name).field.cell
         written = load_rehearsal(str(write_scene_file(name, "rehearsal", {"cell": 1.5}, OutputFolder(tmp_path))))
-        assert written.collision_thickness == thickness and written.field.cell == pytest.approx(1.5 * cell)
+        assert written.tool_wall == thickness and written.field.cell == pytest.approx(1.5 * cell)
 
 
 def test_wrong_arguments_are_refused() -> None:
