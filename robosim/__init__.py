@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from robosim.base.errors import (
         BodyLeftGrid,
         ConfigError,
+        DriverFault,
         RobosimError,
         RobotDiverged,
         UnknownName,
@@ -27,14 +28,15 @@ if TYPE_CHECKING:
     from robosim.scene.composing import Container
     from robosim.scene.grain_renderer import GrainRenderer
 
-__all__ = ["BodyLeftGrid", "ConfigError", "Container", "GrainRenderer", "GranularPlugin", "Mp4Writer", "Rehearsal",
-           "RehearsalConfig", "Result", "RobosimError", "RobotDiverged", "UnknownName", "UnreachableWaypoint"]
+__all__ = ["BodyLeftGrid", "ConfigError", "Container", "DriverFault", "GrainRenderer", "GranularPlugin", "Mp4Writer",
+           "Rehearsal", "RehearsalConfig", "Result", "RobosimError", "RobotDiverged", "UnknownName",
+           "UnreachableWaypoint"]
 
 MODULES = {
     "robosim.config.rehearsal": ("RehearsalConfig",),
     "robosim.coupling.plugin": ("GranularPlugin",),
-    "robosim.base.errors": ("BodyLeftGrid", "ConfigError", "RobosimError", "RobotDiverged", "UnknownName",
-                       "UnreachableWaypoint"),
+    "robosim.base.errors": ("BodyLeftGrid", "ConfigError", "DriverFault", "RobosimError", "RobotDiverged",
+                            "UnknownName", "UnreachableWaypoint"),
     "robosim.rehearsal.rehearsal": ("Rehearsal",),
     "robosim.rehearsal.result": ("Result",),
     "robosim.rendering.video": ("Mp4Writer",),

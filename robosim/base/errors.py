@@ -40,6 +40,14 @@ class RobotDiverged(RobosimError):
         super().__init__(f"the robot diverged at t = {time:.6g} s: {', '.join(warnings)}")
 
 
+class DriverFault(RobosimError):
+    """A driver gave a command that the robot must not follow."""
+
+    def __init__(self, driver: str, time: float, given: str, accepted: str) -> None:
+        self.driver, self.time = driver, time
+        super().__init__(f"driver {driver} at t = {time:.4f} s {given}; accepted: {accepted}")
+
+
 class RobosimWarning(UserWarning):
     """Base of every warning that `robosim` gives."""
 

@@ -9,23 +9,21 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError, UnreachableWaypoint
+from robosim.cell.cell import Cell
 from robosim.config.arm import Grip
-from robosim.coupling.plugin import GranularPlugin
 from robosim.coupling.trial_step import STATE
 from robosim.envs.carrier import Carrier, Step
 from robosim.randomization.draw import STANDARD, Setting
 from robosim.randomization.scene_setting import SceneSetting
 from robosim.robot.assembly import GRIP_TURNS_DEG, add_torque_sensors, add_wrist_sensor, assemble
 from robosim.robot.inverse_kinematics import solve_pose, step_towards
-from robosim.robot.joint_control import JointSmoother, Servo
+from robosim.robot.joint_control import JointSmoother
 from robosim.robot.joint_path import solve_path
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointState
 from robosim.scene.build import build_scene_spec
-from robosim.scene.collisions import ContactCounter
 from robosim.scene.compiled import compile_scene
-from robosim.scene.frames import body_pose
-from robosim.scene.grasp import Grasp
+from robosim.scene.grasp import CLOSING_SHARE
 from robosim.senses.arm_sampler import ArmSampler
 from robosim.tasks.counting import TOOL
 from robosim.tasks.task import TaskConfig
@@ -80,28 +78,18 @@ class ArmTool(Carrier):
         self._grip: Grip = grasp
         hold = find_hold(task.model_dump_json(), robot, gripper)
         self._assembly = assemble(task.tool, robot, gripper, hold.grip_turn_deg)
-        self.scene = compile_scene(self.build_spec(), self._assembly)
-        self.model = self.scene.model
-        self.data = self.robot_data = mujoco.MjData(self.model)
-        self._arm = self.kinematics = Arm(self._assembly)
-        self._start_q = np.array(hold.posture)
-        self._closing_steps = round(GRASP_TIME / task.step_dt)
-        self.data.qpos[self.scene.arm_qpos] = self._start_q
-        mujoco.mj_forward(self.model, self.data)
-        self.grasp = Grasp(self.scene, self.data)
-        self.servo = Servo(self._arm, self._arm.gains())
-        self._smoother = JointSmoother(self._arm.step_limits(), task.step_dt, self._arm)
+        arm, self._start_q = Arm(self._assembly), np.array(hold.posture)
+        self.cell = Cell(compile_scene(self.build_spec(), self._assembly), arm, self._start_q, task.containers)
+        self.robot_data = self.cell.data
+        self._smoother = JointSmoother(arm.step_limits(), task.step_dt, arm)
         self._q = self._start_q
-        self.servo.check_step(self.model, self.data, self.scene.arm_dofs)
-        self._contacts = ContactCounter(self.scene, self.data, task.containers)
         self._torque_ratio = self._lag = 0.0
         self._behind = np.zeros(len(self._start_q))
-        self._close_fingers()
-        self._scene_setting = SceneSetting(self.scene, self.servo, task)
+        self._close_fingers(round(GRASP_TIME / task.step_dt))
+        self._scene_setting = SceneSetting(self.cell.scene, self.cell.servo, task)
         if has_sensors:
-            self.sensors = ArmSampler(self.scene, self.data, self._arm)
-        self.plugin = GranularPlugin(self.model, self.data, solver, bodies={task.tool_name: TOOL},
-                                     coupling=task.coupling)
+            self.sensors = ArmSampler(self.cell.scene, self.cell.data, arm)
+        self.cell.couple(solver, TOOL, task.coupling)
 
     def build_spec(self) -> mujoco.MjSpec:
         """Build a new specification of the rigid scene."""
@@ -111,76 +99,77 @@ class ArmTool(Carrier):
             add_torque_sensors(spec, self._assembly)
         return spec
 
-    def _close_fingers(self) -> None:
+    def _close_fingers(self, steps: int) -> None:
         """Keep the start posture until the fingers are closed and, in a grasp by friction, carry the tool alone."""
-        still = JointState(self._start_q, np.zeros_like(self._start_q), np.zeros_like(self._start_q))
-        steps = self._closing_steps
+        cell, still = self.cell, JointState(self._start_q, np.zeros_like(self._start_q), np.zeros_like(self._start_q))
         for k in range(2 * steps):
             if k < steps:
-                self.grasp.close(min(k / (0.6 * steps), 1.0))
-            self._apply_torques(still)
+                cell.grasp.close(min(k / (CLOSING_SHARE * steps), 1.0))
+            cell.command(still)
             if k == steps:
-                self.grasp.release()
-            mujoco.mj_step(self.model, self.data)
-        self._grasped = np.empty(mujoco.mj_stateSize(self.model, STATE))
-        self.data.time = 0.0
-        mujoco.mj_getState(self.model, self.data, self._grasped, STATE)
-        mujoco.mj_kinematics(self.model, self.data)
+                cell.grasp.release()
+            mujoco.mj_step(cell.model, cell.data)
+        self._grasped = np.empty(mujoco.mj_stateSize(cell.model, STATE))
+        cell.data.time = 0.0
+        mujoco.mj_getState(cell.model, cell.data, self._grasped, STATE)
+        mujoco.mj_kinematics(cell.model, cell.data)
 
     def restart(self, pose: mpm.Pose, setting: Setting = STANDARD) -> mpm.Pose:
         """Put the arm into a posture that has the tool at a pose; return the pose that the tool has.
 
         Raises UnreachableWaypoint where the arm cannot reach it.
         """
-        self._scene_setting.apply(setting, self.data)
-        mujoco.mj_setState(self.model, self.data, self._grasped, STATE)
-        posture = solve_pose(self._arm, setting.actual(pose), self._start_q, rest=self._start_q)
+        cell = self.cell
+        self._scene_setting.apply(setting, cell.data)
+        mujoco.mj_setState(cell.model, cell.data, self._grasped, STATE)
+        posture = solve_pose(cell.arm, setting.actual(pose), self._start_q, rest=self._start_q)
         if not posture.converged:
             raise UnreachableWaypoint("start", posture.position_error, np.degrees(posture.angle_error), 0.0)
         self._q = posture.q
-        sag = self.data.qpos[self.scene.arm_qpos] - self._start_q  # the servo's steady error under gravity
-        self.data.qpos[self.scene.arm_qpos] = self._q + sag
-        self.data.qvel[:] = 0.0
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_forward(self.model, self.data)
+        sag = cell.q - self._start_q  # the servo's steady error under gravity
+        cell.data.qpos[cell.scene.arm_qpos] = self._q + sag
+        cell.data.qvel[:] = 0.0
+        mujoco.mj_kinematics(cell.model, cell.data)
+        mujoco.mj_forward(cell.model, cell.data)
         self._smoother.restart(self._q)
         self._torque_ratio = self._lag = 0.0
         self._behind[:] = 0.0
-        self._contacts.restart()
-        self.grasp.restart()
-        self.plugin.restart()
+        cell.contacts.restart()
+        cell.grasp.restart()
+        cell.plugin.restart()
         if self.sensors is not None:
             self.sensors.restart()
         super().restart(pose, setting)
-        return body_pose(self.data, self.scene.tool)
+        return cell.tool_pose()
 
     def state(self) -> dict[str, Any]:
         """Return what the next step depends on besides the field: arrays and plain values."""
-        integration = np.empty_like(self._grasped)
-        mujoco.mj_getState(self.model, self.data, integration, STATE)
+        cell, integration = self.cell, np.empty_like(self._grasped)
+        mujoco.mj_getState(cell.model, cell.data, integration, STATE)
         return super().state() | {
             "integration": integration, "q": self._q.copy(), "torque_ratio": self._torque_ratio, "lag": self._lag,
             "behind": self._behind.copy(),
-            "smoother": self._smoother.state(), "saturations": self.servo.saturations, "grasp": self.grasp.state(),
-            "demanded_torque": self.servo.demanded_torque.copy(), "contacts": self._contacts.state(),
-            "plugin": self.plugin.state(), "sensors": None if self.sensors is None else self.sensors.state(),
+            "smoother": self._smoother.state(), "saturations": cell.servo.saturations, "grasp": cell.grasp.state(),
+            "demanded_torque": cell.servo.demanded_torque.copy(), "contacts": cell.contacts.state(),
+            "plugin": cell.plugin.state(), "sensors": None if self.sensors is None else self.sensors.state(),
         }
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over what `state` returned."""
         super().load(state)
-        self._scene_setting.apply(self.setting, self.data)
-        mujoco.mj_setState(self.model, self.data, state["integration"], STATE)
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_comVel(self.model, self.data)
+        cell = self.cell
+        self._scene_setting.apply(self.setting, cell.data)
+        mujoco.mj_setState(cell.model, cell.data, state["integration"], STATE)
+        mujoco.mj_kinematics(cell.model, cell.data)
+        mujoco.mj_comPos(cell.model, cell.data)
+        mujoco.mj_comVel(cell.model, cell.data)
         self._q, self._torque_ratio, self._lag = np.array(state["q"]), state["torque_ratio"], state["lag"]
         self._smoother.load(state["smoother"])
         self._behind = np.array(state["behind"])
-        self.servo.saturations, self.servo.demanded_torque = state["saturations"], np.array(state["demanded_torque"])
-        self._contacts.load(state["contacts"])
-        self.grasp.load(state["grasp"])
-        self.plugin.load(state["plugin"])
+        cell.servo.saturations, cell.servo.demanded_torque = state["saturations"], np.array(state["demanded_torque"])
+        cell.contacts.load(state["contacts"])
+        cell.grasp.load(state["grasp"])
+        cell.plugin.load(state["plugin"])
         if self.sensors is not None:
             self.sensors.load(state["sensors"])
 
@@ -194,24 +183,22 @@ class ArmTool(Carrier):
         """Advance by steps under commanded velocities; the arm follows within its limits."""
         for _ in range(steps):
             pose = self.command(*velocity)
-            q = step_towards(self._arm, pose, self._q, self._start_q)
+            q = step_towards(self.cell.arm, pose, self._q, self._start_q)
             target = self._smoother.step(q, (q - self._q) / self._dt)
             self._behind = np.maximum(self._behind, np.abs(target.q - q))
-            self._apply_torques(target)
             self._q = q
-            self.plugin.step()
+            self.cell.step(target)
             if self.sensors is not None:
                 self.sensors.take()
-            self.grasp.measure_slip()
             self._update_readings(pose)
-            yield self.plugin.counts[-1], self._solver.collider_pose(TOOL)
+            yield self.cell.plugin.counts[-1], self._solver.collider_pose(TOOL)
 
     def _update_readings(self, pose: mpm.Pose) -> None:
-        """Take the largest torque ratio and tool lag behind a commanded pose, and count contacts."""
-        ratio = np.abs(self.servo.demanded_torque / self._arm.torque_limits).max()
-        lag = np.linalg.norm(self.data.xpos[self.scene.tool] - pose.position)
+        """Take the largest torque ratio and tool lag behind a commanded pose."""
+        cell = self.cell
+        ratio = np.abs(cell.servo.demanded_torque / cell.arm.torque_limits).max()
+        lag = np.linalg.norm(cell.data.xpos[cell.scene.tool] - pose.position)
         self._torque_ratio, self._lag = max(self._torque_ratio, float(ratio)), max(self._lag, float(lag))
-        self._contacts.count()
 
     @property
     def arm_readings(self) -> dict[str, float]:
@@ -223,11 +210,6 @@ class ArmTool(Carrier):
         keep it behind the posture of the command; slowest_joint: the number of that joint, from 1 at the base.
         """
         return {"torque_limit_ratio_max": self._torque_ratio, "tool_lag_max_m": self._lag,
-                "surroundings_contacts": float(self._contacts.robot_surroundings_contacts),
+                "surroundings_contacts": float(self.cell.contacts.robot_surroundings_contacts),
                 "joint_lag_max_deg": float(np.degrees(self._behind.max())),
                 "slowest_joint": float(1 + self._behind.argmax())}
-
-    def _apply_torques(self, target: JointState) -> None:
-        """Set the motors' torques for a joint state."""
-        q, qd = self.data.qpos[self.scene.arm_qpos], self.data.qvel[self.scene.arm_dofs]
-        self.data.ctrl[self.scene.arm_actuators] = self.servo.compute_torque(target, q, qd)

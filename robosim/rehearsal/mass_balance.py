@@ -29,7 +29,7 @@ def compute_fractions(run: RehearsalRun, positions: np.ndarray) -> dict[str, flo
     inside = {name: is_in_container(positions, name, one) for name, one in config.containers.items()}
     delivered = config.area.region.holds(positions) if config.area else find_any(inside, config.sinks, len(mass))
     returned = find_any(inside, config.sources, len(mass))
-    retained = is_in_tool(config.tool, positions, run.tool_pose())
+    retained = is_in_tool(config.tool, positions, run.cell.tool_pose())
     if config.weigh_at is not None:  # grains in a tool above the area, or in the container, are not delivered yet
         delivered &= ~retained
     retained &= ~delivered & ~returned
@@ -78,4 +78,4 @@ def weigh_at_wrist(run: RehearsalRun) -> float | None:
     if steps.start == steps.stop:
         return None
     # the sensor measures the child on the parent; at rest only the magnitude along gravity matters
-    return float(abs(run.readings.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - run.scene.wrist_mass())
+    return float(abs(run.readings.stack_steps("wrist")[steps, 2].mean()) / GRAVITY - run.cell.scene.wrist_mass())

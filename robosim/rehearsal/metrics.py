@@ -109,10 +109,7 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         **{f"{name}_time_s": seconds for name, seconds in run.timings.items()},
         "awake_share": run.readings.awake_share,
         **_mass_figures(run, positions),
-        "tool_container_contacts": run.collisions.tool_container_contacts,
-        "tool_container_depth_m": run.collisions.tool_container_depth,
-        "robot_surroundings_contacts": run.collisions.robot_surroundings_contacts,
-        "robot_self_contacts": run.collisions.robot_self_contacts,
+        **_contact_figures(run),
         **_momentum_figures(run),
         **_arm_figures(run),
         "robot": run.plan.arm.assembly.robot.name, "gripper": run.plan.arm.assembly.gripper_name,
@@ -121,11 +118,12 @@ def compute_figures(run: RehearsalRun) -> dict[str, object]:
         "planned_clearance_between": list(run.plan.clearance.surroundings.parts),
         "planned_self_clearance_m": finite(run.plan.clearance.itself.distance),
         **_approach_figures(run),
-        "motion_delay_s": run.plan.motion.delay, "trajectory": "recorded" if run.replay else config.trajectory,
+        "motion_delay_s": run.plan.motion.delay, "driver": run.driver.name,
+        "trajectory": "recorded" if run.replay else "driver" if run.driver.is_own else config.trajectory,
         **_learned_path_figures(run), **_replay_figures(run),
         "model_errors": None if run.errors is None else run.errors.figures(),
-        "grasp": config.grasp, "grasp_slip_m": run.grasp.slip,
-        "grasp_slip_deg": float(np.degrees(run.grasp.slip_angle)),
+        "grasp": config.grasp, "grasp_slip_m": run.cell.grasp.slip,
+        "grasp_slip_deg": float(np.degrees(run.cell.grasp.slip_angle)),
         **_set_down_figures(run), **_dose_figures(run),
         "particles_lost": int(run.readings.stack_grains("lost").max()),
     }
@@ -136,6 +134,15 @@ def _mass_figures(run: RehearsalRun, positions: np.ndarray) -> dict[str, object]
     error = None if payload is None else compute_ratio(abs(payload - scooped), scooped)
     return {"scooped_mass_kg": scooped, **compute_fractions(run, positions), "wrist_payload_kg": payload,
             "wrist_payload_relative_error": error}
+
+
+def _contact_figures(run: RehearsalRun) -> dict[str, object]:
+    """Contacts of tool and containers, with container points inside the tool, and of the robot with all else."""
+    contacts, surface = run.cell.contacts, run.surface
+    return {"tool_container_contacts": contacts.tool_container_contacts + (surface.penetrations if surface else 0),
+            "tool_container_depth_m": surface.depth if surface else 0.0,
+            "robot_surroundings_contacts": contacts.robot_surroundings_contacts,
+            "robot_self_contacts": contacts.robot_self_contacts}
 
 
 def _momentum_figures(run: RehearsalRun) -> dict[str, object]:
@@ -156,7 +163,7 @@ def _arm_figures(run: RehearsalRun) -> dict[str, object]:
     return {
         "velocity_limit_ratio_max": float((np.abs(readings.stack_steps("qd")) / arm.velocity).max()),
         "torque_limit_ratio_max": float((np.abs(readings.stack_steps("demanded_torque")) / arm.torque_limits).max()),
-        "torque_saturations": run.servo.saturations,
+        "torque_saturations": run.cell.servo.saturations,
         "joint_limit_ratio_max": float((np.abs(readings.stack_steps("q") - middle) / half).max()),
         "ik_position_error_max_m": float(run.plan.solution.errors[:, 0].max()),
         "tool_tracking_error_max_m": float(compute_tracking_errors(run).max()),
@@ -181,7 +188,7 @@ def _set_down_figures(run: RehearsalRun) -> dict[str, object]:
     """Return how far [m] the tool stands in the end from where it was set down, and how much [deg] it leans."""
     if not np.isfinite(run.held_until):
         return {"set_down_distance_m": None, "set_down_tilt_deg": None}
-    place, end = waypoint_pose(run.config.waypoints[-2], run.config.containers), run.tool_pose()
+    place, end = waypoint_pose(run.config.waypoints[-2], run.config.containers), run.cell.tool_pose()
     upright = place.matrix.T @ np.array([0.0, 0.0, 1.0])
     leaning = np.arccos(np.clip((end.matrix @ upright)[2], -1.0, 1.0))
     return {"set_down_distance_m": float(np.linalg.norm(end.position - place.position)),
@@ -237,8 +244,8 @@ def compute_path_errors(run: RehearsalRun) -> dict[str, float | None]:
         pose = Pose(reached[step, :3], reached[step, 3:])
         measured = find_points(pose, tip)
         worst = max(worst, find_deviation(commanded[max(step - window, 0) : step + window + 1], measured))
-        if is_in_container(pose, run.config) and not run.is_dosing_at(times[step]):
-            screws = run.plan.path.sample_near(run.motion_time(times[step]), tip)
+        if is_in_container(pose, run.config) and not run.driver.is_dosing_at(times[step]):
+            screws = run.plan.path.sample_near(run.driver.motion_time(times[step]), tip)
             inside = max(inside or 0.0, find_deviation(screws, measured))
     return {"path_error_max_m": worst, "path_error_inside_max_m": inside}
 

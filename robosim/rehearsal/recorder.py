@@ -43,18 +43,19 @@ def make_recorder(run: RehearsalRun, path: Path, frame_rate: float = FRAME_RATE)
     times = np.linspace(0.0, motion_path.duration, PATH_POINTS)
     commanded = np.array([motion_path.pose(t).position for t in times])
     return SceneRecorder(
-        path, run.model, run.data, run.solver, kind="rehearsal", title=f"{config.description}: {config.material}",
+        path, run.cell.model, run.cell.data, run.solver, kind="rehearsal",
+        title=f"{config.description}: {config.material}",
         caption=config.material, curves=CURVES + (DOSE_CURVES if run.stage else []), frame_rate=frame_rate,
         grain_volume=run.grains.grain_volume, colour=run.material.colour, tool=config.tool_name,
-        hand=run.model.body(run.scene.wrist).name, paths={"commanded": commanded},
+        hand=run.cell.model.body(run.cell.scene.wrist).name, paths={"commanded": commanded},
         regions=list(counting_regions(config)), waypoints=list_waypoints(run, run.planned_passages()), commit=commit())
 
 
 def finish_recording(run: RehearsalRun, recorder: SceneRecorder) -> None:
     """Add the waypoints after a dose, if it came to its end, and close the recording. May be called twice."""
     try:
-        if run.delay > 0.0 and not recorder.is_closed:
-            recorder.writer.add_waypoints(list_waypoints(run, [(time + run.delay, name) for time, name in
+        if run.driver.delay > 0.0 and not recorder.is_closed:
+            recorder.writer.add_waypoints(list_waypoints(run, [(time + run.driver.delay, name) for time, name in
                                                                run.passages_after_dose()]))
     finally:
         recorder.close()
@@ -117,7 +118,7 @@ class RunReadings:
         The region of the tool is larger than its bowl: while it digs, it holds a part of the bed, which is no load.
         """
         run, config = self._run, self._run.config
-        pose, masses = run.tool_pose(), self._grain_masses
+        pose, masses = run.cell.tool_pose(), self._grain_masses
         held = masses[is_in_tool(config.tool, positions, pose)].sum()
         outside = masses[~find_placed(self._regions, {config.tool_name: pose}, positions)].sum()
         return (np.nan if is_in_container(pose, config) else 1e3 * float(held)), 1e3 * float(outside)
@@ -125,5 +126,5 @@ class RunReadings:
     def _wrist(self, steps: Sequence[Step]) -> np.ndarray:
         """Force (3,) [N] at the wrist, world axes, without the weight of hand and tool."""
         force = np.mean([step.wrist[:3] for step in steps], axis=0)
-        weight = GRAVITY * self._run.scene.wrist_mass()
+        weight = GRAVITY * self._run.cell.scene.wrist_mass()
         return force - [0.0, 0.0, np.copysign(weight, force[2])]

@@ -37,17 +37,21 @@ class Rehearsal:
         return plan_motion(self.config)
 
     def run(self, *, out: str | Path | None = None, camera: str | None = None, seed: int = 0,
-            model_errors: int | None = None, frame_rate: float = FRAME_RATE, **film: Any) -> Result:
+            model_errors: int | None = None, driver: Any = None, frame_rate: float = FRAME_RATE,
+            **film: Any) -> Result:
         """Simulate the planned motion with the grains.
 
         out: folder of the files; None: a temporary one, until `Result.save`. camera: of the film, None for none; film:
         height, colour, poster of it. seed: of the grains' initial positions. model_errors: seed of errors by which the
-        robot differs from its model. frame_rate: of recording and film [1/s]. Raises as `plan`, and
-        mpm.SimulationDiverged, RobotDiverged.
+        robot differs from its model. driver: a function or object of one's own that commands the joints in the plan's
+        place, see `robosim.rehearsal.drivers.OwnDriver`; with a dose a controller of doses. frame_rate: of recording
+        and film [1/s]. Raises as `plan`, and mpm.SimulationDiverged, RobotDiverged, DriverFault; status.json then says
+        why.
         """
         folder = Path(tempfile.mkdtemp(prefix="rehearsal_") if out is None else out)
+        style = None if camera is None else FilmStyle(camera, **film)
         result = simulate(self.config, folder, seed=seed, model_errors=model_errors, frame_rate=frame_rate,
-                          film=None if camera is None else FilmStyle(camera, **film))
+                          driver=driver, film=style)
         if out is None:
             weakref.finalize(result, shutil.rmtree, folder, ignore_errors=True)
         return result

@@ -14,9 +14,10 @@ from robosim.episode.film import FilmFailed
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.rehearsal.dosing.stage import DoseSample
 from robosim.rehearsal.readings import align_signs
-from robosim.rehearsal.run import CLOSING_SHARE, RehearsalRun
+from robosim.rehearsal.run import RehearsalRun
 from robosim.rendering.video import count_frames, read_frames
 from robosim.robot.ros_trajectory import make_gripper_commands, make_joint_trajectory
+from robosim.scene.grasp import CLOSING_SHARE
 
 TRAJECTORY = "joint_trajectory.yaml"
 """The motion for the real robot: written after a rehearsal that held all bounds."""
@@ -55,6 +56,8 @@ class Result:
             self.curves |= {f"dose_{name}": run.stage.stack(name) for name in DoseSample._fields}
         self.positions = run.solver.positions()
         """Of the grains at the end [m] (m, 3)."""
+        self.is_repeatable = run.replay is None and not run.driver.is_own and self.config.dose is None
+        """Whether a real arm can repeat the motion: it is the planned one, and no balance controls it."""
         self._motion, self._assembly = run.plan.motion, run.plan.arm.assembly
         self._approach = None if run.plan.approach is None else run.plan.approach.motion
         self._closes, self._opens = run.grasp_begin, run.held_until
@@ -89,6 +92,9 @@ class Result:
         if self.config.dose is not None:
             raise ConfigError(f"{path}: not written, for the balance controls the dose, and no motion repeats it; "
                               f"accepted: a rehearsal without `dose`")
+        if self.figures["trajectory"] == "driver":
+            raise ConfigError(f"{path}: not written, for driver {self.figures['driver']} moved the arm, not the plan; "
+                              f"accepted: a run without a driver")
         if self.missed and not force:
             raise ConfigError(f"{path}: not written, for bounds were missed: {'; '.join(self.missed)}")
         if self.missed and "MISSED_BOUNDS" not in path.stem:

@@ -4,9 +4,10 @@ import contextlib
 import sys
 import time as clock
 from pathlib import Path
+from typing import Any
 
 import mpm
-from robosim.base.errors import ConfigError, RobotDiverged
+from robosim.base.errors import ConfigError, DriverFault, RobotDiverged
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.config.materials import law_of, load_material
@@ -70,13 +71,12 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
     config = check_rehearsal(name, material=material, grasp=grasp, trajectory=trajectory, motions=motions)
     log = None if recorded is None else read_log(recorded, config)
     result = simulate(config, out, film=film, frame_rate=frame_rate, seed=seed, log=log, model_errors=model_errors)
-    exports = log is None and config.dose is None
-    if exports and result.missed and force_export:
+    if result.is_repeatable and result.missed and force_export:
         result.export_ros2(out / MISSED_TRAJECTORY, force=True)
     _print(result.figures, result.missed, out)
     if config.dose is not None:
         print(f"no {TRAJECTORY}: the dose is controlled by the balance, no motion repeats it")
-    if exports and result.missed and not force_export:
+    if result.is_repeatable and result.missed and not force_export:
         print(f"no {TRAJECTORY}: a bound was missed (--force-export writes {MISSED_TRAJECTORY})")
     if result.failure is not None:
         raise result.failure
@@ -84,12 +84,14 @@ def rehearse(name: str, out: Path, *, material: str | None = None, grasp: str | 
 
 
 def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = None, frame_rate: float = FRAME_RATE,
-             seed: int = 0, log: JointLog | None = None, model_errors: int | None = None) -> Result:
+             seed: int = 0, log: JointLog | None = None, model_errors: int | None = None,
+             driver: Any = None) -> Result:
     """Run a rehearsal and write its results into the folder `out`.
 
     film: how it is drawn, after the run; None: there is none. frame_rate: of recording and film [1/s]. log: what the
     real arm recorded, to be played in the planned motion's place. model_errors: seed of errors by which the robot
-    differs from its model; None: it does not.
+    differs from its model; None: it does not. driver: a user's own, in the plan's place, see
+    `robosim.rehearsal.drivers.OwnDriver`.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
     real robot is written last, and only where every bound was held.
@@ -103,13 +105,13 @@ def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = Non
         folder.write_yaml("config.yaml", config.model_dump(mode="json"))
         folder.write_yaml("material.yaml", material.model_dump(mode="json"))
         with contextlib.ExitStack() as stack:  # each of them even where another fails, as on a full disk
-            run = _prepare(config, seed, log, model_errors)
+            run = _prepare(config, seed, log, model_errors, driver)
             stack.callback(_write_trajectory, run, folder)
             recorder = make_recorder(run, folder.path / RECORDING, frame_rate)
             stack.callback(finish_recording, run, recorder)
             try:
                 _simulate(run, recorder)
-            except (mpm.SimulationDiverged, RobotDiverged):
+            except (mpm.SimulationDiverged, RobotDiverged, DriverFault):
                 folder.write("last_good_state.npz", run.save_last_good_state)
                 finish_recording(run, recorder)
                 if film is not None:  # of what was simulated
@@ -121,7 +123,7 @@ def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = Non
             result.failure = None if film is None else try_film(folder.path, film)
         finally:  # an interrupted film costs no result
             folder.write_text("index.html", make_page(run, figures, result.missed, folder.path).html())
-            if log is None and not result.missed and config.dose is None:
+            if result.is_repeatable and not result.missed:
                 result.export_ros2(folder.path / TRAJECTORY)
             folder.write_json("report.json", figures | {"missed": result.missed})
         return result
@@ -162,7 +164,8 @@ def check_dose(config: RehearsalConfig, density: float) -> None:
         check_target(config, density * filled_volume(config), "starts")
 
 
-def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_errors: int | None) -> RehearsalRun:
+def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_errors: int | None,
+             driver: Any) -> RehearsalRun:
     """Plan the motion, and make robot and grains."""
     print("planning the motion ...", file=sys.stderr)
     began = clock.perf_counter()
@@ -173,7 +176,7 @@ def _prepare(config: RehearsalConfig, seed: int, log: JointLog | None, model_err
     replay = None if log is None else make_replay(log, plan.motion, plan.arm, config)
     print("preparing grains and robot ...", file=sys.stderr)
     errors = None if model_errors is None else draw_model_errors(model_errors, len(plan.arm.lower))
-    run = RehearsalRun(plan, seed=seed, replay=replay, errors=errors)
+    run = RehearsalRun(plan, seed=seed, replay=replay, errors=errors, driver=driver)
     run.timings |= {"plan": planned - began, "prepare": clock.perf_counter() - planned}
     return run
 
@@ -188,11 +191,11 @@ def _simulate(run: RehearsalRun, recorder: SceneRecorder) -> None:
     """Run with a progress bar: simulated time, real-time factor, time left."""
     readings = RunReadings(run)
     run.timings["record"] = 0.0
-    with Progress(total=round(run.duration, 3), desc="simulated", unit="s", decimals=2) as bar:
+    with Progress(total=round(run.driver.duration, 3), desc="simulated", unit="s", decimals=2) as bar:
         def after_step() -> None:
             began = clock.perf_counter()
-            bar.total = max(bar.total, round(run.expected_duration, 3))  # a dose makes it longer
-            recorder.add(run.data, readings, run.plugin.wrench(run.config.tool_name))
+            bar.total = max(bar.total, round(run.driver.expected_duration(run.time), 3))  # a dose makes it longer
+            recorder.add(run.cell.data, readings, run.cell.plugin.wrench(run.config.tool_name))
             run.timings["record"] += clock.perf_counter() - began
             bar.update(min(run.config.host_dt, bar.total - bar.n))
             elapsed = bar.format_dict["elapsed"]

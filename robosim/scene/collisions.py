@@ -5,11 +5,8 @@ from collections.abc import Collection
 import mujoco
 import numpy as np
 
-from robosim.config.rehearsal import RehearsalConfig
 from robosim.robot.mjspec import body_ids_below
 from robosim.scene.compiled import Scene
-from robosim.scene.container_clearance import ContainerSurface
-from robosim.scene.frames import body_pose
 
 
 class ContactCounter:
@@ -60,45 +57,3 @@ class ContactCounter:
         between_links = self._is_arm[bodies].all(1)
         of_hand = self._is_robot[first] & ~self._is_arm[first] & self._is_arm[second]
         self.robot_self_contacts += int(between_links.sum() + of_hand.sum())
-
-
-class CollisionMonitor:
-    """Collisions of a rehearsal: contacts, and container points inside the tool.
-
-    Only what the rehearsal's `tool_container` lists is monitored.
-    """
-
-    def __init__(self, scene: Scene, data: mujoco.MjData, config: RehearsalConfig) -> None:
-        self._data, self._tool = data, scene.tool
-        self._contacts = ContactCounter(scene, data, config.containers)
-        has_surface = config.containers and "sdf" in config.tool_container
-        self._surface = ContainerSurface(config) if has_surface else None
-
-    @property
-    def robot_surroundings_contacts(self) -> int:
-        """Contacts of arm, hand and tool with table, floor and obstacles, and of arm and hand with containers."""
-        return self._contacts.robot_surroundings_contacts
-
-    @property
-    def robot_self_contacts(self) -> int:
-        """Contacts between parts of the arm, and of hand and tool with the arm."""
-        return self._contacts.robot_self_contacts
-
-    @property
-    def tool_container_contacts(self) -> int:
-        """Contacts of tool and containers, and container points inside the tool."""
-        return self._contacts.tool_container_contacts + (self._surface.penetrations if self._surface else 0)
-
-    @property
-    def tool_container_depth(self) -> float:
-        """Largest depth [m] of a container point in the tool.
-
-        Zero where this is not monitored.
-        """
-        return self._surface.depth if self._surface else 0.0
-
-    def count(self, is_held: bool = True) -> None:
-        """Add the collisions of the present step; is_held: whether the hand holds the tool."""
-        self._contacts.count(is_held)
-        if self._surface:
-            self._surface.record_penetrations(body_pose(self._data, self._tool))

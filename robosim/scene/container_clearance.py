@@ -23,6 +23,11 @@ DIFFERENCE_STEP = 1e-3
 """[m] of the central differences of the tool's signed distance: the spacing of its lattice."""
 
 
+def monitor_containers(config: RehearsalConfig) -> "ContainerSurface | None":
+    """Return the surfaces of a rehearsal's containers; None without one, or where they are not monitored so."""
+    return ContainerSurface(config) if config.containers and "sdf" in config.tool_container else None
+
+
 @cache
 def build_real_tool_sdf(shape: ToolShape | MeshTool) -> Lattice:
     """Build the signed distance of a tool with its real wall, in its own frame.

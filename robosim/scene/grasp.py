@@ -12,6 +12,8 @@ from robosim.robot.assembly import HAND_PREFIX, Assembly
 from robosim.scene.compiled import Scene
 from robosim.scene.frames import body_pose
 
+CLOSING_SHARE = 0.6
+"""Share of the grasp time in which the fingers close; in the rest they settle on the handle."""
 HOLDER = "tool_holder"
 """Name of the equality constraint that holds a free tool while the fingers close."""
 

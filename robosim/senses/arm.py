@@ -30,7 +30,7 @@ class JointsTerm(ArmTerm):
     name, unit = "joints", "rad, rad/s"
 
     def __init__(self, scene: SenseScene) -> None:
-        arm = scene.arm.kinematics
+        arm = scene.arm.cell.arm
         margin = 0.05 * (arm.upper - arm.lower)
         self.space = box(np.concatenate([arm.lower - margin, -2.0 * arm.velocity]),
                          np.concatenate([arm.upper + margin, 2.0 * arm.velocity]))
@@ -47,7 +47,7 @@ class TorquesTerm(ArmTerm):
     name, unit = "torques", "N m"
 
     def __init__(self, scene: SenseScene) -> None:
-        limits = np.tile(TORQUE_RANGE * scene.arm.kinematics.torque_limits, 2)
+        limits = np.tile(TORQUE_RANGE * scene.arm.cell.arm.torque_limits, 2)
         self.space = box(-limits, limits)
 
     def measure(self, sight: Sight, memory: Any, rng: np.random.Generator) -> np.ndarray:

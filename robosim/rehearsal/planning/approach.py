@@ -16,7 +16,7 @@ from robosim.rehearsal.planning.robot_clearance import Nearest, RobotClearance
 from robosim.robot.model import Arm
 from robosim.robot.timing import MotionLimits, StraightMotion
 from robosim.scene.build import compile_rehearsal, standing_pose
-from robosim.scene.container_clearance import ContainerSurface
+from robosim.scene.container_clearance import monitor_containers
 
 MARGIN = 0.01
 """Distance [m] that the robot keeps from everything, unless home or start are closer."""
@@ -50,8 +50,7 @@ class Clearances:
     def __init__(self, config: RehearsalConfig, arm: Arm) -> None:
         stand = standing_pose(config)
         self._arm, self._robot = arm, RobotClearance(compile_rehearsal(config), arm, stand)
-        is_held = stand is None and config.containers and "sdf" in config.tool_container
-        self._surface = ContainerSurface(config) if is_held else None
+        self._surface = monitor_containers(config) if stand is None else None
         self._tool = config.tool_name
 
     def least(self, q: np.ndarray) -> Nearest:

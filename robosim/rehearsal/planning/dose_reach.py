@@ -9,7 +9,7 @@ from robosim.rehearsal.planning.path_clearance import LEAST
 from robosim.rehearsal.planning.robot_clearance import RobotClearance
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.model import Arm
-from robosim.scene.container_clearance import ContainerSurface
+from robosim.scene.container_clearance import monitor_containers
 
 STEP = np.radians(2.0)
 """Tilt [rad] from one checked pose to the next."""
@@ -25,7 +25,7 @@ def check_dose_reach(config: RehearsalConfig, arm: Arm, q: np.ndarray, robot: Ro
         return
     motion = make_lip_motion(config)
     largest = np.radians(config.dose.largest_tilt_deg)
-    surface = ContainerSurface(config) if "sdf" in config.tool_container else None
+    surface = monitor_containers(config)
     for lip in (motion.lip, motion.goal):
         posture = q
         for tilt in np.linspace(0.0, largest, int(np.ceil(largest / STEP)) + 1):

@@ -9,7 +9,7 @@ from robosim.config.rehearsal import RehearsalConfig
 from robosim.rehearsal.planning.learned_path import LearnedPath
 from robosim.rehearsal.planning.robot_clearance import FAR, Nearest, RobotClearance
 from robosim.rehearsal.planning.waypoint_path import WaypointPath
-from robosim.scene.container_clearance import ContainerSurface
+from robosim.scene.container_clearance import monitor_containers
 
 STRIDE = 4
 """Samples of the path from one measured posture to the next: at 0.04 s a tool at 0.3 m/s moves by 12 mm."""
@@ -32,7 +32,7 @@ def check_path(config: RehearsalConfig, path: WaypointPath | LearnedPath, times:
 
     Raises ConfigError for a collision: at which waypoint, of what with what, how deep.
     """
-    surface = ContainerSurface(config) if config.containers and "sdf" in config.tool_container else None
+    surface = monitor_containers(config)
     least = PathClearance(FAR, FAR)
     for time, posture in zip(times[::STRIDE], q[::STRIDE]):
         found = robot.measure(posture)

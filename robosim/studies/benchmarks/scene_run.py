@@ -93,8 +93,8 @@ def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     run.solver.compile()
     stopwatch = Stopwatch()
     stopwatch.wrap(run.solver, "advance", "field")
-    stopwatch.wrap(run.plugin, "step", "coupling, with MuJoCo's step")
-    stopwatch.wrap(run.servo, "compute_torque", "servo")
+    stopwatch.wrap(run.cell.plugin, "step", "coupling, with MuJoCo's step")
+    stopwatch.wrap(run.cell.servo, "compute_torque", "servo")
     run.run(lambda: None)
     figures = compute_figures(run)
     names = {"scooped_mass_kg": "scooped_mass_kg", "wrist_payload_kg": "wrist_payload_kg",

@@ -287,7 +287,7 @@ def test_the_fingers_hold_the_tool_by_friction(name: str) -> None:
     env = make_env(name, arm=True, grasp="friction")
     _, info, _ = episode(env, "scripted", 0)
     assert info["is_success"]
-    assert 0 < env.carrier.grasp.slip < 0.003  # pyright: ignore[reportAttributeAccessIssue]
+    assert 0 < env.carrier.cell.grasp.slip < 0.003  # pyright: ignore[reportAttributeAccessIssue]
 
 
 @pytest.mark.parametrize(("layout", "length"), [

@@ -28,10 +28,10 @@ def still(env, steps: int = 2) -> dict:
 def test_container_stands_where_the_field_has_it(env):
     env.reset(seed=1, options={"nominal": True})
     still(env, 1)
-    body = env.carrier.scene.model.body(env.task.container).id
+    body = env.carrier.cell.scene.model.body(env.task.container).id
     pose = env.solver.collider_pose(1)
-    assert env.carrier.data.xpos[body] == pytest.approx(pose.position, abs=1e-9)
-    assert env.carrier.data.xquat[body] == pytest.approx(pose.quaternion, abs=1e-9)
+    assert env.carrier.cell.data.xpos[body] == pytest.approx(pose.position, abs=1e-9)
+    assert env.carrier.cell.data.xquat[body] == pytest.approx(pose.quaternion, abs=1e-9)
     assert pose.position[0] - env.task.containers[env.task.container].position[0] > 0.019
 
 

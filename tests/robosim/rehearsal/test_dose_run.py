@@ -52,8 +52,8 @@ def test_before_its_dose_a_rehearsal_is_one_without(short: RehearsalConfig) -> N
         run = RehearsalRun(plan_motion(config))
         for k in range(STEPS):
             run.step(k)
-        assert run.motion_time(run.time) == run.time - config.grasp_time
-        states.append((run.solver.positions(), run.data.qpos.copy(), run.readings.stack_steps("torque"),
+        assert run.driver.motion_time(run.time) == run.time - config.grasp_time
+        states.append((run.solver.positions(), run.cell.data.qpos.copy(), run.readings.stack_steps("torque"),
                        run.readings.stack_steps("commanded")))
     assert all(np.array_equal(a, b) for a, b in zip(*states))
 

@@ -130,13 +130,13 @@ def test_wrist_with_an_arm_is_mujocos_sensor():
     env.reset(seed=0)
     for _ in range(3):
         seen, *_ = env.step(np.full(6, 0.1, np.float32))
-        data, model = env.carrier.data, env.carrier.model
+        data, model = env.carrier.cell.data, env.carrier.cell.model
         sensors = np.concatenate([data.sensor(f"wrist_{kind}").data for kind in ("force", "torque")])
         np.testing.assert_allclose(seen["wrist"], sensors, rtol=1e-6)
-        axis = model.joint(env.carrier.kinematics.joints[2]).axis
-        third = data.sensor(f"{env.carrier.kinematics.joints[2]}_torque").data @ axis
+        axis = model.joint(env.carrier.cell.arm.joints[2]).axis
+        third = data.sensor(f"{env.carrier.cell.arm.joints[2]}_torque").data @ axis
         assert seen["torques"][2] == pytest.approx(third, rel=1e-6)
-        np.testing.assert_allclose(seen["joints"][:7], data.qpos[env.carrier.scene.arm_qpos], rtol=1e-6)
+        np.testing.assert_allclose(seen["joints"][:7], data.qpos[env.carrier.cell.scene.arm_qpos], rtol=1e-6)
     env.close()
 
 

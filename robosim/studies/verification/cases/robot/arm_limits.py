@@ -41,7 +41,7 @@ def measure(*, task: str = "SpoonScoop", material: str = "salt") -> Record:
 
     while not over:
         timed.run(step)
-        torque = max(torque, float(np.abs(carrier.servo.demanded_torque / TORQUES).max()))
-        speed = max(speed, float(np.abs(carrier.data.qvel[carrier.scene.arm_dofs] / SPEEDS).max()))
-    errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.servo.saturations}
+        torque = max(torque, float(np.abs(carrier.cell.servo.demanded_torque / TORQUES).max()))
+        speed = max(speed, float(np.abs(carrier.cell.data.qvel[carrier.cell.scene.arm_dofs] / SPEEDS).max()))
+    errors = {"torque": torque - 1.0, "speed": speed - 1.0, "saturated": carrier.cell.servo.saturations}
     return timed.record(errors, score=info["tcs"], tool_lag_m=carrier.arm_readings["tool_lag_max_m"])

@@ -1,0 +1,201 @@
+"""Drivers of a rehearsal: what commands the joints, step by step.
+
+A plan or a recording of the real arm is followed as it is (`MotionDriver`), a dose interrupts it (`DosingDriver`), or
+an object or function of the user's own gives each command (`OwnDriver`).
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import mpm
+from robosim.base.errors import ConfigError, DriverFault
+from robosim.rehearsal.dosing.stage import DosingStage
+from robosim.robot.model import Arm
+from robosim.robot.timing import JointMotion, JointState
+
+LONGEST = 600.0
+"""Duration [s] of a user's driver, as of a path."""
+ROUNDING = 1e-6
+"""Share of a joint's limit by which a command may exceed it: angles are differences of rounded numbers."""
+
+
+class RobotState(NamedTuple):
+    """What a user's driver reads at the start of a step."""
+
+    time: float
+    """Since the motion's start [s]."""
+    q: np.ndarray
+    """Measured joint angles (n,) [rad]."""
+    qd: np.ndarray
+    """Measured joint speeds (n,) [rad/s]."""
+    tool: mpm.Pose
+    """World pose of the tool's frame."""
+    wrist: np.ndarray
+    """Force [N] and torque [N m] (6,) of the arm on the hand, in world axes, one step ago."""
+    planned: JointState
+    """The planned motion's command at this time."""
+
+
+class MotionDriver:
+    """Commands a motion of the joints, planned or recorded, after the fingers have closed.
+
+    start: simulated time [s] at which the motion begins. latency: by which commands arrive late [s].
+    """
+
+    name = "plan"
+    is_own = False
+    """Whether it is a user's own, which need not follow the plan."""
+    is_open_ended = False
+    """Whether it decides while it runs when it is over."""
+    delay = 0.0
+    """Time [s] by which a dose has delayed the motion; 0 until that is over."""
+
+    def __init__(self, motion: JointMotion, start: float, latency: float = 0.0) -> None:
+        self.motion, self._start, self._latency = motion, start, latency
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s] of the run, as far as it is known."""
+        return self._start + self.motion.duration
+
+    def command(self, time: float) -> JointState:
+        """Return the joints' command for the step from a simulated time [s] on."""
+        return self.motion.state(self.motion_time(time) - self._latency)
+
+    def motion_time(self, time: float) -> float:
+        """Return the time [s] of the motion at a simulated time [s]; it rests while a dose runs."""
+        return time - self._start
+
+    def is_dosing_at(self, time: float) -> bool:
+        """Return whether a dose decides the motion at a simulated time [s]."""
+        return False
+
+    def expected_duration(self, time: float) -> float:
+        """Return the simulated time [s] of the run, if a dose that runs at a time ended then."""
+        return self.duration
+
+
+class DosingDriver(MotionDriver):
+    """Commands a planned motion that rests at a waypoint while a dose runs.
+
+    begin: simulated time [s] at which the dose begins. held: returns the load in the tool [kg].
+    """
+
+    def __init__(self, motion: JointMotion, start: float, latency: float, stage: DosingStage, begin: float,
+                 held: Callable[[], float]) -> None:
+        super().__init__(motion, start, latency)
+        self.stage, self.begin, self._held = stage, begin, held
+
+    @property
+    def is_open_ended(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]  (it changes in the run)
+        """Whether the dose runs."""
+        return self.stage.is_running
+
+    @property
+    def delay(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Time [s] by which the dose has delayed the motion; 0 until it is over."""
+        return self.stage.duration
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s] of the run, as far as it is known."""
+        return super().duration + self.stage.duration
+
+    def command(self, time: float) -> JointState:
+        """Return the command of the dose while it runs, else that of the motion."""
+        if self.stage.begin is None and time >= self.begin:
+            self.stage.start(time, self._held())
+        return self.stage.step(time) if self.stage.is_running else super().command(time)
+
+    def motion_time(self, time: float) -> float:
+        """Return the time [s] of the motion at a simulated time [s]; it rests while the dose runs."""
+        stage = self.stage
+        if stage.begin is None or time < stage.begin:
+            return time - self._start
+        rest = stage.begin - self._start
+        return rest if stage.end is None or time < stage.end else time - self._start - stage.duration
+
+    def is_dosing_at(self, time: float) -> bool:
+        """Return whether the dose decides the motion at a simulated time [s]."""
+        stage = self.stage
+        return stage.begin is not None and stage.begin <= time <= (stage.end or np.inf)
+
+    def expected_duration(self, time: float) -> float:
+        """Return the simulated time [s] of the run, if the dose ended at a time, where it runs then."""
+        stage = self.stage
+        return self.duration + (time - stage.begin if stage.is_running and stage.begin else 0.0)
+
+
+class OwnDriver(MotionDriver):
+    """Commands what a user's object or function returns, and checks it before anything moves.
+
+    own: a function of a `RobotState`, or an object with such a method `command`, and with a `duration` [s] where it is
+    not that of the plan. It is called in every step from the motion's start on, and returns joint angles (n,) [rad] or
+    a `JointState`. read: returns the robot's state, given the motion's time [s] and its command.
+    dt: of a step [s]. Raises ConfigError for what cannot be called.
+    """
+
+    is_own = True
+
+    def __init__(self, own: Any, motion: JointMotion, start: float, latency: float, arm: Arm, dt: float,
+                 read: Callable[[float, JointState], RobotState]) -> None:
+        super().__init__(motion, start)
+        self._own = getattr(own, "command", own)
+        self.name: str = getattr(own, "__name__", type(own).__name__)
+        if not callable(self._own):
+            raise ConfigError(f"driver = {own!r:.100}; accepted: a function of the robot's state, or an object with a "
+                              f"method `command` of it")
+        length = getattr(own, "duration", motion.duration)
+        if not isinstance(length, float | int) or not 0.0 < length <= LONGEST:
+            raise ConfigError(f"driver {self.name}: duration = {length!r} s; accepted: above 0, up to {LONGEST:g} s")
+        self._length, self._arm, self._dt, self._read = float(length), arm, dt, read
+        self._last = motion.state(0.0).q
+        self._sent: deque[JointState] = deque(maxlen=round(latency / dt) + 1)
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s] of the run."""
+        return self._start + self._length
+
+    def command(self, time: float) -> JointState:
+        """Return the driver's command that arrives for the step from a simulated time [s] on.
+
+        Raises DriverFault for one that cannot be followed: its time, what it is, and the limit.
+        """
+        since = self.motion_time(time)
+        planned = self.motion.state(since)
+        if since < -0.5 * self._dt:
+            return planned
+        target = self._check(self._own(self._read(since, planned)), since)
+        self._last = target.q
+        self._sent.append(target)
+        return self._sent[0]
+
+    def _check(self, given: Any, time: float) -> JointState:
+        """Return a command as a joint state; raises DriverFault."""
+        arm, n = self._arm, len(self._last)
+        is_whole = isinstance(given, JointState)
+        try:
+            parts = np.array(given if is_whole else [given], float)
+        except (TypeError, ValueError):
+            parts = np.zeros(0)
+        if parts.shape != (3 if is_whole else 1, n):
+            raise self._fault(time, f"commands {given!r:.80}", f"joint angles ({n},) [rad], or a JointState of such")
+        if not np.isfinite(parts).all():
+            raise self._fault(time, f"commands {parts.tolist()}", "finite numbers")
+        speed = (parts[0] - self._last) / self._dt
+        for k, name in enumerate(arm.joints):
+            if not arm.lower[k] <= parts[0][k] <= arm.upper[k]:
+                raise self._fault(time, f"commands joint {name} to {parts[0][k]:.4f} rad",
+                                  f"{arm.lower[k]:.4f} to {arm.upper[k]:.4f} rad")
+            fastest = max(abs(speed[k]), abs(parts[1][k]) if is_whole else 0.0)
+            if fastest > arm.velocity[k] * (1.0 + ROUNDING):
+                raise self._fault(time, f"commands joint {name} at {fastest:.4g} rad/s",
+                                  f"up to {arm.velocity[k]:.4g} rad/s")
+        return JointState(*parts) if is_whole else JointState(parts[0], speed, np.zeros(n))
+
+    def _fault(self, time: float, what: str, accepted: str) -> DriverFault:
+        return DriverFault(self.name, time, what, accepted)
