@@ -126,7 +126,7 @@ def picture_of_arms() -> None:
     from PIL import Image
 
     from robosim.config.rehearsal import load_rehearsal
-    from robosim.rehearsal.planning.plan import plan_motion
+    from robosim.planning.plan import plan_motion
     from robosim.rendering.renderer import open_renderer
     from robosim.scene.build import compile_rehearsal
 

@@ -31,7 +31,7 @@ from robosim.base.study import Store
 from robosim.config.materials import load_material
 from robosim.config.table import read
 from robosim.envs.start import _read_state
-from robosim.rehearsal.planning.bundled_motions import load_motion
+from robosim.planning.learned_motions import load_motion
 from robosim.reports.page import Page
 from robosim.reports.plot import Plot
 from robosim.studies.evaluation.policies import make_policy, training_options

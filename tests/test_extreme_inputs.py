@@ -22,7 +22,7 @@ from robosim.config.materials import law_of, load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.settings import read_setting, with_settings
 from robosim.config.table import load, validate
-from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.robot import load_arm
 from robosim.scene.field import check_field, check_substeps, largest_step
 from robosim.scene.grains import grain_volume

@@ -1,4 +1,4 @@
-"""A robot and grains that are simulated together, step by step, under commands of the robot's joints.
+"""A robot and grains that are simulated together, step by step, and what commands the robot's joints.
 
-Imports: base, coupling, robot, scene, mpm.
+Imports: base, config, coupling, dosing, instruments, planning, robot, scene, mpm.
 """

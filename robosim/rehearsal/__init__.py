@@ -1,7 +1,7 @@
 """Whole-arm rehearsals: plan, run, readings, metrics and plots.
 
-Imports: base, config, conversion, coupling, dosing, episode, recordings, rendering, reports, robot, scene, shapes,
-viewer, mpm.
+Imports: base, cell, config, conversion, dosing, episode, planning, recordings, rendering, reports, robot, scene,
+shapes, viewer, mpm.
 """
 
 CAMERAS = ("overview", "close", "wrist")

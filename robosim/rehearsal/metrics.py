@@ -5,8 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.geometry.rigid_motion import Pose
+from robosim.cell.dosing_stage import DosingStage
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.rehearsal.dosing.figures import accepted_range, dose_figures
+from robosim.dosing.command import accepted_error
+from robosim.planning.learned_path import LearnedPath
+from robosim.planning.waypoint_path import find_tip, is_in_container
 from robosim.rehearsal.mass_balance import (
     GRAVITY,
     compute_fractions,
@@ -14,8 +17,6 @@ from robosim.rehearsal.mass_balance import (
     compute_scooped_mass,
     weigh_at_wrist,
 )
-from robosim.rehearsal.planning.learned_path import LearnedPath
-from robosim.rehearsal.planning.waypoint_path import find_tip, is_in_container
 from robosim.rehearsal.replay.comparison import replay_figures
 from robosim.rehearsal.run import RehearsalRun
 from robosim.scene.frames import waypoint_pose
@@ -75,7 +76,8 @@ def get_bounds(config: RehearsalConfig) -> dict[str, Bound]:
     """
     left_out = {name for name, is_absent in ((WRIST_ERROR, not config.weigh_at), (DELIVERED, config.dose is not None))
                 if is_absent}
-    dose = {} if config.dose is None else {DOSE_ERROR: Bound(*accepted_range(config.dose.target_g))}
+    error = 0.0 if config.dose is None else accepted_error(1e-3 * config.dose.target_g)
+    dose = {} if config.dose is None else {DOSE_ERROR: Bound(-error, error)}
     return {"scooped_mass_kg": Bound(config.least_load, np.inf), **dose,
             **{name: bound for name, bound in BOUNDS.items() if name not in left_out}}
 
@@ -199,6 +201,24 @@ def _dose_figures(run: RehearsalRun) -> dict[str, object]:
     """Return the figures of a dose; empty without one."""
     stage = run.stage
     return {} if stage is None else dose_figures(stage, run.mass_in_cup() - stage.tare, float(run.solver.masses()[0]))
+
+
+def dose_figures(stage: DosingStage, mass: float, grain_mass: float) -> dict[str, object]:
+    """Return the figures of a dose.
+
+    mass: in the cup at the end of the rehearsal, less the tare [kg]. grain_mass: of a material point [kg], below which
+    no error means anything.
+    """
+    shown, masses, tilts = (stage.stack(name) for name in ("shown", "mass", "tilt"))
+    seconds = None if stage.begin is None or stage.done is None else stage.done - stage.begin
+    return {
+        "dose_target_kg": stage.target, "dose_kg": mass, "dose_error_kg": mass - stage.target,
+        "dose_relative_error_ratio": (mass - stage.target) / stage.target,
+        "dose_overshoot_kg": max(float(max(masses.max(initial=0.0), mass)) - stage.target, 0.0),
+        "dose_shown_kg": float(shown[-1]) if len(shown) else None, "dose_grain_mass_kg": grain_mass,
+        "dosing_time_s": seconds, "dosing_largest_tilt_deg": float(np.degrees(tilts.max(initial=0.0))),
+        "dosing_timed_out": stage.is_late,
+    }
 
 
 def _learned_path_figures(run: RehearsalRun) -> dict[str, object]:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from robosim.cell.dosing_stage import DoseSample, DosingStage
 from robosim.recordings.reader import FILE, Recording
-from robosim.rehearsal.dosing.stage import DoseSample, DosingStage
 from robosim.rehearsal.metrics import Bound, compute_tracking_errors, get_bounds
 from robosim.rehearsal.replay.comparison import replay_charts
 from robosim.rehearsal.run import DOSE, RehearsalRun

@@ -8,12 +8,12 @@ import numpy as np
 from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
 from robosim.episode.sheet import LOAD
+from robosim.planning.waypoint_path import is_in_container
 from robosim.recordings.frames import GrainState
 from robosim.recordings.header import CurveEntry, RegionEntry, WaypointEntry, region_entry, three
 from robosim.recordings.places import find_placed
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
 from robosim.rehearsal.mass_balance import GRAVITY
-from robosim.rehearsal.planning.waypoint_path import is_in_container
 from robosim.rehearsal.readings import Step
 from robosim.rehearsal.run import DOSE, RehearsalRun
 from robosim.scene.grains import container_region, is_in_tool

@@ -9,8 +9,8 @@ from typing import Any
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.table import validate
 from robosim.episode.film import FilmStyle
+from robosim.planning.plan import Plan, plan_motion
 from robosim.recordings.scene_recorder import FRAME_RATE
-from robosim.rehearsal.planning.plan import Plan, plan_motion
 from robosim.rehearsal.result import Result
 from robosim.rehearsal.session import check_config, simulate
 
@@ -44,7 +44,7 @@ class Rehearsal:
         out: folder of the files; None: a temporary one, until `Result.save`. camera: of the film, None for none; film:
         height, colour, poster of it. seed: of the grains' initial positions. model_errors: seed of errors by which the
         robot differs from its model. driver: a function or object of one's own that commands the joints in the plan's
-        place, see `robosim.rehearsal.drivers.OwnDriver`; with a dose a controller of doses. frame_rate: of recording
+        place, see `robosim.cell.drivers.OwnDriver`; with a dose a controller of doses. frame_rate: of recording
         and film [1/s]. Raises as `plan`, and mpm.SimulationDiverged, RobotDiverged, DriverFault; status.json then says
         why.
         """

@@ -9,12 +9,12 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.cell.cell import Cell
+from robosim.cell.dosing_stage import DosingStage
+from robosim.cell.drivers import DosingDriver, MotionDriver, OwnDriver, RobotState
 from robosim.config.materials import MaterialConfig, law_of, load_material
-from robosim.rehearsal.dosing.lip_motion import dose_cup
-from robosim.rehearsal.dosing.stage import DosingStage
-from robosim.rehearsal.drivers import DosingDriver, MotionDriver, OwnDriver, RobotState
-from robosim.rehearsal.planning.picking import SETTLING
-from robosim.rehearsal.planning.plan import Plan
+from robosim.planning.lip_motion import dose_cup
+from robosim.planning.picking import SETTLING
+from robosim.planning.plan import Plan
 from robosim.rehearsal.readings import EnergySample, GrainSample, Readings, Step
 from robosim.rehearsal.replay.comparison import Simulated, WrenchComparison, compare_wrench
 from robosim.rehearsal.replay.recorded_motion import Replay
@@ -43,7 +43,7 @@ class RehearsalRun:
 
     seed: of the grains' initial positions. material: None for the configured one. replay: a recording of the real arm,
     whose motion takes the place of the planned one. errors: by which the robot differs from the model that plans and
-    controls it. driver: a user's own, see `robosim.rehearsal.drivers.OwnDriver`; in a rehearsal with a dose a
+    controls it. driver: a user's own, see `robosim.cell.drivers.OwnDriver`; in a rehearsal with a dose a
     `robosim.dosing.command.DoseController`. Raises ConfigError for a replay with a dose, which no recording repeats,
     and for drivers that cannot be used.
     """

@@ -10,18 +10,18 @@ import mpm
 from robosim.base.errors import ConfigError, DriverFault, RobotDiverged
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
+from robosim.cell.dosing_stage import check_target, make_dose_controller
 from robosim.config.materials import law_of, load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import JointLog
 from robosim.episode.film import CLOSE, FilmStyle, check_colour, find_camera, try_film
+from robosim.planning.learned_motions import place_target
+from robosim.planning.lip_motion import make_lip_motion
+from robosim.planning.plan import plan_motion
 from robosim.recordings.reader import FILE as RECORDING
 from robosim.recordings.scene_recorder import FRAME_RATE, SceneRecorder
-from robosim.rehearsal.dosing.lip_motion import make_lip_motion
-from robosim.rehearsal.dosing.stage import check_target, make_dose_controller
 from robosim.rehearsal.metrics import compute_figures, find_missed
 from robosim.rehearsal.page import make_page
-from robosim.rehearsal.planning.motion_sequence import place_target
-from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.recorder import RunReadings, finish_recording, make_recorder
 from robosim.rehearsal.replay.comparison import OPPOSITE
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log
@@ -91,7 +91,7 @@ def simulate(config: RehearsalConfig, out: Path, *, film: FilmStyle | None = Non
     film: how it is drawn, after the run; None: there is none. frame_rate: of recording and film [1/s]. log: what the
     real arm recorded, to be played in the planned motion's place. model_errors: seed of errors by which the robot
     differs from its model; None: it does not. driver: a user's own, in the plan's place, see
-    `robosim.rehearsal.drivers.OwnDriver`.
+    `robosim.cell.drivers.OwnDriver`.
 
     Input is checked before any work; raises ConfigError. Files are complete however the run ends. The motion for the
     real robot is written last, and only where every bound was held.

@@ -8,7 +8,7 @@ import mpm
 from robosim.config.materials import Law
 from robosim.config.scene import ContainerConfig
 from robosim.scene.frames import container_pose
-from robosim.scene.grains import CONTAINER_SPACING, CONTAINER_WALL, is_in_container, leave_out_buried
+from robosim.scene.grains import CONTAINER_SPACING, CONTAINER_WALL, fill_container, is_in_container
 from robosim.scene.models import container_shape
 from robosim.shapes.rigid_models import add_container_body
 
@@ -48,8 +48,7 @@ class Container:
 
     def fill(self, law: Law, height: float, spacing: float, seed: int = 0) -> mpm.Body:
         """Make grains up to a height [m] above its floor, about `spacing` [m] apart, at rest under their own weight."""
-        local, volume = self.shape.fill(height, spacing, np.random.default_rng(seed))
-        local = leave_out_buried(local, self.shape.distance(CONTAINER_WALL * 2.0 * spacing, CONTAINER_SPACING), spacing)
+        local, volume = fill_container(self.shape, height, spacing, 2.0 * spacing, np.random.default_rng(seed))
         positions = self.pose.apply(local)
         return mpm.Body(law, positions, volume=volume, stress=mpm.geostatic_stress(positions, volume, law))
 

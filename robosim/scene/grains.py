@@ -13,7 +13,7 @@ from robosim.config.scene_config import SceneConfig
 from robosim.scene.frames import container_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import OwnTool, tool_shape
-from robosim.shapes.containers import BoxShape
+from robosim.shapes.containers import BoxShape, ContainerShape
 
 CONTAINER_SPACING = 2e-3
 """Lattice spacing [m] of a container's signed distance."""
@@ -65,8 +65,8 @@ def _fill_to_height(scene: SceneConfig, tool: Lattice, tool_pose: mpm.Pose, rng:
         places, total = [], 0.0
         for name in scene.sources:
             container = scene.containers[name]
-            local, volume = container_shape(name, container).fill(container.fill_height, spacing, rng)
-            local = leave_out_buried(local, build_container_sdf(name, container, scene.field), spacing)
+            shape = container_shape(name, container)
+            local, volume = fill_container(shape, container.fill_height, spacing, scene.field.cell, rng)
             if not len(local):
                 raise ConfigError(f"containers.{name}: fill_height = {container.fill_height} m holds no grain; "
                                   f"accepted: more than a cell, {scene.field.cell} m")
@@ -117,6 +117,16 @@ def _fill_with_count(scene: SceneConfig, count: int, tool: Lattice, tool_pose: m
         raise mpm.InvalidValue(f"{count} grains of {volume * 1e9:.0f} mm^3 do not fit: {len(places)} places; accepted: "
                                f"at most that many grains.count")
     return Filling(places[np.argsort(keys, kind="stable")[:count]], volume)
+
+
+def fill_container(shape: ContainerShape, height: float, spacing: float, cell: float,
+                   rng: np.random.Generator) -> Filling:
+    """Fill a container up to a height [m] above its floor, in its own frame, but for what lies deep in its walls.
+
+    spacing: between grains [m]. cell: of the field [m], from which the thickness of the collider's walls follows.
+    """
+    local, volume = shape.fill(height, spacing, rng)
+    return Filling(leave_out_buried(local, shape.distance(CONTAINER_WALL * cell, CONTAINER_SPACING), spacing), volume)
 
 
 def build_container_sdf(name: str, container: ContainerConfig, field: FieldConfig) -> Lattice:

@@ -7,11 +7,11 @@ import numpy as np
 
 from robosim.base.provenance import commit
 from robosim.config.rehearsal import RehearsalConfig
+from robosim.planning.learned_motions import place_target
+from robosim.planning.plan import Plan, plan_motion
+from robosim.planning.robot_clearance import Nearest, RobotClearance
 from robosim.recordings.header import CurveEntry, WaypointEntry, three
 from robosim.recordings.scene_recorder import SceneRecorder
-from robosim.rehearsal.planning.motion_sequence import place_target
-from robosim.rehearsal.planning.plan import Plan, plan_motion
-from robosim.rehearsal.planning.robot_clearance import Nearest, RobotClearance
 from robosim.rehearsal.recorder import PATH_POINTS, counting_regions
 from robosim.scene.build import compile_rehearsal
 

@@ -75,9 +75,9 @@ def run_task(name: str, setting: dict[str, float]) -> dict[str, Any]:
 
 def run_rehearsal(name: str, setting: dict[str, float]) -> dict[str, Any]:
     """Run a rehearsal with the whole arm, without film."""
+    from robosim.planning.learned_motions import place_target
+    from robosim.planning.plan import plan_motion
     from robosim.rehearsal.metrics import compute_figures
-    from robosim.rehearsal.planning.motion_sequence import place_target
-    from robosim.rehearsal.planning.plan import plan_motion
     from robosim.rehearsal.run import RehearsalRun
 
     config = place_target(load_rehearsal(name))

@@ -1,6 +1,6 @@
 """Scoring of policies: one task, many materials, and the bundled policies.
 
-Imports: base, config, dosing, envs, episode, randomization, recordings, rehearsal, reports, robot, scene, senses,
+Imports: base, config, dosing, envs, episode, planning, randomization, recordings, reports, robot, scene, senses,
 shapes, tasks, viewer, mpm.
 """
 

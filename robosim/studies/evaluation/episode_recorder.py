@@ -11,12 +11,11 @@ from robosim.randomization.variants import placed
 from robosim.recordings.header import CurveEntry, RegionEntry, region_entry
 from robosim.recordings.scene_recorder import SceneRecorder
 from robosim.robot.mjspec import compile_spec
-from robosim.scene.grains import container_region
+from robosim.scene.grains import container_region, grain_volume
 from robosim.senses.task_scene import SeenBodies, build_task_spec
 from robosim.shapes import tool_shape
 from robosim.tasks.counting import TOOL
 from robosim.tasks.dosing import TARGET_MASS
-from robosim.tasks.field import grain_volume
 from robosim.tasks.task import TaskConfig
 
 RETURN = CurveEntry(name="return", chart="return")

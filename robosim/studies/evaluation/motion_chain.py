@@ -20,8 +20,8 @@ from robosim.base.progress import Progress
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs.grain_env import GrainEnv
 from robosim.episode.film import CHAIN, EPISODE, try_film
+from robosim.planning.learned_motions import find_motion
 from robosim.recordings.reader import Recording
-from robosim.rehearsal.planning.bundled_motions import find_motion
 from robosim.reports.page import Page
 from robosim.studies.evaluation.episode_recorder import EpisodeRecorder
 from robosim.studies.evaluation.policies import make_policy, training_options

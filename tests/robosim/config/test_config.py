@@ -15,8 +15,8 @@ from robosim.commands.main import main
 from robosim.config.materials import law_of, load_material, overridden
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import read_setting
-from robosim.rehearsal.planning.plan import plan_motion
-from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.planning.plan import plan_motion
+from robosim.planning.waypoint_path import WaypointPath
 from robosim.scene.field import check_field
 
 

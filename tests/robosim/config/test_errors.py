@@ -7,7 +7,7 @@ import pytest
 import mpm.errors
 import robosim.base.errors
 from mpm.errors import ColliderTooFast, GradientDiverged, Picklable, SimulationDiverged, TimeStepTooLarge
-from robosim.base.errors import RobotDiverged, UnreachableWaypoint
+from robosim.base.errors import DriverFault, RobotDiverged, UnreachableWaypoint
 
 GIVEN = {
     mpm.errors.UnknownName: (("cone", "flat", ("compression", "plane_strain")), {}),
@@ -19,6 +19,7 @@ GIVEN = {
     GradientDiverged: ((), {"step": 1, "substep": 2, "quantity": "x", "particle": -1}),
     UnreachableWaypoint: (("above", 0.01, 3.0, 0.2), {}),
     RobotDiverged: ((0.5, ["bad qacc"]), {}),
+    DriverFault: (("mine", 0.5, "commands nothing", "joint angles"), {}),
 }
 """Arguments of the constructors that take more than a message."""
 CLASSES = [kind for module in (mpm.errors, robosim.base.errors) for kind in vars(module).values()

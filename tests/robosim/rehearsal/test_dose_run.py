@@ -9,10 +9,9 @@ import pytest
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.dosing.command import DoseCommand, DoseSight
+from robosim.planning.plan import plan_motion
 from robosim.recordings.reader import FILE, Recording
-from robosim.rehearsal.dosing import stage
 from robosim.rehearsal.metrics import BOUNDS, find_missed, get_bounds
-from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rehearsal.session import check_config, simulate
 
@@ -65,10 +64,9 @@ def test_bounds_ask_for_the_dose_in_place_of_the_delivery(short: RehearsalConfig
     assert set(BOUNDS) <= set(get_bounds(short.model_copy(update={"dose": None})))
 
 
-def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path) -> None:
     """The motion goes on where it rested; figures, page and recording have the dose; no motion is exported."""
-    monkeypatch.setattr(stage, "make_dose_controller", lambda config: ThereAndBack())
-    result = simulate(short, tmp_path / "out")
+    result = simulate(short, tmp_path / "out", driver=ThereAndBack())
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["dose_kg"] > 1e-3 and report["dose_error_kg"] == pytest.approx(report["dose_kg"] - 0.02)
     assert report["dosing_time_s"] == pytest.approx(2.0 * 75.0 / 60.0, abs=0.1)
@@ -96,5 +94,7 @@ def test_a_dose_from_file_to_report(short: RehearsalConfig, tmp_path: Path, monk
 
 def test_a_recording_cannot_replay_a_dose(short: RehearsalConfig) -> None:
     plan = plan_motion(short)
-    with pytest.raises(ConfigError, match="a recording of a rehearsal with a dose"):
+    with pytest.raises(ConfigError, match="a recording with a dose or a driver"):
         RehearsalRun(plan, replay=object())  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ConfigError, match="in a rehearsal with a dose; accepted: a controller of doses, with the meth"):
+        RehearsalRun(plan, driver=lambda state: state.planned)

@@ -14,9 +14,9 @@ from scipy.interpolate import CubicHermiteSpline
 from robosim.commands.main import main
 from robosim.config.rehearsal import load_rehearsal
 from robosim.episode.film import FilmStyle
+from robosim.planning.plan import plan_motion
 from robosim.recordings.scene_recorder import FRAME_RATE
 from robosim.rehearsal.metrics import BOUNDS, find_missed
-from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.run import RehearsalRun
 from robosim.rehearsal.session import MISSED_TRAJECTORY, TRAJECTORY, rehearse

@@ -15,7 +15,7 @@ from robosim.base.errors import ConfigError
 from robosim.commands.main import main
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import AXES, JointLog, Samples
-from robosim.rehearsal.planning.plan import Plan, plan_motion
+from robosim.planning.plan import Plan, plan_motion
 from robosim.rehearsal.readings import name_columns
 from robosim.rehearsal.replay.comparison import Simulated, compare_wrench
 from robosim.rehearsal.replay.recorded_motion import make_replay, read_log

@@ -13,7 +13,7 @@ from mpm import Pose
 from mpm.geometry.rigid_motion import relative_rotation
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.arm import ArmConfig
-from robosim.rehearsal.planning.robot_clearance import RobotClearance
+from robosim.planning.robot_clearance import RobotClearance
 from robosim.robot.assembly import HAND_PREFIX, WRIST_SITE, Assembly, add_wrist_sensor, assemble
 from robosim.robot.hand import bundled_hands, load_hand
 from robosim.robot.inverse_kinematics import solve_pose

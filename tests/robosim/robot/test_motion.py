@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm, screw
 from robosim.config.rehearsal import load_rehearsal
-from robosim.rehearsal.planning.plan import Plan, plan_motion
+from robosim.planning.plan import Plan, plan_motion
 from robosim.robot.assembly import assemble
 from robosim.robot.inverse_kinematics import solve_pose
 from robosim.robot.joint_control import JointSmoother

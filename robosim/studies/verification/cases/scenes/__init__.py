@@ -1,4 +1,4 @@
 """Cases of whole scenes: rehearsals with the arm, and episodes of the environments.
 
-Imports: config, envs, rehearsal, tasks, mpm.
+Imports: config, envs, planning, rehearsal, tasks, mpm.
 """

@@ -13,9 +13,9 @@ import mpm
 from robosim.config.rehearsal import load_rehearsal
 from robosim.envs import TASKS
 from robosim.envs.grain_env import GrainEnv
+from robosim.planning.learned_motions import place_target
+from robosim.planning.plan import plan_motion
 from robosim.rehearsal.metrics import compute_figures
-from robosim.rehearsal.planning.motion_sequence import place_target
-from robosim.rehearsal.planning.plan import plan_motion
 from robosim.rehearsal.run import RehearsalRun
 from robosim.studies.evaluation.policies import make_policy
 from robosim.studies.verification.cases.case import Cost, Record, case, grid, make_record

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
+from robosim.cell.dosing_stage import DosingStage, make_dose_controller
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.settings import read_setting
 from robosim.dosing.command import DoseCommand, DoseSight, accepted_error
 from robosim.dosing.pour_curve import PourCurve
-from robosim.rehearsal.dosing.figures import accepted_range, dose_figures
-from robosim.rehearsal.dosing.stage import DosingStage, make_dose_controller
-from robosim.rehearsal.planning.dose_reach import check_dose_reach
-from robosim.rehearsal.planning.plan import Plan, plan_path
-from robosim.rehearsal.planning.robot_clearance import RobotClearance
+from robosim.planning.path_clearance import check_dose_reach
+from robosim.planning.plan import Plan, plan_path
+from robosim.planning.robot_clearance import RobotClearance
+from robosim.rehearsal.metrics import dose_figures
 from robosim.rehearsal.session import check_config
 from robosim.robot.timing import JointState
 from robosim.scene.build import compile_rehearsal
@@ -76,7 +76,7 @@ def test_pi_doses_on_the_arm(dosed: Stage) -> None:
     assert figures["dose_error_kg"] == pytest.approx(error)
     assert figures["dose_shown_kg"] == pytest.approx(stage.target + error, abs=5e-5)
     assert figures["dose_overshoot_kg"] == pytest.approx(max(error, 0.0))
-    assert accepted_range(20.0) == pytest.approx((-4e-4, 4e-4)) and accepted_range(2.0) == pytest.approx((-3e-4, 3e-4))
+    assert accepted_error(0.02) == pytest.approx(4e-4) and accepted_error(2e-3) == pytest.approx(3e-4)
 
 
 def test_the_motion_is_one_that_the_arm_can_make(plan: Plan, dosed: Stage) -> None:

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from mpm.geometry.rigid_motion import Pose
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.rehearsal.planning.motion_sequence import load_sequence
-from robosim.rehearsal.planning.pose_sequences import (
+from robosim.planning.learned_motions import load_sequence
+from robosim.planning.pose_sequences import (
     SAMPLING,
     SMOOTHING,
     PoseSequence,

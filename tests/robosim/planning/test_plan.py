@@ -5,7 +5,7 @@ import pytest
 from robosim.base.errors import ConfigError
 from robosim.config.materials import law_of, load_material
 from robosim.config.rehearsal import load_rehearsal
-from robosim.rehearsal.planning.plan import plan_motion
+from robosim.planning.plan import plan_motion
 from robosim.scene.field import check_field
 
 

@@ -14,8 +14,8 @@ from robosim.config.table import validate
 from robosim.dosing.command import DoseCommand, DoseController, DoseSight, accepted_error
 from robosim.dosing.controllers import make_controller
 from robosim.dosing.numbers import SECTIONS, DosingNumbers, check_tool, load_dosing
-from robosim.rehearsal.dosing.balance import TaredBalance
-from robosim.rehearsal.dosing.lip_motion import LipMotion, make_lip_motion
+from robosim.instruments.balance import Balance
+from robosim.planning.lip_motion import LipMotion, make_lip_motion
 from robosim.robot.inverse_kinematics import step_towards
 from robosim.robot.joint_control import JointSmoother
 from robosim.robot.model import Arm
@@ -55,7 +55,7 @@ class DosingStage:
     def __init__(self, config: RehearsalConfig, arm: Arm, q: np.ndarray, weigh: Callable[[], float], seed: int = 0,
                  controller: DoseController | None = None, latency: float = 0.0) -> None:
         assert config.dose is not None
-        self._config, self._dose, self._arm, self._weigh, self._seed = config, config.dose, arm, weigh, seed
+        self._config, self._dose, self._arm, self._weigh = config, config.dose, arm, weigh
         self._controller = controller or make_dose_controller(config)
         self.motion: LipMotion = make_lip_motion(config)
         self.target = 1e-3 * config.dose.target_g
@@ -65,8 +65,10 @@ class DosingStage:
         self._rest, self._q = q.copy(), q.copy()
         self._sent: deque[JointState] = deque(maxlen=round(latency / self._dt) + 1)
         self._every = round(config.dose.control_dt / self._dt)
-        self._count, self._balance = 0, None
+        self._count, balance = 0, config.dose.balance
         self._command = DoseCommand(0.0, np.zeros(3), 0.0, 0.0, False)
+        self._balance = Balance(balance.lag, balance.readability, balance.repeatability)
+        self._memory, self._rng = Balance.start(0.0, 0.0), np.random.default_rng(seed)
         self.samples: list[DoseSample] = []
         """One for each control step, and those in which the balance settles."""
         self.tare = 0.0
@@ -101,7 +103,8 @@ class DosingStage:
         """
         check_target(self._config, load, f"holds it at waypoint {self._config.dose_at!r}")
         self.begin = time
-        self._balance, self.tare = TaredBalance(self._dose.balance, time, self._weigh(), self._seed), self._weigh()
+        self.tare = self._weigh()
+        self._memory = Balance.start(time, self.tare)
         self._smoother.restart(self._q)
         self._controller.start(self.target, accepted_error(self.target))
 
@@ -128,9 +131,9 @@ class DosingStage:
 
     def _control(self, time: float) -> None:
         """Read the balance, and ask the controller unless it has finished."""
-        assert self._balance is not None and self.begin is not None
+        assert self.begin is not None
         mass, motion = self._weigh(), self.motion
-        shown = self._balance.read(time, mass)
+        shown = self._balance.read(self._memory, time, mass, self._rng, self.tare)
         self.samples.append(DoseSample(time, shown, mass - self.tare, motion.tilt, motion.amplitude))
         if self.done is not None:
             return

@@ -6,17 +6,16 @@ import numpy as np
 
 from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.rehearsal.planning.approach import Approach, plan_approach
-from robosim.rehearsal.planning.dose_reach import check_dose_reach
-from robosim.rehearsal.planning.learned_path import LearnedPath
-from robosim.rehearsal.planning.path_clearance import PathClearance, check_path
-from robosim.rehearsal.planning.picking import add_picking
-from robosim.rehearsal.planning.robot_clearance import RobotClearance
-from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.planning.approach import Approach, plan_approach
+from robosim.planning.learned_path import LearnedPath
+from robosim.planning.path_clearance import PathClearance, check_dose_reach, check_path
+from robosim.planning.picking import add_picking
+from robosim.planning.robot_clearance import RobotClearance
+from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.assembly import GRIP_TURNS_DEG
 from robosim.robot.joint_path import PathSolution, solve_path
 from robosim.robot.model import Arm
-from robosim.robot.timing import JointMotion, MotionLimits, SmoothMotion, compute_time_scale
+from robosim.robot.timing import JointMotion, SmoothMotion, compute_time_scale
 from robosim.scene.build import assemble_rehearsal, compile_rehearsal
 
 MAX_SLOWDOWNS = 20
@@ -55,13 +54,18 @@ class Grip(NamedTuple):
     config: RehearsalConfig
     arm: Arm
     path: WaypointPath | LearnedPath
+    robot: RobotClearance
     times: np.ndarray
     """(n,) [s]"""
     solution: PathSolution
-    robot: RobotClearance
     clearance: PathClearance
-    slowness: float
-    """Factor on time that the arm's limits demand at least."""
+    scales: np.ndarray
+    """Factors (n,) on the time about each of `times` that the arm's limits demand at least."""
+
+    @property
+    def slowness(self) -> float:
+        """Largest factor on time that the arm's limits demand."""
+        return float(self.scales.max())
 
 
 def plan_motion(config: RehearsalConfig) -> Plan:
@@ -109,45 +113,41 @@ def solve_grip(config: RehearsalConfig) -> Grip:
     arm = Arm(assemble_rehearsal(config))
     config = add_picking(config, arm.assembly)
     path = LearnedPath(config) if config.trajectory == "learned" else WaypointPath(config)
-    robot = RobotClearance(compile_rehearsal(config), arm)
+    return follow_path(config, arm, path, RobotClearance(compile_rehearsal(config), arm))
+
+
+def follow_path(config: RehearsalConfig, arm: Arm, path: WaypointPath | LearnedPath, robot: RobotClearance) -> Grip:
+    """Solve a path for joint angles, and check its clearances; errors as of `plan_motion`."""
     times, solution = solve_joints(arm, path, robot)
     clearance = check_path(config, path, times, solution.q, robot)
     check_dose_reach(config, arm, find_dose_posture(config, path, times, solution), robot)
-    slowness = compute_time_scale(times, solution.q, arm.limits(config.limits)).max()
-    return Grip(config, arm, path, times, solution, robot, clearance, float(slowness))
+    return Grip(config, arm, path, robot, times, solution, clearance,
+                compute_time_scale(times, solution.q, arm.limits(config.limits)))
 
 
 def time_motion(grip: Grip, most: float) -> Plan:
     """Put the joint path into time, a script slower by up to a factor where limits demand it; raises ConfigError."""
-    config, arm, path, times, solution, robot, clearance, _ = grip
-    limits, scale, reason = arm.limits(config.limits), 1.0, ConfigError("")
+    limits, scale, reason = grip.arm.limits(grip.config.limits), 1.0, ConfigError("")
     for _ in range(MAX_SLOWDOWNS):
+        config, path = grip.config, grip.path
         try:
-            motion = SmoothMotion(times, solution.q, limits, path.times, arm.joints)
-            return Plan(config, path, solution, motion, arm, clearance, scale)
+            motion = SmoothMotion(grip.times, grip.solution.q, limits, path.times, grip.arm.joints)
+            return Plan(config, path, grip.solution, motion, grip.arm, grip.clearance, scale)
         except ConfigError as error:
             reason = error
         if isinstance(path, LearnedPath):
-            path.slow_down(times, compute_time_scale(times, solution.q, limits) / LIMIT_SHARE)
+            path.slow_down(grip.times, grip.scales / LIMIT_SHARE)
         else:
-            config, path, scale = _slow_script(config, limits, times, solution, scale, most, reason)
-        times, solution = solve_joints(arm, path, robot)
-        clearance = check_path(config, path, times, solution.q, robot)
-        check_dose_reach(config, arm, find_dose_posture(config, path, times, solution), robot)
-    slower = path.time_scale if isinstance(path, LearnedPath) else scale
+            factor = max(1.02, grip.slowness / LIMIT_SHARE)
+            scale *= factor
+            if scale > most:
+                raise ConfigError(f"{reason}, or allow the whole motion to be played slower (max_time_scale = "
+                                  f"{config.max_time_scale:g}, needed: {scale:.3g})")
+            config = slow_down(config, factor)
+            path = WaypointPath(config)
+        grip = follow_path(config, grip.arm, path, grip.robot)
+    slower = grip.path.time_scale if isinstance(grip.path, LearnedPath) else scale
     raise ConfigError(f"the motion is too fast for the arm even {slower:.1f} times slower: {reason}")
-
-
-def _slow_script(config: RehearsalConfig, limits: MotionLimits, times: np.ndarray, solution: PathSolution, scale: float,
-                 most: float, reason: ConfigError) -> tuple[RehearsalConfig, WaypointPath, float]:
-    """Return a slower script, its path, and the factor on all times so far; raises ConfigError beyond the largest."""
-    factor = max(1.02, float(compute_time_scale(times, solution.q, limits).max()) / LIMIT_SHARE)
-    scale *= factor
-    if scale > most:
-        raise ConfigError(f"{reason}, or allow the whole motion to be played slower (max_time_scale = "
-                          f"{config.max_time_scale:g}, needed: {scale:.3g})")
-    slower = slow_down(config, factor)
-    return slower, WaypointPath(slower), scale
 
 
 def slow_down(config: RehearsalConfig, factor: float) -> RehearsalConfig:

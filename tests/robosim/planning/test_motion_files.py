@@ -5,22 +5,21 @@ import pytest
 
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import load_rehearsal
-from robosim.rehearsal.planning import bundled_motions
-from robosim.rehearsal.planning.bundled_motions import find_motion, load_motion
-from robosim.rehearsal.planning.learned_path import LearnedPath
-from robosim.rehearsal.planning.motion_sequence import place_target
-from robosim.rehearsal.planning.pose_sequences import SAMPLING
+from robosim.planning import learned_motions
+from robosim.planning.learned_motions import find_motion, load_motion, place_target
+from robosim.planning.learned_path import LearnedPath
+from robosim.planning.pose_sequences import SAMPLING
 from robosim.tasks.task import load_task
 
 
 def test_motions_that_do_not_fit_are_refused(monkeypatch, write_motions):
-    monkeypatch.setattr(bundled_motions, "trained", lambda name: None)
+    monkeypatch.setattr(learned_motions, "trained", lambda name: None)
     with pytest.raises(ConfigError, match="no bundled motion for BottlePickPour"):
         place_target(load_rehearsal("bottle", {"trajectory": "learned"}))
     with pytest.raises(ConfigError, match="moves a shovel; the rehearsal's tool is bottle"):
         place_target(load_rehearsal("bottle", {"trajectory": "learned", "learned": ["ShovelMove"]}))
     folder = write_motions("ScoopScoop")
-    monkeypatch.setattr(bundled_motions, "trained", lambda name: folder / f"{name}.npz")
+    monkeypatch.setattr(learned_motions, "trained", lambda name: folder / f"{name}.npz")
     config = load_rehearsal("scoop", {"trajectory": "learned", "learned": ["ScoopScoop"]})
     rotated = config.model_copy(update={"containers": {
         name: box.model_copy(update={"yaw_deg": 0.0}) for name, box in config.containers.items()}})

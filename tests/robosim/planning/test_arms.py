@@ -11,10 +11,10 @@ from robosim.base.errors import ConfigError, UnreachableWaypoint
 from robosim.base.resources import config_path
 from robosim.config.arm import BasePose
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.rehearsal.planning.path_clearance import LEAST
-from robosim.rehearsal.planning.plan import plan_motion, slow_down
-from robosim.rehearsal.planning.robot_clearance import RobotClearance
-from robosim.rehearsal.planning.waypoint_path import WaypointPath
+from robosim.planning.path_clearance import LEAST
+from robosim.planning.plan import plan_motion, slow_down
+from robosim.planning.robot_clearance import RobotClearance
+from robosim.planning.waypoint_path import WaypointPath
 from robosim.robot.robot import bundled_arms
 from robosim.scene.build import compile_rehearsal
 

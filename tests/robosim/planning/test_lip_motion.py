@@ -5,7 +5,7 @@ import pytest
 
 from mpm import Pose
 from robosim.dosing.command import DoseCommand
-from robosim.rehearsal.dosing.lip_motion import RESPONSE, LipMotion
+from robosim.planning.lip_motion import RESPONSE, LipMotion
 
 DT = 1e-3
 LIP = np.array([0.035, 0.0, 0.0])

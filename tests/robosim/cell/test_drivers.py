@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import robosim
-from robosim.rehearsal.drivers import OwnDriver, RobotState
-from robosim.rehearsal.planning.plan import Plan
+from robosim.cell.drivers import OwnDriver, RobotState
+from robosim.planning.plan import Plan
 from robosim.rehearsal.rehearsal import Rehearsal
 from robosim.robot.timing import JointState
 
@@ -70,7 +70,7 @@ def jump(state: RobotState) -> np.ndarray:
     (lambda state: state.q[:3], r"driver <lambda> at t = 0.0000 s commands array.*; accepted: joint angles \(7,\)"),
     (lambda state: None, r"commands None; accepted: joint angles"),
     (lambda state: state.planned._replace(q=np.full(7, 9.0)), r"joint A1 to 9.0000 rad; accepted: -2.9671 to 2.9671"),
-    (lambda state: state.planned._replace(qd=np.full(7, 5.0)), r"joint A1 at 5 rad/s; accepted: up to 1.71"),
+    (lambda state: state.planned._replace(qd=np.full(7, 5.0)), r"joint A1 at 5 rad/s; accepted: up to 1.484 rad/s"),
 ])
 def test_commands_that_cannot_be_followed_are_refused(plan: Plan, own: Any, message: str) -> None:
     with pytest.raises(robosim.DriverFault, match=message):

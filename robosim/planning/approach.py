@@ -12,7 +12,7 @@ import numpy as np
 
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.rehearsal.planning.robot_clearance import Nearest, RobotClearance
+from robosim.planning.robot_clearance import Nearest, RobotClearance
 from robosim.robot.model import Arm
 from robosim.robot.timing import MotionLimits, StraightMotion
 from robosim.scene.build import compile_rehearsal, standing_pose

@@ -6,8 +6,8 @@ import pytest
 
 from robosim.config.motion import APPROACH, RETREAT
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.rehearsal.planning.picking import SETTLING
-from robosim.rehearsal.planning.plan import plan_motion
+from robosim.planning.picking import SETTLING
+from robosim.planning.plan import plan_motion
 from robosim.scene.build import compile_rehearsal, standing_pose
 from robosim.scene.frames import body_pose
 from robosim.scene.grasp import HOLDER, Grasp, put_tool

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 import mpm
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
-from robosim.rehearsal.planning.learned_path import WEIGHING_TIME, LearnedPath
-from robosim.rehearsal.planning.motion_sequence import place_target
-from robosim.rehearsal.planning.plan import plan_motion
-from robosim.rehearsal.planning.pose_sequences import CLEARANCE, CONNECTION_SPEED, SHIFT_TOLERANCE, SMOOTHING
+from robosim.planning.learned_motions import place_target
+from robosim.planning.learned_path import WEIGHING_TIME, LearnedPath
+from robosim.planning.plan import plan_motion
+from robosim.planning.pose_sequences import CLEARANCE, CONNECTION_SPEED, SHIFT_TOLERANCE, SMOOTHING
 from robosim.robot.ros_trajectory import make_joint_trajectory
 from robosim.scene.container_clearance import build_real_tool_sdf
 from robosim.scene.frames import container_pose

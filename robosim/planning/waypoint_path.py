@@ -7,8 +7,8 @@ import numpy as np
 from mpm.geometry.rigid_motion import Pose, exponential, logarithm
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig
-from robosim.rehearsal.planning.pose_sequences import check_duration
-from robosim.rehearsal.planning.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
+from robosim.planning.pose_sequences import check_duration
+from robosim.planning.screw_legs import Corner, compute_blend_time, compute_corner_cut, make_leg
 from robosim.scene.frames import container_pose, waypoint_pose
 from robosim.scene.models import container_shape
 from robosim.shapes import MeshTool, OwnTool, ToolShape, tool_shape

@@ -12,7 +12,7 @@ import numpy as np
 
 import mpm
 from robosim.base.errors import ConfigError, DriverFault
-from robosim.rehearsal.dosing.stage import DosingStage
+from robosim.cell.dosing_stage import DosingStage
 from robosim.robot.model import Arm
 from robosim.robot.timing import JointMotion, JointState
 

@@ -8,8 +8,8 @@ import pytest
 from robosim.base.errors import ConfigError
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.scene import ObstacleConfig
-from robosim.rehearsal.planning.approach import MARGIN, Clearances, between, find_route, plan_approach
-from robosim.rehearsal.planning.plan import Plan, plan_motion, plan_path
+from robosim.planning.approach import MARGIN, Clearances, between, find_route, plan_approach
+from robosim.planning.plan import Plan, plan_motion, plan_path
 from robosim.rehearsal.session import check_config
 from robosim.robot.timing import StraightMotion
 
