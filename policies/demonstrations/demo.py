@@ -16,8 +16,8 @@ from policies.demonstrations.generator import make_demonstrations
 from policies.demonstrations.request import DemonstrationRequest, surrogate_material
 from policies.demonstrations.summary import draw_learning_curves, write_table
 from policies.learning.environments import make_environment
-from policies.learning.files import worker_pool
 from policies.learning.options import SearchOptions
+from robosim.base.jobs import worker_pool
 from robosim.base.output_folder import OutputFolder
 
 SCRIPT = "script"

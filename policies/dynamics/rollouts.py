@@ -12,7 +12,7 @@ from policies.demonstrations.action_repeat import ActionRepeat
 from policies.demonstrations.spline_search import sample_spline
 from policies.dynamics.rollout_files import grain_positions, rollout_path, write_description
 from policies.learning.environments import continue_episode, make_environment
-from policies.learning.files import worker_pool
+from robosim.base.jobs import worker_pool
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 

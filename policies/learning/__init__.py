@@ -1,4 +1,4 @@
-"""What a run of learning is set up from: presets, task names, environments, episodes, files, worker processes.
+"""What a run of learning is set up from: presets, task names, environments, episodes.
 
 Imports: robosim, mpm.
 """

@@ -4,6 +4,7 @@ A command is arguments of `python -m`, and the file that its output is appended 
 machine; a `Launcher` on others.
 """
 
+import contextlib
 import ctypes
 import os
 import signal
@@ -11,6 +12,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -99,6 +102,30 @@ def read_end(path: Path) -> list[str]:
         file.seek(max(0, path.stat().st_size - LOG_END))
         text = file.read(LOG_END).decode(errors="replace").replace("\r", "\n")
     return [line.strip() for line in text.splitlines() if line.strip()]
+
+
+@contextlib.contextmanager
+def worker_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of `jobs` processes, spawned because a forked one could not use a GPU.
+
+    On an exception, such as Ctrl-C, the workers are stopped at once.
+    """
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start_worker,
+                               initargs=(os.getpid(),))
+    try:
+        yield pool
+    except BaseException:
+        for process in active_children():  # or the pool would wait for the end of their work
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _start_worker(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with(parent)
 
 
 def end_with(parent: int) -> None:
