@@ -161,5 +161,5 @@ def run_job(order: Path) -> None:
 
 if __name__ == "__main__":
     if PARENT in os.environ:
-        end_with(int(os.environ[PARENT]))
+        end_with(int(os.environ.pop(PARENT)))
     run_job(Path(sys.argv[1]))
