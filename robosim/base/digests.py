@@ -60,14 +60,27 @@ def code_digest(*modules: str, with_data: bool = True) -> str:
     They change with the syntax of the modules and of all of ours that these import, directly or not, and with the
     versions of the libraries that compute. with_data: and with all bundled configurations and models.
     """
-    total = hashlib.sha256(" ".join(version(name) for name in LIBRARIES).encode())
-    if with_data:
-        for path in sorted(path for name, kinds in DATA.items() for kind in kinds for path in folder(name).rglob(kind)):
-            total.update(path.read_bytes())
+    total = hashlib.sha256(library_versions().encode())
+    total.update(data_digest() if with_data else b"")
     for path in source_files(*modules):
-        total.update(f"{path.relative_to(ROOT).as_posix()} {read_module(path).digest}".encode())
+        total.update(f"{path.stem} {read_module(path).digest} ".encode())
     _store_memo()
     return total.hexdigest()[:12]
+
+
+@cache
+def library_versions() -> str:
+    """Return the versions of the libraries that compute."""
+    return " ".join(version(name) for name in LIBRARIES)
+
+
+@cache
+def data_digest() -> bytes:
+    """Return a digest of all bundled configurations and models."""
+    total = hashlib.sha256()
+    for path in sorted(path for name, kinds in DATA.items() for kind in kinds for path in folder(name).rglob(kind)):
+        total.update(path.read_bytes())
+    return total.digest()
 
 
 def exercised_code() -> dict[str, str]:
@@ -87,15 +100,23 @@ def changed_modules(stored: dict[str, str]) -> list[str]:
 
 def source_files(*modules: str) -> list[Path]:
     """Return the files of modules and of all of our modules that they import, directly or not."""
-    waiting, files = list(modules), set()
+    waiting = [path for path in map(module_file, modules) if path is not None]
+    files: set[Path] = set()
     while waiting:
-        path = module_file(waiting.pop())
-        if path is not None and path not in files:
+        path = waiting.pop()
+        if path not in files:
             files.add(path)
-            waiting += read_module(path).imports
+            waiting += imported_files(path)
     return sorted(files)
 
 
+@cache
+def imported_files(path: Path) -> list[Path]:
+    """Return the files of our modules that a file imports."""
+    return [found for found in map(module_file, read_module(path).imports) if found is not None]
+
+
+@cache
 def module_file(module: str) -> Path | None:
     """Return a module's file; None for a name that is no module."""
     path = ROOT.joinpath(*module.split("."))

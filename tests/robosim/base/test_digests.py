@@ -1,5 +1,6 @@
 """Digests of the code that a result depends on."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from robosim.base.digests import code_digest, parse_module, source_files
 
 
 @pytest.fixture
-def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
     """A package of modules `case` -> `a` -> `b`, and `c`, which nothing imports."""
     (tmp_path / "mpm").mkdir()
     a = '"""A."""\nfrom mpm import b\n\nX = 1.0\n"""[m]"""\n'
@@ -17,13 +18,19 @@ def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         (tmp_path / "mpm" / f"{name}.py").write_text(text)
     monkeypatch.setattr(digests, "ROOT", tmp_path)
     monkeypatch.setenv("ROBOSIM_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "mpm"
+    yield tmp_path / "mpm"
+    forget()
+
+
+def forget() -> None:
+    """Forget what this process has read."""
+    for function in (code_digest, digests.module_file, digests.imported_files, digests.read_module, digests._memo):
+        function.cache_clear()
 
 
 def fresh_digest() -> str:
     """The digest that a process would have which starts now."""
-    for function in (code_digest, digests.read_module, digests._memo):
-        function.cache_clear()
+    forget()
     return code_digest("mpm.case")
 
 
