@@ -9,6 +9,7 @@ from mpm.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from mpm.backend import init
+    from mpm.batch.batch import Batch
     from mpm.errors import (
         BackendError,
         CoarseGrains,
@@ -53,91 +54,6 @@ if TYPE_CHECKING:
     from mpm.scene.sampling import sample_box, sample_cylinder, sample_mesh
     from mpm.scene.walls import Walls
     from mpm.solver import Solver
-    from mpm.stepping.batch import Batch
-
-__all__ = [
-    "BackendError",
-    "Batch",
-    "Body",
-    "CoarseGrains",
-    "Collider",
-    "ColliderJumped",
-    "ColliderTooFast",
-    "ContactNotConverged",
-    "Counts",
-    "Diagnostics",
-    "DruckerPrager",
-    "Elastic",
-    "Features",
-    "GradientDiverged",
-    "GrainsInSolid",
-    "GrainsLeaveGrid",
-    "Grid",
-    "InvalidValue",
-    "MoreThreadsThanCores",
-    "MpmError",
-    "MpmWarning",
-    "MuIRheology",
-    "NarrowPassage",
-    "NewtonianFluid",
-    "Orifice",
-    "OverlappingBodies",
-    "Pose",
-    "Region",
-    "RegionCounter",
-    "Rollout",
-    "Sample",
-    "Sdf",
-    "Shell",
-    "SimulationDiverged",
-    "Solver",
-    "StrongCompression",
-    "ThinSolid",
-    "TimeStepTooLarge",
-    "Twist",
-    "UnknownName",
-    "VolumeMismatch",
-    "VonMises",
-    "Walls",
-    "Wrench",
-    "geostatic_stress",
-    "init",
-    "sample_box",
-    "sample_cylinder",
-    "sample_mesh",
-]
-
-MODULES = {
-    "mpm.backend": ("init",),
-    "mpm.errors": ("BackendError", "CoarseGrains", "ColliderJumped", "ColliderTooFast", "ContactNotConverged",
-        "GradientDiverged", "GrainsInSolid", "GrainsLeaveGrid", "InvalidValue", "MoreThreadsThanCores", "MpmError",
-        "MpmWarning", "NarrowPassage", "OverlappingBodies", "SimulationDiverged", "StrongCompression", "ThinSolid",
-        "TimeStepTooLarge", "UnknownName", "VolumeMismatch"),
-    "mpm.geometry.region": ("Region",),
-    "mpm.geometry.rigid_motion": ("Pose", "Twist", "Wrench"),
-    "mpm.geometry.sdf": ("Sdf",),
-    "mpm.geometry.shell": ("Shell",),
-    "mpm.materials.drucker_prager": ("DruckerPrager",),
-    "mpm.materials.elasticity": ("Elastic",),
-    "mpm.materials.mu_i_rheology": ("MuIRheology",),
-    "mpm.materials.newtonian_fluid": ("NewtonianFluid",),
-    "mpm.materials.von_mises": ("VonMises",),
-    "mpm.observers.diagnostics": ("Diagnostics",),
-    "mpm.observers.region_counter": ("Counts", "RegionCounter"),
-    "mpm.observers.sample": ("Sample",),
-    "mpm.rollout.rollout": ("Rollout",),
-    "mpm.scene.body": ("Body",),
-    "mpm.scene.collider": ("Collider",),
-    "mpm.scene.features": ("Features",),
-    "mpm.scene.grid": ("Grid",),
-    "mpm.scene.initial_stress": ("geostatic_stress",),
-    "mpm.scene.orifice": ("Orifice",),
-    "mpm.scene.sampling": ("sample_box", "sample_cylinder", "sample_mesh"),
-    "mpm.scene.walls": ("Walls",),
-    "mpm.solver": ("Solver",),
-    "mpm.stepping.batch": ("Batch",),
-}
-"""Module -> the public names that it defines; the same as the imports above, which type checkers read."""
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__ = lazy_names(__name__, MODULES)
+    __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

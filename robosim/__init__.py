@@ -28,25 +28,8 @@ if TYPE_CHECKING:
     from robosim.scene.composing import Container
     from robosim.scene.grain_renderer import GrainRenderer
 
-__all__ = ["BodyLeftGrid", "ConfigError", "Container", "DriverFault", "GrainRenderer", "GranularPlugin", "Mp4Writer",
-           "Rehearsal", "RehearsalConfig", "Result", "RobosimError", "RobotDiverged", "UnknownName",
-           "UnreachableWaypoint"]
-
-MODULES = {
-    "robosim.config.rehearsal": ("RehearsalConfig",),
-    "robosim.coupling.plugin": ("GranularPlugin",),
-    "robosim.base.errors": ("BodyLeftGrid", "ConfigError", "DriverFault", "RobosimError", "RobotDiverged",
-                            "UnknownName", "UnreachableWaypoint"),
-    "robosim.rehearsal.rehearsal": ("Rehearsal",),
-    "robosim.rehearsal.result": ("Result",),
-    "robosim.rendering.video": ("Mp4Writer",),
-    "robosim.scene.composing": ("Container",),
-    "robosim.scene.grain_renderer": ("GrainRenderer",),
-}
-"""Module -> the public names that it defines; the same as the imports above, which type checkers read."""
-
 choose_graphics()  # before anything imports MuJoCo
 register_with_gymnasium()
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__ = lazy_names(__name__, MODULES)
+    __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -10,7 +10,8 @@ from mpm.scene.grid import BLOCK
 from mpm.state.ledger import position
 from mpm.state.nodes import in_first_layer
 from mpm.state.packs import LANES, lane_mask
-from mpm.transfers.to_particles import drift_after, gather_pack, keep_inside
+from mpm.state.particle_motion import drift_after, keep_inside
+from mpm.transfers.to_particles import gather_pack
 
 
 @ti.func

@@ -11,8 +11,8 @@ from mpm.boundaries.shell_transfer import SHELL_RECOVERY, WATCHED, lever_after
 from mpm.state.ledger import position
 from mpm.state.nodes import stencil
 from mpm.state.packs import LANES
-from mpm.transfers.particle_grid import NodeValues, gather, moments, weights
-from mpm.transfers.to_particles import drift_after, keep_inside
+from mpm.state.particle_motion import drift_after, keep_inside
+from mpm.state.stencil import NodeValues, gather, moments, weights
 
 
 @ti.func

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 from mpm.backend import ti
 from mpm.state.fields import Fields
-from mpm.transfers.particle_grid import SingleLayer
+from mpm.state.stencil import SingleLayer
 
 
 class SideLayers(NamedTuple):

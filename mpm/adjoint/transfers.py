@@ -8,7 +8,8 @@ from mpm.materials.symmetric_tensor import FULL
 from mpm.materials.tensor_adjoint import bar_of_matrix
 from mpm.state.nodes import stencil
 from mpm.state.packs import LANES
-from mpm.transfers.particle_grid import (
+from mpm.state.particle_motion import drift_after
+from mpm.state.stencil import (
     AffineProducts,
     NodeValues,
     gather,
@@ -17,7 +18,6 @@ from mpm.transfers.particle_grid import (
     slopes,
     weights,
 )
-from mpm.transfers.to_particles import drift_after
 
 STRAINS = 15
 """Number of the first field of a state that a law remembers: those of x, v and C stand before it."""

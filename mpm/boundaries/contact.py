@@ -10,9 +10,8 @@ from mpm.state.active_blocks import mark_place
 from mpm.state.contact_fields import rank_of, sort_by_part, take_place
 from mpm.state.ledger import GRAVITY_ROW, add, credit, position
 from mpm.state.nodes import in_first_layer, node_of
-from mpm.state.packs import LANES
-from mpm.state.sleepers import is_awake, pack_at, packs_of_body
-from mpm.transfers.to_particles import drift_after, move_lane
+from mpm.state.packs import LANES, is_active, pack_at, packs_of_body
+from mpm.state.particle_motion import drift_after, move_lane
 
 FACE = 0.51
 """Cells in front of a collider's face within which a node counts as on it. Half a cell puts the walls that nodes can
@@ -306,7 +305,7 @@ def find_near_lanes(fields: ti.template(), P: ti.template(), index: ti.template(
         z = [once(R[0, d] * r[0] + R[1, d] * r[1] + R[2, d] * r[2]) for d in range(3)]
         for l in ti.static(range(LANES)):
             y = ti.Vector([z[d][l] for d in range(3)])
-            if half[l] > 0 and is_awake(fields, q, l) and not fields.colliders[index].sdf.is_beyond(y, half[l]):
+            if half[l] > 0 and is_active(fields, q, l) and not fields.colliders[index].sdf.is_beyond(y, half[l]):
                 near |= 1 << l
     return near
 

@@ -18,7 +18,7 @@ from mpm.boundaries.mobile_motion import apply_impulse, write_velocity
 from mpm.state.active_blocks import mark_place
 from mpm.state.ledger import add, credit
 from mpm.state.packs import read_lane
-from mpm.transfers.to_particles import keep_inside
+from mpm.state.particle_motion import keep_inside
 
 REACH = 1.5
 """Cells from the disc of a hole within which a particle on the inner side covers it. The grid does not see a cavity of

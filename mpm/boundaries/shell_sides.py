@@ -13,8 +13,7 @@ from mpm.state.active_blocks import activate
 from mpm.state.contact_fields import take_place
 from mpm.state.ledger import position
 from mpm.state.nodes import first_nodes, node_of
-from mpm.state.packs import LANES, lane_mask, write_lane
-from mpm.state.sleepers import is_awake, pack_at
+from mpm.state.packs import LANES, is_active, lane_mask, pack_at, write_lane
 
 CURVATURE = 0.5
 """Cells by which a curved shell may come closer to a stencil's outer nodes than its tangent plane."""
@@ -105,7 +104,7 @@ def label_packs(fields: ti.template(), P: ti.template(), motion: ti.template(), 
                 before = ti.cast(P.side[q].dot(mask), ti.i32)
                 x = ti.Vector([P.x[d][q].dot(mask) + fields.origin[d] for d in range(3)])
                 side, phi = find_side(fields, motion, s, J, x)
-                if (side != 0 and ti.abs(before) == ti.abs(side)) or not is_awake(fields, q, l):
+                if (side != 0 and ti.abs(before) == ti.abs(side)) or not is_active(fields, q, l):
                     side = before
                 if P.volume[q].dot(mask) == 0:  # padding, which would be listed, and gather from nodes without mass
                     side = 0
@@ -141,7 +140,7 @@ def list_lanes(fields: ti.template(), P: ti.template(), q):
     """List the lanes of pack q that have a side, for the transfers across shells of the whole stride."""
     if ti.abs(P.side[q]).sum() > 0:
         for l in range(LANES):
-            if P.side[q][l] != 0 and is_awake(fields, q, l):
+            if P.side[q][l] != 0 and is_active(fields, q, l):
                 c = take_place(fields.shells.count, None)
                 fields.shells.slot[c] = ti.Vector([q, l])
                 fields.shells.place[q][l] = c

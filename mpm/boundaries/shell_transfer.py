@@ -10,9 +10,8 @@ from mpm.state.active_blocks import mark_place, note_reached
 from mpm.state.contact_fields import take_place
 from mpm.state.ledger import credit
 from mpm.state.packs import LANES, read_lane
-from mpm.transfers.particle_grid import NodeValues, ShellLayers, gather, moments, scatter, weights
-from mpm.transfers.to_grid import scatter_shift
-from mpm.transfers.to_particles import drift_after, keep_inside, move_lane
+from mpm.state.particle_motion import drift_after, keep_inside, move_lane
+from mpm.state.stencil import NodeValues, ShellLayers, gather, moments, scatter, scatter_shift, weights
 
 WATCHED = 1.3
 """Cells from the shell within which a particle can reach it in a stride: its own travel and the shell's."""

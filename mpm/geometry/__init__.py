@@ -1,4 +1,4 @@
 """Shapes of colliders as signed distances, regions that count grains, and rigid motion.
 
-Imports: array_files, backend, cache_folder, errors, files.
+Imports: array_files, backend, errors, files.
 """

@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 
 from mpm.array_files import read_arrays
-from mpm.cache_folder import user_cache_folder, writable_folder
+from mpm.backend.cache_folder import user_cache_folder, writable_folder
 from mpm.errors import InvalidValue
 from mpm.files import write
 from mpm.geometry import mesh_distance

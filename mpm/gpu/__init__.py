@@ -1,4 +1,4 @@
 """The stepper of a GPU: the phases of a substep as parallel loops.
 
-Imports: backend, boundaries, observers, scene, state, stepping, transfers.
+Imports: backend, boundaries, observers, scene, state, stepping.
 """

@@ -7,8 +7,8 @@ from mpm.backend import is_vulkan, ti
 from mpm.scene.grid import BLOCK
 from mpm.state.fields import Fields
 from mpm.state.ledger import STRIPES, Stripe
-from mpm.stepping.crew import count_of
 from mpm.stepping.phases import Phase, Step
+from mpm.stepping.thread_group import count_of
 
 WALLS = 6
 BLOCK_PARTS = 4096

@@ -18,11 +18,11 @@ from mpm.observers.sample import SampleKernel
 from mpm.state.fields import Fields
 from mpm.state.ledger import STRIPES
 from mpm.state.packs import LANES
-from mpm.state.snapshots import StateBank
+from mpm.state.particle_motion import drift_packs
 from mpm.stepping.cpu import CpuStepper, add_status
 from mpm.stepping.phases import split_phases
+from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import fastest_square, limit_stride
-from mpm.transfers.to_particles import drift_packs
 
 SUM_PARTS = 4096
 """Parts of the packs where something is summed over them."""

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from mpm.backend import is_shared, put, ti
+from mpm.backend.launching import Launcher
 from mpm.geometry.shell import Shell
-from mpm.launching import Launcher
 from mpm.state.ledger import add
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.backend import default_precision, is_shared, session_precision, ti
-from mpm.launching import Launcher
+from mpm.backend.launching import Launcher
 
 FAR = np.float32(np.inf)
 """Depth [m] of a pixel that sees nothing."""

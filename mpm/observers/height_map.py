@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mpm.backend import default_precision, is_shared, session_precision, ti
+from mpm.backend.launching import Launcher
 from mpm.errors import InvalidValue
-from mpm.launching import Launcher
 
 RADIUS = 0.75**0.5
 """Radius of a particle's sphere in spacings: half the diagonal of its cube, so that a flat lattice has no holes."""

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from mpm.backend import default_precision
+from mpm.backend.assembly import AssemblyOwner
 from mpm.errors import InvalidValue, UnknownName
 from mpm.geometry.rigid_motion import Pose, Wrench, check_pose
 from mpm.observers import diagnostics
@@ -14,7 +15,6 @@ from mpm.observers.stress_reader import StressReader
 from mpm.scene.body import Body
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid
-from mpm.state.assembly import AssemblyOwner
 from mpm.state.fields import Fields
 from mpm.state.particles import ParticleFields
 

@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from mpm.adjoint.phases import phases_without_adjoint
 from mpm.errors import InvalidValue
+from mpm.rollout.phases import phases_without_adjoint
 
 
 def check_differentiable(solver: Any) -> None:  # a Solver, which stands above

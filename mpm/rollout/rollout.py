@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from mpm.adjoint.kernel import AdjointKernel
 from mpm.backend import allocating, default_precision, free_later
 from mpm.errors import GradientDiverged, InvalidValue
 from mpm.geometry.rigid_motion import COLUMNS, Pose
@@ -17,12 +16,13 @@ from mpm.observers.diagnostics import describe_divergence
 from mpm.rollout import tool_twists
 from mpm.rollout.differentiable import check_arguments, check_differentiable
 from mpm.rollout.gradients import Gradients, material_gradients
+from mpm.rollout.kernel import AdjointKernel
 from mpm.rollout.losses import Loss, LossGradient, RolloutStates
 from mpm.rollout.schedule import Schedule, plan_schedule
 from mpm.scene.validation import read_real
 from mpm.state.packs import LANES
 from mpm.state.particles import SPEED_LIMIT
-from mpm.state.snapshots import StateBank
+from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import MAX_SUBSTEPS, longest_stride
 
 BUDGET = 1_000_000_000

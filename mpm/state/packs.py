@@ -1,4 +1,8 @@
-"""Fields of packs of particles, copied all in one kernel: one kernel a field would take 0.1 s each to compile."""
+"""Packs of particles: the lanes of a pack, the loops of kernels over packs, and copies of pack fields.
+
+Kernels run over the places 0 .. `count_packs` - 1; `pack_at` says which pack stands at a place. Both leave out packs
+that need no update.
+"""
 
 import numpy as np
 
@@ -31,9 +35,51 @@ def read_lane(field: ti.template(), slot):
     return value
 
 
+@ti.func
+def count_packs(fields: ti.template()):
+    """Return the number of packs that phases run over."""
+    count = 0
+    if ti.static(fields.features.sleep):  # noqa: SIM108  (decided when compiling)
+        count = fields.sleepers.count[None]
+    else:
+        count = fields.particles.pack_count[None]
+    return count
+
+
+@ti.func
+def packs_of_body(fields: ti.template(), body, first, last):
+    """Return first and last + 1 of the places of a body's packs that lie within first .. last - 1."""
+    begin, end = first, last
+    if ti.static(fields.features.sleep):
+        ends = fields.sleepers.ranges[body]
+        begin, end = ti.max(first, ends[0]), ti.min(last, ends[1])
+    else:
+        ends = fields.particles.range_table[body]
+        begin, end = ti.max(first, ends[0]), ti.min(last, ends[1])
+    return begin, end
+
+
+@ti.func
+def pack_at(fields: ti.template(), place):
+    """Return the pack at a place."""
+    q = place
+    if ti.static(fields.features.sleep):
+        q = fields.sleepers.awake[place]
+    return q
+
+
+@ti.func
+def is_active(fields: ti.template(), q, l):
+    """Return 1 where lane l of pack q is updated, a constant where all are."""
+    active = 1
+    if ti.static(fields.features.sleep):
+        active = 1 - ((fields.sleepers.lanes_asleep[q] >> l) & 1)
+    return active
+
+
 @ti.data_oriented
 class Packs:
-    """Pack fields of one length and type.
+    """Pack fields of one length and type, copied all in one kernel: one a field would take 0.1 s each to compile.
 
     count: that length as a field, see `ParticleFields.pack_count`. dtype: of the fields, as NumPy has it.
     """

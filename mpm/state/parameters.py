@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mpm.backend import check_owner, later, put, real_type, ti
-from mpm.launching import Launcher
+from mpm.backend.launching import Launcher
 from mpm.materials.material import PARAMETERS, Material
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpm.backend import is_shared, put, real_type, ti
-from mpm.launching import Launcher
+from mpm.backend.launching import Launcher
 from mpm.scene.body import Body
 from mpm.scene.features import Features
 from mpm.scene.grid import Grid

@@ -83,48 +83,6 @@ def place_of_block(fields: ti.template(), block):
 
 
 @ti.func
-def count_packs(fields: ti.template()):
-    """Return how many packs phases run over: all, or those that are awake."""
-    count = 0
-    if ti.static(fields.features.sleep):  # noqa: SIM108  (decided when compiling)
-        count = fields.sleepers.count[None]
-    else:
-        count = fields.particles.pack_count[None]
-    return count
-
-
-@ti.func
-def packs_of_body(fields: ti.template(), body, first, last):
-    """Return the part of a body's packs that lies in the stretch first .. last - 1 of what phases run over."""
-    begin, end = first, last
-    if ti.static(fields.features.sleep):
-        ends = fields.sleepers.ranges[body]
-        begin, end = ti.max(first, ends[0]), ti.min(last, ends[1])
-    else:
-        ends = fields.particles.range_table[body]
-        begin, end = ti.max(first, ends[0]), ti.min(last, ends[1])
-    return begin, end
-
-
-@ti.func
-def pack_at(fields: ti.template(), place):
-    """Return the pack at a place of what phases run over."""
-    q = place
-    if ti.static(fields.features.sleep):
-        q = fields.sleepers.awake[place]
-    return q
-
-
-@ti.func
-def is_awake(fields: ti.template(), q, l):
-    """Return 1 where lane l of pack q is awake; without sleeping, a constant."""
-    awake = 1
-    if ti.static(fields.features.sleep):
-        awake = 1 - ((fields.sleepers.lanes_asleep[q] >> l) & 1)
-    return awake
-
-
-@ti.func
 def sleeping_lanes(fields: ti.template(), q):
     """Return a pack of integers, 1 in lanes of pack q that sleep."""
     bits = fields.sleepers.lanes_asleep[q]

@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 
 from mpm.backend import once, ti
+from mpm.backend.launching import Launcher
 from mpm.boundaries.coulomb import collider_axes, collider_origin
-from mpm.launching import Launcher
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
 from mpm.observers.sample import SampleKernel
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.ledger import Stripe, add, add_stripes, maximise
-from mpm.state.packs import LANES
+from mpm.state.packs import LANES, count_packs, pack_at, packs_of_body
+from mpm.state.particle_motion import drift_before, drift_packs, mark_active_lanes
 from mpm.state.particles import AT_WALL
-from mpm.state.sleepers import LOOK, adopt_rest, count_packs, pack_at, packs_of_body
-from mpm.state.snapshots import StateBank
-from mpm.stepping.crew import ALONE, TURNS, Crew, count_of, is_left_alone, last_part, meet, share_of
+from mpm.state.sleepers import LOOK, adopt_rest
 from mpm.stepping.phases import Step, phases_of
 from mpm.stepping.sleep_look import look_at_rest
+from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import fastest_square, limit_stride
-from mpm.transfers.to_particles import drift_before, drift_packs, mark_awake
+from mpm.stepping.thread_group import ALONE, TURNS, Crew, count_of, is_left_alone, last_part, meet, share_of
 
 NOWHERE, CHECKPOINT, UNDO = range(3)
 """Where a launch first copies the state to."""
@@ -94,7 +94,7 @@ class CpuStepper:
             self.fields.grid.count[None] = 0
             key = -1
             for place in range(count_packs(self.fields)):
-                key = mark_awake(self.fields, self.fields.particles, pack_at(self.fields, place), key, stamp)
+                key = mark_active_lanes(self.fields, self.fields.particles, pack_at(self.fields, place), key, stamp)
         else:
             mark_all(self.fields.grid, self.fields.particles, 1.0 / self.fields.cell, stamp)
 

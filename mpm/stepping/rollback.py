@@ -4,8 +4,8 @@ from typing import Any
 
 from mpm.backend import check_owner
 from mpm.errors import InvalidValue
-from mpm.state.snapshots import StateBank
 from mpm.stepping.cpu import CHECKPOINT, NOWHERE, UNDO
+from mpm.stepping.snapshots import StateBank
 
 
 class Rollback:

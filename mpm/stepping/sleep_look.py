@@ -7,9 +7,9 @@ from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
 from mpm.state.sleepers import ALL_LANES, CALM_TIME, DRIFT, PUSH, STRAIN
+from mpm.state.stencil import weights
 from mpm.stepping.sleep_reach import find_near_blocks
 from mpm.stepping.sleep_shares import apply_changes
-from mpm.transfers.particle_grid import weights
 
 SIDE_CELLS = 8
 """Cells from a periodic side within which no particle sleeps: what sleeps has no images."""

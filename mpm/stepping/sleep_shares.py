@@ -11,7 +11,7 @@ from mpm.state.ledger import add, position
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
 from mpm.state.sleepers import FORCE, HOLD, MASS, PUSH, list_awake_packs, place_of_block
-from mpm.transfers.particle_grid import weights
+from mpm.state.stencil import weights
 
 NOTICED = 0.05
 """Share of the displacement that wakes from which on a node's is looked at."""

@@ -18,7 +18,7 @@ from mpm.geometry.rigid_motion import LINEAR
 from mpm.materials.stable_step import TRAVEL_FRACTION
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
-from mpm.state.sleepers import pack_at
+from mpm.state.packs import pack_at
 
 Interval = float | Literal["strides"] | None
 """Accepted values of `Solver(transfer_interval=)`, see `choose_interval`."""

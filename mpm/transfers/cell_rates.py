@@ -9,8 +9,7 @@ Methods Eng. 15, 1413).
 from mpm.backend import is_shared, once, ti
 from mpm.scene.grid import BLOCK
 from mpm.state.nodes import first_nodes, node_of
-from mpm.state.packs import LANES
-from mpm.state.sleepers import pack_at, packs_of_body
+from mpm.state.packs import LANES, pack_at, packs_of_body
 
 
 @ti.func

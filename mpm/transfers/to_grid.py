@@ -8,10 +8,10 @@ from mpm.scene.grid import BLOCK
 from mpm.state.active_blocks import note_reached
 from mpm.state.ledger import GRAVITY_ROW, add
 from mpm.state.nodes import clear, first_nodes, velocities_to_momenta
-from mpm.state.packs import LANES
-from mpm.state.sleepers import is_awake, pack_at, packs_of_body, sleeping_lanes
+from mpm.state.packs import LANES, is_active, pack_at, packs_of_body
+from mpm.state.sleepers import sleeping_lanes
+from mpm.state.stencil import SingleLayer, lane_weights, scatter, scatter_shift, weights
 from mpm.transfers.cell_rates import with_mean_rate
-from mpm.transfers.particle_grid import SingleLayer, lane_weights, scatter, weights
 
 
 @ti.func
@@ -94,7 +94,7 @@ def scatter_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q
     zero, key = fields.parameters.zero[None], -1
     for l in range(LANES):  # unrolled it is a fifth slower, and takes half as long again to compile
         node = [once(base[0][l]), once(base[1][l]), once(base[2][l])]
-        listed = 1 - is_awake(fields, q, l)
+        listed = 1 - is_active(fields, q, l)
         if ti.static(len(fields.features.shells) > 0):  # noqa: SIM102  (decided when compiling)
             if P.side[q][l] != 0 and listed == 0:
                 listed = 1
@@ -108,12 +108,6 @@ def scatter_pack(fields: ti.template(), P: ti.template(), step: ti.template(), q
                     ti.Vector([Q[0][l], Q[3][l], Q[6][l], zero]), ti.Vector([Q[1][l], Q[4][l], Q[7][l], zero]),
                     ti.Vector([Q[2][l], Q[5][l], Q[8][l], zero]),
                     [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)])
-
-
-@ti.func
-def scatter_shift(fields: ti.template(), step: ti.template()):
-    """Return the nodes along x from the beginning of the scatter target to the array of this part."""
-    return step.part * ti.static(fields.grid.layers * fields.grid.width if fields.parts else 0)
 
 
 @ti.func

@@ -1,17 +1,13 @@
 """Grid to particle: velocity and affine velocity, the particles' move, and the active blocks of the next substep."""
 
 from mpm.backend import is_concurrent, is_shared, once, ti
-from mpm.state.active_blocks import list_row, mark_pack
+from mpm.state.active_blocks import list_row
 from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
-from mpm.state.packs import LANES
+from mpm.state.packs import LANES, is_active, pack_at
+from mpm.state.particle_motion import drift_after, mark_active_lanes, move_pack
 from mpm.state.particles import SPEED_LIMIT
-from mpm.state.sleepers import is_awake, pack_at
-from mpm.transfers.particle_grid import NodeValues, SingleLayer, gather, lane_weights, moments, weights
-
-NEAREST = 0.499
-"""Quanta by which a displacement is moved away from zero before it is truncated, so that it is rounded to the nearest.
-With a half, a remainder of just that would move a particle at rest to and fro."""
+from mpm.state.stencil import NodeValues, SingleLayer, gather, lane_weights, moments, weights
 
 
 @ti.func
@@ -58,7 +54,7 @@ def gather_and_move(fields: ti.template(), P: ti.template(), dt, next_stamp: ti.
                     # `move_listed` moves the others, from where they are now
                     displacement = ti.select(P.side[q] == 0.0, displacement, 0.0 * displacement)
                 move_pack(fields, P, q, r, displacement)
-            last_key = mark_awake(fields, P, q, last_key, next_stamp)
+            last_key = mark_active_lanes(fields, P, q, last_key, next_stamp)
         v2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
         fastest = ti.max(fastest, v2)
         squares += v2
@@ -96,7 +92,7 @@ def gather_pack(fields: ti.template(), P: ti.template(), q):
     v = [once(f[0] * 0.0) for _ in range(3)]
     B = [once(f[0] * 0.0) for _ in range(9)]
     for l in range(LANES):  # as in `scatter_pack`
-        if is_awake(fields, q, l):
+        if is_active(fields, q, l):
             w = [lane_weights(wx, l), lane_weights(wy, l), lane_weights(wz, l)]
             value, moment_i, moment_j, moment_k = gather(
                 ti.static(NodeValues(fields.grid.nodes, SingleLayer())), [once(base[d][l]) for d in range(3)],
@@ -121,95 +117,8 @@ def zero_padding_lanes(P: ti.template(), q, filled):
 
 
 @ti.func
-def drift_packs(fields: ti.template(), P: ti.template(), dt, stamp: ti.i32, first, last):
-    """Move packs first .. last - 1 for dt [s], and activate the blocks that their stencils reach now."""
-    last_key = -1
-    for place in range(first, last):
-        q = pack_at(fields, place)
-        for r in ti.static(range(3)):
-            move_pack(fields, P, q, r, dt * P.v[r][q])
-        last_key = mark_awake(fields, P, q, last_key, stamp)
-
-
-@ti.func
-def move_pack(fields: ti.template(), P: ti.template(), q, axis: ti.template(), displacement):
-    """Move pack q by `displacement` [m] along an axis."""
-    if ti.static(len(P.remainder) > 0):
-        x, remainder = displaced(fields, P.x[axis][q], P.remainder[axis][q], displacement, axis)
-        P.x[axis][q] = x
-        P.remainder[axis][q] = remainder
-    else:
-        P.x[axis][q] = keep_inside(fields, P.x[axis][q] + displacement, axis)
-
-
-@ti.func
-def move_lane(fields: ti.template(), P: ti.template(), q, l, displacement):
-    """Move one lane of pack q by `displacement` [m] (3,); return its coordinates [m]. Other lanes are not touched."""
-    x = ti.Vector([P.x[d][q][l] for d in range(3)])
-    for d in ti.static(range(3)):
-        if ti.static(len(P.remainder) > 0):
-            coordinate, remainder = displaced(fields, x[d], P.remainder[d][q][l], displacement[d], d)
-            x[d] = coordinate
-            P.remainder[d][q][l] = remainder
-        else:
-            x[d] = keep_inside(fields, x[d] + displacement[d], d)
-        P.x[d][q][l] = x[d]
-    return x
-
-
-@ti.func
-def displaced(fields: ti.template(), x, remainder, displacement, axis: ti.template()):
-    """Return the coordinate [m] after a displacement [m], and the new remainder [m]; for packs and single numbers.
-
-    A compensated sum (Kahan 1965, Comm. ACM 8, 40): coordinates move by whole quanta, which is exact, and the rest of a
-    displacement is kept. Kahan's own difference (x + displacement) - x is `displacement` to a compiler with fast-math.
-    """
-    quantum = ti.static(fields.quantum[axis])
-    total = remainder + displacement
-    count = total * ti.static(1.0 / quantum)
-    # to the nearest: remainders with a mean in the direction of motion would be a torque on what turns
-    whole = ti.cast(ti.cast(count + ti.max(ti.min(count, NEAREST), -NEAREST), ti.i32), fields.real)
-    moved = whole * quantum
-    return keep_inside(fields, x + moved, axis), total - moved
-
-
-@ti.func
-def mark_awake(fields: ti.template(), P: ti.template(), q, last_key, stamp: ti.i32):
-    """Activate the blocks that the stencils of pack q reach, without those of lanes that sleep; return the last key."""
-    asleep = 0
-    if ti.static(fields.features.sleep):
-        asleep = fields.sleepers.lanes_asleep[q]
-    return mark_pack(fields.grid, P.x, q, 1.0 / fields.cell, last_key, stamp, asleep)
-
-
-@ti.func
 def list_blocks(fields: ti.template(), step: ti.template(), first, last):
     """Phase: where mass is transferred, list the active blocks that are in rows first .. last - 1 of all blocks."""
     if step.transfer_mass > 0:
         for row in range(first, last):
             list_row(fields.grid, row, step.stamp)
-
-
-@ti.func
-def drift_before(dt, span: ti.i32):
-    """Return the time [s] that particles drift before a stride of `span` substeps: 0 before a single substep."""
-    return 0.5 * dt * (span - 1)
-
-
-@ti.func
-def drift_after(dt, span: ti.i32):
-    """Return the time [s] that particles drift after a stride of `span` substeps; 0 for span 0, within one."""
-    return 0.5 * dt * (span + (span > 0))
-
-
-@ti.func
-def keep_inside(fields: ti.template(), x, axis: ti.template()):
-    """Return a coordinate [m], or a pack of them, after a move: wrapped on a periodic axis, held by walls on others."""
-    low = fields.corner
-    high = fields.corner + fields.span[axis]
-    result = x
-    if ti.static(fields.features.periodic[axis]):
-        result = ti.select(x < low, x + fields.span[axis], ti.select(x >= high, x - fields.span[axis], x))
-    else:  # holds a particle that an inaccurate step would carry through a wall
-        result = ti.max(ti.min(x, high), low)
-    return result

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import platformdirs
 
-from mpm.cache_folder import writable_folder
+from mpm.backend.cache_folder import writable_folder
 from robosim.base.files import write_json
 from robosim.base.input_files import check_form, read_json
 from robosim.base.resources import folder

@@ -14,7 +14,7 @@ from mpm.geometry.rigid_motion import rotate
 from mpm.materials.symmetric_tensor import compose, spectrum
 from mpm.rollout.losses import LossGradient, RolloutStates
 from mpm.rollout.schedule import plan_schedule
-from mpm.state.snapshots import StateBank
+from mpm.stepping.snapshots import StateBank
 
 CELL, STEPS, SUBSTEPS = 0.01, 100, 5
 STRIDE = 1.0

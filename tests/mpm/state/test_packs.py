@@ -6,7 +6,7 @@ import pytest
 import mpm
 from mpm.backend import allocating, put, ti
 from mpm.state.packs import LANES, Packs
-from mpm.state.snapshots import StateBank
+from mpm.stepping.snapshots import StateBank
 
 
 @pytest.mark.parametrize("n, dtype", [(1, np.float32), (5, np.float32), (5, np.float64)])

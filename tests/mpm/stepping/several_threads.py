@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 import mpm
-from mpm import backend
+from mpm.backend import session
 from mpm.gpu import phase_loops
 
 CELL = 0.02
@@ -101,7 +101,7 @@ def main(where: str, name: str, out: str) -> None:
     on_gpu = where in ("cuda", "vulkan")
     mpm.init(arch=where if on_gpu else "cpu", threads=1 if on_gpu or where == "one" else 2, fast_math=False)
     if where == "atomics":
-        backend._session = backend._session._replace(arch="cuda")
+        session._session = session._session._replace(arch="cuda")
         phase_loops.TEAM = 1  # threads of a CPU cannot wait for each other as those of a GPU
     solver = scene(name, "f32" if "f32" in sys.argv or where == "vulkan" else "f64")
     advances = 60 if name == "sleep" else 20

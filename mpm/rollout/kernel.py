@@ -2,22 +2,22 @@
 
 from mpm.adjoint.node_tape import NodeTape
 from mpm.adjoint.particle_adjoints import ParticleAdjoints
-from mpm.adjoint.phases import ReverseStep, reverse_phases
 from mpm.adjoint.stress_update import ForwardIntermediates
 from mpm.adjoint.transfers import inside_bar
 from mpm.adjoint.wall_ghosts import WallTape
 from mpm.backend import real_type, ti
 from mpm.materials.material import PARAMETERS
+from mpm.rollout.phases import ReverseStep, reverse_phases
 from mpm.state.active_blocks import mark_all
 from mpm.state.fields import Fields
 from mpm.state.packs import LANES
+from mpm.state.particle_motion import drift_before, move_pack
 from mpm.state.particles import ParticleFields
-from mpm.state.snapshots import StateBank
 from mpm.stepping.cpu import add_status, run_phase, run_phases
-from mpm.stepping.crew import Crew
 from mpm.stepping.phases import Step, split_phases
+from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import MAX_SUBSTEPS, fastest_square, limit_stride
-from mpm.transfers.to_particles import drift_before, move_pack
+from mpm.stepping.thread_group import Crew
 
 POSITIONS, VELOCITIES, ALL = range(3)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mpm import cache_folder
-from mpm.cache_folder import user_cache_folder, writable_folder
+from mpm.backend.cache_folder import user_cache_folder, writable_folder
 
 NO_FOLDER = Path("/dev/null/cache")
 """Cannot be made by anybody, root included."""

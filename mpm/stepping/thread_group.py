@@ -9,7 +9,7 @@ then the first thread goes on alone, with one part after the other, so that the 
 from typing import Any, NamedTuple
 
 from mpm.backend import ti
-from mpm.state.sleepers import count_packs
+from mpm.state.packs import count_packs
 
 TURNS = 512
 """Turns of a parallel loop that Taichi 1.7.4 gives a thread at least, whatever its settings."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mpm.backend import check_owner, present_program, ti
+from mpm.backend.session import check_owner, present_program, ti
 
 NUMBERS = {"set_arg_int": int, "set_arg_float": float}
 """How Taichi is given a number, and what it is before."""

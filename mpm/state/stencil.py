@@ -95,6 +95,12 @@ class AffineProducts(NamedTuple):
 
 
 @ti.func
+def scatter_shift(fields: ti.template(), step: ti.template()):
+    """Return the nodes along x from the beginning of the scatter target to the array of this part."""
+    return step.part * ti.static(fields.grid.layers * fields.grid.width if fields.parts else 0)
+
+
+@ti.func
 def scatter(nodes: ti.template(), layers: ti.template(), base: ti.template(), q0, a0, a1, a2, w: ti.template()):
     """Add an affine field q0 + a0 i + a1 j + a2 k, times weights w (3 axes x 3), to the 27 nodes from `base` on.
 

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpm.backend import check_owner, default_precision, ti
+from mpm.backend.launching import Launcher
+from mpm.batch.environment_numbers import EnvironmentNumbers, NumbersKernel
 from mpm.errors import InvalidValue, SimulationDiverged
 from mpm.geometry.rigid_motion import Pose, Wrench
-from mpm.launching import Launcher
 from mpm.materials.material import Material
 from mpm.materials.stable_step import material_bound
 from mpm.observers.counter_kernel import COUNTER_ROWS, CounterKernel
@@ -22,14 +23,13 @@ from mpm.observers.sample import SampleKernel
 from mpm.scene.body import with_volume
 from mpm.scene.grid import ROUNDING
 from mpm.state.fields import Fields
+from mpm.state.packs import count_packs
 from mpm.state.particles import SPEED_LIMIT
-from mpm.state.sleepers import count_packs
-from mpm.state.snapshots import StateBank
 from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.cpu import CpuStepper, add_status
-from mpm.stepping.crew import Crew
-from mpm.stepping.environment_numbers import EnvironmentNumbers, NumbersKernel
+from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
+from mpm.stepping.thread_group import Crew
 
 SKIPPED, READ_ONLY = -1, 0
 """Numbers of substeps that mean something else."""

@@ -10,7 +10,8 @@ import weakref
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from mpm.backend import Group, allocating, default_precision, present_program
+from mpm.backend.allocation import Group, allocating
+from mpm.backend.session import default_precision, present_program
 from mpm.errors import InvalidValue
 
 IDLE_BYTES = 500_000_000

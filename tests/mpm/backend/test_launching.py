@@ -7,8 +7,8 @@ import pytest
 
 import mpm
 from mpm.backend import allocating, ti
+from mpm.backend.launching import Launcher
 from mpm.errors import BackendError
-from mpm.launching import Launcher
 
 
 @ti.data_oriented

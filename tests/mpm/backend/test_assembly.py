@@ -7,9 +7,7 @@ import pytest
 import trimesh
 
 import mpm
-from mpm import backend
-from mpm.backend import allocating, ti
-from mpm.state import assembly
+from mpm.backend import allocating, allocation, assembly, ti
 from mpm.state.memory import field_memory
 
 SAND = mpm.DruckerPrager(E=1.5e5, nu=0.2, density=1500.0, friction_angle_deg=30.0)
@@ -52,7 +50,7 @@ def groups_in_use() -> int:
     gc.collect()
     with allocating():  # frees what the garbage collector gave back
         pass
-    return len(backend._groups)
+    return len(allocation._groups)
 
 
 def compiled() -> int:
@@ -66,11 +64,11 @@ def test_an_equal_scene_compiles_nothing_and_computes_the_same(shell):
     with make(shell=shell) as first:
         wanted = push(first)
         push(first)  # labels, stamps and nodes of a later state stay behind
-    kernels, groups = compiled(), len(backend._groups)
+    kernels, groups = compiled(), len(allocation._groups)
     with make(shell=shell) as second:
         assert same(push(second), wanted)
         assert np.abs(wanted["v"]).max() > 0.01
-    assert (compiled(), len(backend._groups)) == (kernels, groups)
+    assert (compiled(), len(allocation._groups)) == (kernels, groups)
 
 
 def test_what_a_launch_reads_may_differ_in_a_scene_that_is_taken_over():
@@ -141,11 +139,11 @@ def test_the_garbage_collector_closes():
 @pytest.mark.filterwarnings("ignore::mpm.errors.CoarseGrains")
 def test_a_grid_beyond_the_memory_is_refused_before_anything_is_allocated():
     positions = mpm.sample_box((1, 1, 1), (1.1, 1.1, 1.1), 0.02)
-    groups = len(backend._groups)
+    groups = len(allocation._groups)
     for cell in (1e-3, 1e-9):
         with pytest.raises(mpm.InvalidValue, match=r"needs .* GB.*accepted here: cells of 0\.\d+ m or more"):
             mpm.Solver(grid=mpm.Grid((0, 0, 0), (100, 100, 100), cell), bodies=[mpm.Body(SAND, positions, volume=8e-6)])
-    assert len(backend._groups) == groups
+    assert len(allocation._groups) == groups
     with make() as solver:
         push(solver)
 
@@ -172,7 +170,7 @@ def test_the_estimate_of_memory_is_that_of_the_fields(shell):
 
 
 def test_a_failure_while_fields_are_laid_out_leaves_nothing():
-    groups = len(backend._groups)
+    groups = len(allocation._groups)
     with pytest.raises(RuntimeError, match="no"), allocating():
         ti.field(ti.f32, 100)
         ti.field(ti.f32)
@@ -182,7 +180,7 @@ def test_a_failure_while_fields_are_laid_out_leaves_nothing():
     field.fill(2.0)
     assert field.to_numpy().tolist() == [2.0, 2.0, 2.0]
     group.free()
-    assert len(backend._groups) == groups
+    assert len(allocation._groups) == groups
 
 
 def test_idle_memory_is_limited():
@@ -190,5 +188,5 @@ def test_idle_memory_is_limited():
     for cell in (0.02, 0.025, 0.03):
         with make(cell=cell) as solver:
             solver.positions()
-    idle = len(backend._groups)
+    idle = len(allocation._groups)
     assert groups_in_use() <= idle - 3
