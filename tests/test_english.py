@@ -8,7 +8,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("mpm", "robosim", "policies")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 PAGES = [*ROOT.glob("*.md"), *(p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts)]
-OVERRIDES = {"at", "at_back", "distance", "is_beyond", "least_thickness", "allocate", "node"}
+OVERRIDES = {"at", "at_back", "distance", "is_beyond", "least_thickness", "allocate", "node",
+             "nearest_normals"}
 """Methods of shapes and laws that a protocol describes once."""
 HISTORY = "CHANGELOG.md"
 """A page that names things as they were called when it was written."""

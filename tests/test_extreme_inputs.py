@@ -18,7 +18,7 @@ from policies.runs.sweep_file import SweepFile, load_sweep, plan_runs
 from robosim.base.resources import folder
 from robosim.commands.keys import KINDS, schema_class
 from robosim.config.arm import ArmConfig
-from robosim.config.materials import law_of, load_material
+from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.config.settings import read_setting, with_settings
 from robosim.config.table import load, validate
@@ -76,7 +76,7 @@ FILES = {
 
 def use(config: Any) -> None:
     """What an accepted configuration is checked for before it takes memory or time."""
-    salt = law_of(load_material("salt"))
+    salt = load_material("salt").make_law()
     if isinstance(config, RehearsalConfig):
         check_field(config, salt)
         assert WaypointPath(config).duration / config.host_dt < 1e6

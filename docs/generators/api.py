@@ -7,14 +7,15 @@ from typing import Any
 MPM_GROUPS = {
     "Session": ["init"],
     "Scene": ["Grid", "Walls", "Body", "Collider", "sample_box", "sample_cylinder", "sample_mesh"],
-    "Materials": ["DruckerPrager", "MuIRheology", "VonMises", "NewtonianFluid", "Elastic"],
+    "Materials": [],
     "Shapes": ["Sdf", "Shell", "Region"],
     "Solver": ["Solver", "Batch", "Features"],
     "Gradients": ["Rollout"],
     "Observations": ["Diagnostics", "Sample", "RegionCounter", "Counts"],
     "Poses, twists, wrenches": ["Pose", "Twist", "Wrench"],
 }
-"""Order of the names of mpm on its page; names that are not listed follow in groups of their own."""
+"""Order of the names of mpm on its page; an empty group has what the folder of this name defines. Names that are not
+listed follow in groups of their own."""
 SHAPES = ["mpm.geometry.primitives.Plane", "mpm.geometry.primitives.Sphere", "mpm.geometry.primitives.Box",
           "mpm.geometry.primitives.Capsule", "mpm.geometry.primitives.Cylinder", "mpm.geometry.primitives.Ellipsoid",
           "mpm.geometry.height_field.HeightField", "mpm.geometry.union.Union"]
@@ -53,6 +54,9 @@ def is_error(value: Any) -> bool:
 def package_page(package: str, groups: dict[str, list[str]]) -> str:
     """All names in a package's `__all__`, errors last."""
     module = importlib.import_module(package)
+    folder_of = {name: getattr(module, name).__module__.split(".")[1] for name in module.__all__}
+    groups = {title: names or [name for name in module.__all__ if folder_of[name] == title.lower()]
+              for title, names in groups.items()}
     rest = [name for name in module.__all__ if name not in {n for names in groups.values() for n in names}]
     sections = {title: [name for name in names if name in module.__all__] for title, names in groups.items()}
     sections["Further names"] = [name for name in rest if not is_error(getattr(module, name))]

@@ -69,12 +69,19 @@ class Shape:
             def distance(self, points):
                 return np.hypot(np.hypot(points[:, 0], points[:, 1]) - self.ring, points[:, 2]) - self.tube
 
-    `mpm.Collider(Torus(0.03, 0.01))` then is a collider like any other. Thin shells are not solids: see `Shell`.
+    `mpm.Collider(Torus(0.03, 0.01))` then is a collider like any other. A thin shell is a shape with two sides: see
+    `Shell`.
     """
 
     radius: float
     """Radius [m] of a ball about the frame's origin that contains the solid."""
 
+    is_thin = False
+    """Whether it is a thin shell, with particles on both sides."""
+    thickness = 0.0
+    """Thickness [m] of a thin shell."""
+    passage = np.inf
+    """Narrowest gap [m] between its own walls."""
     group: Group | None = None
     """Its fields, which stay as long as the shape does, whatever solvers come and go."""
 
@@ -87,6 +94,10 @@ class Shape:
             with allocating() as self.group:
                 self.allocate()
             weakref.finalize(self, free_later, self.group).atexit = False
+
+    def bake(self, cell: float) -> "Shape":
+        """Return the shape as kernels read it on a grid of cells of `cell` [m]; made inside `backend.allocating`."""
+        return self
 
     def signature(self) -> Hashable:
         """Return what two shapes share that kernels cannot tell apart; where one cannot say, the shape itself."""
@@ -101,9 +112,18 @@ class Shape:
         """Return the signed distances [m] (n,) at points [m] (n, 3), on the host."""
         raise NotImplementedError(f"{type(self).__name__} has no distance on the host")
 
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner [m] (3,) of a box in its frame that contains it."""
+        return np.full(3, -self.radius), np.full(3, self.radius)
+
     def near_inside(self, points: np.ndarray) -> np.ndarray:
         """Return which points (n, 3) [m] can be inside, cheaply: the indices of all within `radius`, or of fewer."""
         return np.flatnonzero(np.einsum("nd,nd->n", points, points) < self.radius**2)
+
+    def nearest_normals(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the normals (n, 3) of a shell's mid-surface closest to points (n, 3), and the distances [m] (n,)."""
+        raise NotImplementedError(f"{type(self).__name__} has no mid-surface")
 
     def least_thickness(self) -> float:
         """Return the smallest thickness [m] of the solid; infinite where it is not known."""
@@ -113,6 +133,15 @@ class Shape:
     def is_beyond(self, y, reach):
         """Conservative early-out: return True only if the surface is farther than reach [m] from y."""
         return False
+
+    @ti.func
+    def is_within(self, y, reach):
+        """Return whether the surface is nearer to y than reach [m]; everything inside a solid is."""
+        near = False
+        if not self.is_beyond(y, reach):
+            _, phi = self.at(y)
+            near = phi < reach
+        return near
 
     @ti.func
     def least_distance(self, y):

@@ -6,13 +6,13 @@ from collections.abc import Hashable
 import numpy as np
 import trimesh
 
-from mpm.backend import once, put, ti
+from mpm.backend import put, ti
 from mpm.errors import InvalidValue
 from mpm.geometry.distance_cache import kept_lattice
 from mpm.geometry.mesh_distance import passage_width, sheet_distances
-from mpm.geometry.sampled_sdf import trilinear_back
+from mpm.geometry.sampled_sdf import corners_of, trilinear, trilinear_back
 from mpm.geometry.sdf import MAX_LATTICE
-from mpm.geometry.shape import digest
+from mpm.geometry.shape import Shape, digest
 
 SIDE_BAND = 2.7
 """Cells from the mid-surface within which a node can share a stencil with a particle on the other side: 1.5 sqrt(3)."""
@@ -28,8 +28,10 @@ FAR = 1.0
 """Distance [m] outside the lattice."""
 
 
-class Shell:
+class Shell(Shape):
     """A thin wall: signed distance to a mid-surface with a thickness; it has two sides up to its edge (rim)."""
+
+    is_thin = True
 
     def __init__(self, mesh: trimesh.Trimesh, thickness: float, spacing: float | None, behind: float = 0.0,
                  face_cells: float = SHELL_FACE) -> None:
@@ -40,7 +42,6 @@ class Shell:
         """Radius [m] of a ball about the frame's origin that contains the surface."""
         self.radius = self.extent
         self.passage = passage_width(mesh) - self.thickness
-        """Narrowest gap [m] between its own walls."""
         self.values = self.sided = None
 
     @classmethod
@@ -100,6 +101,10 @@ class Shell:
         self.sided = ti.field(ti.i8, self.shape)
         put(self.sided, kept["sided"])
 
+    def nearest_normals(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        _foot, distance, face = trimesh.proximity.closest_point(self.mesh, points)
+        return self.mesh.face_normals[face], distance
+
     @ti.func
     def least_distance(self, y):
         """Return the distance [m] of y (3,) from the box of the lattice, beyond which the shell touches no node."""
@@ -118,26 +123,21 @@ class Shell:
         if u.min() >= 0 and u[0] < shape[0] - 1 and u[1] < shape[1] - 1 and u[2] < shape[2] - 1:
             c = ti.cast(u, ti.i32)
             f = u - c
-            s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)]
-                 for i in range(2)]
-            z = [[once(s[i][j][0] + f[2] * (s[i][j][1] - s[i][j][0])) for j in range(2)] for i in range(2)]
-            y0 = z[0][0] + f[1] * (z[0][1] - z[0][0])
-            y1 = z[1][0] + f[1] * (z[1][1] - z[1][0])
-            phi = y0 + f[0] * (y1 - y0)
-            n[0] = y1 - y0
-            n[1] = (1 - f[0]) * (z[0][1] - z[0][0]) + f[0] * (z[1][1] - z[1][0])
-            low = (1 - f[1]) * (s[0][0][1] - s[0][0][0]) + f[1] * (s[0][1][1] - s[0][1][0])
-            high = (1 - f[1]) * (s[1][0][1] - s[1][0][0]) + f[1] * (s[1][1][1] - s[1][1][0])
-            n[2] = (1 - f[0]) * low + f[0] * high
+            phi, n = trilinear(corners_of(self.values, c), f, y)
             n = n / n.norm(1e-12)
             nearest = ti.cast(u + 0.5, ti.i32)
             sided = ti.cast(self.sided[nearest], ti.i32)
         return n, phi, sided
 
     @ti.func
+    def is_within(self, y, reach):
+        """Return whether one of its faces is nearer to y than reach [m]."""
+        _, phi, _sided = self.at(y)
+        return ti.abs(phi) < reach + 0.5 * self.thickness
+
+    @ti.func
     def at_back(self, y, normal_bar, phi_bar, real: ti.template()):
         """Return the adjoint of y, where `at` has found a distance."""
         u = ti.Vector([(y[d] - self.lower[d]) / self.spacing for d in range(3)])
         c = ti.max(ti.min(ti.cast(u, ti.i32), ti.Vector([self.shape[d] - 2 for d in range(3)])), 0)
-        s = [[[once(self.values[c[0] + i, c[1] + j, c[2] + k]) for k in range(2)] for j in range(2)] for i in range(2)]
-        return trilinear_back(s, u - c, y, normal_bar, phi_bar) / self.spacing
+        return trilinear_back(corners_of(self.values, c), u - c, y, normal_bar, phi_bar) / self.spacing

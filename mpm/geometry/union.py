@@ -23,7 +23,7 @@ class Union(Shape):
         self.places = tuple(tuple(float(c) for c in pose.position) for pose in self._inverse)
         self.axes = tuple(tuple(float(c) for c in pose.matrix.ravel()) for pose in self._inverse)
         self.radius = max(float(np.linalg.norm(pose.position)) + solid.radius for solid, pose in parts)
-        self.passage = min(getattr(solid, "passage", np.inf) for solid in self.solids)
+        self.passage = min(solid.passage for solid in self.solids)
 
     def lay_out(self) -> None:
         """Allocate the fields of all solids, once."""

@@ -6,7 +6,6 @@ import numpy as np
 
 from mpm.backend import is_shared, put, ti
 from mpm.backend.launching import Launcher
-from mpm.geometry.shell import Shell
 from mpm.state.ledger import add
 from mpm.state.packs import LANES
 from mpm.state.particles import ParticleFields
@@ -162,14 +161,8 @@ class CounterKernel:
         if r.norm_sqr() < ti.static((self.shape.radius + self.reach) ** 2) and \
                 self.particles.volume[slot // LANES][slot % LANES] > 0:
             y = ti.cast(R.transpose() @ r, ti.f32)
-            if ti.static(isinstance(self.shape, Shell)):
-                _, phi, _sided = self.shape.at(y)
-                if ti.abs(phi) < self.reach + 0.5 * self.shape.thickness:
-                    add(out, row + ti.static(NEAR // 6), ti.static(NEAR % 6), 1.0)
-            elif not self.shape.is_beyond(y, self.reach):
-                _, phi = self.shape.at(y)
-                if phi < self.reach:
-                    add(out, row + ti.static(NEAR // 6), ti.static(NEAR % 6), 1.0)
+            if self.shape.is_within(y, self.reach):
+                add(out, row + ti.static(NEAR // 6), ti.static(NEAR % 6), 1.0)
 
     @ti.func
     def probe_points(self, c, R, out: ti.template(), row):

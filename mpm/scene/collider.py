@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import trimesh
 
 from mpm.errors import InvalidValue
 from mpm.geometry.rigid_motion import Pose, check_pose
 from mpm.geometry.shape import Shape
-from mpm.geometry.shell import Shell
 from mpm.scene.orifice import Orifice
 from mpm.scene.validation import describe, with_values
 
@@ -25,7 +23,7 @@ class Collider:
     for a collider that is static and mobile, or a static shell, and for orifices that are not in its shell.
     """
 
-    sdf: Shape | Shell
+    sdf: Shape
     """Its signed distance, see `Sdf` and `Shell`."""
     friction: float = 0.5
     """Coulomb friction coefficient between collider and particles [-]."""
@@ -39,20 +37,20 @@ class Collider:
     """Holes of a shell that are too small for the grid, see `Orifice`."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.sdf, Shape | Shell):
+        if not isinstance(self.sdf, Shape):
             raise InvalidValue(f"Collider: sdf = {describe(self.sdf)}; accepted: a solid, such as "
                                f"mpm.Sdf.from_mesh(mesh), or a shell, mpm.Shell.from_mesh(mesh, thickness)")
         check_pose("Collider", self.pose)
         check_friction(self.friction)
         if self.static and self.mobile:
             raise InvalidValue("Collider: static = True and mobile = True; accepted: one of them at most")
-        if self.static and isinstance(self.sdf, Shell):
+        if self.static and self.sdf.is_thin:
             raise InvalidValue("Collider: static = True and a Shell, for which there is no table of the nodes; "
                                "accepted: static = False: a shell that is given no motion stays where it is")
         for place, orifice in enumerate(self.orifices):
             if not isinstance(orifice, Orifice):
                 raise InvalidValue(f"Collider: orifices[{place}] = {describe(orifice)}; accepted: mpm.Orifice")
-            if not isinstance(self.sdf, Shell):
+            if not self.sdf.is_thin:
                 raise InvalidValue(f"Collider: orifices in a {type(self.sdf).__name__}; accepted: in a mpm.Shell")
             normals_at(self.sdf, orifice)
 
@@ -69,13 +67,12 @@ def check_friction(friction: float) -> None:
         raise InvalidValue(f"Collider: friction = {friction}; accepted: 0 or more")
 
 
-def normals_at(shell: Shell, orifice: Orifice) -> np.ndarray:
+def normals_at(shell: Shape, orifice: Orifice) -> np.ndarray:
     """Return the normals (n, 3) of a shell's mid-surface at the holes of an orifice.
 
     Raises InvalidValue for a hole that is not in the shell, or whose axis is more than 45 deg off the normal.
     """
-    _foot, distance, face = trimesh.proximity.closest_point(shell.mesh, orifice.positions)
-    normals = shell.mesh.face_normals[face]
+    normals, distance = shell.nearest_normals(orifice.positions)
     cosine = np.abs(np.einsum("nd,nd->n", normals, orifice.axes))
     for n in np.flatnonzero((distance > shell.thickness) | (cosine < OBLIQUE)):
         raise InvalidValue(f"Orifice: hole {n} at {orifice.positions[n].tolist()} m is {distance[n]:.2g} m from the "

@@ -7,7 +7,6 @@ import numpy as np
 
 from mpm.backend import PRECISIONS, is_concurrent, is_shared, session_precision
 from mpm.errors import InvalidValue, UnknownName
-from mpm.geometry.shell import Shell
 from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
@@ -134,7 +133,7 @@ def features_of(bodies: list[Body], colliders: list[Collider], walls: Walls, pre
     """
     if contact not in CONTACTS:
         raise UnknownName("contact", contact, CONTACTS)
-    thin = [isinstance(c.sdf, Shell) for c in colliders]
+    thin = [c.sdf.is_thin for c in colliders]
     mobile, periodic = tuple(i for i, c in enumerate(colliders) if c.mobile), walls.periodic
     if sleep and is_shared():
         raise InvalidValue("Solver: sleep on a GPU; accepted there: sleep=False, or mpm.init(arch=\"cpu\")")

@@ -15,7 +15,6 @@ from mpm.errors import (
     ThinSolid,
     VolumeMismatch,
 )
-from mpm.geometry.shell import Shell
 from mpm.scene.body import Body
 from mpm.scene.collider import Collider
 from mpm.scene.grid import Grid
@@ -51,11 +50,11 @@ def warn_of_scene(grid: Grid, bodies: list[Body], colliders: list[Collider], gra
 def warn_of_colliders(grid: Grid, bodies: list[Body], colliders: list[Collider], stacklevel: int = 4) -> None:
     """Warn of gaps through which particles cannot flow, walls through which they can, and particles in solids."""
     for k, collider in enumerate(colliders):
-        width = getattr(collider.sdf, "passage", np.inf)
+        width = collider.sdf.passage
         if width < CELLS_IN_A_PASSAGE * grid.cell:
             _warn(NarrowPassage, f"collider {k} has a passage of {1e3 * width:.1f} mm, {width / grid.cell:.1f} cells: "
                   f"it will jam; give cells of at most {1e3 * width / CELLS_IN_A_PASSAGE:.2g} mm", stacklevel)
-        if isinstance(collider.sdf, Shell):
+        if collider.sdf.is_thin:
             continue
         thickness = collider.sdf.least_thickness() if collider.static else np.inf
         if thickness < (CELLS_IN_A_SOLID - 1e-3) * grid.cell:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from mpm.backend import is_shared, real_type, ti
-from mpm.geometry.shell import Shell
 from mpm.materials.hencky_strain import INTEGRATORS
 from mpm.materials.material import Material
 from mpm.scene.body import Body
@@ -141,7 +140,7 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
     if parts:
         nx, ny, nz = nodes.nodes.shape
         target = ti.Vector.field(4, real_type(precision), (parts * nx, ny, nz))
-    ready = [replace(c, sdf=c.sdf.bake(grid.cell)) if isinstance(c.sdf, Shell) else c for c in colliders]
+    ready = [replace(c, sdf=c.sdf.bake(grid.cell)) for c in colliders]
     shells = _shell_fields(grid, features, particles.n_lanes)
     mobile = None
     if features.mobile:

@@ -63,7 +63,7 @@ class Parameters:
         for index, body in enumerate(bodies):
             self.set_law(index, body.material)
         dtype = self._laws.dtype
-        thickness = [getattr(c.sdf, "thickness", 0.0) for c in colliders] or [0.0]
+        thickness = [c.sdf.thickness for c in colliders] or [0.0]
         put(self.half_thickness, 0.5 * np.array(thickness, dtype))
         put(self.gravity, np.array(gravity, dtype))
         put(self.wall_numbers, wall_numbers(walls).astype(dtype))

@@ -7,6 +7,7 @@ from typing import Any
 
 from robosim.base.errors import UnknownName
 from robosim.commands.arguments import one_of
+from robosim.config.laws import MATERIAL_CLASSES
 
 EXAMPLE = """examples:
   robosim keys rehearsal
@@ -15,9 +16,7 @@ KINDS = {
     "rehearsal": "robosim.config.rehearsal:RehearsalConfig", "task": "robosim.tasks.task:TaskConfig",
     "dosing": "robosim.dosing.numbers:DosingNumbers", "arm": "robosim.config.arm:ArmConfig",
     "gripper": "robosim.config.arm:GripperConfig", "tool": "robosim.config.tool:ToolConfig",
-    "material.granular": "robosim.config.materials:GranularConfig",
-    "material.mu_i": "robosim.config.materials:MuIConfig",
-    "material.fluid": "robosim.config.materials:FluidConfig", "material.clay": "robosim.config.materials:ClayConfig",
+    **{f"material.{law}": f"robosim.config.materials:{name}" for law, name in MATERIAL_CLASSES.items()},
     "measurements": "robosim.studies.calibration.measurements:MeasurementsConfig",
     **{f"experiment.{kind}": f"robosim.studies.calibration.measurements:{kind.capitalize()}Experiment"
        for kind in ("heap", "pour", "tilt", "shear", "cup", "scoop")},

@@ -5,18 +5,18 @@ from typing import Annotated, ClassVar, Literal
 import pydantic
 
 import mpm
+from mpm.materials.material import Material as Law
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.base.resources import config_path
 from robosim.config.bounds import Intensity, Text, Within
+from robosim.config.laws import MATERIAL_CLASSES
 from robosim.config.table import Quantity, Table, load, read
 
-__all__ = ["MaterialConfig", "grain_diameter_of", "law_of", "load_material", "overridden"]
-
-Law = mpm.DruckerPrager | mpm.MuIRheology | mpm.NewtonianFluid | mpm.VonMises
+__all__ = ["Law", "MaterialConfig", "grain_diameter_of", "load_material", "overridden"]
 
 
 class MaterialConfig(Table):
-    """What every material has."""
+    """Base of all materials: numbers with unit and source, and the law that they are of."""
 
     description: Text
     """What it is."""
@@ -25,18 +25,27 @@ class MaterialConfig(Table):
     colour: tuple[Intensity, Intensity, Intensity, Intensity] = (0.95, 0.95, 0.93, 1.0)
     """Red, green, blue and opacity, 0 to 1."""
 
-    UNITS: ClassVar[dict[str, str]] = {
-        "density": "kg/m^3", "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa", "bulk_modulus": "Pa",
-        "viscosity": "Pa s", "yield_stress": "Pa", "limit_angle": "deg", "grain_diameter": "m",
-        "grain_density": "kg/m^3", "inertial_number": "1", "wall_friction": "1", "repose_angle": "deg",
-    }
+    UNITS: ClassVar[dict[str, str]] = {"density": "kg/m^3"}
+    """Key of a number -> its unit."""
 
     @pydantic.model_validator(mode="after")
     def _check_units(self) -> "MaterialConfig":
         for name in (key for key in self.UNITS if getattr(self, key, None) is not None):
             if getattr(self, name).unit != self.UNITS[name]:
                 raise ValueError(f"{name}: unit {getattr(self, name).unit!r}; accepted: {self.UNITS[name]!r}")
+        self.check()
         return self
+
+    def check(self) -> None:
+        """Raise ValueError for numbers that do not go together."""
+
+    def make_law(self) -> Law:
+        """Return the law of the material."""
+        raise NotImplementedError(f"{type(self).__name__} has no law")
+
+    def law_numbers(self) -> dict[str, float]:
+        """Return the arguments of the law that are numbers, angles with their unit (`friction_angle_deg`)."""
+        return {name: getattr(self, key).value for name, key in number_names(self).items()}
 
     @classmethod
     def numbers(cls) -> list[str]:
@@ -51,6 +60,10 @@ class MaterialConfig(Table):
 
 class GranularConfig(MaterialConfig):
     """Grains: Drucker-Prager."""
+
+    UNITS: ClassVar[dict[str, str]] = MaterialConfig.UNITS | {
+        "E": "Pa", "nu": "1", "friction_angle": "deg", "cohesion": "Pa", "grain_diameter": "m", "wall_friction": "1",
+        "repose_angle": "deg"}
 
     law: Literal["granular"]
     """Drucker-Prager."""
@@ -69,9 +82,16 @@ class GranularConfig(MaterialConfig):
     repose_angle: Annotated[Quantity, Within(0.0, 90.0)] | None = None
     """Slope of a poured heap [deg]; for information: in a simulation it follows from the other numbers."""
 
+    def make_law(self) -> Law:
+        """Return the Drucker-Prager law."""
+        return mpm.DruckerPrager(**self.law_numbers())
+
 
 class MuIConfig(GranularConfig):
     """Grains whose friction grows with the rate of shear: the mu(I) rheology."""
+
+    UNITS: ClassVar[dict[str, str]] = GranularConfig.UNITS | {
+        "limit_angle": "deg", "grain_density": "kg/m^3", "inertial_number": "1"}
 
     law: Literal["mu_i"]  # type: ignore[assignment]  # the base's law is another one
     """mu(I) rheology."""
@@ -84,21 +104,22 @@ class MuIConfig(GranularConfig):
     inertial_number: Annotated[Quantity, Within(1e-3, 1e3)]  # published ones are 0.1 to 1
     """Inertial number at which friction is half way."""
 
-    @pydantic.model_validator(mode="after")
-    def _check_angles(self) -> "MuIConfig":
-        self.check_angles()
-        return self
-
-    def check_angles(self) -> None:
+    def check(self) -> None:
         """Raise ValueError where the limit angle is below the friction angle, or that is not above 0."""
         low, high = self.friction_angle.value, self.limit_angle.value
         if not 0.0 < low <= high:
             raise ValueError(f"friction_angle = {low:g} deg, limit_angle = {high:g} deg; accepted: 0 < friction_angle "
                              f"<= limit_angle")
 
+    def make_law(self) -> Law:
+        """Return the mu(I) rheology."""
+        return mpm.MuIRheology(**self.law_numbers())
+
 
 class FluidConfig(MaterialConfig):
     """A Newtonian fluid."""
+
+    UNITS: ClassVar[dict[str, str]] = MaterialConfig.UNITS | {"bulk_modulus": "Pa", "viscosity": "Pa s"}
 
     law: Literal["fluid"]
     """Newtonian fluid."""
@@ -111,9 +132,15 @@ class FluidConfig(MaterialConfig):
     volume_rate: Literal["particle", "cell"] = "particle"
     """Rate of volume that a particle follows: its own, or the mean of its cell."""
 
+    def make_law(self) -> Law:
+        """Return the Newtonian fluid."""
+        return mpm.NewtonianFluid(tension=self.tension, volume_rate=self.volume_rate, **self.law_numbers())
+
 
 class ClayConfig(MaterialConfig):
     """Clay: von Mises."""
+
+    UNITS: ClassVar[dict[str, str]] = MaterialConfig.UNITS | {"E": "Pa", "nu": "1", "yield_stress": "Pa"}
 
     law: Literal["clay"]
     """von Mises."""
@@ -124,13 +151,17 @@ class ClayConfig(MaterialConfig):
     yield_stress: Annotated[Quantity, Within(1e-3, 1e11)]  # diamond has 1e11 Pa
     """Yield stress of von Mises [Pa]."""
 
+    def make_law(self) -> Law:
+        """Return the von Mises law."""
+        return mpm.VonMises(**self.law_numbers())
 
-KINDS: dict[str, type[MaterialConfig]] = {"granular": GranularConfig, "mu_i": MuIConfig, "fluid": FluidConfig,
-                                          "clay": ClayConfig}
+
+KINDS: dict[str, type[MaterialConfig]] = {law: globals()[name] for law, name in MATERIAL_CLASSES.items()}
+"""Key `law` of a file -> class."""
 
 
 def load_material(name: str) -> MaterialConfig:
-    """Material by name (configs/materials) or by path."""
+    """Load a material by name (configs/materials) or by path."""
     path = config_path("materials", name, "material")
     data = read(path)
     law = data.get("law") if isinstance(data, dict) else None
@@ -140,13 +171,13 @@ def load_material(name: str) -> MaterialConfig:
 
 
 def number_names(config: MaterialConfig) -> dict[str, str]:
-    """Name of each number of a material, angles with their unit (`friction_angle_deg`) -> its key in the file."""
+    """Return the keys of a material's numbers by their names, in which angles have their unit: `friction_angle_deg`."""
     return {f"{name}_deg" if config.UNITS[name] == "deg" else name: name for name in config.numbers()}
 
 
 def overridden(config: MaterialConfig, numbers: dict[str, float],
                what: str = "number of this material") -> MaterialConfig:
-    """A material with some numbers changed; angles are named with their unit, `friction_angle_deg`."""
+    """Return a material with some numbers changed; angles are named with their unit, `friction_angle_deg`."""
     known = number_names(config)
     changed = {}
     for name, value in numbers.items():
@@ -160,11 +191,10 @@ def overridden(config: MaterialConfig, numbers: dict[str, float],
         quantity = getattr(config, known[name])
         changed[known[name]] = quantity.model_copy(update={"value": float(value), "source": "given by the user"})
     result = config.model_copy(update=changed)
-    if isinstance(result, MuIConfig):
-        try:
-            result.check_angles()
-        except ValueError as error:
-            raise ConfigError(f"{what}: {error}") from None
+    try:
+        result.check()
+    except ValueError as error:
+        raise ConfigError(f"{what}: {error}") from None
     return result
 
 
@@ -176,13 +206,3 @@ def grain_diameter_of(config: MaterialConfig) -> float | None:
     if not isinstance(config, GranularConfig) or config.grain_diameter is None or config.cohesion.value > 0.0:
         return None
     return config.grain_diameter.value
-
-
-def law_of(config: MaterialConfig) -> Law:
-    """The law of a material."""
-    values = {name: getattr(config, key).value for name, key in number_names(config).items()}
-    if isinstance(config, FluidConfig):
-        return mpm.NewtonianFluid(tension=config.tension, volume_rate=config.volume_rate, **values)
-    if isinstance(config, ClayConfig):
-        return mpm.VonMises(**values)
-    return (mpm.MuIRheology if isinstance(config, MuIConfig) else mpm.DruckerPrager)(**values)

@@ -11,7 +11,6 @@ import numpy as np
 import mpm
 from mpm.array_files import MAX_STATE, read_arrays
 from mpm.files import write
-from mpm.geometry.sampled_sdf import Lattice
 from robosim.base.digests import cache_folder, code_digest
 from robosim.base.errors import ConfigError, UnknownName
 from robosim.config.materials import MaterialConfig
@@ -121,9 +120,7 @@ def settled_state(name: str, task: TaskConfig, material: MaterialConfig, solver:
     Raises mpm.InvalidValue where the tool cannot hold the grains.
     """
     numbers = {"law": type(material).__name__} | material.values()
-    shapes = [hashlib.sha256(collider.sdf.host.tobytes()).hexdigest() for collider in solver.colliders
-              if isinstance(collider.sdf, Lattice)]
-    shapes += [str(collider.sdf.signature()) for collider in solver.colliders if isinstance(collider.sdf, mpm.Shell)]
+    shapes = [str(collider.sdf.signature()) for collider in solver.colliders]
     mobile = "-arm" if solver.features.mobile else ""  # contact that moves the tool is solved in another order
     digest = _digest({"format": FORMAT, "precision": solver.precision, "material": numbers, "mobile": mobile,
                       "shapes": shapes, "interior": tool_shape(task.tool).interior,

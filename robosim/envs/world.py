@@ -10,7 +10,7 @@ import numpy as np
 import mpm
 from mpm.observers.diagnostics import Momentum
 from robosim.base.errors import ConfigError
-from robosim.config.materials import Law, grain_diameter_of, law_of, load_material, overridden
+from robosim.config.materials import Law, grain_diameter_of, load_material, overridden
 from robosim.config.tool import ToolConfig
 from robosim.envs.carrier import Carrier
 from robosim.envs.episode import Episode
@@ -91,7 +91,7 @@ class World:
         if load is not None and self.randomization.varies_grains:
             raise ConfigError(f"randomize: {', '.join(ranges)} with load; accepted with load: neither material, nor "
                               f"fill, nor surface_slope_deg")
-        self._name, self.load, law = name, load, law_of(self.material)
+        self._name, self.load, law = name, load, self.material.make_law()
         check_substeps("step_dt", self.task.step_dt, largest_step(self.task, law))
         self.solver = build_field(self.task, law, self.task.start.pose, FieldOptions(
             is_carried=mobile, moves_containers=self.randomization.moves_places,
@@ -128,7 +128,7 @@ class World:
 
     def setting(self, draw: Draw) -> Setting:
         """Return how the scene of an episode differs from the task's."""
-        law = self.randomization.law(draw) or law_of(self.material)
+        law = self.randomization.law(draw) or self.material.make_law()
         return self.randomization.setting(draw)._replace(grain_mass=law.density * self._volume_of(draw))
 
     def _volume_of(self, draw: Draw) -> float:
@@ -147,7 +147,7 @@ class World:
         if draw.grains not in self._starts:
             task, material = self.randomization.grains(draw), self.randomization.material(draw)
             solver, (_, level, slope) = self.solver, draw.grains
-            solver.set_material(0, law_of(material))
+            solver.set_material(0, material.make_law())
             solver.set_volume(0, grain_volume(task))
             frictions = [task.field.tool_friction, *[task.field.container_friction] * (len(solver.colliders) - 1)]
             set_frictions(solver, frictions)

@@ -12,7 +12,7 @@ import mpm
 from mpm.geometry.rigid_motion import rotate
 from mpm.materials.stable_step import accepted_bound
 from robosim.base.errors import ConfigError, UnknownName
-from robosim.config.materials import Law, MaterialConfig, law_of, number_names, overridden
+from robosim.config.materials import Law, MaterialConfig, number_names, overridden
 from robosim.randomization.draw import HOME, Draw, Setting, Vector
 from robosim.randomization.materials import find_material
 from robosim.randomization.ranges import IN_LEVELS, LEVELS, MATERIAL, NUMBERS, Ranges, valid_numbers
@@ -46,11 +46,11 @@ class Randomization:
         self._check_materials()
         self.ranges: dict[str, tuple[float, float]] = {
             name: self._read_range(name, pair, arm) for name, pair in ranges.items() if name != MATERIAL}
-        self._laws = {label: law_of(one) for label, one in self.materials.items()}
+        self._laws = {label: one.make_law() for label, one in self.materials.items()}
         self._levels = {name: self.levels(name) for name in self.ranges if name in IN_LEVELS}
         for fill, slope in itertools.product(self.levels("fill"), self.levels("surface_slope_deg")):
             check_fill(task, fill or 1.0, slope)
-        self.step = min(largest_step(task, law_of(one)) for one in [material, *self.materials.values()])
+        self.step = min(largest_step(task, one.make_law()) for one in [material, *self.materials.values()])
         """Substep [s] that every material of an episode allows."""
         self._check_step()
         self._check_target(volume)
@@ -83,7 +83,7 @@ class Randomization:
         for material, corner in itertools.product([self._own, *self.materials.values()],
                                                   itertools.product(*own.values())):
             numbers = dict(zip(own, corner))
-            bound = accepted_bound(self._task.field.cell, law_of(overridden(material, numbers)))
+            bound = accepted_bound(self._task.field.cell, overridden(material, numbers).make_law())
             if self.step > bound:
                 raise ConfigError(f"randomize: {numbers} needs a time step of {bound:.3g} s; this has {self.step:.3g} "
                                   f"s: take a softer or a heavier material")
@@ -94,7 +94,7 @@ class Randomization:
         handed_over: volume of a grain [m^3] that is none of the task's own.
         """
         for material in [self._own, *self.materials.values()] if TARGET_MASS in self.ranges else ():
-            density = min(self.ranges["density"]) if "density" in self.ranges else law_of(material).density
+            density = min(self.ranges["density"]) if "density" in self.ranges else material.make_law().density
             for fill in self.levels("fill"):
                 volume = handed_over or grain_volume(filled(self._task, fill or 1.0))
                 mass, has = load_mass(self._task, density, volume)
@@ -171,7 +171,7 @@ class Randomization:
         numbers = {name: value for name, value in draw.numbers.items() if name in self._numbers}
         if not numbers:
             return self._laws.get(draw.material)
-        return law_of(overridden(self.material(draw), numbers))
+        return overridden(self.material(draw), numbers).make_law()
 
     def frictions(self, draw: Draw, colliders: int) -> dict[int, float]:
         """Return the friction of each collider whose friction is drawn, by its number; the tool's is 0."""

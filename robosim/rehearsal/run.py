@@ -11,7 +11,7 @@ from robosim.base.errors import ConfigError
 from robosim.cell.cell import Cell
 from robosim.cell.dosing_stage import DosingStage
 from robosim.cell.drivers import DosingDriver, MotionDriver, OwnDriver, RobotState
-from robosim.config.materials import MaterialConfig, law_of, load_material
+from robosim.config.materials import MaterialConfig, load_material
 from robosim.planning.lip_motion import dose_cup
 from robosim.planning.picking import SETTLING
 from robosim.planning.plan import Plan
@@ -61,7 +61,7 @@ class RehearsalRun:
         self.sensors = TorqueSensors(self.cell.model, self.cell.data, plan.arm)
         self.surface = monitor_containers(config)
         """The containers' surfaces, against which the tool is tested; None where they are not monitored."""
-        self.grains = build_field(config, law_of(self.material), self.cell.tool_pose(), FieldOptions(seed))
+        self.grains = build_field(config, self.material.make_law(), self.cell.tool_pose(), FieldOptions(seed))
         self.solver = self.grains.solver
         self.cell.couple(self.solver, self.grains.tool, config.coupling)
         self._grain_mass = float(self.solver.masses()[0])

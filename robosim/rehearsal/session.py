@@ -11,7 +11,7 @@ from robosim.base.errors import ConfigError, DriverFault, RobotDiverged
 from robosim.base.output_folder import OutputFolder
 from robosim.base.progress import Progress
 from robosim.cell.dosing_stage import check_target, make_dose_controller
-from robosim.config.materials import law_of, load_material
+from robosim.config.materials import load_material
 from robosim.config.rehearsal import RehearsalConfig, load_rehearsal
 from robosim.conversion.joint_log import JointLog
 from robosim.episode.film import CLOSE, FilmStyle, check_colour, find_camera, try_film
@@ -142,7 +142,7 @@ def check_rehearsal(name: str, *, material: str | None = None, grasp: str | None
 def check_config(config: RehearsalConfig) -> RehearsalConfig:
     """Return a configuration with its target in place; raises ConfigError for what cannot be run."""
     config = choose_region(place_target(config))
-    law = law_of(load_material(config.material))
+    law = load_material(config.material).make_law()
     check_field(config, law)
     check_dose(config, law.density)
     assembly = assemble_rehearsal(config)

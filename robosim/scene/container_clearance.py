@@ -53,8 +53,8 @@ class ContainerSurface:
         self._points = np.concatenate(points)
         self._points_f32 = np.ascontiguousarray(self._points.T, np.float32)
         """The same (3, n), for the selection of the few that lie in the tool's bounding box."""
-        low, high = self._sdf.bounds if isinstance(self._sdf, Lattice) else (-self._sdf.radius, self._sdf.radius)
-        self._low, self._high = np.broadcast_to(low, 3) - BOX_MARGIN, np.broadcast_to(high, 3) + BOX_MARGIN
+        low, high = self._sdf.bounds
+        self._low, self._high = low - BOX_MARGIN, high + BOX_MARGIN
         self._rim = self._points[:, 2].max()
         self._last_pose, self._clearance = Pose.identity(), 0.0
         """Where the tool was when its clearance [m] was last measured."""

@@ -5,7 +5,7 @@ Headings and tables follow Gymnasium's environment pages.
 
 import numpy as np
 
-from robosim.config.materials import law_of, load_material
+from robosim.config.materials import load_material
 from robosim.scene.field import largest_step
 from robosim.scene.grains import grain_volume
 from robosim.tasks.dosing import DoseReward
@@ -211,7 +211,7 @@ def _observation_rows(task: TaskConfig) -> tuple[list[tuple[object, ...]], int]:
     """Return the rows of the table of observations, and the number of entries of one."""
     field, n = task.field, task.grains.count // task.grains.observe_every
     grid = field.grid
-    lower, upper = grain_bounds(grid, largest_step(task, law_of(load_material(task.material))))
+    lower, upper = grain_bounds(grid, largest_step(task, load_material(task.material).make_law()))
     tool = tool_bounds(task, grid)
     begin = 6 * n
     rows: list[tuple[object, ...]] = [

@@ -11,7 +11,7 @@ import trimesh
 
 import mpm
 from mpm.scene.sampling import JITTER
-from robosim.config.materials import Law, MaterialConfig, law_of
+from robosim.config.materials import Law, MaterialConfig
 from robosim.studies.calibration.measurements import HeapExperiment
 
 G = 9.81
@@ -36,7 +36,7 @@ def simulate_heap(heap: HeapExperiment, card: MaterialConfig, floor_friction: fl
 
     seed: of the particles' initial places. Raises mpm.SimulationDiverged.
     """
-    solver = make_column(heap, law_of(card), floor_friction, seed)
+    solver = make_column(heap, card.make_law(), floor_friction, seed)
     fall = FALL_TIMES * math.sqrt(heap.height / G)
     if heap.lift_speed is not None:
         lift_cylinder(solver, heap)

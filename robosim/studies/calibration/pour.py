@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 import mpm
-from robosim.config.materials import MaterialConfig, law_of
+from robosim.config.materials import MaterialConfig
 from robosim.studies.calibration.heap import G, stable_step
 from robosim.studies.calibration.measurements import PourExperiment
 
@@ -25,7 +25,7 @@ def simulate_pour(pour: PourExperiment, card: MaterialConfig, wall_friction: flo
 
     seed: of the particles' initial places. Raises mpm.SimulationDiverged.
     """
-    law = law_of(card)
+    law = card.make_law()
     cell = pour.fill_height / pour.cells
     length = math.ceil(pour.length / cell) * cell
     lip = LIP_CELLS * cell

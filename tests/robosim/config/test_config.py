@@ -12,7 +12,7 @@ from robosim.base.errors import ConfigError, UnknownName, UnreachableWaypoint
 from robosim.base.output_folder import OutputFolder
 from robosim.base.resources import config_names, config_path
 from robosim.commands.main import main
-from robosim.config.materials import law_of, load_material, overridden
+from robosim.config.materials import load_material, overridden
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.settings import read_setting
 from robosim.planning.plan import plan_motion
@@ -45,7 +45,7 @@ def test_a_fluid_may_be_without_tension(tmp_path: Path) -> None:
     for line, expected in (("", True), ("tension: false\n", False)):
         path.write_text(text + line)
         material = load_material(str(path))
-        law = law_of(material)
+        law = material.make_law()
         assert isinstance(law, mpm.NewtonianFluid)
         assert law.tension is expected
         assert material.values()["tension"] is expected
@@ -60,7 +60,7 @@ def test_a_fluid_may_follow_the_rate_of_its_cell(tmp_path: Path) -> None:
     text = config_path("materials", "water", "material").read_text()
     for line, expected in (("", "particle"), ("volume_rate: cell\n", "cell")):
         path.write_text(text + line)
-        law = law_of(load_material(str(path)))
+        law = load_material(str(path)).make_law()
         assert isinstance(law, mpm.NewtonianFluid)
         assert law.volume_rate == expected
     path.write_text(text + "volume_rate: node\n")
@@ -123,13 +123,13 @@ def test_extreme_numbers_are_refused_by_name(setting: str, message: str) -> None
 def test_products_are_bounded_before_any_work(settings: list[str], message: str) -> None:
     config = load_rehearsal("spoon", settings=[read_setting(text) for text in settings])
     with pytest.raises(ConfigError, match=message):
-        check_field(config, law_of(load_material("salt")))
+        check_field(config, load_material("salt").make_law())
 
 
 def test_a_stiff_material_takes_too_many_substeps() -> None:
     stiff = overridden(load_material("salt"), {"E": 1e12, "density": 1.0})
     with pytest.raises(ConfigError, match="host_dt = 0.001 s takes .* substeps of .*; accepted: up to 10000"):
-        check_field(load_rehearsal("spoon"), law_of(stiff))
+        check_field(load_rehearsal("spoon"), stiff.make_law())
     with pytest.raises(ConfigError, match="E: value = 1e[+]300; accepted: 100 to 1e[+]12"):
         overridden(load_material("salt"), {"E": 1e300})
 

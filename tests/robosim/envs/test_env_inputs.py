@@ -10,7 +10,7 @@ import pytest
 import mpm
 import robosim
 from robosim.base.digests import cache_folder
-from robosim.config.materials import law_of, load_material, overridden
+from robosim.config.materials import load_material, overridden
 from robosim.envs.grain_env import GrainEnv
 
 ID = "robosim/ShovelMove-v0"
@@ -125,7 +125,7 @@ def test_a_corrupt_start_is_rebuilt(env: GrainEnv, capsys: pytest.CaptureFixture
 
 def test_numbers_of_a_material_can_be_given() -> None:
     changed = overridden(load_material("salt"), {"E": 2e5, "friction_angle_deg": 25.0})
-    law = law_of(changed)
+    law = changed.make_law()
     assert isinstance(law, mpm.DruckerPrager) and law.E == 2e5 and law.friction_angle_deg == 25.0
     assert load_material("water").numbers() == ["density", "bulk_modulus", "viscosity"]
     with pytest.raises(robosim.UnknownName, match="bulk_modulus, density, viscosity"):

@@ -3,7 +3,7 @@
 import pytest
 
 from robosim.base.errors import ConfigError
-from robosim.config.materials import law_of, load_material
+from robosim.config.materials import load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.planning.plan import plan_motion
 from robosim.scene.field import check_field
@@ -15,7 +15,7 @@ def test_every_script_can_be_planned(name):
     config = load_rehearsal(name)
     assert plan_motion(config).solution.margin > 0.01
     for material in ("salt", "sugar", "flour", "sand", "paper"):
-        check_field(config, law_of(load_material(material)))
+        check_field(config, load_material(material).make_law())
 
 
 @pytest.mark.parametrize("name, changes, message", [

@@ -7,7 +7,7 @@ import pytest
 
 import mpm
 from robosim.base.errors import ConfigError
-from robosim.config.materials import Law, law_of, load_material
+from robosim.config.materials import Law, load_material
 from robosim.config.rehearsal import load_rehearsal
 from robosim.config.table import validate
 from robosim.scene.field import build_field, build_tool_lattice, check_field
@@ -44,7 +44,7 @@ def test_material_fills_the_configured_region():
 
 def salt() -> Law:
     """The law of salt."""
-    return law_of(load_material("salt"))
+    return load_material("salt").make_law()
 
 
 @pytest.mark.parametrize("name", ["spoon", "scoop", "bottle", "shovel"])

@@ -14,7 +14,7 @@ from synthetic_heaps import write_heaps
 pytest.importorskip("sklearn")
 
 from robosim.commands.main import main
-from robosim.config.materials import MaterialConfig, law_of, load_material, overridden
+from robosim.config.materials import MaterialConfig, load_material, overridden
 from robosim.studies.calibration import experiment, heap
 from robosim.studies.calibration import run as run_module
 from robosim.studies.calibration.direct import shear_strength, sliding_angle
@@ -63,7 +63,7 @@ def test_experiments_with_a_closed_form_give_a_card_that_robosim_takes(tmp_path:
     card = load_material(str(tmp_path / "out" / "material.yaml"))
     assert card.density.value == found["numbers"]["density"]["best"]
     assert "calibrated; 90 % interval 8" in card.density.source
-    assert law_of(card).friction_angle_deg == found["numbers"]["friction_angle_deg"]["best"]
+    assert card.make_law().friction_angle_deg == found["numbers"]["friction_angle_deg"]["best"]
     page = (tmp_path / "out" / "index.html").read_text()
     assert "sugar of the lab" in page
     assert "shear cell at" in page
@@ -238,7 +238,7 @@ def test_wall_friction_is_sought_and_stands_in_the_card(tmp_path: Path) -> None:
     assert run(tmp_path, table) == 0
     card = load_material(str(tmp_path / "out" / "material.yaml"))
     assert card.wall_friction.value == pytest.approx(np.tan(np.radians(21.93)), abs=0.01)  # type: ignore[attr-defined]
-    assert law_of(card) == law_of(load_material("sugar"))
+    assert card.make_law() == load_material("sugar").make_law()
 
 
 def test_what_was_not_checked_is_said_on_stdout_in_the_card_and_in_the_figures(

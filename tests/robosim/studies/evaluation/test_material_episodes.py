@@ -6,7 +6,7 @@ import pytest
 from study_stand_in import StandIn
 
 from robosim.base.errors import UnknownName
-from robosim.config.materials import law_of, load_material, overridden
+from robosim.config.materials import load_material, overridden
 from robosim.envs import TASKS
 from robosim.randomization.materials import MATERIALS
 from robosim.studies.evaluation import materials as command
@@ -18,7 +18,7 @@ from robosim.tasks.task import load_task
 def test_the_time_step_suits_all_thirteen_materials():
     from mpm.materials.stable_step import accepted_bound
 
-    laws = [law_of(overridden(load_material(base), numbers)) for base, numbers in MATERIALS.values()]
+    laws = [overridden(load_material(base), numbers).make_law() for base, numbers in MATERIALS.values()]
     assert len(laws) == len({repr(law) for law in laws}) == 13
     for task in map(load_task, TASKS):
         assert all(accepted_bound(task.field.cell, law) > task.field.dt for law in laws)

@@ -8,7 +8,7 @@ import numpy as np
 
 import mpm
 from mpm.scene.features import Contact
-from robosim.config.materials import law_of, load_material
+from robosim.config.materials import load_material
 from robosim.coupling.plugin import Coupling
 from robosim.scene.field import build_tool_sdf
 from robosim.shapes.vessels import BOWL
@@ -51,7 +51,7 @@ def measure(*, material: str = "salt", acceleration: float = 2.0, cell: float = 
     """
     lattice = mpm.sample_box(-BOWL, [BOWL[0], BOWL[1], 0.0], cell / 2)
     inside = lattice[(((lattice / (BOWL - 1e-3)) ** 2).sum(1) < 1.0) & (lattice[:, 2] < -0.008)]
-    body = mpm.Body(law_of(load_material(material)), inside + [0.08, 0.06, 0.08], volume=(cell / 2) ** 3)
+    body = mpm.Body(load_material(material).make_law(), inside + [0.08, 0.06, 0.08], volume=(cell / 2) ** 3)
     solver = mpm.Solver(grid=mpm.Grid((0, 0, 0), (0.4, 0.12, 0.14), cell), bodies=[body], contact=contact,
                         colliders=[mpm.Collider(build_tool_sdf("spoon", thickness), friction=0.1)])
     plugin = couple(GANTRY.format(host_step=HOST_STEP, mass=SPOON_MASS), solver, coupling, {"spoon": 0})
