@@ -77,4 +77,4 @@ class Adjustable(Readings):
             self.fields.sleepers.set_limits(sleep_limits(self.sleep, self.grid, self.bodies, self.gravity))
             self.rollback.store_pending()
             self.particles.write([self.particles.rest], np.zeros((sum(self.particles.counts), 1)))
-            self.fields.stamps.is_listed = False
+            self.fields.substep_counter.is_listed = False

@@ -115,7 +115,8 @@ class Solver(Adjustable):
         # where contact moves colliders, the launch itself copies the state
         checkpoint, undo = self.rollback.allocate() if self.features.mobile else [], self.rollback.allocate(UNDO)
         counter, sample = self.counter and self.counter.kernel, self.sample and self.sample.kernel
-        self.fields.stamps.is_listed &= not self.features.sleep  # sums and those that use them are of one kernel
+        # sums of sleepers and the blocks that use them are of one kernel
+        self.fields.substep_counter.is_listed &= not self.features.sleep
         self.stepper = self.assembly.share(("stepper", counter, sample),
                                            lambda: make_stepper(self.fields, counter, sample, checkpoint, undo))
         rows = COUNTER_ROWS * MAX_READINGS if self.counter else 0
@@ -200,7 +201,7 @@ class Solver(Adjustable):
         """Compile the kernels now instead of in the first advance; nothing moves."""
         with default_precision(self.precision):
             self._launch(0, self.dt, np.zeros((1, 1, COLUMNS), self.dtype), 0, 1)
-            self.stepper.mark(self.fields.stamps.take(1))
+            self.stepper.mark(self.fields.substep_counter.take(1))
 
     # time ----------------------------------------------------------------------------------------------------------
     def advance(self, duration: float, readings: int = 1) -> list[Counts]:
@@ -234,7 +235,7 @@ class Solver(Adjustable):
         self.substep = dt
         self.mobility.begin(self.paths.poses, duration)
         self.sums[:] = 0.0
-        rows, stamps = self.fields.rows, self.fields.stamps
+        rows, stamps = self.fields.rows, self.fields.substep_counter
         for first, n in split_launches(total, interval):
             self._out[:] = 0.0
             with default_precision(self.precision):
@@ -265,7 +266,7 @@ class Solver(Adjustable):
 
     def _launch(self, substeps: int, dt: float, motion: np.ndarray, first: int, interval: int) -> None:
         sampled = self._unsampled if self.sample is None else self.sample.values
-        self.stepper.launch(substeps, self.fields.stamps.next, dt, motion, self.mobility.table, self._out, first,
+        self.stepper.launch(substeps, self.fields.substep_counter.next, dt, motion, self.mobility.table, self._out, first,
                             interval, self._per_particle, sampled,
                             self.rollback.place_of_copy() if substeps else NOWHERE,
                             longest_stride(self.transfer_interval, dt))
@@ -312,4 +313,4 @@ class Solver(Adjustable):
         self.time, self.steps, self.paths.poses, self._fastest = time, steps, poses, None
         self.paths.pending.clear()
         self._momentum = momentum
-        self.fields.stamps.is_listed = False
+        self.fields.substep_counter.is_listed = False

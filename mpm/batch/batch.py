@@ -29,7 +29,7 @@ from mpm.stepping.collider_paths import ColliderPaths
 from mpm.stepping.cpu import CpuStepper, add_status
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import choose_interval, longest_stride, split_launches
-from mpm.stepping.thread_group import Crew
+from mpm.stepping.thread_group import ThreadGroup
 
 SKIPPED, READ_ONLY = -1, 0
 """Numbers of substeps that mean something else."""
@@ -91,7 +91,7 @@ class BatchStepper(CpuStepper):
                         self.take_reading(motion, row, 1, 1, out, per_particle, e * readings)
                 if ti.static(self.fields.features.sleep) or substeps > 0:
                     self.list_blocks(stamp)
-                self.advance(ti.static(Crew()), substeps, stamp, dt, motion, row, mobile, out, done, interval,
+                self.advance(ti.static(ThreadGroup()), substeps, stamp, dt, motion, row, mobile, out, done, interval,
                              per_particle, e * readings, max_stride)
                 add_status(self.fields, self.fields.particles, out, 0, count_packs(self.fields))
                 if ti.static(self.has_sample):
@@ -279,7 +279,7 @@ class Batch:
         solver = self.solver
         if solver.counter is not self._counter:
             raise InvalidValue("Batch: another counter was attached after the batch was made; make the batch again")
-        stamped = [plan._replace(stamp=solver.fields.stamps.take(max(plan.substeps, 0) + 1)) for plan in plans]
+        stamped = [plan._replace(stamp=solver.fields.substep_counter.take(max(plan.substeps, 0) + 1)) for plan in plans]
         with default_precision(solver.precision):
             self._stepper.launch_all(np.array(stamped, np.int32), self._dts.astype(solver.dtype),
                                   np.ascontiguousarray(motion), solver.mobility.table, self._numbers.table,

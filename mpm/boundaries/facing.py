@@ -1,10 +1,10 @@
-"""Whether the material of a node can touch the face of a solid next to it.
+"""Contact state of a node next to a solid: whether its material touches a face of the solid.
 
 A node carries the mass of all particles within 1.5 cells. Beside a block that lies flush on a bed, nodes at the level
-of the bed's surface carry the bed's mass: were it stopped at the block's side, the bed would hold the block like a lip.
-What a node holds touches a face where the mass of nodes grows along the face's normal, as it does in front of a wall,
-and where it begins at the face. Beyond a sharp edge nothing is touched: a face holds what is in front of it. A node
-with little mass follows the next one with the most.
+of the bed's surface carry the bed's mass: if it were stopped at the block's side, the bed would hold the block.
+Material touches a face if the nodes' mass grows along the face's normal, as in front of a wall, and if the estimated
+surface of the material lies at the face. It does not touch a face beyond a sharp edge. A node lighter than a fraction
+`LIGHT_NODE` of its heaviest neighbour takes that neighbour's contact state.
 """
 
 from mpm.backend import ti
@@ -12,19 +12,19 @@ from mpm.boundaries.periodic import home_node
 from mpm.scene.grid import BLOCK
 
 FACING = 0.37
-"""Least difference of the masses of the nodes in front and behind, relative to their sum, along the normal of a face
-that the material touches. It is 0.7 to 1 for material that fills the space in front of a face, and 0 beside a lip; a
+"""Least difference of the masses of the nodes in front and behind along a face's normal, relative to their sum, that
+counts as contact. It is 0.7 to 1 for material that fills the space in front of a face, and 0 beside a lip; a
 block that has sunk by half a cell meets what lies at its sides."""
-GAP = 0.1
-"""Cells between a face and where the material seems to begin, up to which they touch. As nodes reach farther than
-particles, a block would otherwise come to rest half a cell above a bed, and a light one more than a cell."""
-BEGINS = ((0.0, 1.5, -12.5), (0.04, 1.0, -3.125), (0.2, 0.5, -1.613), (0.51, 0.0, -1.53))
-"""Mass of a node relative to that of the next one along the normal, cells from the node to where material begins, and
-their slope up to the next share: by the B-splines of a half space that is filled from there on."""
-FEW = 0.2
-"""Mass of a node relative to that of the next one with the most, up to which it touches the face that this one touches.
-Such a node lies half a cell or more away from the material. Its mass comes from few particles, half a cell apart, and
-tells to 0.3 cells only where they begin; that of a larger one tells to 0.05 cells."""
+CONTACT_GAP = 0.1
+"""Largest estimated gap [cells] between face and material surface that still counts as contact. As nodes reach farther
+than particles, a block would otherwise come to rest half a cell above a bed, and a light one more than a cell."""
+SURFACE_DISTANCE = ((0.0, 1.5, -12.5), (0.04, 1.0, -3.125), (0.2, 0.5, -1.613), (0.51, 0.0, -1.53))
+"""Mass of a node relative to that of the next one along the normal, distance [cells] from the node to the material's
+surface, and its slope up to the next row: by the B-splines of a filled half space."""
+LIGHT_NODE = 0.2
+"""Mass of a node relative to its heaviest neighbour, below which it takes that neighbour's contact state. Such a node
+lies half a cell or more away from the material, and its mass comes from few particles: it gives the surface to 0.3
+cells only, a heavier one to 0.05 cells."""
 SHARP = 0.85
 """Depth at a small distance behind the closest place of a solid, relative to that distance, below which this place lies
 on an edge. It is 1 behind a face and 0.7 behind a right angle."""
@@ -61,7 +61,7 @@ def is_at_edge(solid: ti.template(), y, normal, phi, cell: ti.template()):
 def node_mass(fields: ti.template(), nodes: ti.template(), k, I, stamp):
     """Return the mass [kg] of a node in a substep, negative where it was folded at a wall.
 
-    nodes: whose masses, such as `GridNodes`; k: number of the substep in its stride.
+    nodes: values of nodes, such as `GridNodes`; k: number of the substep in its stride.
     """
     mass = ti.cast(0.0, fields.real)
     J = I
@@ -92,12 +92,12 @@ def masses_about(fields: ti.template(), nodes: ti.template(), k, I, stamp):
 
 @ti.func
 def deciding_node(fields: ti.template(), nodes: ti.template(), k, I):
-    """Return the node that tells which face the material of node I touches, and the masses there, see `FEW`."""
+    """Return the neighbour whose mass decides the contact face of node I, and the masses on both sides."""
     stamp = fields.grid.stamp[I // BLOCK]
     J = I
     here, above, below = masses_about(fields, nodes, k, I, stamp)
     most = ti.max(above.max(), below.max())
-    if here < FEW * most:
+    if here < LIGHT_NODE * most:
         e = 0 * I
         for d in ti.static(range(3)):
             if ti.max(above[d], below[d]) == most:
@@ -111,7 +111,7 @@ def deciding_node(fields: ti.template(), nodes: ti.template(), k, I):
 
 @ti.func
 def material_along(normal, here, above, below):
-    """Return whether the mass of nodes grows along a normal as in front of a face, and the cells to where it begins."""
+    """Return whether nodal mass grows along a normal as in front of a face, and the cells to the material's surface."""
     along = ti.abs(normal).dot(above + below)
     front = here
     for d in ti.static(range(3)):
@@ -129,7 +129,7 @@ def touches_static(fields: ti.template(), nodes: ti.template(), k, I, normal, ph
     J, here, above, below = deciding_node(fields, nodes, k, I)
     is_facing, cells = material_along(normal, here, above, below)
     cells += normal.dot(ti.cast(J - I, fields.real))
-    return is_facing and phi + cells * fields.cell < GAP * fields.cell
+    return is_facing and phi + cells * fields.cell < CONTACT_GAP * fields.cell
 
 
 @ti.func
@@ -158,16 +158,16 @@ def touched_face(fields: ti.template(), nodes: ti.template(), k, I, solid: ti.te
         cells += distance / fields.cell
         is_facing = is_facing and not is_at_edge(solid, y + way, n_there, distance, fields.cell)
     result = normal
-    if not is_facing or cells > GAP:
+    if not is_facing or cells > CONTACT_GAP:
         result = 0.0 * normal
     return result, way, n_there
 
 
 @ti.func
 def distance_to_material(share):
-    """Return the cells from a node to where material begins, by `BEGINS`."""
+    """Return the distance [cells] from a node to the material's surface, by `SURFACE_DISTANCE`."""
     cells = 0.0 * share
-    for least, cells_there, slope in ti.static(BEGINS):
+    for least, cells_there, slope in ti.static(SURFACE_DISTANCE):
         if share >= least:
             cells = cells_there + slope * (share - least)
     return cells

@@ -17,7 +17,7 @@ from mpm.stepping.cpu import add_status, run_phase, run_phases
 from mpm.stepping.phases import Step, split_phases
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import MAX_SUBSTEPS, fastest_square, limit_stride
-from mpm.stepping.thread_group import Crew
+from mpm.stepping.thread_group import ThreadGroup
 
 POSITIONS, VELOCITIES, ALL = range(3)
 
@@ -106,7 +106,7 @@ class AdjointKernel:
                     self.update_nodes(step, k, forward)
                     if forward > 0:
                         self.begin[first + begin + k] = first + begin
-                        run_phases(self.fields, self.particle_phases, ti.static(Crew()), step)
+                        run_phases(self.fields, self.particle_phases, ti.static(ThreadGroup()), step)
                         self.history.store(first + begin + k + 1)
                     else:
                         self.nodes.record(self.fields.grid, self.nodes.velocities, k)
@@ -126,7 +126,7 @@ class AdjointKernel:
             if ti.static(phase.name == "update nodes"):  # noqa: SIM102  (decided when compiling)
                 if forward == 0:
                     self.nodes.record(self.fields.grid, self.nodes.folded, k)
-            run_phase(self.fields, phase, ti.static(Crew()), step)
+            run_phase(self.fields, phase, ti.static(ThreadGroup()), step)
 
     @ti.func
     def reverse_stride(self, first: ti.i32, begin: ti.i32, span: ti.i32, interval: ti.i32, dt,

@@ -216,7 +216,7 @@ class Rollout:
     def _launch(self, forward: int, first: int, n: int, motion: np.ndarray, loss_bar: np.ndarray,
                 motion_bar: np.ndarray, norms: np.ndarray) -> np.ndarray:
         solver = self.solver
-        out, stamp = np.zeros((solver.fields.rows.count, 6)), solver.fields.stamps.take(2 * n + 2)
+        out, stamp = np.zeros((solver.fields.rows.count, 6)), solver.fields.substep_counter.take(2 * n + 2)
         with default_precision(solver.precision):
             self._kernel.run(forward, first, n, self.substeps, stamp, self.step_dt / self.substeps,
                             np.ascontiguousarray(motion[None]), loss_bar, motion_bar, norms, np.zeros((1, 1)), out)

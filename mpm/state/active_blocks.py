@@ -125,7 +125,7 @@ def list_row(grid: ti.template(), row, stamp):
                 grid.active[ti.atomic_add(grid.count[None], 1)] = ti.Vector([i, j, k])
 
 
-class Stamps:
+class SubstepCounter:
     """Hands out numbers that no substep has had."""
 
     def __init__(self) -> None:

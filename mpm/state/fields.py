@@ -15,7 +15,7 @@ from mpm.scene.features import Features
 from mpm.scene.grid import GHOST, Grid
 from mpm.scene.wall_condition import WallCondition
 from mpm.scene.walls import Walls, conditions_of
-from mpm.state.active_blocks import Stamps
+from mpm.state.active_blocks import SubstepCounter
 from mpm.state.contact_fields import MobileContact, OrificeFields, PenetratingParticles, ShellFields, StaticContact
 from mpm.state.ledger import LedgerRows, ledger_rows
 from mpm.state.nodes import GridFields
@@ -56,7 +56,7 @@ class Fields:
     cells: tuple[int, int, int]
     """Cells along each axis, between the walls."""
     rows: LedgerRows
-    stamps: Stamps
+    substep_counter: SubstepCounter
     """Numbers of substeps, which active blocks carry."""
 
     @property
@@ -160,8 +160,8 @@ def allocate_fields(grid: Grid, bodies: list[Body], colliders: Sequence[Collider
         cell_rates=ti.Vector.field(2, real_type(precision), nodes.nodes.shape) if features.cell_rates else None,
         mobile_nodes=mobile, penetrating=penetrating, sleepers=sleepers,
         parameters=Parameters(len(bodies), len(colliders), precision),
-        stamps=Stamps(), scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z), cells=(nx, ny, nz),
-        rows=ledger_rows(len(colliders)))
+        substep_counter=SubstepCounter(), scatter_target=target, parts=parts, cell=grid.cell, origin=(x, y, z),
+        cells=(nx, ny, nz), rows=ledger_rows(len(colliders)))
 
 
 def _shell_fields(grid: Grid, features: Features, n_lanes: int) -> ShellFields | None:
@@ -177,7 +177,7 @@ def fill_fields(fields: Fields, grid: Grid, bodies: list[Body], colliders: Seque
     """Put fields, new or taken over, at the start of a scene."""
     fields.particles.fill(bodies, grid)
     fields.parameters.fill(bodies, colliders, gravity, walls, grid)
-    fields.stamps.is_listed = False
+    fields.substep_counter.is_listed = False
     if fields.shells is not None:
         fields.shells.fill()
     if fields.orifices is not None:

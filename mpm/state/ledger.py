@@ -24,7 +24,7 @@ class LedgerRows(NamedTuple):
     walls: int
     """The first of six rows: what each wall adds to `WALL_ROW`, in the order of folding."""
     asleep: int
-    """What sleeping particles give to those awake, see `mpm.stepping.sleep_shares`."""
+    """What sleeping particles give to those awake, see `mpm.stepping.sleep_contributions`."""
     count: int
     """Rows, without those of a counter."""
 

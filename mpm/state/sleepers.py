@@ -1,4 +1,4 @@
-"""Which particles sleep, in packs, and what they give to the nodes that they share with those that are awake."""
+"""Sleeping particles, and the force and mass that they give to the nodes they share with particles awake."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ ALL_LANES = 2**LANES - 1
 """The bits of a pack all of whose lanes sleep."""
 AHEAD = 1.0
 """Cells that particles stay awake ahead of contact with a moving collider: what it presses on gives way far around."""
-CALM_TIME, DRIFT, STRAIN, PUSH, LOOK, FORCE, MASS, HOLD = range(8)
+CALM_TIME, CREEP, STRAIN, WAKE_DISPLACEMENT, CHECK_INTERVAL, FORCE, MASS, SUPPORT = range(8)
 """Places in `Sleepers.limits`."""
 
 
@@ -28,7 +28,7 @@ class Sleepers:
         self.lanes_asleep = ti.field(ti.i32, n_packs)
         """Lanes of each pack that sleep, a bit each; padding lanes always do."""
         self.lanes_summed = ti.field(ti.i32, n_packs)
-        """Lanes whose shares are in `sums`, a bit each."""
+        """Lanes whose contributions are in `sums`, a bit each."""
         self.awake = ti.field(ti.i32, n_packs)
         """Packs with a lane that is awake, in order."""
         self.ranges = ti.Vector.field(2, ti.i32, n_bodies)
@@ -40,35 +40,35 @@ class Sleepers:
         self.sums = ti.Vector.field(4, ti.i64, nodes)
         """Internal force and mass that sleepers give to each node, in whole quanta `limits[FORCE]` and `limits[MASS]`:
         sums of integers do not depend on their order, and what is taken away leaves nothing behind."""
-        self.given = ti.Vector.field(4, real_type(precision), nodes)
-        """The same as force [N] and mass [kg]: what phases read."""
+        self.contribution = ti.Vector.field(4, real_type(precision), nodes)
+        """The same as force [N] and mass [kg], which phases read."""
         self.changed = ti.field(ti.i32, blocks)
-        """1 where `given` is not yet what `sums` say."""
-        self.shares = ti.field(ti.i32, blocks)
+        """1 where `contribution` is not up to date with `sums`."""
+        self.stencil_count = ti.field(ti.i32, blocks)
         """How many sleepers' stencils reach each block."""
         self.near = ti.field(ti.i32, blocks)
         """Number of the last search that found a moving collider in reach of the block."""
         self.search = ti.field(ti.i32, ())
-        """Number of the last search for blocks in reach of colliders; a look at the end of a launch makes none."""
+        """Number of the last search for blocks in reach of colliders; a check at the end of a launch makes none."""
         self.home = ti.Vector.field(LANES, ti.i32, n_packs)
-        """Place in `stirred` of the block that each lane's stencil begins in, where the lane sleeps."""
-        self.stirred = ti.field(ti.i32, int(np.prod(blocks)))
-        """Number of the last look at which stencils that begin in a block may have been disturbed."""
+        """Place in `disturbed_at` of the block that each lane's stencil begins in, where the lane sleeps."""
+        self.disturbed_at = ti.field(ti.i32, int(np.prod(blocks)))
+        """Number of the last sleep check before which stencils that begin in a block may have been disturbed."""
         self.path = ti.Vector.field(3, real_type(precision), nodes)
-        """Displacement [m] of each node since the last look."""
+        """Displacement [m] of each node since the last sleep check."""
         self.window = ti.field(ti.i32, nodes)
-        """Look since which `path` counts."""
-        self.look = ti.field(ti.i32, ())
-        """Number of the last look."""
-        self.disturbed = ti.field(ti.i32, ())
-        """1 where some block is near a collider or pushed since the last look."""
+        """Sleep check since which `path` counts."""
+        self.check = ti.field(ti.i32, ())
+        """Number of the last sleep check."""
+        self.is_disturbed = ti.field(ti.i32, ())
+        """1 where some block is near a collider or has moved since the last sleep check."""
         self.version = ti.field(ti.i32, n_packs)
         """Changes whenever a pack may have become another since it slept: it woke, or its state was written."""
-        self.void = ti.field(ti.i32, ())
-        """1 where `sums` lack the shares of sleepers, until the next look."""
+        self.are_sums_stale = ti.field(ti.i32, ())
+        """1 where `sums` lack the contributions of sleepers, until the next sleep check."""
         self.limits = ti.field(ti.f64, 8)
-        """Calm time [s], drift [m], strain, push [m] of a sleeper's nodes, time [s] between two looks; quanta of force
-        [N] and mass [kg]; acceleration [m/s^2] up to which sleepers hold nodes."""
+        """Calm time [s], creep threshold [m], strain, wake displacement [m] of a sleeper's nodes, time [s] between two
+        sleep checks; quanta of force [N] and mass [kg]; acceleration [m/s^2] up to which sleepers support nodes."""
 
     def set_limits(self, limits: np.ndarray) -> None:
         """Write `limits` (8,)."""
@@ -79,7 +79,8 @@ class Sleepers:
 @ti.func
 def place_of_block(fields: ti.template(), block):
     """Return the place of a block (3,) in a field of all blocks of the first layer."""
-    return (block[0] * fields.sleepers.shares.shape[1] + block[1]) * fields.sleepers.shares.shape[2] + block[2]
+    shape = ti.static(fields.sleepers.stencil_count.shape)
+    return (block[0] * shape[1] + block[1]) * shape[2] + block[2]
 
 
 @ti.func
@@ -117,7 +118,7 @@ def is_at_rest(P: ti.template(), q, l: ti.template()):
 
 @ti.func
 def adopt_rest(fields: ti.template(), P: ti.template()):
-    """Take over who sleeps from the particles' `rest`; the nodes' sums are empty until shares are added again."""
+    """Set the sleeping lanes by the particles' `rest`; the nodes' sums are empty until they are added again."""
     calm_time = ti.cast(fields.sleepers.limits[CALM_TIME], fields.real)
     for q in range(P.pack_count[None]):
         base = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)[0]
@@ -135,14 +136,15 @@ def adopt_rest(fields: ti.template(), P: ti.template()):
         fields.sleepers.lanes_asleep[q] = bits
         fields.sleepers.lanes_summed[q] = 0
         fields.sleepers.version[q] = fields.sleepers.version[q] + 1
-    for I in ti.grouped(ti.ndrange(*fields.sleepers.shares.shape)):
-        if fields.sleepers.shares[I] > 0:
-            fields.sleepers.shares[I] = 0
+    for I in ti.grouped(ti.ndrange(*fields.sleepers.stencil_count.shape)):
+        if fields.sleepers.stencil_count[I] > 0:
+            fields.sleepers.stencil_count[I] = 0
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 for c in ti.static(range(BLOCK)):
                     fields.sleepers.sums[I * BLOCK + ti.Vector([a, b, c])] = ti.Vector.zero(ti.i64, 4)
-                    fields.sleepers.given[I * BLOCK + ti.Vector([a, b, c])] = ti.Vector.zero(fields.real, 4)
+                    fields.sleepers.contribution[I * BLOCK + ti.Vector([a, b, c])] = ti.Vector.zero(fields.real, 4)
     list_awake_packs(fields)
-    fields.sleepers.void[None] = 1
-    fields.sleepers.disturbed[None] = 0
-    fields.sleepers.look[None] = fields.sleepers.look[None] + 2  # a failed advance has noted pushes for its next look
+    fields.sleepers.are_sums_stale[None] = 1
+    fields.sleepers.is_disturbed[None] = 0
+    # a failed advance has noted motion for its next check
+    fields.sleepers.check[None] = fields.sleepers.check[None] + 2

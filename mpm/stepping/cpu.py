@@ -22,12 +22,21 @@ from mpm.state.ledger import Stripe, add, add_stripes, maximise
 from mpm.state.packs import LANES, count_packs, pack_at, packs_of_body
 from mpm.state.particle_motion import drift_before, drift_packs, mark_active_lanes
 from mpm.state.particles import AT_WALL
-from mpm.state.sleepers import LOOK, adopt_rest
+from mpm.state.sleepers import CHECK_INTERVAL, adopt_rest
 from mpm.stepping.phases import Step, phases_of
-from mpm.stepping.sleep_look import look_at_rest
+from mpm.stepping.sleep_check import check_sleep
 from mpm.stepping.snapshots import StateBank
 from mpm.stepping.stride import fastest_square, limit_stride
-from mpm.stepping.thread_group import ALONE, TURNS, Crew, count_of, is_left_alone, last_part, meet, share_of
+from mpm.stepping.thread_group import (
+    ALONE,
+    TURNS,
+    ThreadGroup,
+    count_of,
+    is_left_alone,
+    last_part,
+    part_of,
+    synchronize,
+)
 
 NOWHERE, CHECKPOINT, UNDO = range(3)
 """Where a launch first copies the state to."""
@@ -53,7 +62,7 @@ class CpuStepper:
         self.phases = phases_of(fields)
         self.threads = max(fields.parts, 1)
         self.numbers, self._retry_at = np.zeros(3, np.int64), 0.0
-        """Of the crew, see there; and when a thread that was left alone tries again with the others [s]."""
+        """Of the group, see there; and when a thread that was left alone tries again with the others [s]."""
         self._stripes = np.zeros((0, 6))
         """What each thread adds to the ledger."""
         self.fastest = ti.field(fields.real, self.threads)
@@ -64,7 +73,7 @@ class CpuStepper:
         self._run: Callable[..., None] = Launcher(self, CpuStepper.run)
 
     def launch(self, *arguments: Any) -> None:
-        """Call `run`, with the crew's numbers."""
+        """Call `run`, with the group's numbers."""
         if self.threads == 1:
             self._run(*arguments, self.numbers)
             return
@@ -109,109 +118,109 @@ class CpuStepper:
         Written: out, ledger, status and the counter's readings; per_particle, the counter's numbers of particles;
         sampled, the sample after the last substep. The counter reads after every `interval` substeps, `first` of which
         lie in earlier launches of the advance. set_aside: where the state is first copied to: NOWHERE, CHECKPOINT or
-        UNDO. max_stride: the most substeps between two transfers. numbers: of the crew.
+        UNDO. max_stride: the most substeps between two transfers. numbers: of the group.
         """
         if ti.static(self.threads == 1):
             ti.loop_config(serialize=True)
             for _ in range(1):
-                self.run_with(ti.static(Crew()), substeps, first_stamp, dt, motion, mobile, out, first, interval,
+                self.run_with(ti.static(ThreadGroup()), substeps, first_stamp, dt, motion, mobile, out, first, interval,
                               per_particle, sampled, set_aside, max_stride)
         else:
             for turn in range(ti.static(self.threads * TURNS)):
                 if turn % TURNS == 0:
                     alone = ti.cast(numbers[ALONE], ti.i32)
-                    crew = ti.static(Crew(turn // TURNS, self.threads, numbers, alone))
+                    group = ti.static(ThreadGroup(turn // TURNS, self.threads, numbers, alone))
                     if turn == 0 or alone == 0:
                         stripe = ti.static(Stripe(out, turn // TURNS * (out.shape[0] // self.threads)))
-                        self.run_with(crew, substeps, first_stamp, dt, motion, mobile, stripe, first, interval,
+                        self.run_with(group, substeps, first_stamp, dt, motion, mobile, stripe, first, interval,
                                       per_particle, sampled, set_aside, max_stride)
 
     @ti.func
-    def run_with(self, crew: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
+    def run_with(self, group: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
                  mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
                  per_particle: ti.template(), sampled: ti.template(), set_aside: ti.i32, max_stride: ti.i32):
-        """Advance, as one thread of a crew, see `run`."""
-        if crew.thread == 0:
+        """Advance, as one thread of a group, see `run`."""
+        if group.thread == 0:
             for kind, banks in ti.static(enumerate((self.checkpoint, self.undo))):
                 if set_aside == kind + 1:
                     for bank in ti.static(banks):
                         bank.store(0)
-        alone = self.advance(crew, substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
+        alone = self.advance(group, substeps, first_stamp, dt, motion, 0, mobile, out, first, interval, per_particle, 0,
                              max_stride)
-        if crew.thread == 0 or alone == 0:
-            for part in range(crew.thread, last_part(ti.static(crew._replace(alone=alone)))):
-                begin, end = share_of(count_packs(self.fields), part, crew)
+        if group.thread == 0 or alone == 0:
+            for part in range(group.thread, last_part(ti.static(group._replace(alone=alone)))):
+                begin, end = part_of(count_packs(self.fields), part, group)
                 self.sum_momentum(out, begin, end)
                 add_status(self.fields, self.fields.particles, out, begin, end)
         if ti.static(self.has_sample):  # noqa: SIM102  (decided when compiling)
-            if crew.thread == 0:
+            if group.thread == 0:
                 self.sample.take(sampled, 0)
 
     @ti.func
-    def advance(self, crew: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
+    def advance(self, group: ti.template(), substeps: ti.i32, first_stamp: ti.i32, dt, motion: ti.template(),
                 first_row: ti.i32, mobile: ti.template(), out: ti.template(), first: ti.i32, interval: ti.i32,
                 per_particle: ti.template(), earlier: ti.i32, max_stride: ti.i32):
         """Advance by `substeps`, with rows of the motion from first_row on, in strides of at most `max_stride`.
 
         `earlier` readings of others stand before those of this advance in per_particle; else see `run`. Where particles
         get too fast the launch ends, and the number of substeps until then stands in the output's status row. All
-        threads of a crew take the same turns: what they decide by changes only where all meet afterwards. Returns
-        whether the first one is left alone.
+        threads of a group take the same turns: what they decide by changes only where all synchronize afterwards.
+        Returns whether the first one is left alone.
         """
-        left, stamp, span, alone = 0, first_stamp, 1, crew.alone
-        mates = ti.static(crew._replace(alone=alone))
-        if crew.thread == 0:
+        left, stamp, span, alone = 0, first_stamp, 1, group.alone
+        present = ti.static(group._replace(alone=alone))
+        if group.thread == 0:
             self.fields.particles.halted[None] = 0
-        meet(mates)
-        looked, next_look = 0, 0
+        synchronize(present)
+        last_check, next_check = 0, 0
         for s in range(substeps + ti.static(int(self.fields.features.sleep))):
             starts = left == 0
             if ti.static(self.fields.features.sleep):
-                if starts and substeps > 0 and (s >= next_look or s == substeps):
-                    next_look = s + ti.max(ti.cast(self.fields.sleepers.limits[LOOK] / dt, ti.i32), 1)
-                    if crew.thread == 0:
-                        look_at_rest(self.fields, motion, first_row + s, ti.min(next_look + max_stride, substeps) - s,
-                                     mobile, dt, dt * (s - looked), first_stamp + s, out)
-                    meet(mates)
-                    looked = s
+                if starts and substeps > 0 and (s >= next_check or s == substeps):
+                    next_check = s + ti.max(ti.cast(self.fields.sleepers.limits[CHECK_INTERVAL] / dt, ti.i32), 1)
+                    if group.thread == 0:
+                        check_sleep(self.fields, motion, first_row + s, ti.min(next_check + max_stride, substeps) - s,
+                                     mobile, dt, dt * (s - last_check), first_stamp + s, out)
+                    synchronize(present)
+                    last_check = s
                 if s == substeps:
                     break
             if starts:
                 stamp, span = first_stamp + s, 1
                 if ti.static(self.fields.features.strides):
                     most = ti.min(ti.min(max_stride, substeps - s), interval - (first + s) % interval)
-                    span = self.plan_stride(mates, motion, first_row + s, mobile, dt, most)
+                    span = self.plan_stride(present, motion, first_row + s, mobile, dt, most)
                     if span > 1:
-                        for part in range(crew.thread, last_part(mates)):
-                            begin, end = share_of(count_packs(self.fields), part, crew)
+                        for part in range(group.thread, last_part(present)):
+                            begin, end = part_of(count_packs(self.fields), part, group)
                             drift_packs(self.fields, self.fields.particles, drift_before(dt, span), stamp, begin, end)
-                        meet(mates)
+                        synchronize(present)
                 left = span
             left -= 1
             row, transfer_mass, moved = first_row + s, ti.cast(starts, ti.i32), span * (left == 0)
-            run_phases(self.fields, self.phases, mates,
+            run_phases(self.fields, self.phases, present,
                        ti.static(Step(row, stamp, dt, transfer_mass, moved, motion, mobile, out)))
             if self.fields.particles.halted[None] > 0:
-                if crew.thread == 0:
+                if group.thread == 0:
                     add(out, self.fields.rows.status, 2, ti.cast(s + 1, ti.f64))
                 break
             if ti.static(self.has_counter):  # noqa: SIM102  (decided when compiling)
-                if crew.thread == 0:
+                if group.thread == 0:
                     self.take_reading(motion, row, first + s + 1, interval, out, per_particle, earlier)
-            alone = is_left_alone(mates)
-            if alone > 0 and crew.thread != 0:
+            alone = is_left_alone(present)
+            if alone > 0 and group.thread != 0:
                 break
         return alone
 
     @ti.func
-    def plan_stride(self, crew: ti.template(), motion: ti.template(), row, mobile: ti.template(), dt, most: ti.i32):
+    def plan_stride(self, group: ti.template(), motion: ti.template(), row, mobile: ti.template(), dt, most: ti.i32):
         """Return the substeps of the stride that begins with a row of the motion table, see `limit_stride`."""
-        for part in range(crew.thread, last_part(crew)):
-            begin, end = share_of(count_packs(self.fields), part, crew)
+        for part in range(group.thread, last_part(group)):
+            begin, end = part_of(count_packs(self.fields), part, group)
             self.fastest[part] = fastest_square(self.fields, self.fields.particles, begin, end)
-        meet(crew)
+        synchronize(group)
         fastest = self.fastest[0]
-        for part in ti.static(range(1, crew.threads)):
+        for part in ti.static(range(1, group.threads)):
             fastest = ti.max(fastest, self.fastest[part])
         return limit_stride(self.fields, motion, row, mobile, dt, most, fastest)
 
@@ -292,28 +301,28 @@ def count_held_lanes(fields: ti.template(), P: ti.template(), q):
 
 
 @ti.func
-def run_phases(fields: ti.template(), phases: ti.template(), crew: ti.template(), step: ti.template()):
+def run_phases(fields: ti.template(), phases: ti.template(), group: ti.template(), step: ti.template()):
     """Run phases one after the other, each over its whole domain, or over what this thread has of it."""
     for phase in ti.static(phases):
-        run_phase(fields, phase, crew, step)
+        run_phase(fields, phase, group, step)
 
 
 @ti.func
-def run_phase(fields: ti.template(), phase: ti.template(), crew: ti.template(), step: ti.template()):
+def run_phase(fields: ti.template(), phase: ti.template(), group: ti.template(), step: ti.template()):
     """Run one phase; where there are several threads, all are done with it afterwards."""
     count = count_of(fields, phase.over)
     if ti.static(phase.over == "walls"):
         for w in range(6):
-            for part in range(crew.thread, last_part(crew)):
-                begin, end = share_of(count, part, crew)
+            for part in range(group.thread, last_part(group)):
+                begin, end = part_of(count, part, group)
                 phase.run(fields, step, w, begin, end)
-            meet(crew)
-    elif ti.static(crew.threads > 1 and phase.over in ("packs", "blocks", "listed")):
-        for part in range(crew.thread, last_part(crew)):
-            begin, end = share_of(count, part, crew)
+            synchronize(group)
+    elif ti.static(group.threads > 1 and phase.over in ("packs", "blocks", "listed")):
+        for part in range(group.thread, last_part(group)):
+            begin, end = part_of(count, part, group)
             phase.run(fields, ti.static(step._replace(part=part)), begin, end)
-        meet(crew)
+        synchronize(group)
     else:
-        if crew.thread == 0:
+        if group.thread == 0:
             phase.run(fields, step, 0, count)
-        meet(crew)
+        synchronize(group)

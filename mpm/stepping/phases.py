@@ -17,8 +17,8 @@ from mpm.boundaries.shell_sides import label_nodes, label_particles, list_partic
 from mpm.boundaries.shell_transfer import gather_across_shells, order_entering, scatter_across_shells, stop_at_shells
 from mpm.boundaries.wall_ghosts import NoTape, fold_walls, unfold_walls
 from mpm.state.fields import Fields
-from mpm.stepping.sleep_look import activate_sides
-from mpm.stepping.sleep_shares import add_sleepers, settle_with_sleepers
+from mpm.stepping.sleep_check import activate_sides
+from mpm.stepping.sleep_contributions import add_sleepers, settle_with_sleepers
 from mpm.transfers.cell_rates import clear_rates, sum_rates
 from mpm.transfers.to_grid import add_parts, scatter_packs, start_nodes
 from mpm.transfers.to_particles import check_speeds, gather_packs, list_blocks, start_block_list

@@ -14,7 +14,7 @@ STENCIL = BLOCK + 2
 HALF_DIAGONAL = 0.5 * (STENCIL - 1) * 3**0.5
 """Cells from the middle of those nodes to the farthest."""
 SURPRISE = 2.0
-"""How many times as far as at its present speed a mobile collider may get until the next look."""
+"""How many times as far as at its present speed a mobile collider may get until the next check."""
 
 
 @ti.func
@@ -55,7 +55,7 @@ def note_blocks(fields: ti.template(), k: ti.template(), index: ti.template(), m
         for j in range(first[1], last[1] + 1):
             for b in range(first[2], last[2] + 1):
                 block = ti.Vector([i, j, b])
-                has_sleepers = fields.sleepers.shares[block] > 0 or fields.sleepers.void[None] > 0
+                has_sleepers = fields.sleepers.stencil_count[block] > 0 or fields.sleepers.are_sums_stale[None] > 0
                 if has_sleepers or fields.grid.stamp[block] == stamp:
                     middle = position(block * BLOCK, fields.world_origin(), fields.cell)
                     r = ti.cast(middle, fields.real) + 0.5 * (STENCIL - 1) * fields.cell - c
@@ -63,5 +63,5 @@ def note_blocks(fields: ti.template(), k: ti.template(), index: ti.template(), m
                             and fields.colliders[index].sdf.least_distance(R.transpose() @ r) < reach:
                         fields.sleepers.near[block] = fields.sleepers.search[None]
                         if has_sleepers:
-                            fields.sleepers.stirred[place_of_block(fields, block)] = fields.sleepers.look[None]
-                            fields.sleepers.disturbed[None] = 1
+                            fields.sleepers.disturbed_at[place_of_block(fields, block)] = fields.sleepers.check[None]
+                            fields.sleepers.is_disturbed[None] = 1

@@ -1,9 +1,9 @@
-"""A crew: threads of a CPU that run one program together, each with its part of every phase.
+"""A thread group: threads of a CPU that run one program together, each with its part of every phase.
 
 Taichi wakes threads for every parallel loop, which takes longer than most phases. So a launch is one such loop with a
-turn for each thread, and between phases they wait for each other at a counter that they spin on. That is fast where
-each has a core. Where other processes take cores away, a thread spins until another one is given time, again and again;
-then the first thread goes on alone, with one part after the other, so that the results are the same.
+turn for each thread, and between phases they wait for each other at a barrier, a counter that they spin on. That is
+fast where each has a core. Where other processes take cores away, the first thread goes on alone, with one part after
+the other, so that the results are the same.
 """
 
 from typing import Any, NamedTuple
@@ -18,11 +18,11 @@ LONG_WAIT = 20_000
 MOST_LONG_WAITS = 12
 """Long waits in a substep from which the first thread goes on alone: more than a substep has long phases."""
 ARRIVALS, LONG_WAITS, ALONE = range(3)
-"""Places in a crew's numbers: how often a thread has come to a meeting, long waits, and 1 where one thread is alone."""
+"""Places in a group's numbers: arrivals at barriers, long waits, and 1 where one thread goes on alone."""
 
 
-class Crew(NamedTuple):
-    """A thread of a crew, as phases know it; by default the only one."""
+class ThreadGroup(NamedTuple):
+    """One thread of a group; by default the only one."""
 
     thread: Any = 0
     """Number of this thread."""
@@ -35,46 +35,46 @@ class Crew(NamedTuple):
 
 
 @ti.func
-def meet(crew: ti.template()):
-    """Wait until all threads of the crew have come here."""
-    if ti.static(crew.threads > 1):  # noqa: SIM102  (decided when compiling)
-        if crew.alone == 0:
-            before = ti.atomic_add(crew.numbers[ARRIVALS], 1)
-            goal = (before // crew.threads + 1) * crew.threads
+def synchronize(group: ti.template()):
+    """Barrier: wait until all threads of the group have come here."""
+    if ti.static(group.threads > 1):  # noqa: SIM102  (decided when compiling)
+        if group.alone == 0:
+            before = ti.atomic_add(group.numbers[ARRIVALS], 1)
+            goal = (before // group.threads + 1) * group.threads
             waited = 0
-            while ti.atomic_add(crew.numbers[ARRIVALS], 0) < goal:
+            while ti.atomic_add(group.numbers[ARRIVALS], 0) < goal:
                 waited += 1
             if waited > LONG_WAIT:
-                ti.atomic_add(crew.numbers[LONG_WAITS], 1)
+                ti.atomic_add(group.numbers[LONG_WAITS], 1)
 
 
 @ti.func
-def is_left_alone(crew: ti.template()):
+def is_left_alone(group: ti.template()):
     """Return whether the first thread goes on alone from here, after a substep; all threads come here."""
-    alone = crew.alone
-    if ti.static(crew.threads > 1):  # noqa: SIM102  (decided when compiling)
+    alone = group.alone
+    if ti.static(group.threads > 1):  # noqa: SIM102  (decided when compiling)
         if alone == 0:
-            if crew.thread == 0:
-                if crew.numbers[LONG_WAITS] >= MOST_LONG_WAITS:
-                    crew.numbers[ALONE] = 1
-                crew.numbers[LONG_WAITS] = 0
-            meet(crew)
-            alone = ti.cast(crew.numbers[ALONE], ti.i32)
+            if group.thread == 0:
+                if group.numbers[LONG_WAITS] >= MOST_LONG_WAITS:
+                    group.numbers[ALONE] = 1
+                group.numbers[LONG_WAITS] = 0
+            synchronize(group)
+            alone = ti.cast(group.numbers[ALONE], ti.i32)
     return alone
 
 
 @ti.func
-def last_part(crew: ti.template()):
+def last_part(group: ti.template()):
     """Return the last + 1 of the parts that this thread works on, the first of which has its own number."""
-    return crew.thread + 1 + crew.alone * (crew.threads - 1)
+    return group.thread + 1 + group.alone * (group.threads - 1)
 
 
 @ti.func
-def share_of(count, part, crew: ti.template()):
-    """Return the first and last + 1 of what a part has of `count` things."""
+def part_of(count, part, group: ti.template()):
+    """Return the first and last + 1 of `count` things that belong to a part."""
     first, last = 0, count
-    if ti.static(crew.threads > 1):
-        each = (count + crew.threads - 1) // crew.threads
+    if ti.static(group.threads > 1):
+        each = (count + group.threads - 1) // group.threads
         first = ti.min(part * each, count)
         last = ti.min(first + each, count)
     return first, last

@@ -104,7 +104,8 @@ def test_what_wakes_leaves_nothing_behind(sleeping: mpm.Solver) -> None:
     sleeping.set_gravity(np.array([0.0, 0.0, -9.81]))
     sleeping.advance(0.002)
     assert sleeping.awake.all()
-    assert not sleeping.fields.sleepers.sums.to_numpy().any() and not sleeping.fields.sleepers.shares.to_numpy().any()
+    sleepers = sleeping.fields.sleepers
+    assert not sleepers.sums.to_numpy().any() and not sleepers.stencil_count.to_numpy().any()
 
 
 def test_a_collider_wakes_what_is_near_and_leaves_alone_what_is_far(sleeping: mpm.Solver) -> None:
@@ -253,12 +254,12 @@ def test_environments_of_a_batch_sleep_each_for_itself(sleeping: mpm.Solver) -> 
     batch.select(0)
     assert not sleeping.awake.any()
     batch.select(1)
-    stirred = sleeping.positions()
+    disturbed = sleeping.positions()
     assert 0 < sleeping.awake.mean() < 1
     sleeping.load(sleeping.kept)  # pyright: ignore[reportAttributeAccessIssue]
     for _ in range(8):
         lower(sleeping, 0.003)
-    assert np.array_equal(stirred, sleeping.positions()), "as one solver alone, to the bit"
+    assert np.array_equal(disturbed, sleeping.positions()), "as one solver alone, to the bit"
 
 
 @pytest.mark.parametrize("sleep", [-1.0, 0, "yes", 1e3, np.nan, None])

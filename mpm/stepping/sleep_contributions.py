@@ -1,5 +1,6 @@
-"""What sleepers give to nodes, which is added to the nodes' sums when they fall asleep and taken away when they wake;
-and what the nodes that they share with waking particles did in a stride.
+"""Force and mass that sleeping particles give to nodes: summed once, as they fall asleep, and taken away as they wake.
+
+The nodes that they share with particles awake are also watched: how far they move decides who wakes.
 """
 
 from mpm.backend import once, ti
@@ -10,20 +11,20 @@ from mpm.scene.grid import BLOCK, GHOST
 from mpm.state.ledger import add, position
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
-from mpm.state.sleepers import FORCE, HOLD, MASS, PUSH, list_awake_packs, place_of_block
+from mpm.state.sleepers import FORCE, MASS, SUPPORT, WAKE_DISPLACEMENT, list_awake_packs, place_of_block
 from mpm.state.stencil import weights
 
 NOTICED = 0.05
-"""Share of the displacement that wakes from which on a node's is looked at."""
+"""Fraction of the wake displacement from which on a node disturbs the particles that sleep at it."""
 LIGHT = 1e-4
-"""Share of a cell's mass below which a node does not wake its sleepers: its velocity is noise."""
+"""Fraction of a cell's mass below which a node does not wake its sleepers: its velocity is noise."""
 
 
 @ti.func
 def apply_changes(fields: ti.template()):
-    """Bring the nodes' sums up to who sleeps now, and list the packs that are awake.
+    """Bring the nodes' sums up to date with the particles that sleep now, and list the packs that are awake.
 
-    The only place that adds shares is also the one that takes them away, so that both are the same to the bit.
+    Contributions are added and taken away by the same function, so that both are the same to the bit.
     """
     for index, law in ti.static(enumerate(fields.laws)):
         for body in range(fields.parameters.densities.shape[0]):
@@ -41,7 +42,7 @@ def apply_changes(fields: ti.template()):
 
 @ti.func
 def write_changed_blocks(fields: ti.template()):
-    """Write what sleepers give to the nodes of blocks where that has changed."""
+    """Write the contribution of sleepers to the nodes of blocks where it has changed."""
     quanta = ti.Vector([fields.sleepers.limits[FORCE], fields.sleepers.limits[FORCE], fields.sleepers.limits[FORCE],
                         fields.sleepers.limits[MASS]])
     for block in ti.grouped(ti.ndrange(*fields.sleepers.changed.shape)):
@@ -50,13 +51,13 @@ def write_changed_blocks(fields: ti.template()):
             for a, b, c in ti.ndrange(BLOCK, BLOCK, BLOCK):
                 I = block * BLOCK + ti.Vector([a, b, c])
                 sums = fields.sleepers.sums[I]
-                fields.sleepers.given[I] = ti.Vector([ti.cast(quanta[d] * ti.cast(sums[d], ti.f64), fields.real)
+                fields.sleepers.contribution[I] = ti.Vector([ti.cast(quanta[d] * ti.cast(sums[d], ti.f64), fields.real)
                                                       for d in range(4)])
 
 
 @ti.func
 def change_pack(fields: ti.template(), P: ti.template(), q, changed, density, tau: ti.template()):
-    """Add the shares of those of the changed lanes of pack q that sleep now, take away those of the others."""
+    """Add the contributions of the changed lanes of pack q that sleep now, take away those of the others."""
     inverse_cell = 1.0 / fields.cell
     base, f = first_nodes(fields.grid, P.x, q, inverse_cell)
     force = (-4.0 * inverse_cell) * P.volume[q]
@@ -67,14 +68,14 @@ def change_pack(fields: ti.template(), P: ti.template(), q, changed, density, ta
             node = ti.Vector([base[d][l] for d in range(3)])
             offset = ti.Vector([ti.cast(f[d][l], ti.f64) for d in range(3)])
             rows = ti.Matrix([[ti.cast(Q[3 * r + c][l], ti.f64) for c in range(3)] for r in range(3)])
-            add_share(fields, node, offset, rows, ti.cast(density * P.volume[q][l], ti.f64), sign)
+            add_contribution(fields, node, offset, rows, ti.cast(density * P.volume[q][l], ti.f64), sign)
             fields.sleepers.home[q][l] = place_of_block(fields, node // BLOCK)
     fields.sleepers.lanes_summed[q] = fields.sleepers.lanes_asleep[q]
 
 
 @ti.func
-def add_share(fields: ti.template(), node, f, Q, mass, sign):
-    """Add sign times the share of one particle: force Q (offset of the node) and mass, at the 27 nodes from `node` on.
+def add_contribution(fields: ti.template(), node, f, Q, mass, sign):
+    """Add sign times the contribution of one particle to the 27 nodes from `node` on: force Q (offset) and mass.
 
     f: place of the particle from `node`, in cells. Q: (3, 3) [N] per cell.
     """
@@ -93,18 +94,18 @@ def add_share(fields: ti.template(), node, f, Q, mass, sign):
     for i in range(low[0], high[0] + 1):
         for j in range(low[1], high[1] + 1):
             for k in range(low[2], high[2] + 1):
-                fields.sleepers.shares[i, j, k] = fields.sleepers.shares[i, j, k] + ti.cast(sign, ti.i32)
+                fields.sleepers.stencil_count[i, j, k] = fields.sleepers.stencil_count[i, j, k] + ti.cast(sign, ti.i32)
                 fields.sleepers.changed[i, j, k] = 1
 
 
 @ti.func
-def stir(fields: ti.template(), block, look):
-    """Note the blocks in which the stencils begin that reach a block whose nodes were pushed."""
+def mark_disturbed(fields: ti.template(), block, check):
+    """Mark the blocks from which stencils reach a block whose nodes have moved as disturbed."""
     for i in range(ti.max(block[0] - 1, 0), block[0] + 1):
         for j in range(ti.max(block[1] - 1, 0), block[1] + 1):
             for k in range(ti.max(block[2] - 1, 0), block[2] + 1):
-                fields.sleepers.stirred[place_of_block(fields, ti.Vector([i, j, k]))] = look
-    fields.sleepers.disturbed[None] = 1
+                fields.sleepers.disturbed_at[place_of_block(fields, ti.Vector([i, j, k]))] = check
+    fields.sleepers.is_disturbed[None] = 1
 
 
 @ti.func
@@ -117,13 +118,13 @@ def add_sleepers(fields: ti.template(), step: ti.template(), first, last):
     factors = ti.Vector([step.dt, step.dt, step.dt, ti.cast(step.transfer_mass, fields.real)])
     for n in range(first, last):
         block = fields.grid.active[n]
-        if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
+        if block[0] < fields.grid.width // BLOCK and fields.sleepers.stencil_count[block] > 0:
             for a, b in ti.ndrange(BLOCK, BLOCK):
                 for c in ti.static(range(BLOCK)):
                     I = block * BLOCK + ti.Vector([a, b, c])
                     q = fields.grid.nodes[I]
                     if q[3] > 0 or is_folded_to_awake(fields, step, I):
-                        given = fields.sleepers.given[I]
+                        given = fields.sleepers.contribution[I]
                         if given[3] > 0:
                             fields.grid.nodes[I] = q + factors * given
 
@@ -147,22 +148,23 @@ def is_folded_to_awake(fields: ti.template(), step: ti.template(), I):
 
 @ti.func
 def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last):
-    """Phase: let sleepers hold the nodes of active blocks first .. last - 1, and note those that move all the same.
+    """Phase: let sleepers support the nodes of active blocks first .. last - 1, and note those that move all the same.
 
-    Each holds by its share of the node's mass, as static friction does: up to the limit `HOLD`. The ledger's row
-    `asleep` gets what they take from nodes so, and at the end of a stride the forces of sleepers on nodes, less the
-    momentum of their mass, which the next stride begins without.
+    A sleeper supports a node by its fraction of the node's mass, as static friction does: up to the limit `SUPPORT`.
+    The ledger's row `asleep` gets the momentum that they take from nodes, and at the end of a stride the forces of
+    sleepers on nodes, less the momentum of their mass, which the next stride begins without.
     """
-    noticed, look = ti.cast(NOTICED * fields.sleepers.limits[PUSH], fields.real), fields.sleepers.look[None] + 1
+    noticed = ti.cast(NOTICED * fields.sleepers.limits[WAKE_DISPLACEMENT], fields.real)
+    check = fields.sleepers.check[None] + 1
     time, ends = step.span * step.dt, ti.cast(ti.min(step.span, 1), fields.real)
     light = LIGHT * fields.parameters.densities[0] * fields.cell ** 3
-    most = step.dt * ti.cast(fields.sleepers.limits[HOLD], fields.real)
+    most = step.dt * ti.cast(fields.sleepers.limits[SUPPORT], fields.real)
     origin = fields.world_origin()
     total, moment = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
     for n in range(first, last):
         pushed = 0
         block = fields.grid.active[n]
-        if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[block] > 0:
+        if block[0] < fields.grid.width // BLOCK and fields.sleepers.stencil_count[block] > 0:
             # summed per block about its corner, in the field's precision, as in `update_nodes`
             p, turning = ti.Vector.zero(fields.real, 3), ti.Vector.zero(fields.real, 3)
             for a, b in ti.ndrange(BLOCK, BLOCK):
@@ -170,7 +172,7 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
                     I = block * BLOCK + ti.Vector([a, b, c])
                     q = fields.grid.nodes[I]
                     if q[3] > 0:
-                        given = fields.sleepers.given[I]
+                        given = fields.sleepers.contribution[I]
                         if given[3] > 0:
                             v = ti.Vector([q[0], q[1], q[2]])
                             held = ti.min(given[3] / q[3], 1.0) * ti.min(1.0, most / ti.max(v.norm(), 1e-12)) * v
@@ -182,9 +184,9 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
                             turning += ti.Vector([float(a), float(b), float(c)]).cross(change)
                             if given[3] > light:
                                 path = step.dt * v
-                                if fields.sleepers.window[I] == look:
+                                if fields.sleepers.window[I] == check:
                                     path += fields.sleepers.path[I]
-                                fields.sleepers.window[I] = look
+                                fields.sleepers.window[I] = check
                                 fields.sleepers.path[I] = path
                                 if path.norm_sqr() > noticed * noticed:
                                     pushed = 1
@@ -192,7 +194,7 @@ def settle_with_sleepers(fields: ti.template(), step: ti.template(), first, last
             total += whole
             moment += position(block * BLOCK, origin, fields.cell).cross(whole) + fields.cell * ti.cast(turning, ti.f64)
         if pushed > 0:
-            stir(fields, block, look)
+            mark_disturbed(fields, block, check)
     for d in ti.static(range(3)):
         add(step.out, fields.rows.asleep, d, total[d])
         add(step.out, fields.rows.asleep, 3 + d, moment[d])

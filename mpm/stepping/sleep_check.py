@@ -1,4 +1,4 @@
-"""A look at who falls asleep and who wakes, between two strides."""
+"""The sleep check between two strides: which particles fall asleep, and which wake."""
 
 from mpm.backend import ti
 from mpm.scene.grid import BLOCK, GHOST
@@ -6,42 +6,42 @@ from mpm.state.active_blocks import activate_and_list, mark_place
 from mpm.state.ledger import add
 from mpm.state.nodes import first_nodes
 from mpm.state.packs import LANES
-from mpm.state.sleepers import ALL_LANES, CALM_TIME, DRIFT, PUSH, STRAIN
+from mpm.state.sleepers import ALL_LANES, CALM_TIME, CREEP, STRAIN, WAKE_DISPLACEMENT
 from mpm.state.stencil import weights
+from mpm.stepping.sleep_contributions import apply_changes
 from mpm.stepping.sleep_reach import find_near_blocks
-from mpm.stepping.sleep_shares import apply_changes
 
 SIDE_CELLS = 8
 """Cells from a periodic side within which no particle sleeps: what sleeps has no images."""
 
 
 @ti.func
-def look_at_rest(fields: ti.template(), motion: ti.template(), row, rows, mobile: ti.template(), dt, elapsed,
+def check_sleep(fields: ti.template(), motion: ti.template(), row, rows, mobile: ti.template(), dt, elapsed,
                  stamp: ti.i32, out: ti.template()):
     """Let particles fall asleep and wake.
 
-    elapsed: [s] since the last look. rows: substeps, from row `row` of the motion table on, until the next one. stamp:
+    elapsed: [s] since the last check. rows: substeps, from row `row` of the motion table on, until the next one. stamp:
     of the active blocks of the next stride.
     """
-    fields.sleepers.look[None] = fields.sleepers.look[None] + 1
+    fields.sleepers.check[None] = fields.sleepers.check[None] + 1
     if rows > 0:
         fields.sleepers.search[None] = fields.sleepers.search[None] + 1
         find_near_blocks(fields, motion, row, rows, mobile, dt, stamp)
-    fallen = find_fallen(fields, fields.particles, elapsed, out)
+    fallen = find_falling_asleep(fields, fields.particles, elapsed, out)
     woken = 0
-    if fields.sleepers.disturbed[None] > 0:
+    if fields.sleepers.is_disturbed[None] > 0:
         woken = wake_disturbed(fields, fields.particles, stamp)
-        fields.sleepers.disturbed[None] = 0
-    if fallen + woken + fields.sleepers.void[None] > 0:
+        fields.sleepers.is_disturbed[None] = 0
+    if fallen + woken + fields.sleepers.are_sums_stale[None] > 0:
         apply_changes(fields)
-        fields.sleepers.void[None] = 0
+        fields.sleepers.are_sums_stale[None] = 0
 
 
 @ti.func
-def find_fallen(fields: ti.template(), P: ti.template(), elapsed, out: ti.template()):
+def find_falling_asleep(fields: ti.template(), P: ti.template(), elapsed, out: ti.template()):
     """Count the time for which particles have been calm; return how many packs have a lane that falls asleep."""
     calm_time = ti.cast(fields.sleepers.limits[CALM_TIME], fields.real)
-    drift = ti.cast(fields.sleepers.limits[DRIFT], fields.real)
+    creep = ti.cast(fields.sleepers.limits[CREEP], fields.real)
     strain = ti.cast(fields.sleepers.limits[STRAIN], fields.real)
     fallen = 0
     for body in range(fields.parameters.densities.shape[0]):
@@ -51,7 +51,7 @@ def find_fallen(fields: ti.template(), P: ti.template(), elapsed, out: ti.templa
             here = volume_strain(fields, P, q)
             moved = (P.x[0][q] - P.rest_place[0][q]) ** 2 + (P.x[1][q] - P.rest_place[1][q]) ** 2 \
                 + (P.x[2][q] - P.rest_place[2][q]) ** 2
-            calm = ti.select(moved <= drift * drift, 1, 0)
+            calm = ti.select(moved <= creep * creep, 1, 0)
             calm *= ti.select(ti.abs(here - P.rest_place[3][q]) <= strain, 1, 0)
             rest = ti.select(calm > 0, P.rest[q] + elapsed, 0.0 * here)
             asleep = fields.sleepers.lanes_asleep[q]
@@ -79,7 +79,7 @@ def find_fallen(fields: ti.template(), P: ti.template(), elapsed, out: ti.templa
 
 @ti.func
 def volume_strain(fields: ti.template(), P: ti.template(), q):
-    """Return what tells a change of the volume of pack q's particles."""
+    """Return a measure of the volume change of pack q's particles."""
     strain = 0.0 * P.x[0][q]
     if ti.static(fields.features.tensor_state):
         strain = P.e[0][q] + P.e[1][q] + P.e[2][q]
@@ -129,26 +129,26 @@ def put_to_sleep(fields: ti.template(), P: ti.template(), q, bits, density, out:
 
 @ti.func
 def wake_disturbed(fields: ti.template(), P: ti.template(), stamp: ti.i32):
-    """Wake sleepers in blocks near a collider, and those whose nodes were pushed away; return how many packs.
+    """Wake sleepers in blocks near a collider, and those whose nodes have moved away; return how many packs.
 
-    While a particle sleeps its `rest_place` is how far its nodes have been pushed since it fell asleep, so that the
-    error of its stress stays bounded: what vibrates comes back, what flows goes on, however slowly.
+    While a particle sleeps its `rest_place` is the displacement of its nodes since it fell asleep, so that the error of
+    its stress stays bounded: vibration averages to zero and does not wake it; sustained flow does, however slow.
     """
-    look, woken = fields.sleepers.look[None], 0
-    push = ti.cast(fields.sleepers.limits[PUSH], fields.real)
+    check, woken = fields.sleepers.check[None], 0
+    limit = ti.cast(fields.sleepers.limits[WAKE_DISPLACEMENT], fields.real)
     for q in range(P.pack_count[None]):
-        stirred = stirred_lanes(fields, q, look)
-        if stirred != 0:
+        disturbed = disturbed_lanes(fields, q, check)
+        if disturbed != 0:
             base, f = first_nodes(fields.grid, P.x, q, 1.0 / fields.cell)
             bits = 0
             for l in range(LANES):
-                if (stirred >> l) & 1 and P.volume[q][l] > 0.0:
+                if (disturbed >> l) & 1 and P.volume[q][l] > 0.0:
                     node = ti.Vector([base[d][l] for d in range(3)])
                     wakes = fields.sleepers.near[node // BLOCK] == fields.sleepers.search[None]
                     if not wakes:
-                        u = displacement(fields, node, [f[0][l], f[1][l], f[2][l]], look)
+                        u = displacement(fields, node, [f[0][l], f[1][l], f[2][l]], check)
                         u += ti.Vector([P.rest_place[d][q][l] for d in range(3)])
-                        wakes = u.norm_sqr() > push * push
+                        wakes = u.norm_sqr() > limit * limit
                         for d in ti.static(range(3)):
                             P.rest_place[d][q][l] = u[d]
                     if wakes:
@@ -160,13 +160,13 @@ def wake_disturbed(fields: ti.template(), P: ti.template(), stamp: ti.i32):
 
 
 @ti.func
-def stirred_lanes(fields: ti.template(), q, look):
-    """Return the sleeping lanes of pack q, a bit each, in whose block something was stirred before this look."""
+def disturbed_lanes(fields: ti.template(), q, check):
+    """Return the sleeping lanes of pack q, a bit each, in whose block something was disturbed before this check."""
     bits = 0
     asleep = fields.sleepers.lanes_asleep[q]
     if asleep != 0:
         for l in ti.static(range(LANES)):
-            if fields.sleepers.stirred[fields.sleepers.home[q][l]] == look:
+            if fields.sleepers.disturbed_at[fields.sleepers.home[q][l]] == check:
                 bits |= 1 << l
     return bits & asleep
 
@@ -187,15 +187,15 @@ def wake_lanes(fields: ti.template(), P: ti.template(), q, bits, stamp: ti.i32):
 
 
 @ti.func
-def displacement(fields: ti.template(), node, f: ti.template(), look):
-    """Return the mean displacement [m] (3,) since the last look of the active nodes of a stencil, by their weights."""
+def displacement(fields: ti.template(), node, f: ti.template(), check):
+    """Return the mean displacement [m] (3,) since the last check of the active nodes of a stencil, by their weights."""
     wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
     total, weight = ti.Vector.zero(fields.real, 3), 1e-6
     for i in ti.static(range(3)):
         for j in ti.static(range(3)):
             for k in ti.static(range(3)):
                 I = node + ti.Vector([i, j, k])
-                if fields.sleepers.window[I] == look:
+                if fields.sleepers.window[I] == check:
                     w = wx[i] * wy[j] * wz[k]
                     total += w * fields.sleepers.path[I]
                     weight += w
@@ -220,6 +220,6 @@ def activate_sides(fields: ti.template(), step: ti.template(), first, last):
                     other[d] = high
                 elif block[d] == high:
                     other[d] = low
-                if block[0] < fields.grid.width // BLOCK and fields.sleepers.shares[other] > 0:
+                if block[0] < fields.grid.width // BLOCK and fields.sleepers.stencil_count[other] > 0:
                     activate_and_list(fields.grid, other, step.stamp)
         n += 1
